@@ -1,0 +1,4 @@
+"""What is spoken on the wire, by either side: time, CAN, CANopen, CiA 402 words.
+
+This package knows neither drives nor axes; `emulators` and `motion` stand on it and meet only here.
+"""

@@ -1,0 +1,258 @@
+"""Time: one scheduler interface, in virtual and in real time.
+
+Everything in a bench is callback code on one scheduler. `VirtualScheduler` jumps from event to event;
+`RealtimeScheduler` runs the same callbacks against the monotonic clock and takes work over from the threads
+of real I/O through `Scheduler.post`.
+
+Events of the same instant fire by ascending priority, then in the order in which they were entered.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable
+from heapq import heappop, heappush
+from threading import Condition
+from typing import Final
+
+from fieldbus.errors import SchedulerError
+
+Callback = Callable[[], object]
+
+US: Final = 1_000
+"""Nanoseconds in a microsecond."""
+MS: Final = 1_000_000
+"""Nanoseconds in a millisecond."""
+S: Final = 1_000_000_000
+"""Nanoseconds in a second."""
+
+
+def seconds_to_ns(seconds: float) -> int:
+    """Return `seconds` as whole nanoseconds, rounded to nearest."""
+    return round(seconds * S)
+
+
+class Timer:
+    """Handle of an entered event; `cancel` withdraws it."""
+
+    __slots__ = ("callback", "cancelled", "due_ns", "period_ns", "priority")
+
+    def __init__(self, due_ns: int, callback: Callback, priority: int, period_ns: int = 0) -> None:
+        self.due_ns = due_ns
+        """Time of the next firing, ns."""
+        self.callback = callback
+        self.priority = priority
+        self.period_ns = period_ns
+        """Distance of firings, ns; 0 for a single event."""
+        self.cancelled = False
+
+    def cancel(self) -> None:
+        """Withdraw the event; harmless when it has already fired or was cancelled before."""
+        self.cancelled = True
+
+
+class Scheduler(ABC):
+    """What a bench component may ask of time.
+
+    All times are integer nanoseconds from the start of the bench. Callbacks run in one thread and must not
+    block; code that has to wait calls `run_until` from outside of callbacks.
+    """
+
+    realtime: bool = False
+    """Whether `now` follows the wall clock."""
+
+    def __init__(self) -> None:
+        self.now: int = 0
+        """Present time, ns."""
+        self._heap: list[tuple[int, int, int, Timer]] = []
+        self._sequence = 0
+        self._running = False
+
+    def at(self, time_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
+        """Enter `callback` for `time_ns`.
+
+        Raises:
+            SchedulerError: `time_ns` lies in the past (virtual time only; in real time it fires at once).
+
+        """
+        if time_ns < self.now:
+            if not self.realtime:
+                raise SchedulerError(f"event at {time_ns} ns lies before the present time {self.now} ns")
+            time_ns = self.now
+        timer = Timer(time_ns, callback, priority)
+        self._sequence = sequence = self._sequence + 1
+        heappush(self._heap, (time_ns, priority, sequence, timer))
+        return timer
+
+    def after(self, delay_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
+        """Enter `callback` for `delay_ns` (>= 0) from now."""
+        if delay_ns < 0:
+            raise SchedulerError(f"delay {delay_ns} ns is negative")
+        return self.at(self.now + delay_ns, callback, priority=priority)
+
+    def every(self, period_ns: int, callback: Callback, *, phase_ns: int = 0, priority: int = 0) -> Timer:
+        """Call `callback` at every instant `k * period_ns + phase_ns` that is not before now.
+
+        The grid is anchored at time zero of the bench, so that components with the same period keep their
+        phase relation however late they join. A realtime scheduler that falls behind skips no instant.
+
+        Raises:
+            SchedulerError: `period_ns` is not positive or `phase_ns` is outside 0..period_ns - 1.
+
+        """
+        if period_ns <= 0:
+            raise SchedulerError(f"period {period_ns} ns is not positive")
+        if not 0 <= phase_ns < period_ns:
+            raise SchedulerError(f"phase {phase_ns} ns is outside 0..{period_ns - 1} ns")
+        due = -(-(self.now - phase_ns) // period_ns) * period_ns + phase_ns
+        timer = Timer(due, callback, priority, period_ns)
+        self._sequence = sequence = self._sequence + 1
+        heappush(self._heap, (due, priority, sequence, timer))
+        return timer
+
+    @abstractmethod
+    def post(self, callback: Callback) -> None:
+        """Hand `callback` over from another thread; it runs on the scheduler's thread as soon as possible."""
+
+    @abstractmethod
+    def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
+        """Run until `predicate` is true or `timeout_ns` has passed.
+
+        The predicate is evaluated before the first event and after all events of one instant.
+
+        Returns:
+            Whether the predicate became true.
+
+        """
+
+    def run_for(self, duration_ns: int) -> None:
+        """Run all events of the next `duration_ns`, those at the end included, and stand at that time."""
+        if duration_ns < 0:
+            raise SchedulerError(f"duration {duration_ns} ns is negative")
+        self.run_until(_never, duration_ns)
+
+    @property
+    def running(self) -> bool:
+        """Whether an event is being executed at this moment (so that waiting would be re-entrant)."""
+        return self._running
+
+    def _enter(self) -> None:
+        if self._running:
+            raise SchedulerError("the scheduler is already running: a callback must not wait")
+        self._running = True
+
+
+def _never() -> bool:
+    return False
+
+
+class VirtualScheduler(Scheduler):
+    """Simulated time: jumps from event to event, as fast as the callbacks allow, and is fully repeatable."""
+
+    def post(self, callback: Callback) -> None:
+        """Enter `callback` at the present instant; virtual time has no other threads."""
+        self.at(self.now, callback)
+
+    def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
+        """See `Scheduler.run_until`."""
+        self._enter()
+        heap = self._heap
+        end = self.now + timeout_ns
+        asked = predicate is not _never
+        try:
+            if asked and predicate():
+                return True
+            while heap and heap[0][0] <= end:
+                due = heap[0][0]
+                self.now = due
+                while heap and heap[0][0] == due:
+                    timer = heappop(heap)[3]
+                    if timer.cancelled:
+                        continue
+                    period = timer.period_ns
+                    if period:
+                        timer.due_ns = following = due + period
+                        self._sequence = sequence = self._sequence + 1
+                        heappush(heap, (following, timer.priority, sequence, timer))
+                    timer.callback()
+                if asked and predicate():
+                    return True
+            self.now = end
+        finally:
+            self._running = False
+        return False
+
+
+class RealtimeScheduler(Scheduler):
+    """The same callbacks against the monotonic clock.
+
+    Args:
+        origin_ns: Value of `time.monotonic_ns()` that is time zero of the bench; processes that share it
+            share a time base. Default: now.
+
+    """
+
+    realtime = True
+
+    def __init__(self, origin_ns: int | None = None) -> None:
+        super().__init__()
+        self.origin_ns = time.monotonic_ns() if origin_ns is None else origin_ns
+        self.now = max(0, time.monotonic_ns() - self.origin_ns)
+        self._posted: deque[Callback] = deque()
+        self._wake = Condition()
+        self.worst_lateness_ns = 0
+        """Largest delay of an event behind its due time since construction, ns."""
+
+    def post(self, callback: Callback) -> None:
+        """Hand `callback` over from any thread."""
+        with self._wake:
+            self._posted.append(callback)
+            self._wake.notify()
+
+    def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
+        """See `Scheduler.run_until`; returns early enough that nothing hangs when no event is due."""
+        self._enter()
+        heap = self._heap
+        posted = self._posted
+        self.now = max(self.now, time.monotonic_ns() - self.origin_ns)
+        end = self.now + timeout_ns
+        asked = predicate is not _never
+        try:
+            if asked and predicate():
+                return True
+            while True:
+                worked = False
+                while posted:
+                    self.now = max(self.now, time.monotonic_ns() - self.origin_ns)
+                    posted.popleft()()
+                    worked = True
+                clock = time.monotonic_ns() - self.origin_ns
+                if heap and heap[0][0] <= clock and heap[0][0] <= end:
+                    due, _, _, timer = heappop(heap)
+                    if not timer.cancelled:
+                        self.now = max(self.now, clock)
+                        self.worst_lateness_ns = max(self.worst_lateness_ns, clock - due)
+                        if timer.period_ns:
+                            timer.due_ns = due + timer.period_ns
+                            self._sequence += 1
+                            heappush(heap, (timer.due_ns, timer.priority, self._sequence, timer))
+                        timer.callback()
+                    worked = True
+                if worked:
+                    if asked and predicate():
+                        return True
+                    if clock > end and not (heap and heap[0][0] <= end):
+                        self.now = max(self.now, end)
+                        return False
+                    continue
+                if clock >= end:
+                    self.now = max(self.now, end)
+                    return False
+                wait_ns = min(end, heap[0][0] if heap else end) - clock
+                with self._wake:
+                    if not posted and wait_ns > 0:
+                        self._wake.wait(wait_ns / S)
+        finally:
+            self._running = False

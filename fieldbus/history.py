@@ -1,0 +1,62 @@
+"""The one ordered log of a bench: everything that happens is an event of it, in the order in which it happened.
+
+Job edges, state changes, alarms, faults and service messages are `Event` entries; CAN frames, which come by the
+thousand, are kept by the medium in a log of their own with the same clock (`fieldbus.can`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from fieldbus.clock import Scheduler
+
+Scalar = str | int | float | bool | None
+
+
+class Event(NamedTuple):
+    """One entry of the log."""
+
+    time_ns: int
+    """Time from the start of the bench."""
+    source: str
+    """Name of the component: a bus, device, axis, job or the bench itself."""
+    kind: str
+    """What happened, dotted lower case: `drive.state`, `job.done`, `alarm.raised`, `fault.applied`."""
+    data: dict[str, Scalar]
+    """Details; keys carry their unit where a bare number would be ambiguous."""
+
+
+class History:
+    """Append-only event log.
+
+    Args:
+        scheduler: Source of the time stamps.
+
+    """
+
+    def __init__(self, scheduler: Scheduler) -> None:
+        self._scheduler = scheduler
+        self.events: list[Event] = []
+        self._listeners: list[Callable[[Event], None]] = []
+
+    def emit(self, source: str, kind: str, **data: Scalar) -> None:
+        """Append an event at the present time."""
+        event = Event(self._scheduler.now, source, kind, data)
+        self.events.append(event)
+        for listener in self._listeners:
+            listener(event)
+
+    def listen(self, listener: Callable[[Event], None]) -> Callable[[], None]:
+        """Call `listener` with every event from now on; returns the function that ends it."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    def select(self, *, source: str | None = None, kind: str | None = None) -> Iterator[Event]:
+        """Return events of a source and of a kind (`kind="alarm."` with a trailing dot selects a family)."""
+        for event in self.events:
+            if source is not None and event.source != source:
+                continue
+            if kind is not None and not (event.kind.startswith(kind) if kind.endswith(".") else event.kind == kind):
+                continue
+            yield event

@@ -1,0 +1,172 @@
+"""The result model: what a run leaves behind. Written by the orchestrator, read by every report.
+
+All times are seconds from the start of the case. Everything here is plain data: it serialises to JSON and back
+(`reports.store`), with the columns of `Signal` kept beside it in a compressed NumPy archive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Scalar = str | int | float | bool | None
+
+
+class Verdict(StrEnum):
+    """Outcome of a case or of a single check."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    BLOCKED = "blocked"
+    """The bench was not as the case needs it (a fault that this bench cannot inject, for example)."""
+    ERROR = "error"
+    """The harness itself failed."""
+
+
+@dataclass(slots=True)
+class Step:
+    """One line of the story of a case."""
+
+    time_s: float
+    kind: str
+    """`do` (an instruction was given), `inject`, `observe` (something happened), `expect` (a check was made)."""
+    text: str
+    detail: dict[str, Scalar] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Check:
+    """One expectation, evaluated on the recorded trace."""
+
+    name: str
+    verdict: Verdict
+    expected: str
+    observed: str
+    time_s: float | None = None
+    """Where to look in the trace."""
+    value: float | None = None
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    requirements: list[str] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Signal:
+    """One recorded column."""
+
+    name: str
+    """`component.signal`, for example `axis1.actual_position`."""
+    unit: str
+    time_s: NDArray[np.float64]
+    values: NDArray[np.float64]
+    enum: dict[int, str] = field(default_factory=dict)
+    """Texts of the values of a state signal; empty for a quantity."""
+
+
+@dataclass(slots=True)
+class Message:
+    """One bus frame, decoded."""
+
+    time_s: float
+    bus: str
+    identifier: int
+    data: str
+    """Payload as hexadecimal text, `R` followed by the length for a remote frame."""
+    sender: str
+    text: str
+    """Meaning in words, for example `RPDO1 drive1: Controlword 000Fh, Target velocity 1 800 000`."""
+    error: str = ""
+    """Empty, or what went wrong with the frame (dropped by fault, CRC error, no acknowledge)."""
+
+
+@dataclass(slots=True)
+class AlarmRecord:
+    """A technology alarm."""
+
+    time_s: float
+    axis: str
+    number: int
+    reaction: int
+    text: str
+    cleared_s: float | None = None
+
+
+@dataclass(slots=True)
+class FaultRecord:
+    """A fault as it was injected."""
+
+    kind: str
+    target: str
+    armed_s: float
+    applied_s: float | None
+    removed_s: float | None
+    parameters: dict[str, Scalar] = field(default_factory=dict)
+    trigger: str = ""
+    axis_state: str = ""
+    """State of the axis at application: for the coverage matrix."""
+
+
+@dataclass(slots=True)
+class CaseResult:
+    """Everything known of one executed case."""
+
+    identifier: str
+    """Stable name, unique in the run, for example `stop-modes/mc-power-0/constant`."""
+    title: str
+    verdict: Verdict
+    message: str = ""
+    """Why it failed, was blocked or broke; empty when passed."""
+    group: str = ""
+    tags: list[str] = field(default_factory=list)
+    requirements: list[str] = field(default_factory=list)
+    seed: int = 0
+    token: str = ""
+    """Text that `hil replay` takes to repeat this case."""
+    simulated_s: float = 0.0
+    wall_s: float = 0.0
+    trace_digest: str = ""
+    story: list[Step] = field(default_factory=list)
+    checks: list[Check] = field(default_factory=list)
+    alarms: list[AlarmRecord] = field(default_factory=list)
+    faults: list[FaultRecord] = field(default_factory=list)
+    messages: list[Message] = field(default_factory=list)
+    signals: list[Signal] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)
+    """Evidence beside the report: bus logs and the like; name to path relative to the report."""
+
+
+@dataclass(slots=True)
+class RequirementInfo:
+    """An identifier of the specification."""
+
+    identifier: str
+    title: str
+    section: str
+    document: str
+
+
+@dataclass(slots=True)
+class RunResult:
+    """A whole run."""
+
+    title: str
+    seed: int
+    bench_name: str
+    bench_text: str
+    """The bench file as used."""
+    environment: dict[str, str]
+    """Versions and machine facts."""
+    started: str
+    """Wall-clock start, ISO 8601."""
+    cases: list[CaseResult] = field(default_factory=list)
+    requirements: list[RequirementInfo] = field(default_factory=list)
+    """Catalogue for the matrix; may be empty."""
+    interrupted: bool = False
+
+    def count(self, verdict: Verdict) -> int:
+        """Return the number of cases with `verdict`."""
+        return sum(case.verdict is verdict for case in self.cases)
