@@ -1,1 +1,59 @@
-"""TODO."""
+"""The bench: from the bench file to wired axes, drives and buses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hil.bench.config import EMBEDDED, BenchConfig, BenchFileError, digest, parse, read
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+
+__all__ = ["EMBEDDED", "BenchConfig", "BenchFile", "BenchFileError", "load_bench"]
+
+
+class BenchFile:
+    """A validated bench description that builds fresh benches.
+
+    Args:
+        source: File name or name of an embedded bench.
+        text: Content.
+
+    Raises:
+        BenchFileError: The content is not usable.
+
+    """
+
+    def __init__(self, source: str, text: str) -> None:
+        self.source = source
+        self.text = text
+        self.digest = digest(text)
+        self.config: BenchConfig = parse(text, source)
+
+    @property
+    def name(self) -> str:
+        """Name that the file gives to the bench."""
+        return self.config.bench.name
+
+    @property
+    def kind(self) -> str:
+        """`virtual` or `live`."""
+        return self.config.bench.kind
+
+    def build(self, *, seed: int = 0) -> Bench:
+        """Return a fresh, started bench."""
+        from hil.bench.bench import Bench
+
+        return Bench(self.config, seed=seed)
+
+
+def load_bench(path: str | Path | None = None) -> BenchFile:
+    """Load and validate a bench file; a name of `EMBEDDED` or None stands for a bench that ships with the product.
+
+    Raises:
+        BenchFileError: No such file, or its content is not usable.
+
+    """
+    source, text = read(path)
+    return BenchFile(source, text)

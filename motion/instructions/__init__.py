@@ -1,1 +1,23 @@
-"""TODO."""
+"""PLCopen `MC_` instructions as function blocks: called once per cycle, with edge and level semantics."""
+
+from motion.instructions.base import ExecuteInstruction, Instruction
+from motion.instructions.home import MC_Home
+from motion.instructions.jog import MC_MoveJog
+from motion.instructions.move import MC_MoveAbsolute, MC_MoveRelative, MC_MoveVelocity
+from motion.instructions.power import MC_Power
+from motion.instructions.reset import MC_Reset
+from motion.instructions.stop import MC_Halt, MC_Stop
+
+__all__ = [
+    "ExecuteInstruction",
+    "Instruction",
+    "MC_Halt",
+    "MC_Home",
+    "MC_MoveAbsolute",
+    "MC_MoveJog",
+    "MC_MoveRelative",
+    "MC_MoveVelocity",
+    "MC_Power",
+    "MC_Reset",
+    "MC_Stop",
+]

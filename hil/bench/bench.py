@@ -1,0 +1,372 @@
+"""The bench: wires what the bench file describes, and runs it in virtual or in real time.
+
+Both kinds share everything but the medium and the place of the drives: a virtual bench holds the emulated drives
+itself; on a live bench they run in a process of their own (`hil.bench.remote`), or are somebody's hardware.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Final, Self
+
+from numpy.random import Generator, SeedSequence, default_rng
+
+from fieldbus.canopen.master import CanopenMaster
+from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler, VirtualScheduler, seconds_to_ns
+from fieldbus.errors import ConfigurationError
+from fieldbus.history import History
+from hil.bench.config import BenchConfig
+from hil.errors import BlockedError
+from hil.record import Recorder, Trace
+from motion.axis import PositioningAxis, SpeedAxis, TechnologyAxis
+from motion.drives.cia402 import Cia402Port, Cia402PortConfig
+from motion.runtime import AxisHandle, Runtime
+
+if TYPE_CHECKING:
+    from fieldbus.can.frame import CanFrame
+    from hil.bench.remote import RemoteDrives
+
+_MASTER_NODE: Final = 127
+_BOOT_TIMEOUT_NS: Final = 5 * S
+_LINK_TIMEOUT_NS: Final = 5 * S
+
+
+class BenchNotReadyError(BlockedError):
+    """The bench did not come up: a drive does not answer or sends no cyclic data."""
+
+
+def named_rng(seed: int, name: str) -> Generator:
+    """Return the random stream of component `name` in a run with `seed`."""
+    return default_rng(SeedSequence([seed & 0xFFFFFFFFFFFFFFFF, *name.encode()]))
+
+
+class Bench:
+    """A wired bench. Use it as a context manager, or call `close`.
+
+    Args:
+        config: Validated bench file.
+        seed: Seed of every random stream of this bench.
+
+    Raises:
+        BenchNotReadyError: A drive did not come up.
+        ConfigurationError: A variable of an axis does not exist or is out of range.
+
+    """
+
+    def __init__(self, config: BenchConfig, *, seed: int = 0) -> None:
+        self.config = config
+        self.seed = seed
+        self.kind = config.bench.kind
+        self.cycle_ns = config.bench.cycle_ms * MS
+        self.scheduler: Scheduler = VirtualScheduler() if self.kind == "virtual" else RealtimeScheduler()
+        self.history = History(self.scheduler)
+        self.recorder = Recorder(self.history, self.scheduler)
+        self.runtime = Runtime(self.scheduler, cycle_ns=self.cycle_ns, history=self.history)
+        self._segments: dict[str, Any] = {}
+        self._masters: dict[str, CanopenMaster] = {}
+        self._drives: dict[str, Any] = {}
+        self._ports: dict[str, Cia402Port] = {}
+        self._axes: dict[str, AxisHandle] = {}
+        self._cycle_callbacks: list[Callable[[], object]] = []
+        self._remote: RemoteDrives | None = None
+        self._decoder: Any = None
+        self._closed = False
+        try:
+            self._build()
+            self._start()
+        except BaseException:
+            self.close()
+            raise
+
+    # -- construction -----------------------------------------------------------------------------------------
+
+    def _build(self) -> None:
+        config = self.config
+        for name, section in config.segment.items():
+            if self.kind == "virtual":
+                from fieldbus.can import CanMedium
+
+                segment: Any = CanMedium(
+                    self.scheduler, bitrate=section.bitrate, name=name, history=self.history
+                )
+            else:
+                from fieldbus.can.live import LiveSegment
+
+                segment = LiveSegment.open(
+                    self.scheduler,
+                    interface=section.interface,
+                    channel=section.channel,
+                    name=name,
+                    history=self.history,
+                )
+            self._segments[name] = segment
+            self.recorder.add_bus(name, segment.log)
+            self._masters[name] = CanopenMaster(
+                self.scheduler, segment, name="controller", node_id=_MASTER_NODE, history=self.history
+            )
+        if self.kind == "virtual":
+            from hil.bench.drives import build_drive
+
+            for name in config.drive:
+                drive = build_drive(
+                    self.scheduler, self._segments, config, name, history=self.history, rng=self.rng(name)
+                )
+                self._drives[name] = drive
+                group = self.recorder.add_group(
+                    name, drive.trace_columns, drive.trace_row, enums=getattr(drive, "trace_enums", None)
+                )
+                drive.slave.on_sync.append(lambda _time, sample=group.sample: sample())
+        elif any(section.device == "emulated" for section in config.drive.values()):
+            from hil.bench.remote import RemoteDrives
+
+            self._remote = RemoteDrives(self, config)
+            for name, section in config.drive.items():
+                if section.device == "emulated":
+                    self._drives[name] = self._remote.proxy(name)
+        for name, axis_section in config.axis.items():
+            self._build_axis(name, axis_section)
+        self.runtime.after_cycle.append(self._after_cycle)
+
+    def _build_axis(self, name: str, section: Any) -> None:
+        drive = self.config.drive[section.drive]
+        port = Cia402Port(
+            self._masters[drive.segment],
+            Cia402PortConfig(
+                node_id=drive.node_id,
+                cycle_ns=self.cycle_ns,
+                rated_torque_nm=drive.rated_torque_nm,
+                increments_per_revolution=drive.increments_per_revolution,
+                off1_deceleration_rpm_s=drive.max_speed_rpm / drive.off1_ramp_s,
+                off3_deceleration_rpm_s=drive.max_speed_rpm / drive.off3_ramp_s,
+                absolute_encoder=drive.encoder == "absolute",
+                heartbeat_ms=drive.heartbeat_ms,
+                consumer_heartbeat_ms=drive.consumer_heartbeat_ms,
+            ),
+            name=section.drive,
+            history=self.history,
+        )
+        kind = PositioningAxis if section.type == "positioning" else SpeedAxis
+        axis: TechnologyAxis = kind(
+            name, port, cycle_ns=self.cycle_ns, variables=section.variables, history=self.history
+        )
+        self.runtime.add(axis)
+        self._ports[section.drive] = port
+        self._axes[name] = AxisHandle(self.runtime, axis)
+        group = self.recorder.add_group(name, axis.trace_columns, axis.trace_row, enums=axis.trace_enums)
+        self.runtime.after_cycle.append(group.sample)
+        read = axis.variables.read
+        constants = {
+            "cycle_s": self.cycle_ns / S,
+            "max_velocity": read("DynamicLimits.MaxVelocity"),
+            "max_acceleration": read("DynamicLimits.MaxAcceleration"),
+            "max_deceleration": read("DynamicLimits.MaxDeceleration"),
+            "max_jerk": read("DynamicLimits.MaxJerk"),
+            "emergency_deceleration": read("DynamicDefaults.EmergencyDeceleration"),
+            "deceleration": read("DynamicDefaults.Deceleration"),
+            "jerk": read("DynamicDefaults.Jerk"),
+            "unit_per_rpm": 1.0 / axis.mechanics.rpm_per_unit,
+        }
+        for key, value in constants.items():
+            self.recorder.set_constant(f"{name}.{key}", value)
+
+    # -- start ------------------------------------------------------------------------------------------------
+
+    def _start(self) -> None:
+        """Power the drives, commission them and wait for the cyclic link."""
+        if self.kind == "virtual":
+            for drive in self._drives.values():
+                drive.power_on()
+        self._commission()
+        for name, master in self._masters.items():
+            if any(section.segment == name for section in self.config.drive.values()):
+                master.start_sync(self.cycle_ns, 0)
+                heartbeats = [
+                    d.heartbeat_ms for d in self.config.drive.values() if d.segment == name and d.heartbeat_ms
+                ]
+                if heartbeats:
+                    master.produce_heartbeat(min(heartbeats) * MS)
+        self.runtime.start()
+        if not self.scheduler.run_until(self._linked, _LINK_TIMEOUT_NS):
+            missing = [name for name, port in self._ports.items() if not port.link_ok]
+            raise BenchNotReadyError(
+                f"no cyclic data from {', '.join(missing)} within {_LINK_TIMEOUT_NS // S} s"
+            )
+
+    def _linked(self) -> bool:
+        return all(axis.communication_ok and axis.sensor_valid for axis in self.runtime.axes)
+
+    def _commission(self) -> None:
+        from fieldbus.canopen.network import PumpedNetwork
+        from hil.bench.drives import object_dictionary
+
+        for segment_name, segment in self._segments.items():
+            ports = {n: p for n, p in self._ports.items() if self.config.drive[n].segment == segment_name}
+            if not ports:
+                continue
+            network = PumpedNetwork(segment, name="commissioning")
+            try:
+                for name, port in ports.items():
+                    node = network.add_node(port.node_id, object_dictionary())
+                    self._wait_for_drive(name, node)
+                    port.commission(node.sdo)
+            finally:
+                network.disconnect()
+
+    def _wait_for_drive(self, name: str, node: Any) -> None:
+        """Ask for the device type until the drive answers."""
+        import canopen
+
+        deadline = self.scheduler.now + _BOOT_TIMEOUT_NS
+        while True:
+            try:
+                node.sdo[0x1000].raw  # noqa: B018 - the read is the question
+            except canopen.SdoError as error:
+                if self.scheduler.now >= deadline:
+                    raise BenchNotReadyError(
+                        f"{name} (node {node.id}) does not answer on the bus within {_BOOT_TIMEOUT_NS // S} s: {error}"
+                    ) from None
+                self.scheduler.run_for(10 * MS)
+            else:
+                return
+
+    def _after_cycle(self) -> None:
+        for callback in self._cycle_callbacks:
+            callback()
+
+    # -- parts ------------------------------------------------------------------------------------------------
+
+    def _part(self, kind: str, parts: dict[str, Any], name: str | None) -> Any:
+        if name is None:
+            if not parts:
+                raise ConfigurationError("bench", kind, f"this bench has no {kind}")
+            return next(iter(parts.values()))
+        if name not in parts:
+            raise ConfigurationError(f"bench {kind}", name, ", ".join(parts) or f"this bench has no {kind}")
+        return parts[name]
+
+    def axis(self, name: str | None = None) -> AxisHandle:
+        """Return an axis by name, or the first one."""
+        part: AxisHandle = self._part("axis", self._axes, name)
+        return part
+
+    def drive(self, name: str | None = None) -> Any:
+        """Return a drive (or its proxy) by name, or the first one.
+
+        Raises:
+            ConfigurationError: There is no such drive, or it is physical and has no fault interface.
+
+        """
+        return self._part("drive", self._drives, name)
+
+    def segment(self, name: str | None = None) -> Any:
+        """Return a CAN segment by name, or the first one."""
+        return self._part("segment", self._segments, name)
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return tuple(self._axes)
+
+    @property
+    def drive_names(self) -> tuple[str, ...]:
+        """Names of the drives that have a fault interface."""
+        return tuple(self._drives)
+
+    @property
+    def segment_names(self) -> tuple[str, ...]:
+        """Names of the segments."""
+        return tuple(self._segments)
+
+    def drive_of(self, axis_name: str | None = None) -> str:
+        """Return the name of the drive that moves an axis."""
+        name = axis_name or next(iter(self.config.axis))
+        return self.config.axis[name].drive
+
+    def cob_ids(self, drive_name: str) -> dict[str, int]:
+        """Return the identifiers that a drive uses, by name."""
+        node = self.config.drive[drive_name].node_id
+        ids = {"nmt": 0, "sync": 0x80, "emcy": 0x80 + node, "heartbeat": 0x700 + node,
+               "sdo_rx": 0x600 + node, "sdo_tx": 0x580 + node, "controller_heartbeat": 0x700 + _MASTER_NODE}  # fmt: skip
+        for number in range(1, 5):
+            ids[f"tpdo{number}"] = 0x080 + 0x100 * number + node
+            ids[f"rpdo{number}"] = 0x100 + 0x100 * number + node
+        return ids
+
+    def decode(self, frame: CanFrame) -> str:
+        """Return the meaning of a frame in words, by the mapping that the bench has commissioned."""
+        if self._decoder is None:
+            from hil.bench.drives import build_decoder
+
+            self._decoder = build_decoder(self.config, self._ports)
+        text: str = self._decoder.decode(frame)
+        return text
+
+    # -- time -------------------------------------------------------------------------------------------------
+
+    def on_cycle(self, callback: Callable[[], object]) -> Callable[[], None]:
+        """Call `callback` at the end of every application cycle; returns the function that ends it."""
+        # A new list each time, so that a callback may withdraw itself while the list is walked.
+        self._cycle_callbacks = [*self._cycle_callbacks, callback]
+
+        def remove() -> None:
+            self._cycle_callbacks = [one for one in self._cycle_callbacks if one is not callback]
+
+        return remove
+
+    def run_for(self, seconds: float) -> None:
+        """Let `seconds` of bench time pass."""
+        self.scheduler.run_for(seconds_to_ns(seconds))
+
+    def run_until(self, predicate: Callable[[], object], timeout: float) -> bool:
+        """Run until `predicate` is true or `timeout` seconds have passed; returns whether it became true."""
+        return self.scheduler.run_until(predicate, seconds_to_ns(timeout))
+
+    @property
+    def now_s(self) -> float:
+        """Present bench time, s."""
+        return self.scheduler.now / S
+
+    def rng(self, name: str) -> Generator:
+        """Return the seeded random stream of component `name`; the same name gives the same stream."""
+        return named_rng(self.seed, name)
+
+    # -- evidence ---------------------------------------------------------------------------------------------
+
+    def trace(self) -> Trace:
+        """Return everything recorded so far; on a live bench the drives' own records are fetched."""
+        trace = self.recorder.trace()
+        remote = self._remote
+        if remote is None:
+            return trace
+        remote.fetch()
+        return Trace(
+            [*trace.groups, *remote.groups.values()],
+            events=sorted([*trace.events, *remote.events], key=lambda event: event.time_ns),
+            frames={bus: trace.raw_frames(bus) for bus in trace.buses},
+            constants=trace.constants,
+            end_ns=trace.end_ns,
+        )
+
+    def close(self) -> None:
+        """Release buses, threads and processes; harmless when called again."""
+        if self._closed:
+            return
+        self._closed = True
+        self.runtime.stop()
+        for master in self._masters.values():
+            master.stop_sync()
+        if self._remote is not None:
+            self._remote.close()
+        for segment in self._segments.values():
+            close = getattr(segment, "close", None)
+            if close is not None:
+                close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,266 @@
+"""The bench file: its model, its checks and its messages.
+
+A bench file is TOML. Every mistake is reported with the file, the key, the value and what is allowed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from fieldbus.errors import ConfigurationError
+
+EMBEDDED: Final = ("reference", "speed", "fast", "live")
+"""Benches that ship with the product, usable by name."""
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class BenchSection(_Model):
+    """`[bench]`: what is common to everything."""
+
+    name: str = Field(min_length=1)
+    kind: Literal["virtual", "live"] = "virtual"
+    cycle_ms: Annotated[int, Field(ge=1, le=255)] = 4
+    """Bus cycle, application cycle and SYNC period, ms."""
+    servo_period_us: Annotated[int, Field(ge=50, le=5000)] = 250
+    """Control cycle of the emulated drives, microseconds; a divisor of the bus cycle."""
+
+    @model_validator(mode="after")
+    def _divides(self) -> BenchSection:
+        if self.cycle_ms * 1000 % self.servo_period_us:
+            raise ValueError("servo_period_us must divide the bus cycle")
+        return self
+
+
+class ToleranceSection(_Model):
+    """`[tolerance]`: how far a measurement on this bench may lie from the specification's number."""
+
+    cycles: NotNegative = 2.0
+    """Cycles on times; distances get the travel of that time."""
+    time_s: NotNegative = 0.0
+    """Seconds on top (scheduling noise of a live bench)."""
+    distance_mm: NotNegative = 0.0
+    """Millimetres on top."""
+
+
+class SegmentSection(_Model):
+    """`[segment.NAME]`: a CAN segment."""
+
+    bitrate: Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000] = 1_000_000
+    interface: str | None = None
+    """python-can interface of a live bench, for example `socketcan`; None on a virtual bench."""
+    channel: str | None = None
+
+
+class SwitchSection(_Model):
+    """`[drive.NAME.switches]`: switches on the travel, mm at the load."""
+
+    negative_limit_mm: Finite | None = -550.0
+    positive_limit_mm: Finite | None = 550.0
+    home_mm: Finite | None = -500.0
+    """The home switch is active below this position."""
+    hysteresis_mm: NotNegative = 0.5
+
+
+class MechanicsSection(_Model):
+    """`[drive.NAME.mechanics]`: what the emulated drive moves."""
+
+    lead_screw_mm: Positive = 10.0
+    """Travel per revolution of the screw, mm."""
+    gear_numerator: Annotated[int, Field(ge=1)] = 1
+    """Motor revolutions of the load gear."""
+    gear_denominator: Annotated[int, Field(ge=1)] = 1
+    """Load revolutions of the load gear."""
+    load_mass_kg: NotNegative = 40.0
+    motor_inertia_kgm2: Positive = 2.0e-4
+    screw_inertia_kgm2: NotNegative = 0.5e-4
+    viscous_friction_n_per_m_s: NotNegative = 30.0
+    coulomb_friction_n: NotNegative = 30.0
+    negative_stop_mm: Finite | None = -600.0
+    positive_stop_mm: Finite | None = 600.0
+    start_position_mm: Finite = 0.0
+
+
+class DriveSection(_Model):
+    """`[drive.NAME]`: a drive."""
+
+    profile: Literal["cia402"] = "cia402"
+    device: Literal["emulated", "physical"] = "emulated"
+    """`emulated`: this bench brings it; `physical`: it is on the bus (or brought by somebody else)."""
+    segment: str
+    node_id: Annotated[int, Field(ge=1, le=126)]
+    encoder: Literal["incremental", "absolute"] = "incremental"
+    increments_per_revolution: Annotated[int, Field(ge=4, le=2**24)] = 131072
+    max_speed_rpm: Positive = 3000.0
+    off1_ramp_s: Positive = 1.0
+    """Ramp-down time from maximum speed on OFF1 (p1121), s."""
+    off3_ramp_s: Positive = 0.5
+    """Ramp-down time from maximum speed on OFF3 (p1135), s."""
+    rated_torque_nm: Positive = 2.0
+    sync_loss: Literal["fault", "warning", "none"] = "fault"
+    """What the emulated drive does when SYNC stays away."""
+    missing_setpoints: Annotated[int, Field(ge=0, le=1000)] = 2
+    """Cycles without a setpoint after which the emulated drive reacts as to a lost connection (6007h); 0 = never."""
+    heartbeat_ms: Annotated[int, Field(ge=0, le=60000)] = 100
+    consumer_heartbeat_ms: Annotated[int, Field(ge=1, le=65535)] = 250
+    mechanics: MechanicsSection = MechanicsSection()
+    switches: SwitchSection = SwitchSection()
+
+
+class AxisSection(_Model):
+    """`[axis.NAME]`: a technology object."""
+
+    type: Literal["positioning", "speed"] = "positioning"
+    drive: str
+    variables: dict[str, bool | int | float] = {}
+    """Start values by their original path; checked against the variable table when the bench is built."""
+
+
+class BenchConfig(_Model):
+    """A whole bench file."""
+
+    bench: BenchSection
+    tolerance: ToleranceSection = ToleranceSection()
+    segment: dict[str, SegmentSection] = Field(min_length=1)
+    drive: dict[str, DriveSection] = Field(min_length=1)
+    axis: dict[str, AxisSection] = {}
+
+    @model_validator(mode="after")
+    def _references(self) -> BenchConfig:
+        nodes: dict[tuple[str, int], str] = {}
+        for name, drive in self.drive.items():
+            if drive.segment not in self.segment:
+                raise ValueError(
+                    f"drive.{name}.segment: {drive.segment!r} is not a segment; there are: {', '.join(self.segment)}"
+                )
+            key = (drive.segment, drive.node_id)
+            if key in nodes:
+                raise ValueError(
+                    f"drive.{name}.node_id: {drive.node_id} is already taken by drive.{nodes[key]}"
+                )
+            nodes[key] = name
+        used: dict[str, str] = {}
+        for name, axis in self.axis.items():
+            if axis.drive not in self.drive:
+                raise ValueError(
+                    f"axis.{name}.drive: {axis.drive!r} is not a drive; there are: {', '.join(self.drive)}"
+                )
+            if axis.drive in used:
+                raise ValueError(
+                    f"axis.{name}.drive: {axis.drive!r} already belongs to axis.{used[axis.drive]}"
+                )
+            used[axis.drive] = name
+        for name, segment in self.segment.items():
+            if self.bench.kind == "live" and (segment.interface is None or segment.channel is None):
+                raise ValueError(f"segment.{name}: a live bench needs `interface` and `channel`")
+            if self.bench.kind == "virtual" and segment.interface is not None:
+                raise ValueError(
+                    f'segment.{name}.interface: a virtual bench has no interface; set bench.kind = "live"'
+                )
+        if self.bench.kind == "virtual" and any(d.device == "physical" for d in self.drive.values()):
+            raise ValueError('a virtual bench cannot hold a physical drive; set bench.kind = "live"')
+        return self
+
+
+def _message(source: str, data: dict[str, Any], error: ValidationError) -> str:
+    lines = []
+    for problem in error.errors():
+        path = ".".join(str(part) for part in problem["loc"])
+        where = f"{source}: {path}" if path else source
+        text = problem["msg"].removeprefix("Value error, ")
+        context = problem.get("ctx", {})
+        if problem["type"] == "extra_forbidden":
+            allowed = ", ".join(_known_keys(problem["loc"]))
+            lines.append(f"{where}: unknown key; allowed: {allowed}")
+        elif problem["type"] == "missing":
+            lines.append(f"{where}: the key is missing")
+        elif "expected" in context:
+            lines.append(f"{where}: {problem['input']!r} is not allowed; allowed: {context['expected']}")
+        elif path:
+            lines.append(f"{where}: {problem['input']!r} is not allowed; {text}")
+        else:
+            lines.append(f"{where}: {text}")
+    del data
+    return "\n".join(lines)
+
+
+def _known_keys(location: tuple[int | str, ...]) -> list[str]:
+    model: Any = BenchConfig
+    for part in location[:-1]:
+        field = model.model_fields.get(part) if hasattr(model, "model_fields") else None
+        if field is None:
+            continue
+        annotation = field.annotation
+        arguments = getattr(annotation, "__args__", ())
+        model = arguments[1] if getattr(annotation, "__origin__", None) is dict else annotation
+    return list(getattr(model, "model_fields", {}))
+
+
+class BenchFileError(ConfigurationError):
+    """The bench file cannot be used; the message lists every problem with file, key, value and what is allowed."""
+
+    def __init__(self, source: str, message: str) -> None:
+        super(ConfigurationError, self).__init__(message)
+        self.where = source
+        self.value = None
+        self.allowed = ""
+
+
+def parse(text: str, source: str) -> BenchConfig:
+    """Return the validated content of a bench file.
+
+    Args:
+        text: The file's content.
+        source: Its name, for messages.
+
+    Raises:
+        BenchFileError: It is no TOML, or a value is wrong.
+
+    """
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BenchFileError(source, f"{source}: this is not valid TOML: {error}") from None
+    try:
+        return BenchConfig.model_validate(data)
+    except ValidationError as error:
+        raise BenchFileError(source, _message(source, data, error)) from None
+
+
+def read(path: str | Path | None) -> tuple[str, str]:
+    """Return (source name, text) of a bench file, an embedded bench by name, or the reference bench for None.
+
+    Raises:
+        BenchFileError: There is no such file or embedded bench.
+
+    """
+    name = "reference" if path is None or path == "" else str(path)
+    if name in EMBEDDED:
+        return name, (files("hil.bench") / "data" / f"{name}.toml").read_text(encoding="utf-8")
+    file = Path(name)
+    try:
+        return name, file.read_text(encoding="utf-8")
+    except OSError as error:
+        raise BenchFileError(
+            name, f"{name}: cannot be read ({error.strerror}); embedded benches are: {', '.join(EMBEDDED)}"
+        ) from None
+    except UnicodeDecodeError:
+        raise BenchFileError(name, f"{name}: this is not UTF-8 text") from None
+
+
+def digest(text: str) -> str:
+    """Return the SHA-256 of a bench file's text, hexadecimal."""
+    return hashlib.sha256(text.encode()).hexdigest()

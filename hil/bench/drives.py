@@ -1,0 +1,115 @@
+"""Emulated drives of a bench file, the dictionary they share, and the words for their frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from fieldbus.clock import MS, US
+
+if TYPE_CHECKING:
+    import canopen
+    from numpy.random import Generator
+
+    from emulators.drive.cia402 import CiA402Drive, DriveConfig
+    from fieldbus.canopen.decode import FrameDecoder
+    from fieldbus.clock import Scheduler
+    from fieldbus.history import History
+    from hil.bench.config import BenchConfig
+    from motion.drives.cia402 import Cia402Port
+
+
+@cache
+def object_dictionary() -> canopen.ObjectDictionary:
+    """Return the object dictionary of the servo drive, parsed once per process; treat it as read-only."""
+    import canopen.objectdictionary
+
+    path = files("emulators.drive.cia402") / "servo.eds"
+    return canopen.objectdictionary.import_od(str(path), node_id=1)
+
+
+def drive_config(config: BenchConfig, name: str) -> DriveConfig:
+    """Return the configuration of the emulated drive that `drive.NAME` describes."""
+    from emulators.drive.cia402 import (
+        DriveConfig,
+        EncoderConfig,
+        LinearAxisConfig,
+        SwitchConfig,
+    )
+
+    section = config.drive[name]
+    mechanics, travel = section.mechanics, section.switches
+    hysteresis = travel.hysteresis_mm / 1000.0
+    switches = {}
+    if travel.negative_limit_mm is not None:
+        switches["negative_limit"] = SwitchConfig(
+            high=travel.negative_limit_mm / 1000.0, hysteresis=hysteresis
+        )
+    if travel.positive_limit_mm is not None:
+        switches["positive_limit"] = SwitchConfig(
+            low=travel.positive_limit_mm / 1000.0, hysteresis=hysteresis
+        )
+    if travel.home_mm is not None:
+        switches["home"] = SwitchConfig(high=travel.home_mm / 1000.0, hysteresis=hysteresis)
+    stops = (mechanics.negative_stop_mm, mechanics.positive_stop_mm)
+    speed = round(section.max_speed_rpm * 1000)
+    return DriveConfig(
+        node_id=section.node_id,
+        servo_period_ns=config.bench.servo_period_us * US,
+        control_period_ns=1 * MS,
+        mechanics=LinearAxisConfig(
+            lead_screw_m=mechanics.lead_screw_mm / 1000.0,
+            gear_ratio=mechanics.gear_numerator / mechanics.gear_denominator,
+            motor_inertia_kgm2=mechanics.motor_inertia_kgm2,
+            screw_inertia_kgm2=mechanics.screw_inertia_kgm2,
+            load_mass_kg=mechanics.load_mass_kg,
+            viscous_friction=mechanics.viscous_friction_n_per_m_s,
+            coulomb_friction=mechanics.coulomb_friction_n,
+            stops_m=(
+                None if stops[0] is None else stops[0] / 1000.0,
+                None if stops[1] is None else stops[1] / 1000.0,
+            ),
+            position_m=mechanics.start_position_mm / 1000.0,
+            switches=switches,
+        ),
+        encoder=EncoderConfig(kind=section.encoder, counts_per_revolution=section.increments_per_revolution),
+        rated_torque_Nm=section.rated_torque_nm,
+        # The axis watches the limit switches; a drive that stopped by itself would fight its ramp.
+        limit_switch_reaction="none",
+        sync_loss_reaction=section.sync_loss,
+        missing_setpoints=section.missing_setpoints,
+        objects={(0x607F, 0): speed, (0x6080, 0): round(section.max_speed_rpm), (0x60A9, 0): 0xFDB44700,
+                 (0x60C5, 0): 60_000_000, (0x60C6, 0): 60_000_000,
+                 (0x6092, 1): section.increments_per_revolution, (0x6092, 2): 1},
+    )  # fmt: skip
+
+
+def build_drive(
+    scheduler: Scheduler,
+    segments: Mapping[str, Any],
+    config: BenchConfig,
+    name: str,
+    *,
+    history: History,
+    rng: Generator,
+) -> CiA402Drive:
+    """Return the emulated drive `name`, still switched off."""
+    from emulators.drive.cia402 import CiA402Drive
+
+    section = config.drive[name]
+    return CiA402Drive(
+        scheduler, segments[section.segment], drive_config(config, name), name=name, history=history, rng=rng
+    )
+
+
+def build_decoder(config: BenchConfig, ports: Mapping[str, Cia402Port]) -> FrameDecoder:
+    """Return a decoder that knows names, dictionary and commissioned mapping of every drive."""
+    from fieldbus.canopen.decode import FrameDecoder
+
+    names = {section.node_id: name for name, section in config.drive.items()}
+    decoder = FrameDecoder({**names, 127: "controller"}, dict.fromkeys(names, object_dictionary()))
+    for port in ports.values():
+        decoder.set_mapping(port.node_id, {(index, sub): value for index, sub, value in port.parameters()})
+    return decoder

@@ -1,0 +1,324 @@
+"""Emulated drives in a process of their own, on a live bus.
+
+`DriveHost` is the process' inside: emulated drives in real time on python-can buses; `hil emulate` runs it for
+somebody else's controller. `RemoteDrives` is the bench's side: it starts that process, shares its time base, and
+passes fault commands and records over pipes as JSON lines. Nothing of the control path runs over the pipes: axis and
+drive meet on the bus only.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Final
+
+from fieldbus.clock import RealtimeScheduler, S
+from fieldbus.errors import HilError
+from fieldbus.history import Event, History
+from hil.bench.config import BenchConfig
+from hil.errors import BlockedError
+from hil.record import Recorder
+from hil.record._trace import TraceGroup
+
+if TYPE_CHECKING:
+    from hil.bench.bench import Bench
+
+_READY_TIMEOUT_NS: Final = 60 * S
+_REPLY_TIMEOUT_NS: Final = 10 * S
+
+FAULT_METHODS: Final = frozenset((
+    "raise_fault", "clear_fault_cause", "set_sto", "freeze_encoder", "jump_encoder", "jam", "load_force",
+    "force_input", "stop_heartbeat", "power_off", "power_on",
+))  # fmt: skip
+"""Methods of a drive that may be called through the pipe."""
+
+
+class RemoteError(HilError):
+    """The drive process failed or does not answer."""
+
+
+class DriveHost:
+    """Emulated drives of a bench file on live buses, in real time.
+
+    Args:
+        config: Validated bench file.
+        interface: python-can interface that replaces that of every segment; None keeps the bench file's.
+        channel: Channel that goes with it.
+        origin_ns: Value of the monotonic clock that is time zero; None: now.
+        seed: Seed of the drives' random streams.
+
+    Raises:
+        BusError: A bus cannot be opened.
+
+    """
+
+    def __init__(
+        self,
+        config: BenchConfig,
+        *,
+        interface: str | None = None,
+        channel: str | None = None,
+        origin_ns: int | None = None,
+        seed: int = 0,
+    ) -> None:
+        from fieldbus.can.live import LiveSegment
+
+        from hil.bench.bench import named_rng
+        from hil.bench.drives import build_drive
+
+        self.scheduler = RealtimeScheduler(origin_ns)
+        self.history = History(self.scheduler)
+        self.recorder = Recorder(self.history, self.scheduler)
+        self.segments: dict[str, Any] = {}
+        self.drives: dict[str, Any] = {}
+        self._groups: dict[str, Any] = {}
+        for name, section in config.segment.items():
+            self.segments[name] = LiveSegment.open(
+                self.scheduler,
+                interface=interface or section.interface or "socketcan",
+                channel=channel or section.channel or "vcan0",
+                name=name,
+                history=self.history,
+            )
+        for name, drive_section in config.drive.items():
+            if drive_section.device != "emulated":
+                continue
+            drive = build_drive(
+                self.scheduler, self.segments, config, name, history=self.history, rng=named_rng(seed, name)
+            )
+            group = self.recorder.add_group(
+                name, drive.trace_columns, drive.trace_row, enums=getattr(drive, "trace_enums", None)
+            )
+            drive.slave.on_sync.append(lambda _time, sample=group.sample: sample())
+            self.drives[name] = drive
+            self._groups[name] = group
+        for drive in self.drives.values():
+            drive.power_on()
+
+    def execute(self, command: Mapping[str, Any]) -> Any:
+        """Carry out one command of the pipe; returns its result.
+
+        Raises:
+            RemoteError: Unknown command, drive or method.
+
+        """
+        call = command.get("call")
+        if call == "fetch":
+            return self._fetch()
+        drive = self.drives.get(str(command.get("drive")))
+        if drive is None or call not in FAULT_METHODS:
+            raise RemoteError(f"unknown command {call!r} for drive {command.get('drive')!r}")
+        return getattr(drive, str(call))(*command.get("args", ()), **command.get("kwargs", {}))
+
+    def _fetch(self) -> dict[str, Any]:
+        return {
+            "groups": {
+                name: {
+                    "columns": group.columns,
+                    "enums": {
+                        column: {str(k): v for k, v in texts.items()} for column, texts in group.enums.items()
+                    },
+                    "content": base64.b64encode(group.content()).decode("ascii"),
+                }
+                for name, group in self._groups.items()
+            },
+            "events": self.history.events,
+        }
+
+    def run_until(self, predicate: Callable[[], object], timeout_s: float) -> bool:
+        """Run the drives until `predicate` is true or `timeout_s` has passed."""
+        return self.scheduler.run_until(predicate, round(timeout_s * S))
+
+    def close(self) -> None:
+        """Leave the buses."""
+        for drive in self.drives.values():
+            drive.power_off()
+        for segment in self.segments.values():
+            segment.close()
+
+
+class RemoteDrive:
+    """Stands for a drive in the drive process: the fault interface and nothing else."""
+
+    def __init__(self, remote: RemoteDrives, name: str) -> None:
+        self._remote = remote
+        self.name = name
+
+    def __getattr__(self, method: str) -> Callable[..., Any]:
+        if method not in FAULT_METHODS:
+            raise AttributeError(
+                f"a drive in another process has no {method!r}; it has {', '.join(sorted(FAULT_METHODS))}"
+            )
+        return lambda *args, **kwargs: self._remote.call(method, self.name, args, kwargs)
+
+
+class RemoteDrives:
+    """The drive process, seen from the bench.
+
+    Args:
+        bench: The live bench that it belongs to.
+        config: Its bench file.
+
+    Raises:
+        BlockedError: The process did not come up.
+
+    """
+
+    def __init__(self, bench: Bench, config: BenchConfig) -> None:
+        self._bench = bench
+        self._replies: dict[int, dict[str, Any]] = {}
+        self._number = 0
+        self._gone = False
+        self.groups: dict[str, TraceGroup] = {}
+        self.events: list[Event] = []
+        scheduler = bench.scheduler
+        assert isinstance(scheduler, RealtimeScheduler)
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "hil.bench.remote"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            bufsize=1,
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        )
+        self._reader = threading.Thread(target=self._read, name="drive process", daemon=True)
+        self._reader.start()
+        self._send(
+            {
+                "config": config.model_dump(mode="json"),
+                "origin_ns": scheduler.origin_ns,
+                "seed": bench.seed,
+                "id": 0,
+            }
+        )
+        if not scheduler.run_until(lambda: self._gone or 0 in self._replies, _READY_TIMEOUT_NS):
+            self.close()
+            raise BlockedError("the process of the emulated drives did not come up in time")
+        first = self._replies.pop(0, {})
+        if "error" in first or not first:
+            self.close()
+            raise BlockedError(f"the process of the emulated drives failed: {first.get('error', 'it ended')}")
+
+    def _send(self, message: Mapping[str, Any]) -> None:
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(json.dumps(message) + "\n")
+            self._process.stdin.flush()
+        except (BrokenPipeError, ValueError):
+            self._gone = True
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        post = self._bench.scheduler.post
+        for line in self._process.stdout:
+            try:
+                reply = json.loads(line)
+            except json.JSONDecodeError:
+                continue
+            post(lambda reply=reply: self._replies.__setitem__(int(reply["id"]), reply))
+        post(lambda: setattr(self, "_gone", True))
+
+    def call(
+        self, method: str, drive: str | None, args: Any = (), kwargs: Mapping[str, Any] | None = None
+    ) -> Any:
+        """Send a command. Inside of a callback it is only sent; outside the reply is waited for and returned."""
+        self._number += 1
+        number = self._number
+        self._send(
+            {"id": number, "call": method, "drive": drive, "args": list(args), "kwargs": dict(kwargs or {})}
+        )
+        scheduler = self._bench.scheduler
+        if scheduler.running:
+            return None
+        if not scheduler.run_until(lambda: self._gone or number in self._replies, _REPLY_TIMEOUT_NS):
+            raise RemoteError(f"the drive process does not answer to {method}")
+        reply = self._replies.pop(number, None)
+        if reply is None:
+            raise RemoteError(f"the drive process ended during {method}")
+        if "error" in reply:
+            raise RemoteError(f"{drive}.{method}: {reply['error']}")
+        return reply.get("result")
+
+    def proxy(self, name: str) -> RemoteDrive:
+        """Return the stand-in of drive `name`."""
+        return RemoteDrive(self, name)
+
+    def fetch(self) -> None:
+        """Bring the drives' records over."""
+        if self._gone:
+            return
+        result = self.call("fetch", None)
+        self.groups = {
+            name: TraceGroup.from_bytes(
+                name,
+                tuple((column, unit) for column, unit in group["columns"]),
+                {column: {int(k): v for k, v in texts.items()} for column, texts in group["enums"].items()},
+                base64.b64decode(group["content"]),
+            )
+            for name, group in result["groups"].items()
+        }
+        self.events = [Event(int(t), source, kind, data) for t, source, kind, data in result["events"]]
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process.poll() is None:
+            if self._process.stdin is not None:
+                with suppress(BrokenPipeError):
+                    self._process.stdin.close()
+            try:
+                self._process.wait(5.0)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        self._reader.join(2.0)
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+
+def main() -> int:
+    """Serve commands from standard input until it ends."""
+    replies = sys.stdout
+    first = json.loads(sys.stdin.readline() or "{}")
+    try:
+        host = DriveHost(
+            BenchConfig.model_validate(first["config"]), origin_ns=first["origin_ns"], seed=first["seed"]
+        )
+    except Exception as error:  # noqa: BLE001 - whatever it was, the bench must hear of it
+        print(json.dumps({"id": 0, "error": f"{type(error).__name__}: {error}"}), file=replies, flush=True)
+        return 2
+    ended = False
+
+    def serve(command: Mapping[str, Any]) -> None:
+        try:
+            reply: dict[str, Any] = {"id": command["id"], "result": host.execute(command)}
+            text = json.dumps(reply)
+        except Exception as error:  # noqa: BLE001 - goes back to the caller
+            text = json.dumps({"id": command.get("id", -1), "error": f"{type(error).__name__}: {error}"})
+        print(text, file=replies, flush=True)
+
+    def end() -> None:
+        nonlocal ended
+        ended = True
+
+    def read() -> None:
+        for line in sys.stdin:
+            command = json.loads(line)
+            host.scheduler.post(lambda command=command: serve(command))
+        host.scheduler.post(end)
+
+    threading.Thread(target=read, name="commands", daemon=True).start()
+    print(json.dumps({"id": 0, "result": "ready"}), file=replies, flush=True)
+    while not ended:
+        host.run_until(lambda: ended, 3600.0)
+    host.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,375 @@
+"""Technology objects: what they are made of and what one application cycle does with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+from motion.axis.control import PositionController
+from motion.axis.enabling import EnableControl
+from motion.axis.feedback import VALID, Feedback, Mechanics
+from motion.axis.limits import TravelLimits
+from motion.axis.monitoring import Monitoring
+from motion.axis.motion import MotionControl
+from motion.axis.reactions import AxisAlarms
+from motion.axis.state import FACTS, AxisState
+from motion.axis.status import status_word, status_word2
+from motion.drives.port import STW1, ZSW1
+from motion.variables import VariableStore
+
+if TYPE_CHECKING:
+    from fieldbus.history import History
+    from motion.axis.reset import Reset
+    from motion.drives.port import DrivePort
+
+_AT_REST_RPM: Final = 1.0
+"""Motor speed below which a speed axis counts as standing."""
+
+
+class TechnologyAxis:
+    """Base of positioning and speed axis.
+
+    Args:
+        name: Name in history and trace.
+        port: Coupling to the drive.
+        cycle_ns: Application cycle, ns.
+        variables: Start values by their original path, for example `{"DynamicLimits.MaxVelocity": 500.0}`.
+        history: Event log, or None.
+        delay_s: Time from a setpoint to the actual value that it makes, without the lag of the drive
+            (`T_i + T_o + T_DC + T_servo`), s; default two cycles.
+
+    Raises:
+        ConfigurationError: A variable does not exist or its value is out of range.
+
+    """
+
+    object_type: ClassVar[str] = ""
+    has_position: ClassVar[bool] = False
+    trace_columns: ClassVar[tuple[tuple[str, str], ...]] = (
+        ("position_setpoint", "mm"),
+        ("velocity_setpoint", "mm/s"),
+        ("acceleration_setpoint", "mm/s2"),
+        ("actual_position", "mm"),
+        ("actual_velocity", "mm/s"),
+        ("following_error", "mm"),
+        ("actual_speed", "rpm"),
+        ("speed_output", "rpm"),
+        ("actual_torque", "Nm"),
+        ("status_word", ""),
+        ("status_word2", ""),
+        ("error_word", ""),
+        ("warning_word", ""),
+        ("alarm_number", ""),
+        ("alarm_reaction", ""),
+        ("state", ""),
+        ("stw1", ""),
+        ("zsw1", ""),
+        ("power_status", ""),
+        ("power_busy", ""),
+        ("in_operation", ""),
+        ("communication_ok", ""),
+    )
+    trace_enums: ClassVar[dict[str, dict[int, str]]] = {"state": {int(s): s.name for s in AxisState}}
+
+    def __init__(
+        self,
+        name: str,
+        port: DrivePort,
+        *,
+        cycle_ns: int,
+        variables: Mapping[str, Any] | None = None,
+        history: History | None = None,
+        delay_s: float | None = None,
+    ) -> None:
+        self.name = name
+        self.port = port
+        self.history = history
+        self.cycle_ns = cycle_ns
+        self.cycle_s = cycle_ns * 1e-9
+        self.delay_s = 2 * self.cycle_s if delay_s is None else delay_s
+        self.variables = VariableStore(self.object_type, variables or {}, name=name, history=history)
+        self.state = AxisState.DISABLED
+        self.facts = FACTS[AxisState.DISABLED]
+        self.homed = False
+        self.communication_ok = False
+        self.in_operation = False
+        self.at_rest = True
+        self.actual_velocity = 0.0
+        self.speed_output_rpm = 0.0
+        self.status_word = 0
+        self.status_word2 = 0
+        self.stw1_sent = 0
+        self._status = False
+        self._resets: list[Reset] = []
+        self.power_owner: object | None = None
+        """The `MC_Power` instance that rules this object (MC-160)."""
+        self.alarms = AxisAlarms(self)
+        self.enabling = EnableControl(self)
+        self.motion = MotionControl(self)
+        self.apply_configuration()
+        self._live = self._live_variables()
+
+    # -- configuration ----------------------------------------------------------------------------------------
+
+    def apply_configuration(self) -> None:
+        """Derive everything from the variables, at start and after a restart."""
+        store = self.variables
+        if self.has_position:
+            store.set_internal("StatusSensor[1].Adjusted", 0)
+        self.mechanics = Mechanics(store, speed_axis=not self.has_position)
+        self._max_speed = store.bind("Actor.DriveParameter.MaxSpeed")
+        self.feedback = Feedback(self.mechanics, self.cycle_s)
+        self.homed = False
+        if self.has_position:
+            bind = store.bind
+            self.controller = PositionController(
+                kv=bind("PositionControl.Kv"),
+                kpc=bind("PositionControl.Kpc"),
+                time_constant=bind("DynamicAxisModel.VelocityTimeConstant"),
+                additional_delay=bind("FollowingError.AdditionalSetpointDelayTime"),
+                cycle_s=self.cycle_s,
+                delay_s=self.delay_s,
+            )
+            self.monitoring = Monitoring(self, self.cycle_s)
+            self.limits = TravelLimits(self)
+            self._rest_threshold = bind("StandstillSignal.VelocityThreshold")
+
+    # -- state ------------------------------------------------------------------------------------------------
+
+    def set_state(self, state: AxisState) -> None:
+        """Change the state and record it."""
+        old = self.state
+        if state is old:
+            return
+        self.state = state
+        self.facts = FACTS[state]
+        history = self.history
+        if history is not None:
+            history.emit(self.name, "axis.state", **{"from": old.name, "to": state.name})
+        status = self.facts.enabled
+        if status is not self._status:
+            self._status = status
+            if history is not None:
+                history.emit(self.name, "power.status", value=status)
+
+    @property
+    def sensor_valid(self) -> bool:
+        """Whether the actual position is valid (`StatusSensor[1].State` = 2); TRUE without an encoder."""
+        return not self.has_position or self.feedback.state == VALID
+
+    def start_reset(self, reset: Reset) -> None:
+        """Let the cycle carry out `reset`."""
+        self._resets.append(reset)
+
+    # -- cycle ------------------------------------------------------------------------------------------------
+
+    def cycle(self) -> None:
+        """Run one application cycle: inputs, monitoring, state, setpoint, control, outputs."""
+        self.variables.latch()
+        port = self.port
+        port.read()
+        zsw1 = port.zsw1
+        self.communication_ok = port.link_ok and zsw1 & 0x0208 == 0x0200
+        self.in_operation = zsw1 & 0x0204 == 0x0204 and not zsw1 & 0x0008
+        feedback = self.feedback
+        has_position = self.has_position
+        if has_position:
+            feedback.update(port)
+            self.actual_velocity = velocity = feedback.velocity
+            self.at_rest = -self._rest_threshold.value <= velocity <= self._rest_threshold.value
+            if feedback.lost_reference:
+                feedback.lost_reference = False
+                self.homed = False
+        else:
+            self.actual_velocity = port.actual_speed_rpm / self.mechanics.rpm_per_unit
+            self.at_rest = -_AT_REST_RPM <= port.actual_speed_rpm <= _AT_REST_RPM
+        enabling = self.enabling
+        self.alarms.engine.update()
+        enabling.supervise()
+        if has_position:
+            self.limits.check_hardware()
+        for reset in self._resets:
+            reset.step()
+        if self._resets:
+            self._resets = [reset for reset in self._resets if not reset.done]
+        enabling.step()
+        motion = self.motion
+        gen = motion.gen
+        if self.facts.controlled and not enabling.switching_off:
+            if has_position and motion.position_controlled:
+                self.limits.check_software()
+            motion.step(self.cycle_s)
+            if has_position:
+                controller = self.controller
+                if motion.position_controlled:
+                    output = controller.step(gen.s, gen.v, feedback.position)
+                    self.monitoring.step(controlled=True)
+                else:
+                    controller.follow(gen.s)
+                    output = gen.v
+                    self.monitoring.step(controlled=False)
+            else:
+                output = gen.v
+            motion.finish_step()
+            if not FACTS[self.state].controlled or enabling.switching_off:
+                output = 0.0
+        else:
+            output = 0.0
+            gen.set_state(feedback.position, self.actual_velocity)
+            if has_position:
+                self.controller.follow(feedback.position)
+                self.monitoring.step(controlled=False)
+        speed = output * self.mechanics.rpm_per_unit
+        limit = self._max_speed.value
+        if speed > limit:
+            speed = limit
+        elif speed < -limit:
+            speed = -limit
+        self.speed_output_rpm = speed
+        stw1 = enabling.stw1 | STW1.ACKNOWLEDGE if enabling.acknowledge_drive else enabling.stw1
+        self.stw1_sent = stw1
+        port.write(stw1, speed)
+        self.status_word = status_word(self)
+        self.status_word2 = status_word2(self)
+
+    def trace_row(self) -> tuple[float, ...]:
+        """Return the values of `trace_columns` for the present cycle."""
+        gen = self.motion.gen
+        port = self.port
+        engine = self.alarms.engine
+        feedback = self.feedback
+        return (
+            gen.s,
+            gen.v,
+            gen.a,
+            feedback.position,
+            self.actual_velocity,
+            self.controller.following_error if self.has_position else 0.0,
+            port.actual_speed_rpm,
+            self.speed_output_rpm,
+            port.actual_torque_nm,
+            self.status_word,
+            self.status_word2,
+            engine.error_word,
+            engine.warning_word,
+            engine.number,
+            engine.reaction,
+            self.state,
+            self.stw1_sent,
+            port.zsw1,
+            self._status,
+            self.enabling.busy,
+            self.in_operation,
+            self.communication_ok,
+        )
+
+    # -- variables under their original paths -----------------------------------------------------------------
+
+    def _live_variables(self) -> dict[str, Callable[[], Any]]:
+        engine = self.alarms.engine
+        gen = self.motion.gen
+        live: dict[str, Callable[[], Any]] = {
+            "Velocity": lambda: gen.v,
+            "Acceleration": lambda: gen.a,
+            "ActualSpeed": lambda: self.port.actual_speed_rpm,
+            "VelocitySetpoint": lambda: self.speed_output_rpm / self.mechanics.rpm_per_unit,
+            "StatusDrive.InOperation": lambda: self.in_operation,
+            "StatusDrive.CommunicationOK": lambda: self.communication_ok,
+            "StatusDrive.Error": lambda: bool(self.port.zsw1 & ZSW1.FAULT),
+            "StatusWord": lambda: status_word(self),
+            "StatusWord2": lambda: status_word2(self),
+            "ErrorWord": lambda: engine.error_word,
+            "WarningWord": lambda: engine.warning_word,
+            "ErrorDetail.Number": lambda: engine.number,
+            "ErrorDetail.Reaction": lambda: engine.reaction,
+            "StatusTorqueData.ActualTorque": lambda: self.port.actual_torque_nm,
+        }
+        if self.has_position:
+            live |= {
+                "Position": lambda: gen.s,
+                "ActualPosition": lambda: self.feedback.position,
+                "ActualVelocity": lambda: self.feedback.velocity,
+                "StatusPositioning.FollowingError": lambda: self.controller.following_error,
+                "StatusPositioning.TargetPosition": self._target_position,
+                "StatusPositioning.Distance": lambda: self._target_position() - gen.s,
+                "StatusServo.ControlDifference": lambda: self.controller.control_difference,
+                "StatusServo.BalancedPosition": lambda: self.controller.balanced_position,
+                "StatusServo.PositionAfterDynamicFilter": lambda: gen.s,
+                "StatusSensor[1].State": lambda: self.feedback.state,
+                "StatusSensor[1].Position": lambda: self.feedback.position,
+                "StatusSensor[1].Velocity": lambda: self.feedback.velocity,
+                "StatusSensor[1].CommunicationOK": lambda: self.port.link_ok,
+                "StatusSensor[1].Error": lambda: self.port.sensor_fault,
+                "StatusSensor[1].Control": lambda: True,
+            }
+        return live
+
+    def _target_position(self) -> float:
+        job = self.motion.job
+        return job.target if job is not None else 0.0
+
+    def var(self, path: str) -> Any:
+        """Return a variable of the technology data block by its original path; bits as `StatusWord.X7`.
+
+        Raises:
+            ConfigurationError: There is no such variable on this object type.
+
+        """
+        live = self._live.get(path)
+        if live is not None:
+            return live()
+        head, _, bit = path.rpartition(".")
+        if head in self._live and bit.lstrip("%")[:1] == "X" and bit.lstrip("%")[1:].isdigit():
+            return bool(self._live[head]() >> int(bit.lstrip("%")[1:]) & 1)
+        return self.variables.read(path)
+
+    def write(self, path: str, value: Any) -> None:
+        """Assign a variable like the user program does; the access class decides when it acts (VAR-001 to VAR-015)."""
+        self.variables.write(path, value)
+
+
+class SpeedAxis(TechnologyAxis):
+    """Speed axis: velocity unit rpm at the load, no position (`TO_SpeedAxis`)."""
+
+    object_type = "SpeedAxis"
+    trace_columns = tuple(
+        (name, {"mm": "", "mm/s": "rpm", "mm/s2": "rpm/s"}.get(unit, unit))
+        for name, unit in TechnologyAxis.trace_columns
+    )
+
+
+class PositioningAxis(TechnologyAxis):
+    """Positioning axis (`TO_PositioningAxis`)."""
+
+    object_type = "PositioningAxis"
+    has_position = True
+
+    def home(self, mode: int, position: float) -> None:
+        """Carry out direct homing: the coordinate system shifts, nothing moves (HOM-139 to HOM-147).
+
+        Args:
+            mode: 0 absolute, 1 relative, 6 and 7 as 1 and 0 for an absolute encoder, 11 and 12 set the position
+                setpoint, 13 as 0 for an incremental encoder.
+            position: Position in the axis unit.
+
+        """
+        gen = self.motion.gen
+        if mode in (0, 7, 13):
+            offset = position - self.feedback.position
+        elif mode in (1, 6, 12):
+            offset = position
+        else:
+            offset = position - gen.s
+        self.feedback.shift(offset)
+        gen.shift(offset)
+        self.controller.shift(offset)
+        self.limits.shift(offset)
+        self.homed = True
+        if mode in (6, 7, 13):
+            self.variables.set_internal("StatusSensor[1].Adjusted", 1)
+        job = self.motion.job
+        if job is not None and job.busy and job.relative:
+            job.target += offset
+        self.motion.replan()
+        if self.history is not None:
+            self.history.emit(self.name, "axis.homed", mode=mode, offset=offset)

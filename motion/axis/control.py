@@ -1,0 +1,125 @@
+"""Position controller of the axis, in the application cycle (CTL-037 to CTL-044), and the following error (MON-030)."""
+
+from __future__ import annotations
+
+from collections import deque
+from math import exp
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from motion.variables import Cell
+
+
+class PositionController:
+    """Proportional controller with velocity pre-control and balancing filter.
+
+    `e = delay(x_b, T) - s_act`, `v_out = Kv * e + Kpc / 100 * v_set`; x_b is the position setpoint behind the
+    balancing filter, T the transport delay `T_i + T_o + T_DC + T_servo`, a whole number of cycles with a linearly
+    interpolated rest (MON-032).
+
+    Args:
+        kv: Cell of `PositionControl.Kv`, 1/s.
+        kpc: Cell of `PositionControl.Kpc`, percent.
+        time_constant: Cell of `DynamicAxisModel.VelocityTimeConstant`, s.
+        additional_delay: Cell of `FollowingError.AdditionalSetpointDelayTime`, s.
+        cycle_s: Application cycle, s.
+        delay_s: Transport delay from setpoint to actual value, s.
+
+    """
+
+    __slots__ = (
+        "_additional_delay", "_balanced", "_balanced_history", "_cycle", "_decay", "_delay_cycles", "_delay_rest",
+        "_kpc", "_kv", "_last_constant", "_setpoint_history", "_time_constant", "balanced_position",
+        "control_difference", "following_error",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        *,
+        kv: Cell,
+        kpc: Cell,
+        time_constant: Cell,
+        additional_delay: Cell,
+        cycle_s: float,
+        delay_s: float,
+    ) -> None:
+        self._kv = kv
+        self._kpc = kpc
+        self._time_constant = time_constant
+        self._additional_delay = additional_delay
+        self._cycle = cycle_s
+        cycles = delay_s / cycle_s
+        self._delay_cycles = whole = int(cycles + 1e-9)
+        self._delay_rest = max(0.0, cycles - whole)
+        self._balanced = 0.0
+        self._last_constant = -1.0
+        self._decay = 0.0
+        depth = whole + 2
+        self._setpoint_history: deque[float] = deque([0.0] * depth, maxlen=depth)
+        self._balanced_history: deque[float] = deque([0.0] * depth, maxlen=depth)
+        self.balanced_position = 0.0
+        self.control_difference = 0.0
+        self.following_error = 0.0
+
+    def reset(self, position: float, velocity: float = 0.0) -> None:
+        """Start from a setpoint that has been moving with `velocity` up to `position`, without a step."""
+        depth = len(self._setpoint_history)
+        lag = velocity * self._time_constant.value * min(self._kpc.value, 100.0) / 100.0
+        self._balanced = position - velocity * self._time_constant.value
+        for index in range(depth):
+            past = position - velocity * self._cycle * (depth - 1 - index)
+            self._setpoint_history.append(past)
+            self._balanced_history.append(past - lag)
+        self.balanced_position = position - lag
+        self.control_difference = 0.0
+        self.following_error = 0.0
+
+    def shift(self, offset: float) -> None:
+        """Follow a shift of the coordinate system."""
+        for history in (self._setpoint_history, self._balanced_history):
+            for index in range(len(history)):
+                history[index] += offset
+        self._balanced += offset
+        self.balanced_position += offset
+
+    def follow(self, position: float) -> None:
+        """Track the actual value without control (follow-up mode)."""
+        self._setpoint_history.append(position)
+        self._balanced_history.append(position)
+        self._balanced = self.balanced_position = position
+        self.control_difference = 0.0
+        self.following_error = 0.0
+
+    def step(self, position: float, velocity: float, actual: float) -> float:
+        """Return the velocity to output for the setpoint (`position`, `velocity`) of this cycle."""
+        constant = self._time_constant.value
+        kpc: float = self._kpc.value
+        if constant != self._last_constant:
+            self._last_constant = constant
+            self._decay = exp(-self._cycle / constant) if constant > 0.0 else 0.0
+        if constant > 0.0:
+            # First-order lag with the exact response to a ramp of this cycle, so that constant travel gives no error.
+            step = velocity * self._cycle
+            target = position - velocity * constant
+            self._balanced = target + (self._balanced + step - target) * self._decay
+            weight = kpc * 0.01 if kpc < 100.0 else 1.0
+            balanced = position - weight * (position - self._balanced)
+        else:
+            self._balanced = balanced = position
+        self.balanced_position = balanced
+        setpoints = self._setpoint_history
+        balanced_history = self._balanced_history
+        setpoints.append(position)
+        balanced_history.append(balanced)
+        rest = self._delay_rest
+        newest = len(setpoints) - 1 - self._delay_cycles
+        delayed = balanced_history[newest]
+        if rest:
+            delayed += (balanced_history[newest - 1] - delayed) * rest
+        self.control_difference = difference = delayed - actual
+        delayed_setpoint = setpoints[newest]
+        if rest:
+            delayed_setpoint += (setpoints[newest - 1] - delayed_setpoint) * rest
+        self.following_error = delayed_setpoint - actual - velocity * self._additional_delay.value
+        kv: float = self._kv.value
+        return kv * difference + kpc * 0.01 * velocity

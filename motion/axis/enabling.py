@@ -1,0 +1,275 @@
+"""Enabling and disabling: the handshake with the drive and the drive's own stops (STP-037 to STP-046, section 8)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from motion.axis.state import DISABLING, DRIVE_EXPECTED_ON, AxisState
+from motion.drives.port import (
+    STW1_ALL_OFF,
+    STW1_IDLE,
+    STW1_OFF2_OFF1,
+    STW1_OFF3,
+    STW1_OFF3_OFF1,
+    STW1_OPERATE,
+    ZSW1,
+)
+
+if TYPE_CHECKING:
+    from motion.axis.axis import TechnologyAxis
+
+ALARM_DRIVE: Final = 421
+ALARM_ENCODER: Final = 411
+ALARM_COMMUNICATION: Final = 431
+ALARM_AUTONOMOUS: Final = 550
+
+_REMOVE_ENABLE: Final = {1: STW1_IDLE, 3: STW1_OFF2_OFF1, 5: STW1_OFF3_OFF1, 7: STW1_OFF3}
+"""Control word at the alarm by `Actor.RemoveEnableReaction` (STP-363 to STP-366)."""
+
+_DRIVE_OFF_MASK: Final = ZSW1.READY | ZSW1.OPERATION_ENABLED
+_AUTONOMOUS_MASK: Final = ZSW1.READY_TO_SWITCH_ON | ZSW1.READY | ZSW1.OPERATION_ENABLED | ZSW1.NO_OFF3
+
+
+class EnableControl:
+    """Owns control word 1 and every transition that waits for the drive."""
+
+    __slots__ = ("_axis", "_cause_411", "_cause_421", "_cause_431", "_idle", "_phase", "_reaction", "_start_mode",
+                 "_velocity_mode", "acknowledge_drive", "enable", "start_mode", "stw1", "switching_off")  # fmt: skip
+
+    def __init__(self, axis: TechnologyAxis) -> None:
+        self._axis = axis
+        self.enable = False
+        """Level of `MC_Power.Enable` as last called."""
+        self.start_mode = 1
+        """`MC_Power.StartMode` as last called; latched when the enable sequence starts."""
+        self._start_mode = 1
+        self.stw1 = STW1_IDLE
+        self.switching_off = False
+        """The ramp of the axis has ended and the drive is being switched off."""
+        self.acknowledge_drive = False
+        """Set STW1.7 in the next telegrams (`MC_Reset`)."""
+        self._idle = STW1_IDLE
+        self._phase = 0
+        self._reaction = axis.variables.bind("Actor.RemoveEnableReaction")
+        self._velocity_mode = (
+            axis.variables.bind("PositionControl.VelocityModePowerOn") if axis.has_position else None
+        )
+        self._cause_431 = self._cause_421 = self._cause_411 = False
+
+    # -- what MC_Power sees -----------------------------------------------------------------------------------
+
+    @property
+    def busy(self) -> bool:
+        """`MC_Power.Busy`: enabled, being enabled, or not yet switched off (STP-294, STP-295)."""
+        return self.enable or self._axis.state not in (
+            AxisState.DISABLED,
+            AxisState.ALARM_DISABLED,
+            AxisState.RESTARTING,
+        )
+
+    def call(self, *, enable: bool, start_mode: int, stop_mode: int) -> None:
+        """Take the inputs of `MC_Power` over."""
+        self.start_mode = start_mode
+        if enable is self.enable:
+            return
+        self.enable = enable
+        if not enable:
+            self._disable(stop_mode)
+
+    def _disable(self, stop_mode: int) -> None:
+        axis = self._axis
+        state = axis.state
+        motion = axis.motion
+        if state is AxisState.ENABLING:
+            self._rest(STW1_IDLE)
+        elif state is AxisState.ALARM_RAMP and not axis.alarms.blocking:
+            motion.abort_all()
+            self._start_disabling(stop_mode)
+        elif state is AxisState.ALARM_RAMP:
+            # Quick stop and coast act at once; a ramp only when it brakes harder (STP-396).
+            motion.abort_all()
+            if stop_mode in (1, 3) or {0: 3, 2: 2}[stop_mode] > motion.severity:
+                self._start_disabling(stop_mode)
+        elif state is AxisState.ALARM_DRIVE_STOP:
+            if self._reaction.value != 7 and self.stw1 != STW1_OFF3:
+                self.stw1 = STW1_OFF2_OFF1  # STP-384
+        elif state is AxisState.TRACKING:
+            self._start_disabling(stop_mode if stop_mode in (1, 3) else 1)
+        elif state in DRIVE_EXPECTED_ON and state is not AxisState.DISABLING_RAMP:
+            motion.abort_all()
+            self._start_disabling(stop_mode)
+
+    def _start_disabling(self, stop_mode: int) -> None:
+        axis = self._axis
+        self._phase = 0
+        self.switching_off = False
+        if stop_mode == 1:
+            self.stw1 = STW1_OFF3
+            axis.set_state(AxisState.DISABLING_QUICK)
+        elif stop_mode == 3:
+            self.stw1 = STW1_OFF2_OFF1
+            axis.set_state(AxisState.DISABLING_COAST)
+        else:
+            axis.motion.begin_reaction(3 if stop_mode == 0 else 2)
+            axis.set_state(AxisState.DISABLING_RAMP)
+
+    # -- reactions of alarms and ends of ramps ----------------------------------------------------------------
+
+    def remove_enable(self) -> None:
+        """Reaction 4: the drive stops as `Actor.RemoveEnableReaction` says (STP-348)."""
+        self.stw1 = _REMOVE_ENABLE.get(int(self._reaction.value), STW1_OFF3)
+        self.switching_off = False
+        self._axis.set_state(AxisState.ALARM_DRIVE_STOP)
+
+    def alarm_ramp_ended(self) -> None:
+        """The setpoint of an alarm ramp is zero: switch off, or stay enabled where the alarm allows it."""
+        axis = self._axis
+        if axis.alarms.disabling:
+            self.switch_off()
+        elif axis.alarms.blocking:
+            axis.set_state(AxisState.ALARM_STANDSTILL)
+        else:
+            axis.motion.severity = 0
+            axis.motion.job = None
+            axis.set_state(AxisState.STANDSTILL)
+
+    def switch_off(self) -> None:
+        """Withdraw ON after a ramp of the axis; the state is left when the drive is off (STP-289, STP-290)."""
+        self.switching_off = True
+        self.stw1 = STW1_IDLE
+
+    def _rest(self, idle: int) -> None:
+        """Arrive in the disabled states with control word `idle`."""
+        axis = self._axis
+        self.switching_off = False
+        self._idle = self.stw1 = idle
+        axis.motion.severity = 0
+        axis.motion.abort_all()
+        axis.set_state(AxisState.ALARM_DISABLED if axis.alarms.blocking else AxisState.DISABLED)
+
+    # -- cycle ------------------------------------------------------------------------------------------------
+
+    def supervise(self) -> None:
+        """Raise the alarms of the coupling: 431 link, 421 drive, 411 encoder, 550 drive moves by itself (TA-020)."""
+        axis = self._axis
+        port = axis.port
+        state = axis.state
+        alarms = axis.alarms
+        zsw1 = port.zsw1
+        expected = axis.facts.drive_expected
+        if self._cause_431 or (not port.link_ok and (expected or state is AxisState.ENABLING)):
+            lost = not port.link_ok
+            if lost is not self._cause_431:
+                self._cause_431 = lost
+                alarms.set_cause(ALARM_COMMUNICATION, lost)
+        if axis.has_position and (
+            self._cause_411 or (port.sensor_fault and (expected or state is AxisState.ENABLING))
+        ):
+            faulty = port.sensor_fault
+            if faulty is not self._cause_411:
+                self._cause_411 = faulty
+                alarms.set_cause(ALARM_ENCODER, faulty)
+        fault = zsw1 & ZSW1.FAULT != 0
+        if self._cause_421 or (fault and (expected or state is AxisState.ENABLING)):
+            if fault is not self._cause_421:
+                self._cause_421 = fault
+                alarms.set_cause(ALARM_DRIVE, fault, text=f"drive fault {port.drive_fault_code:04X}h")
+        elif expected and port.link_ok and not zsw1 & ZSW1.OPERATION_ENABLED and not self.switching_off:
+            if zsw1 & _AUTONOMOUS_MASK == ZSW1.READY_TO_SWITCH_ON | ZSW1.READY:
+                if state is not AxisState.TRACKING:
+                    alarms.raise_alarm(ALARM_AUTONOMOUS)
+            else:
+                alarms.raise_alarm(ALARM_DRIVE)
+
+    def _may_start(self) -> bool:
+        axis = self._axis
+        return axis.communication_ok and axis.sensor_valid and not axis.alarms.blocking
+
+    def step(self) -> None:
+        """Make the transitions that depend on the drive's answer."""
+        axis = self._axis
+        state = axis.state
+        if state is AxisState.MOTION or state is AxisState.STANDSTILL:
+            return
+        zsw1 = axis.port.zsw1
+        off = not zsw1 & _DRIVE_OFF_MASK
+        if state is AxisState.DISABLED or state is AxisState.ALARM_DISABLED:
+            if axis.alarms.blocking:
+                axis.set_state(AxisState.ALARM_DISABLED)
+            elif self.enable and self._may_start():
+                self._start_mode = self.start_mode
+                self.stw1 = STW1_IDLE
+                axis.set_state(AxisState.ENABLING)
+            else:
+                axis.set_state(AxisState.DISABLED)
+        elif state is AxisState.ENABLING:
+            # ON is given only to a drive that is ready for it (STP-046, STP-510).
+            if zsw1 & ZSW1.SWITCHING_ON_INHIBITED or not zsw1 & ZSW1.READY_TO_SWITCH_ON:
+                self.stw1 = STW1_IDLE
+            else:
+                self.stw1 = STW1_OPERATE
+                if axis.in_operation:
+                    self._arrive()
+        elif state is AxisState.DISABLING_RAMP or state is AxisState.ALARM_RAMP:
+            if self.switching_off and off:
+                self._rest(STW1_IDLE)
+        elif state is AxisState.DISABLING_QUICK:
+            if self._phase == 0:
+                if off:
+                    self.stw1 = STW1_ALL_OFF
+                    self._phase = 1
+            else:
+                self._phase += 1
+                if self._phase > 2:
+                    self._rest(STW1_IDLE)
+        elif state is AxisState.DISABLING_COAST:
+            if off:
+                self._rest(STW1_OFF2_OFF1)
+        elif state is AxisState.ALARM_DRIVE_STOP:
+            self._step_drive_stop(off)
+        elif state is AxisState.ALARM_STANDSTILL:
+            if not axis.alarms.blocking:
+                axis.motion.severity = 0
+                axis.motion.job = None
+                axis.set_state(AxisState.STANDSTILL)
+        elif state is AxisState.TRACKING and not axis.alarms.blocking and axis.in_operation:
+            self._arrive()
+
+    def _step_drive_stop(self, off: bool) -> None:
+        axis = self._axis
+        if self.stw1 == STW1_IDLE and self.enable and not axis.alarms.blocking and axis.communication_ok:
+            # OFF1 can be interrupted: acknowledged while it brakes, the drive is switched on again (STP-382).
+            self._start_mode = self.start_mode
+            axis.set_state(AxisState.ENABLING)
+        elif off and (self.stw1 != STW1_OFF2_OFF1 or axis.at_rest):
+            self._rest(STW1_ALL_OFF if self.stw1 == STW1_OFF3 else self.stw1)
+
+    def _arrive(self) -> None:
+        """The drive executes setpoints: close the loops without a step (STP-047 to STP-057)."""
+        axis = self._axis
+        motion = axis.motion
+        self.stw1 = STW1_OPERATE
+        self.switching_off = False
+        motion.severity = 0
+        motion.abort_all()
+        motion.position_controlled = axis.has_position and self._start_mode == 1
+        velocity_mode = self._velocity_mode is not None and self._velocity_mode.value == 1
+        if axis.at_rest or not motion.position_controlled or velocity_mode:
+            position = axis.feedback.position + (
+                axis.actual_velocity * axis.delay_s
+                if motion.position_controlled and not velocity_mode
+                else 0.0
+            )
+            motion.gen.set_state(position, 0.0)
+            if axis.has_position:
+                axis.controller.reset(position)
+            axis.set_state(AxisState.STANDSTILL)
+        else:
+            motion.take_actual_values()
+            motion.begin_stop(2, axis.variables.read("DynamicLimits.MaxDeceleration"), 0.0)
+            axis.set_state(AxisState.ENABLE_RAMP)
+
+    @property
+    def disabling(self) -> bool:
+        """Whether a disabling is in progress."""
+        return self._axis.state in DISABLING

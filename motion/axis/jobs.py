@@ -1,0 +1,146 @@
+"""Jobs: what an `MC_` instruction has handed to the axis (section 1.3 of the instruction specification)."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from fieldbus.history import History
+
+NO_ERROR: Final = 0x0000
+ERROR_ALARM: Final = 0x8001
+ERROR_REFERENCE: Final = 0x8002
+ERROR_VELOCITY: Final = 0x8003
+ERROR_ACCELERATION: Final = 0x8004
+ERROR_DECELERATION: Final = 0x8005
+ERROR_JERK: Final = 0x8006
+ERROR_DIRECTION: Final = 0x8007
+ERROR_DISTANCE: Final = 0x8008
+ERROR_POSITION: Final = 0x8009
+ERROR_MODE: Final = 0x800A
+ERROR_STOP_MODE: Final = 0x800B
+ERROR_SECOND_INSTANCE: Final = 0x800C
+ERROR_STATE: Final = 0x800D
+ERROR_RESTART_ENABLED: Final = 0x800E
+ERROR_LOCKED: Final = 0x800F
+ERROR_JOB_MEMORY: Final = 0x8014
+ERROR_ACTUAL_VALUE: Final = 0x8016
+
+
+class JobState(IntEnum):
+    """State of a job (MC-052 to MC-057)."""
+
+    WAITING = 0
+    ACTIVE = 1
+    DONE = 2
+    ABORTED = 3
+    ERROR = 4
+
+
+class JobClass(IntEnum):
+    """Column of the override table that an active job belongs to (table 3.1)."""
+
+    HALT_BASIC = 0
+    """`MC_Halt` with `Mode` 1 (column H3)."""
+    POSITIONING = 1
+    """`MC_MoveAbsolute`, `MC_MoveRelative` in control (H3)."""
+    VELOCITY = 2
+    """`MC_MoveVelocity`, `MC_MoveJog` (H3)."""
+    HALT = 3
+    """`MC_Halt` with `Mode` 0 (H5)."""
+    STOP = 4
+    """`MC_Stop` (H6)."""
+
+
+class Job:
+    """One execution of a motion instruction.
+
+    The axis moves the state; the instruction instance reads it at its next call.
+    """
+
+    __slots__ = (
+        "abort_acceleration", "acceleration", "append", "current", "deceleration", "distance", "error_id",
+        "history", "in_velocity", "instruction", "jerk", "job_class", "mode", "name", "position_controlled",
+        "relative", "released", "source", "state", "target", "velocity",
+    )  # fmt: skip
+
+    def __init__(self, job_class: JobClass, *, instruction: str, name: str) -> None:
+        self.job_class = job_class
+        self.instruction = instruction
+        self.name = name
+        self.source = ""
+        self.state = JobState.WAITING
+        self.error_id = NO_ERROR
+        self.in_velocity = False
+        self.velocity = 0.0
+        """Requested velocity after resolution of defaults, signed for velocity jobs, before override and limits."""
+        self.acceleration = 0.0
+        self.deceleration = 0.0
+        self.jerk = 0.0
+        """0 = no jerk limit."""
+        self.target = 0.0
+        """Absolute target position (positioning)."""
+        self.distance = 0.0
+        self.relative = False
+        self.append = False
+        """`BufferMode` 1."""
+        self.abort_acceleration = False
+        self.mode = 0
+        self.position_controlled: bool | None = None
+        """Position control forced on or off by the job; None leaves it."""
+        self.current = False
+        """Keep the velocity found at the start (`MC_MoveVelocity.Current`)."""
+        self.released = False
+        """Jog input gone: the job brakes to zero and then ends by itself."""
+        self.history: History | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether the job waits or is in control."""
+        return self.state <= JobState.ACTIVE
+
+    def _log(self, kind: str) -> None:
+        if self.history is not None:
+            self.history.emit(
+                self.source, kind, job=self.name, instruction=self.instruction, error_id=self.error_id
+            )
+
+    def start(self, source: str, history: History | None) -> None:
+        """Record the acceptance by axis `source`."""
+        self.source = source
+        self.history = history
+        self._log("job.started")
+
+    def activate(self) -> None:
+        """Take control (MC-060)."""
+        self.state = JobState.ACTIVE
+        self._log("job.active")
+
+    def set_in_velocity(self, reached: bool) -> None:
+        """Show that the commanded velocity is reached, or left again."""
+        if reached is not self.in_velocity:
+            self.in_velocity = reached
+            self._log("job.in_velocity" if reached else "job.leaves_velocity")
+
+    def finish(self) -> None:
+        """End successfully."""
+        if self.busy:
+            self.state = JobState.DONE
+            self.in_velocity = False
+            self._log("job.done")
+
+    def abort(self) -> None:
+        """End because another job or the disabling took over."""
+        if self.busy:
+            self.state = JobState.ABORTED
+            self.in_velocity = False
+            self._log("job.aborted")
+
+    def fail(self, error_id: int) -> None:
+        """End with an error."""
+        if self.busy:
+            self.state = JobState.ERROR
+            self.error_id = error_id
+            self.in_velocity = False
+            self._log("job.error")

@@ -1,0 +1,134 @@
+"""Monitoring of a positioning axis: following error, positioning, standstill (MON-016 to MON-052)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from motion.axis.axis import TechnologyAxis
+
+ALARM_FOLLOWING_ERROR: Final = 521
+ALARM_FOLLOWING_ERROR_WARNING: Final = 522
+ALARM_POSITIONING: Final = 541
+
+_RELEASE_FACTOR: Final = 1.1
+"""Hysteresis of the standstill signal (MON-048)."""
+
+
+class Monitoring:
+    """See the module. One object per axis; `step` runs once per application cycle."""
+
+    __slots__ = ("_axis", "_cycle", "_dwell", "_enable_fe", "_entered", "_fe_level", "_fe_max", "_fe_min",
+                 "_fe_min_velocity", "_max_velocity", "_min_dwell", "_positioned", "_standstill_dwell",
+                 "_standstill_time", "_threshold", "_tolerance", "_tolerance_left", "_watching", "_window",
+                 "standstill")  # fmt: skip
+
+    def __init__(self, axis: TechnologyAxis, cycle_s: float) -> None:
+        self._axis = axis
+        self._cycle = cycle_s
+        bind = axis.variables.bind
+        self._enable_fe = bind("FollowingError.EnableMonitoring")
+        self._fe_min = bind("FollowingError.MinValue")
+        self._fe_max = bind("FollowingError.MaxValue")
+        self._fe_min_velocity = bind("FollowingError.MinVelocity")
+        self._fe_level = bind("FollowingError.WarningLevel")
+        self._max_velocity = bind("DynamicLimits.MaxVelocity")
+        self._tolerance = bind("PositioningMonitoring.ToleranceTime")
+        self._min_dwell = bind("PositioningMonitoring.MinDwellTime")
+        self._window = bind("PositioningMonitoring.Window")
+        self._threshold = bind("StandstillSignal.VelocityThreshold")
+        self._standstill_dwell = bind("StandstillSignal.MinDwellTime")
+        self.standstill = False
+        """StatusWord.X7."""
+        self._standstill_time = 0.0
+        self._watching = False
+        self._positioned = False
+        self._entered = False
+        self._tolerance_left = 0.0
+        self._dwell = 0.0
+
+    # -- positioning ------------------------------------------------------------------------------------------
+
+    def start_positioning(self) -> None:
+        """The setpoint has reached its end: tolerance time starts (MON-016)."""
+        self._watching = True
+        self._positioned = False
+        self._entered = False
+        self._tolerance_left = self._tolerance.value
+        self._dwell = 0.0
+        self._watch(first=True)
+
+    def positioned(self) -> bool:
+        """Return whether the actual position has stayed in the window for the dwell time."""
+        return self._positioned
+
+    def cancel(self) -> None:
+        """End the supervision without a result (MON-027)."""
+        self._watching = False
+
+    def _watch(self, *, first: bool = False) -> None:
+        axis = self._axis
+        inside = abs(axis.feedback.position - axis.motion.gen.s) <= self._window.value
+        if inside:
+            if self._entered:
+                self._dwell += self._cycle
+            self._entered = True
+            if self._dwell >= self._min_dwell.value - 1e-9:
+                self._watching = False
+                self._positioned = True
+        elif self._entered:
+            self._watching = False
+            axis.alarms.raise_alarm(ALARM_POSITIONING, info=2)
+        else:
+            if not first:
+                self._tolerance_left -= self._cycle
+            if self._tolerance_left <= 0.0:
+                self._watching = False
+                axis.alarms.raise_alarm(ALARM_POSITIONING, info=1)
+
+    # -- cycle ------------------------------------------------------------------------------------------------
+
+    def permitted_following_error(self, velocity: float) -> float:
+        """Return the permitted following error at velocity setpoint `velocity` (MON-038)."""
+        low = self._fe_min_velocity.value
+        speed = abs(velocity)
+        if speed <= low:
+            return float(self._fe_min.value)
+        top = self._max_velocity.value
+        if speed >= top:
+            return float(self._fe_max.value)
+        return float(
+            self._fe_min.value + (self._fe_max.value - self._fe_min.value) * (speed - low) / (top - low)
+        )
+
+    def step(self, *, controlled: bool) -> None:
+        """Run the monitoring of one cycle; `controlled`: position control is closed."""
+        axis = self._axis
+        speed = abs(axis.feedback.velocity)
+        threshold = self._threshold.value
+        if self.standstill:
+            if speed > threshold * _RELEASE_FACTOR:
+                self.standstill = False
+                self._standstill_time = 0.0
+        elif speed < threshold:
+            self._standstill_time += self._cycle
+            if self._standstill_time >= self._standstill_dwell.value - 1e-9:
+                self.standstill = True
+        else:
+            self._standstill_time = 0.0
+        if not controlled:
+            self._watching = False
+            return
+        if self._enable_fe.value:
+            error = abs(axis.controller.following_error)
+            minimum = self._fe_min.value
+            level = self._fe_level.value * 0.01
+            if error >= minimum * level:
+                permitted = self.permitted_following_error(axis.motion.gen.v)
+                if error > permitted:
+                    axis.alarms.raise_alarm(ALARM_FOLLOWING_ERROR)
+                    return
+                if error >= permitted * level:
+                    axis.alarms.warn(ALARM_FOLLOWING_ERROR_WARNING)
+        if self._watching:
+            self._watch()

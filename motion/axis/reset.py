@@ -1,0 +1,57 @@
+"""Acknowledging and restarting a technology object (section 2 of the stopping specification)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from motion.axis.state import AxisState
+
+if TYPE_CHECKING:
+    from motion.axis.axis import TechnologyAxis
+
+ALARM_CONFIGURATION: Final = 101
+_PULSE_CYCLES: Final = 2
+"""Cycles for which STW1.7 is shown at least."""
+_DRIVE_TIMEOUT_NS: Final = 200_000_000
+"""Time that the drive gets to withdraw its fault before the alarms are acknowledged all the same."""
+_RESTART_CYCLES: Final = 5
+"""Cycles that the re-initialisation takes."""
+
+
+class Reset:
+    """One execution of `MC_Reset`; the axis steps it."""
+
+    __slots__ = ("_age", "_axis", "done", "restart")
+
+    def __init__(self, axis: TechnologyAxis, *, restart: bool) -> None:
+        self._axis = axis
+        self._age = 0
+        self.restart = restart
+        self.done = False
+        if restart:
+            axis.motion.abort_all()
+            axis.set_state(AxisState.RESTARTING)
+
+    def step(self) -> None:
+        """Advance by one application cycle."""
+        axis = self._axis
+        self._age += 1
+        if self.restart:
+            if self._age >= _RESTART_CYCLES:
+                violations = axis.variables.restart()
+                axis.alarms.restart()
+                if violations:
+                    axis.alarms.raise_alarm(ALARM_CONFIGURATION)
+                else:
+                    axis.apply_configuration()
+                axis.set_state(AxisState.ALARM_DISABLED if violations else AxisState.DISABLED)
+                self.done = True
+            return
+        # The drive acknowledges on the rising edge of STW1.7; one low cycle makes sure that there is an edge.
+        axis.enabling.acknowledge_drive = self._age > 1
+        drive_ready = not axis.port.zsw1 & 0x0008
+        if self._age <= _PULSE_CYCLES or (not drive_ready and self._age * axis.cycle_ns < _DRIVE_TIMEOUT_NS):
+            return
+        axis.enabling.acknowledge_drive = False
+        axis.alarms.acknowledge()
+        self.done = True

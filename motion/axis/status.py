@@ -1,0 +1,88 @@
+"""Status words of a technology object (VAR-028 to VAR-061)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from motion.axis.jobs import JobClass
+from motion.axis.state import AxisState
+
+if TYPE_CHECKING:
+    from motion.axis.axis import TechnologyAxis
+
+ENABLE: Final = 1 << 0
+ERROR: Final = 1 << 1
+RESTART_ACTIVE: Final = 1 << 2
+ONLINE_START_VALUES_CHANGED: Final = 1 << 3
+HOMING_DONE: Final = 1 << 5
+DONE: Final = 1 << 6
+STANDSTILL: Final = 1 << 7
+POSITIONING_COMMAND: Final = 1 << 8
+JOG_COMMAND: Final = 1 << 9
+VELOCITY_COMMAND: Final = 1 << 10
+CONSTANT_VELOCITY: Final = 1 << 12
+ACCELERATING: Final = 1 << 13
+DECELERATING: Final = 1 << 14
+SW_LIMIT_MIN: Final = 1 << 15
+SW_LIMIT_MAX: Final = 1 << 16
+HW_LIMIT_MIN: Final = 1 << 17
+HW_LIMIT_MAX: Final = 1 << 18
+NON_POSITION_CONTROLLED: Final = 1 << 28
+
+
+def status_word(axis: TechnologyAxis) -> int:
+    """Return `StatusWord` for the present cycle."""
+    facts = axis.facts
+    motion = axis.motion
+    word = ENABLE if facts.enabled else 0
+    if axis.alarms.engine.error_word:
+        word |= ERROR
+    if axis.variables.online_start_values_changed:
+        word |= ONLINE_START_VALUES_CHANGED
+    if facts.quiet:
+        word |= DONE
+    elif axis.state is AxisState.RESTARTING:
+        word |= RESTART_ACTIVE
+    job = motion.job
+    if job is not None and job.busy:
+        cls = job.job_class
+        if cls is JobClass.POSITIONING:
+            word |= POSITIONING_COMMAND
+        elif cls is JobClass.VELOCITY:
+            word |= JOG_COMMAND if job.instruction == "MC_MoveJog" else VELOCITY_COMMAND
+    if facts.controlled and not axis.enabling.switching_off:
+        gen = motion.gen
+        acceleration = gen.a
+        if acceleration == 0.0:
+            word |= CONSTANT_VELOCITY
+        elif acceleration * gen.v > 0.0 or (gen.v == 0.0 and not gen.done):
+            word |= ACCELERATING
+        else:
+            word |= DECELERATING
+    elif axis.at_rest:
+        word |= CONSTANT_VELOCITY
+    elif facts.drive_ramp:
+        word |= DECELERATING
+    if axis.has_position:
+        if axis.homed:
+            word |= HOMING_DONE
+        if axis.monitoring.standstill:
+            word |= STANDSTILL
+        limits = axis.limits
+        if limits.software_min:
+            word |= SW_LIMIT_MIN
+        if limits.software_max:
+            word |= SW_LIMIT_MAX
+        if limits.negative.active:
+            word |= HW_LIMIT_MIN
+        if limits.positive.active:
+            word |= HW_LIMIT_MAX
+        if not motion.position_controlled:
+            word |= NON_POSITION_CONTROLLED
+    return word
+
+
+def status_word2(axis: TechnologyAxis) -> int:
+    """Return `StatusWord2`: bit 0 while `MC_Stop` holds the axis."""
+    job = axis.motion.job
+    return 1 if job is not None and job.job_class is JobClass.STOP else 0

@@ -1,0 +1,104 @@
+"""What an axis asks of its drive, whatever bus and profile carry it.
+
+The axis always speaks PROFIdrive control and status words, because the stopping behaviour is specified in their
+terms (STP-258 to STP-290); a port of another profile translates (STP-541 to STP-547).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from enum import IntEnum
+from typing import Final
+
+
+class STW1(IntEnum):
+    """Control word 1, bit masks (STP-258 to STP-267)."""
+
+    ON = 0x0001
+    NO_OFF2 = 0x0002
+    NO_OFF3 = 0x0004
+    ENABLE_OPERATION = 0x0008
+    RAMP_ENABLE = 0x0010
+    RAMP_RELEASE = 0x0020
+    SETPOINT_ENABLE = 0x0040
+    ACKNOWLEDGE = 0x0080
+    CONTROL_BY_PLC = 0x0400
+
+
+class ZSW1(IntEnum):
+    """Status word 1, bit masks (section 8.1 of the stopping specification)."""
+
+    READY_TO_SWITCH_ON = 0x0001
+    READY = 0x0002
+    OPERATION_ENABLED = 0x0004
+    FAULT = 0x0008
+    NO_OFF2 = 0x0010
+    NO_OFF3 = 0x0020
+    SWITCHING_ON_INHIBITED = 0x0040
+    WARNING = 0x0080
+    CONTROL_REQUESTED = 0x0200
+
+
+STW1_IDLE: Final = 0x047E
+"""Disabled object, no alarm: the drive rests ready to switch on (STP-287)."""
+STW1_OPERATE: Final = 0x047F
+"""Drive on, setpoints effective."""
+STW1_OFF3: Final = 0x047B
+"""OFF3 alone withdrawn (STP-315, STP-366)."""
+STW1_OFF3_OFF1: Final = 0x047A
+"""OFF3 and OFF1 withdrawn (STP-365)."""
+STW1_OFF2_OFF1: Final = 0x047C
+"""OFF2 and OFF1 withdrawn: coast (STP-336, STP-364)."""
+STW1_ALL_OFF: Final = 0x0478
+"""OFF1, OFF2 and OFF3 withdrawn (STP-319, STP-366)."""
+
+INPUT_NEGATIVE_LIMIT: Final = 0x1
+INPUT_POSITIVE_LIMIT: Final = 0x2
+INPUT_HOME: Final = 0x4
+
+
+class DrivePort(ABC):
+    """Cyclic coupling of one axis to one drive.
+
+    `read` refreshes the attributes from what the bus has brought; `write` sends the outputs of this cycle.
+    """
+
+    __slots__ = (
+        "absolute_encoder",
+        "actual_speed_rpm",
+        "actual_torque_nm",
+        "drive_fault_code",
+        "encoder_increments",
+        "encoder_restarts",
+        "inputs",
+        "link_ok",
+        "sensor_fault",
+        "zsw1",
+    )
+
+    def __init__(self) -> None:
+        self.zsw1 = 0
+        """Last status word 1; 0 while there is no link."""
+        self.link_ok = False
+        """Cyclic data arrive (says nothing of drive faults)."""
+        self.encoder_increments = 0
+        """Raw encoder count, signed 32 bit, wraps."""
+        self.encoder_restarts = 0
+        """Counts the times at which an incremental count lost its reference (power cycle of the drive)."""
+        self.absolute_encoder = False
+        self.sensor_fault = False
+        """The drive reports its encoder as faulty."""
+        self.actual_speed_rpm = 0.0
+        self.actual_torque_nm = 0.0
+        self.inputs = 0
+        """Digital inputs at the drive: bit 0 negative limit, 1 positive limit, 2 home switch; 1 = active."""
+        self.drive_fault_code = 0
+        """Fault code of the drive, 0 when none."""
+
+    @abstractmethod
+    def read(self) -> None:
+        """Take over the inputs that have arrived since the last cycle."""
+
+    @abstractmethod
+    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
+        """Send control word 1, speed setpoint (rpm at the motor) and additive torque (Nm)."""

@@ -1,0 +1,173 @@
+"""Edge and level semantics that all `MC_` instructions share (sections 1.3 and 1.4 of the instruction specification).
+
+An instance is called once per application cycle, like in a controller program. Its inputs are attributes with the
+names of the standard; a call may set them: `move(Execute=True, Position=100.0)`. Outputs are attributes too and
+change only in a call (MC-075).
+"""
+
+from __future__ import annotations
+
+from itertools import count
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from fieldbus.errors import ConfigurationError
+from motion.axis.jobs import ERROR_REFERENCE, NO_ERROR, Job, JobState
+
+if TYPE_CHECKING:
+    from motion.axis.axis import TechnologyAxis
+
+DEFAULT = -1.0
+"""Input value that selects the dynamic default of the technology object (MC-086 to MC-089)."""
+
+
+class Instruction:
+    """Base of all instances.
+
+    Args:
+        axis: Technology object at the input `Axis`.
+        name: Instance name in the history; default the instruction's name and a number.
+        **inputs: Start values of inputs.
+
+    Raises:
+        ConfigurationError: An input does not exist.
+
+    """
+
+    instruction: ClassVar[str] = ""
+    inputs: ClassVar[dict[str, Any]] = {}
+    """Names and defaults of the inputs."""
+    object_types: ClassVar[tuple[str, ...]] = ("SpeedAxis", "PositioningAxis")
+
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+        self.axis = axis
+        self.name = name or _default_name(self.instruction, axis)
+        self.Busy = False
+        self.Error = False
+        self.ErrorID = NO_ERROR
+        for key, value in self.inputs.items():
+            setattr(self, key, value)
+        self.set(**inputs)
+
+    def set(self, **inputs: Any) -> None:
+        """Assign inputs; they act at the next call."""
+        for key, value in inputs.items():
+            if key not in self.inputs:
+                allowed = ", ".join(self.inputs)
+                raise ConfigurationError(f"{self.instruction}.{key}", value, f"one of the inputs {allowed}")
+            setattr(self, key, value)
+
+    def __call__(self, **inputs: Any) -> None:
+        """Call the instance once."""
+        if inputs:
+            self.set(**inputs)
+        self._call()
+
+    def _call(self) -> None:
+        raise NotImplementedError
+
+    def _wrong_object(self) -> bool:
+        return self.axis.object_type not in self.object_types
+
+    # -- outputs as predicates, for `run_until` ---------------------------------------------------------------
+
+    def busy(self) -> bool:
+        """Return `Busy`."""
+        return self.Busy
+
+    def error(self) -> bool:
+        """Return `Error`."""
+        return self.Error
+
+
+def _default_name(instruction: str, axis: TechnologyAxis) -> str:
+    counters = axis.__dict__.setdefault("_instance_counters", {})
+    number = next(counters.setdefault(instruction, count(1)))
+    return f"{axis.name}.{instruction}_{number}"
+
+
+class ExecuteInstruction(Instruction):
+    """Started by a rising edge of `Execute`; ends in exactly one of Done, CommandAborted, Error (MC-052 to MC-070)."""
+
+    def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+        self.Execute = False
+        self.Done = False
+        self.CommandAborted = False
+        self._job: Job | None = None
+        self._last_execute = False
+        self._terminal = False
+        super().__init__(axis, name=name, **inputs)
+
+    def _start(self) -> Job | int:
+        """Return the accepted job, or the ErrorID of the rejection."""
+        raise NotImplementedError
+
+    def _call(self) -> None:
+        execute = self.Execute
+        rising = execute and not self._last_execute
+        falling = self._last_execute and not execute
+        self._last_execute = execute
+        if rising:
+            self._begin()
+            return
+        if falling:
+            self._released()
+        if self._terminal:
+            if not execute:
+                self._clear()
+        elif self._job is not None:
+            self._show(self._job)
+
+    def _begin(self) -> None:
+        self._clear()
+        outcome = ERROR_REFERENCE if self._wrong_object() else self._start()
+        if isinstance(outcome, Job):
+            self._job = outcome
+            self._show(outcome)
+            return
+        self.Error = True
+        self.ErrorID = outcome
+        self._terminal = True
+        self._log_rejection(outcome)
+
+    def _log_rejection(self, error_id: int) -> None:
+        history = self.axis.history
+        if history is not None:
+            history.emit(
+                self.axis.name, "job.error", job=self.name, instruction=self.instruction, error_id=error_id
+            )
+
+    def _clear(self) -> None:
+        self.Busy = self.Done = self.CommandAborted = self.Error = False
+        self.ErrorID = NO_ERROR
+        self._terminal = False
+        self._job = None
+
+    def _released(self) -> None:
+        """Hook: falling edge of `Execute`; it never cancels a job (MC-064)."""
+
+    def _show(self, job: Job) -> None:
+        state = job.state
+        if state <= JobState.ACTIVE:
+            self.Busy = True
+            return
+        self.Busy = False
+        self._terminal = True
+        if state is JobState.DONE:
+            self.Done = True
+        elif state is JobState.ABORTED:
+            self.CommandAborted = True
+        else:
+            self.Error = True
+            self.ErrorID = job.error_id
+
+    def done(self) -> bool:
+        """Return `Done`."""
+        return self.Done
+
+    def aborted(self) -> bool:
+        """Return `CommandAborted`."""
+        return self.CommandAborted
+
+    def ended(self) -> bool:
+        """Return whether the job has ended, one way or another."""
+        return self._terminal

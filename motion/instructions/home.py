@@ -1,0 +1,59 @@
+"""`MC_Home`, the modes that cause no motion (section 2.3 of the instruction specification)."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+from motion.axis.jobs import ERROR_ACTUAL_VALUE, ERROR_MODE, ERROR_POSITION, ERROR_STATE, Job, JobClass
+from motion.axis.state import AxisState
+from motion.instructions.base import ExecuteInstruction
+
+if TYPE_CHECKING:
+    from motion.axis.axis import PositioningAxis
+
+_DIRECT: Final = frozenset((0, 1, 6, 7, 11, 12, 13))
+_ERROR_INCREMENTAL: Final = 0x8010
+_ERROR_ABSOLUTE: Final = 0x8011
+
+
+class MC_Home(ExecuteInstruction):
+    """Relate the position of the axis to the machine without moving it.
+
+    Inputs: `Execute`; `Position`, axis unit; `Mode` 0 and 1 (direct absolute, relative), 6 and 7 (absolute encoder),
+    11 and 12 (position setpoint), 13 (incremental encoder). Active and passive homing are refused with 16#800A.
+    Outputs: `ReferenceMarkPosition` and the common ones.
+    """
+
+    instruction = "MC_Home"
+    object_types = ("PositioningAxis",)
+    inputs: ClassVar[dict[str, Any]] = {"Execute": False, "Position": 0.0, "Mode": 0}
+    Position: float
+    Mode: int
+    axis: PositioningAxis
+
+    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+        self.ReferenceMarkPosition = 0.0
+        super().__init__(axis, name=name, **inputs)
+
+    def _start(self) -> Job | int:
+        axis = self.axis
+        if axis.state is AxisState.RESTARTING:
+            return ERROR_STATE
+        if self.Mode not in _DIRECT:
+            return ERROR_MODE
+        if not isfinite(self.Position):
+            return ERROR_POSITION
+        if not axis.sensor_valid:
+            return ERROR_ACTUAL_VALUE
+        if self.Mode in (6, 7) and not axis.port.absolute_encoder:
+            return _ERROR_INCREMENTAL
+        if self.Mode == 13 and axis.port.absolute_encoder:
+            return _ERROR_ABSOLUTE
+        job = Job(JobClass.POSITIONING, instruction=self.instruction, name=self.name)
+        job.start(axis.name, axis.history)
+        job.activate()
+        axis.home(self.Mode, self.Position)
+        self.ReferenceMarkPosition = axis.feedback.position
+        job.finish()
+        return job

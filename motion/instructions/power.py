@@ -1,0 +1,62 @@
+"""`MC_Power` (section 2.1 of the instruction specification)."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from motion.axis.jobs import ERROR_ALARM, ERROR_MODE, ERROR_SECOND_INSTANCE, ERROR_STOP_MODE, NO_ERROR
+from motion.axis.state import AxisState
+from motion.instructions.base import Instruction
+
+_ALARMED = (AxisState.ALARM_DRIVE_STOP, AxisState.ALARM_DISABLED, AxisState.TRACKING)
+
+
+class MC_Power(Instruction):
+    """Enable and disable a technology object.
+
+    Inputs: `Enable`; `StartMode` 0 without, 1 with position control; `StopMode` 0 emergency stop, 1 quick stop,
+    2 maximum dynamic values, 3 coast. Outputs: `Status`, `Busy`, `Error`, `ErrorID`.
+    """
+
+    instruction = "MC_Power"
+    inputs: ClassVar[dict[str, Any]] = {"Enable": False, "StartMode": 1, "StopMode": 0}
+    Enable: bool
+    StartMode: int
+    StopMode: int
+
+    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+        self.Status = False
+        super().__init__(axis, name=name, **inputs)
+
+    def _call(self) -> None:
+        axis = self.axis
+        if axis.power_owner is not self:
+            if axis.power_owner is not None:
+                self._fail(ERROR_SECOND_INSTANCE)
+                return
+            axis.power_owner = self
+        enabling = axis.enabling
+        if self.StopMode not in (0, 1, 2, 3):
+            self._fail(ERROR_STOP_MODE)
+            return
+        if self.StartMode not in (0, 1) and axis.has_position:
+            self._fail(ERROR_MODE)
+            return
+        enabling.call(enable=bool(self.Enable), start_mode=self.StartMode, stop_mode=self.StopMode)
+        self.Status = axis.facts.enabled
+        self.Busy = enabling.busy
+        alarmed = axis.alarms.blocking and enabling.enable and axis.state in _ALARMED
+        self.Error = alarmed
+        self.ErrorID = ERROR_ALARM if alarmed else NO_ERROR
+
+    def _fail(self, error_id: int) -> None:
+        self.Error = True
+        self.ErrorID = error_id
+
+    def status(self) -> bool:
+        """Return `Status`."""
+        return self.Status
+
+    def off(self) -> bool:
+        """Return whether the disabling is complete: `Status` and `Busy` FALSE (MC-152)."""
+        return not self.Status and not self.Busy

@@ -1,0 +1,78 @@
+"""`MC_Reset` (section 2.2 of the instruction specification)."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from motion.axis.jobs import ERROR_RESTART_ENABLED, ERROR_STATE, NO_ERROR
+from motion.axis.reset import Reset
+from motion.axis.state import AxisState
+from motion.instructions.base import Instruction
+
+ALARM_RESTART_REFUSED = 322
+
+
+class MC_Reset(Instruction):
+    """Acknowledge alarms, or restart the technology object with `Restart`.
+
+    Inputs: `Execute`, `Restart`. Outputs: `Done`, `Busy`, `CommandAborted` (never TRUE), `Error`, `ErrorID`.
+    """
+
+    instruction = "MC_Reset"
+    inputs: ClassVar[dict[str, Any]] = {"Execute": False, "Restart": False}
+    Execute: bool
+    Restart: bool
+
+    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+        self.Done = False
+        self.CommandAborted = False
+        self._last_execute = False
+        self._reset: Reset | None = None
+        super().__init__(axis, name=name, **inputs)
+
+    def _call(self) -> None:
+        rising = self.Execute and not self._last_execute
+        self._last_execute = bool(self.Execute)
+        if rising:
+            self._begin()
+        elif self._reset is not None:
+            if self._reset.done:
+                self._reset = None
+                self.Busy = False
+                self.Done = True
+                self._log("job.done")
+        elif not self.Execute:
+            self.Done = self.Error = False
+            self.ErrorID = NO_ERROR
+
+    def _begin(self) -> None:
+        axis = self.axis
+        self.Done = self.Error = False
+        self.ErrorID = NO_ERROR
+        if axis.state is AxisState.RESTARTING:
+            self._fail(ERROR_STATE)
+            return
+        if self.Restart and (axis.facts.enabled or axis.enabling.busy):
+            axis.alarms.raise_alarm(ALARM_RESTART_REFUSED)
+            self._fail(ERROR_RESTART_ENABLED)
+            return
+        self._reset = Reset(axis, restart=bool(self.Restart))
+        axis.start_reset(self._reset)
+        self.Busy = True
+        self._log("job.started")
+
+    def _fail(self, error_id: int) -> None:
+        self.Busy = False
+        self.Error = True
+        self.ErrorID = error_id
+        self._log("job.error")
+
+    def _log(self, kind: str) -> None:
+        if self.axis.history is not None:
+            self.axis.history.emit(
+                self.axis.name, kind, job=self.name, instruction=self.instruction, error_id=self.ErrorID
+            )
+
+    def done(self) -> bool:
+        """Return `Done`."""
+        return self.Done
