@@ -57,6 +57,7 @@ class Runtime:
         self.after_cycle: list[Callable[[], object]] = []
         """Called at the end of every application cycle (recorder, triggers)."""
         self.cycles = 0
+        self._dormant: list[Instruction] = []
         self._timer: Timer | None = None
 
     def add(self, axis: TechnologyAxis) -> None:
@@ -64,8 +65,17 @@ class Runtime:
         self.axes.append(axis)
 
     def call(self, instance: Callable[[], object]) -> None:
-        """Call `instance` once per cycle from the next cycle on."""
-        self.program.append(instance)
+        """Call `instance` once per cycle from the next cycle on.
+
+        Instances whose job has ended and whose outputs are only held are laid aside until their `Execute` falls.
+        """
+        active: list[Callable[[], object]] = []
+        for one in self.program:
+            if isinstance(one, Instruction) and one.dormant:
+                self._dormant.append(one)
+            else:
+                active.append(one)
+        self.program = [*active, instance]
 
     def start(self) -> None:
         """Begin to cycle."""
@@ -83,6 +93,10 @@ class Runtime:
         self.cycles += 1
         for axis in self.axes:
             axis.cycle()
+        for one in self._dormant:
+            if not one.Execute:
+                self._dormant = [other for other in self._dormant if other is not one]
+                self.program = [*self.program, one]
         for instance in self.program:
             instance()
         for callback in self.after_cycle:

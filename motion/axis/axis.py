@@ -215,7 +215,9 @@ class TechnologyAxis:
                 output = 0.0
         else:
             output = 0.0
-            gen.set_state(feedback.position, self.actual_velocity)
+            if not self.facts.controlled:
+                gen.set_state(feedback.position, 0.0)  # follow-up: position tracks, speed setpoint zero (CTL-003)
+            # Otherwise the drive is being switched off: the setpoint stays where its ramp has ended (STP-306).
             if has_position:
                 self.controller.follow(feedback.position)
                 self.monitoring.step(controlled=False)

@@ -56,9 +56,9 @@ class AxisAlarms:
         """Raise alarm `number`; `reaction` for those whose reaction depends on the configuration."""
         self.engine.raise_alarm(number, reaction=reaction, info=info, text=text)
 
-    def set_cause(self, number: int, active: bool, *, text: str = "") -> None:
+    def set_cause(self, number: int, active: bool, *, reaction: int | None = None, text: str = "") -> None:
         """Say whether the cause of alarm `number` is present; while it is, acknowledging does not help."""
-        self.engine.set_cause(number, active, text=text)
+        self.engine.set_cause(number, active, reaction=reaction, text=text)
 
     def warn(self, number: int) -> None:
         """Raise a warning once until it is acknowledged; cheap to call every cycle."""

@@ -16,7 +16,7 @@ from struct import Struct
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.cia402 import DriveState, decode_state
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, HilError
 from fieldbus.history import History
 from motion.drives.port import STW1, ZSW1, DrivePort
 
@@ -87,6 +87,13 @@ class Cia402PortConfig:
             raise ConfigurationError("cycle", f"{self.cycle_ns} ns", "a whole number of milliseconds")
 
 
+class CommissioningError(HilError):
+    """A drive refuses a parameter that the cyclic operation needs."""
+
+    def __init__(self, drive: str, index: int, sub: int, value: int, reason: str) -> None:
+        super().__init__(f"{drive} refuses {index:04X}h:{sub} = {value} ({value & 0xFFFFFFFF:X}h): {reason}")
+
+
 class Cia402Port(DrivePort):
     """See the module.
 
@@ -102,6 +109,7 @@ class Cia402Port(DrivePort):
         "_ack",
         "_config",
         "_fault_code",
+        "_heartbeat_ok",
         "_history",
         "_link_age",
         "_master",
@@ -137,6 +145,7 @@ class Cia402Port(DrivePort):
         self._stw1 = 0
         self._fault_code = 0
         self._seen_tpdo1 = False
+        self._heartbeat_ok = True
         self._link_age = config.grace_cycles
         self._state_of_word: dict[int, DriveState] = {}
         master.subscribe(0x180 + node, self._on_tpdo1)
@@ -214,10 +223,15 @@ class Cia402Port(DrivePort):
 
         Must be called from outside of callbacks: the SDO client waits.
         """
-        for index, sub, value in self.parameters():
-            variable = sdo[index] if sub == 0 and not hasattr(sdo[index], "subindices") else sdo[index][sub]
-            variable.raw = value
-        sdo[0x1010][1].raw = _SAVE
+        from canopen.sdo.exceptions import SdoError
+
+        for index, sub, value in [*self.parameters(), (0x1010, 1, _SAVE)]:
+            entry = sdo[index]
+            target = entry if hasattr(type(entry), "raw") else entry[sub]
+            try:
+                target.raw = value
+            except SdoError as error:
+                raise CommissioningError(self.name, index, sub, value, str(error)) from None
         self._master.nmt(0x01, self.node_id)
 
     def _on_bootup(self) -> None:
@@ -248,11 +262,12 @@ class Cia402Port(DrivePort):
             self._fault_code = code
 
     def _on_heartbeat_lost(self) -> None:
-        self._link_age = self._config.grace_cycles
+        self._heartbeat_ok = False
         if self._history is not None:
             self._history.emit(self.name, "link.heartbeat_lost")
 
     def _on_nmt_state(self, state: int) -> None:
+        self._heartbeat_ok = True
         if self._history is not None:
             self._history.emit(self.name, "link.nmt_state", state=int(state))
 
@@ -265,7 +280,7 @@ class Cia402Port(DrivePort):
             self._link_age = 0
         elif self._link_age < self._config.grace_cycles:
             self._link_age += 1
-        alive = self._link_age < self._config.grace_cycles
+        alive = self._link_age < self._config.grace_cycles and self._heartbeat_ok
         if alive is not self.link_ok:
             self.link_ok = alive
             if self._history is not None:

@@ -37,6 +37,8 @@ class Instruction:
     inputs: ClassVar[dict[str, Any]] = {}
     """Names and defaults of the inputs."""
     object_types: ClassVar[tuple[str, ...]] = ("SpeedAxis", "PositioningAxis")
+    Execute: bool = False
+    """Edge input of those that have one."""
 
     def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
         self.axis = axis
@@ -55,6 +57,11 @@ class Instruction:
                 allowed = ", ".join(self.inputs)
                 raise ConfigurationError(f"{self.instruction}.{key}", value, f"one of the inputs {allowed}")
             setattr(self, key, value)
+
+    @property
+    def dormant(self) -> bool:
+        """Whether calls change nothing until `Execute` falls, so that a runtime need not call the instance."""
+        return False
 
     def __call__(self, **inputs: Any) -> None:
         """Call the instance once."""
@@ -159,6 +166,11 @@ class ExecuteInstruction(Instruction):
         else:
             self.Error = True
             self.ErrorID = job.error_id
+
+    @property
+    def dormant(self) -> bool:
+        """See `Instruction.dormant`: the outputs of an ended job are held while Execute is TRUE."""
+        return self._terminal and bool(self.Execute) and self._last_execute
 
     def done(self) -> bool:
         """Return `Done`."""

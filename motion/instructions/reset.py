@@ -73,6 +73,11 @@ class MC_Reset(Instruction):
                 self.axis.name, kind, job=self.name, instruction=self.instruction, error_id=self.ErrorID
             )
 
+    @property
+    def dormant(self) -> bool:
+        """See `Instruction.dormant`."""
+        return (self.Done or self.Error) and self.Execute and self._last_execute
+
     def done(self) -> bool:
         """Return `Done`."""
         return self.Done

@@ -1,0 +1,88 @@
+"""What the shipped campaigns share: bringing the axis into a phase of motion, and the tolerances of the bench."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from hil.campaign import CaseContext
+from hil.record import EventSelector, event
+
+VELOCITY: Final = 300.0
+"""Velocity at which every stop of the specification's numbers begins, mm/s."""
+MAXIMUM_VELOCITY: Final = 500.0
+"""Velocity of the axis at the drive's maximum speed (p1082), mm/s."""
+ACCELERATION: Final = 1000.0
+JERK: Final = 10_000.0
+
+PHASES: Final = ("constant", "accelerating", "decelerating", "standstill")
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far a measurement may lie from the number of the specification on this bench."""
+
+    time_s: float
+    distance_mm: float
+
+
+def tolerance(ctx: CaseContext) -> Tolerance:
+    """Return the tolerance that the bench file states, applied to this bench's cycle (section 0.3)."""
+    section = ctx.bench.config.tolerance
+    time_s = section.cycles * ctx.bench.cycle_ns * 1e-9 + section.time_s
+    return Tolerance(time_s, VELOCITY * time_s + section.distance_mm)
+
+
+def axis_name(ctx: CaseContext) -> str:
+    """Return the name of the axis under test."""
+    return str(ctx.bench.axis_names[0])
+
+
+def drive_name(ctx: CaseContext) -> str:
+    """Return the name of the drive under test."""
+    return str(ctx.bench.drive_of())
+
+
+def state_change(ctx: CaseContext, state: str) -> EventSelector:
+    """Select the instant at which the axis enters `state`."""
+    return event("axis.state", axis_name(ctx), to=state)
+
+
+def enable(ctx: CaseContext) -> Any:
+    """Enable the axis and wait for it; returns the `MC_Power` instance."""
+    ctx.do("MC_Power Enable = TRUE, StartMode 1")
+    power = ctx.axis.power()
+    ctx.wait_until(power.status, 5.0, "the axis is enabled")
+    return power
+
+
+def bring_into(ctx: CaseContext, phase: str, *, direction: int = 1) -> Any:
+    """Bring the enabled axis into a phase of motion at 300 mm/s; returns the running job, None at standstill."""
+    axis = ctx.axis
+    if phase == "standstill":
+        ctx.run_for(0.1)
+        return None
+    dynamics = {"Acceleration": ACCELERATION, "Deceleration": ACCELERATION, "Jerk": JERK}
+    if phase == "constant":
+        ctx.do(f"MC_MoveVelocity {VELOCITY * direction:g} mm/s")
+        job = axis.move_velocity(VELOCITY * direction, **dynamics)
+        ctx.wait_until(job.in_velocity, 5.0, "constant travel is reached")
+        ctx.run_for(0.1)
+        return job
+    ctx.do(f"MC_MoveVelocity {450 * direction:g} mm/s")
+    job = axis.move_velocity(450.0 * direction, **dynamics)
+    if phase == "accelerating":
+        ctx.wait_until(lambda: axis.motion.gen.v * direction >= VELOCITY, 5.0, "300 mm/s are passed while accelerating")
+        return job
+    ctx.wait_until(job.in_velocity, 5.0, "450 mm/s are reached")
+    ctx.do("MC_MoveVelocity 0 mm/s: the axis brakes")
+    job = axis.move_velocity(0.0, **dynamics)
+    ctx.wait_until(lambda: axis.motion.gen.v * direction <= VELOCITY, 5.0, "300 mm/s are passed while braking")
+    return job
+
+
+def acknowledge(ctx: CaseContext) -> None:
+    """Acknowledge the alarms and wait for it."""
+    ctx.do("MC_Reset")
+    reset = ctx.axis.reset()
+    ctx.wait_until(reset.done, 5.0, "the alarms are acknowledged")
