@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from hil.bench.remote import RemoteDrives
 
 _MASTER_NODE: Final = 127
+_SAMPLE_PRIORITY: Final = 100
 _BOOT_TIMEOUT_NS: Final = 5 * S
 _LINK_TIMEOUT_NS: Final = 5 * S
 
@@ -116,7 +117,8 @@ class Bench:
                 group = self.recorder.add_group(
                     name, drive.trace_columns, drive.trace_row, enums=getattr(drive, "trace_enums", None)
                 )
-                drive.slave.on_sync.append(lambda _time, sample=group.sample: sample())
+                # The machine is recorded whatever the drive's state on the bus; after the events of the instant.
+                self.scheduler.every(self.cycle_ns, group.sample, priority=_SAMPLE_PRIORITY)
         elif any(section.device == "emulated" for section in config.drive.values()):
             from hil.bench.remote import RemoteDrives
 

@@ -95,7 +95,7 @@ class DriveHost:
             group = self.recorder.add_group(
                 name, drive.trace_columns, drive.trace_row, enums=getattr(drive, "trace_enums", None)
             )
-            drive.slave.on_sync.append(lambda _time, sample=group.sample: sample())
+            self.scheduler.every(config.bench.cycle_ms * MS, group.sample)
             self.drives[name] = drive
             self._groups[name] = group
         for drive in self.drives.values():

@@ -31,6 +31,9 @@ _TPDO3: Final = Struct("<HB")
 MODE_CSV: Final = 9
 _VELOCITY_UNIT_MILLI_RPM: Final = 0xFDB44700
 _SAVE: Final = 0x65766173
+_NMT_START: Final = 0x01
+_OPERATIONAL: Final = 0x05
+_PRE_OPERATIONAL: Final = 0x7F
 
 GRACE_CYCLES: Final = 3
 """Cycles without an actual value after which the link counts as lost."""
@@ -116,6 +119,7 @@ class Cia402Port(DrivePort):
         "_off1",
         "_rpdo1_id",
         "_seen_tpdo1",
+        "_starting",
         "_state_of_word",
         "_statusword",
         "_stw1",
@@ -146,6 +150,7 @@ class Cia402Port(DrivePort):
         self._fault_code = 0
         self._seen_tpdo1 = False
         self._heartbeat_ok = True
+        self._starting = False
         self._link_age = config.grace_cycles
         self._state_of_word: dict[int, DriveState] = {}
         master.subscribe(0x180 + node, self._on_tpdo1)
@@ -232,13 +237,15 @@ class Cia402Port(DrivePort):
                 target.raw = value
             except SdoError as error:
                 raise CommissioningError(self.name, index, sub, value, str(error)) from None
-        self._master.nmt(0x01, self.node_id)
+        self._starting = True
+        self._master.nmt(_NMT_START, self.node_id)
 
     def _on_bootup(self) -> None:
         if not self.absolute_encoder:
             self.encoder_restarts += 1
         self._fault_code = 0
-        self._master.nmt(0x01, self.node_id)
+        self._starting = True
+        self._master.nmt(_NMT_START, self.node_id)
 
     # -- bus events -------------------------------------------------------------------------------------------
 
@@ -268,6 +275,10 @@ class Cia402Port(DrivePort):
 
     def _on_nmt_state(self, state: int) -> None:
         self._heartbeat_ok = True
+        if state == _OPERATIONAL:
+            self._starting = False
+        elif self._starting and state == _PRE_OPERATIONAL:
+            self._master.nmt(_NMT_START, self.node_id)  # the first command was lost
         if self._history is not None:
             self._history.emit(self.name, "link.nmt_state", state=int(state))
 

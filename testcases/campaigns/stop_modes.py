@@ -9,7 +9,16 @@ from __future__ import annotations
 from typing import Any, Final
 
 from hil.campaign import Campaign, CaseContext
-from hil.expect import golden, job_output, no_motion_after, ramp, standstill, state_at, stw1_sequence, value_at
+from hil.expect import (
+    golden,
+    job_output,
+    no_motion_after,
+    ramp,
+    standstill,
+    state_at,
+    stw1_sequence,
+    value_at,
+)
 from hil.record import EventSelector, event
 from testcases.campaigns.support import (
     ACCELERATION,
@@ -28,21 +37,62 @@ CAMPAIGN: Final = Campaign("stop modes", tags=("stop",), bench="reference")
 ALARM_OF_REACTION: Final = {1: 533, 2: 104, 3: 304, 4: 521}
 
 STOPS: Final[dict[str, dict[str, Any]]] = {
-    "power-0": {"state": "DISABLING_RAMP", "end": "DISABLED", "ramp": "emergency", "ids": ("STP-239", "STP-301")},
+    "power-0": {
+        "state": "DISABLING_RAMP",
+        "end": "DISABLED",
+        "ramp": "emergency",
+        "ids": ("STP-239", "STP-301"),
+    },
     "power-1": {"state": "DISABLING_QUICK", "end": "DISABLED", "ramp": "off3", "ids": ("STP-240", "STP-311")},
-    "power-2": {"state": "DISABLING_RAMP", "end": "DISABLED", "ramp": "maximum", "ids": ("STP-241", "STP-324")},
-    "power-3": {"state": "DISABLING_COAST", "end": "DISABLED", "ramp": "coast", "ids": ("STP-242", "STP-331")},
+    "power-2": {
+        "state": "DISABLING_RAMP",
+        "end": "DISABLED",
+        "ramp": "maximum",
+        "ids": ("STP-241", "STP-324"),
+    },
+    "power-3": {
+        "state": "DISABLING_COAST",
+        "end": "DISABLED",
+        "ramp": "coast",
+        "ids": ("STP-242", "STP-331"),
+    },
     "stop-0": {"state": "STOPPING", "end": "STOP_HOLD", "ramp": "emergency", "ids": ("STP-248", "STP-416")},
     "stop-2": {"state": "STOPPING", "end": "STOP_HOLD", "ramp": "maximum", "ids": ("STP-249", "STP-418")},
     "stop-3": {"state": "STOPPING", "end": "STOP_HOLD", "ramp": "current", "ids": ("STP-250", "STP-419")},
-    "reaction-1": {"state": "ALARM_RAMP", "end": "ALARM_STANDSTILL", "ramp": "current", "ids": ("STP-243", "STP-590")},
-    "reaction-2": {"state": "ALARM_RAMP", "end": "ALARM_DISABLED", "ramp": "maximum", "ids": ("STP-244", "STP-592")},
-    "reaction-3": {"state": "ALARM_RAMP", "end": "ALARM_DISABLED", "ramp": "emergency", "ids": ("STP-245", "STP-593")},
-    "reaction-4": {"state": "ALARM_DRIVE_STOP", "end": "ALARM_DISABLED", "ramp": "off3", "ids": ("STP-246", "STP-348")},
+    "reaction-1": {
+        "state": "ALARM_RAMP",
+        "end": "ALARM_STANDSTILL",
+        "ramp": "current",
+        "ids": ("STP-243", "STP-590"),
+    },
+    "reaction-2": {
+        "state": "ALARM_RAMP",
+        "end": "ALARM_DISABLED",
+        "ramp": "maximum",
+        "ids": ("STP-244", "STP-592"),
+    },
+    "reaction-3": {
+        "state": "ALARM_RAMP",
+        "end": "ALARM_DISABLED",
+        "ramp": "emergency",
+        "ids": ("STP-245", "STP-593"),
+    },
+    "reaction-4": {
+        "state": "ALARM_DRIVE_STOP",
+        "end": "ALARM_DISABLED",
+        "ramp": "off3",
+        "ids": ("STP-246", "STP-348"),
+    },
     "halt": {"state": "HALTING", "end": "STANDSTILL", "ramp": "current", "ids": ("STP-247", "STP-402")},
 }
 
-GOLDEN: Final = {"emergency": "STP-008", "maximum": "STP-009", "off3": "STP-010", "current": "STP-012", "coast": "STP-014"}
+GOLDEN: Final = {
+    "emergency": "STP-008",
+    "maximum": "STP-009",
+    "off3": "STP-010",
+    "current": "STP-012",
+    "coast": "STP-014",
+}
 
 CONTROL_WORDS: Final = {
     "power-0": (0x047F, 0x047E),
@@ -124,7 +174,11 @@ def stop_case(ctx: CaseContext, stop: str, phase: str) -> None:
         return
     if coast:
         # The mechanics alone decide; what can be said is that nobody brakes: the drive has no torque from now on.
-        ctx.expect(ramp(since, axis=axis, velocity=f"{drive}.motor_speed", position=f"{drive}.position", threshold=1.0))
+        ctx.expect(
+            ramp(
+                since, axis=axis, velocity=f"{drive}.motor_speed", position=f"{drive}.position", threshold=1.0
+            )
+        )
         return
     by_drive = facts["ramp"] == "off3"
     if by_drive:

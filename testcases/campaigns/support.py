@@ -72,12 +72,16 @@ def bring_into(ctx: CaseContext, phase: str, *, direction: int = 1) -> Any:
     ctx.do(f"MC_MoveVelocity {450 * direction:g} mm/s")
     job = axis.move_velocity(450.0 * direction, **dynamics)
     if phase == "accelerating":
-        ctx.wait_until(lambda: axis.motion.gen.v * direction >= VELOCITY, 5.0, "300 mm/s are passed while accelerating")
+        ctx.wait_until(
+            lambda: axis.motion.gen.v * direction >= VELOCITY, 5.0, "300 mm/s are passed while accelerating"
+        )
         return job
     ctx.wait_until(job.in_velocity, 5.0, "450 mm/s are reached")
     ctx.do("MC_MoveVelocity 0 mm/s: the axis brakes")
     job = axis.move_velocity(0.0, **dynamics)
-    ctx.wait_until(lambda: axis.motion.gen.v * direction <= VELOCITY, 5.0, "300 mm/s are passed while braking")
+    ctx.wait_until(
+        lambda: axis.motion.gen.v * direction <= VELOCITY, 5.0, "300 mm/s are passed while braking"
+    )
     return job
 
 
