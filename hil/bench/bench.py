@@ -96,8 +96,8 @@ class Bench:
 
                 segment = LiveSegment.open(
                     self.scheduler,
-                    interface=section.interface,
-                    channel=section.channel,
+                    interface=section.interface or "",
+                    channel=section.channel or "",
                     name=name,
                     history=self.history,
                 )
@@ -123,8 +123,8 @@ class Bench:
             from hil.bench.remote import RemoteDrives
 
             self._remote = RemoteDrives(self, config)
-            for name, section in config.drive.items():
-                if section.device == "emulated":
+            for name, drive_section in config.drive.items():
+                if drive_section.device == "emulated":
                     self._drives[name] = self._remote.proxy(name)
         for name, axis_section in config.axis.items():
             self._build_axis(name, axis_section)
@@ -144,6 +144,7 @@ class Bench:
                 absolute_encoder=drive.encoder == "absolute",
                 heartbeat_ms=drive.heartbeat_ms,
                 consumer_heartbeat_ms=drive.consumer_heartbeat_ms,
+                grace_cycles=self.config.bench.grace_cycles,
             ),
             name=section.drive,
             history=self.history,
@@ -217,13 +218,13 @@ class Bench:
 
     def _wait_for_drive(self, name: str, node: Any) -> None:
         """Ask for the device type until the drive answers."""
-        import canopen
+        from canopen.sdo.exceptions import SdoError
 
         deadline = self.scheduler.now + _BOOT_TIMEOUT_NS
         while True:
             try:
                 node.sdo[0x1000].raw  # noqa: B018 - the read is the question
-            except canopen.SdoError as error:
+            except SdoError as error:
                 if self.scheduler.now >= deadline:
                     raise BenchNotReadyError(
                         f"{name} (node {node.id}) does not answer on the bus within {_BOOT_TIMEOUT_NS // S} s: {error}"

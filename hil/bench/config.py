@@ -38,6 +38,9 @@ class BenchSection(_Model):
     servo_period_us: Annotated[int, Field(ge=50, le=5000)] = 250
     """Control cycle of the emulated drives, microseconds; a divisor of the bus cycle."""
 
+    grace_cycles: Annotated[int, Field(ge=1, le=1000)] = 3
+    """Cycles without actual values after which an axis reports its drive as lost (alarm 431)."""
+
     @model_validator(mode="after")
     def _divides(self) -> BenchSection:
         if self.cycle_ms * 1000 % self.servo_period_us:
@@ -51,9 +54,9 @@ class ToleranceSection(_Model):
     cycles: NotNegative = 2.0
     """Cycles on times; distances get the travel of that time."""
     time_s: NotNegative = 0.0
-    """Seconds on top (scheduling noise of a live bench)."""
+    """Seconds on top of times (scheduling noise of a live bench)."""
     distance_mm: NotNegative = 0.0
-    """Millimetres on top."""
+    """Millimetres on top of distances."""
 
 
 class SegmentSection(_Model):
@@ -110,6 +113,8 @@ class DriveSection(_Model):
     off3_ramp_s: Positive = 0.5
     """Ramp-down time from maximum speed on OFF3 (p1135), s."""
     rated_torque_nm: Positive = 2.0
+    velocity_time_constant_ms: Positive = 2.0
+    """Time constant of the emulated drive's closed speed loop, ms; at least three servo periods."""
     sync_loss: Literal["fault", "warning", "none"] = "fault"
     """What the emulated drive does when SYNC stays away."""
     missing_setpoints: Annotated[int, Field(ge=0, le=1000)] = 2
@@ -152,6 +157,11 @@ class BenchConfig(_Model):
                     f"drive.{name}.node_id: {drive.node_id} is already taken by drive.{nodes[key]}"
                 )
             nodes[key] = name
+            if drive.velocity_time_constant_ms * 1000.0 < 3 * self.bench.servo_period_us:
+                raise ValueError(
+                    f"drive.{name}.velocity_time_constant_ms: {drive.velocity_time_constant_ms:g} is less than three servo "
+                    f"periods ({3 * self.bench.servo_period_us / 1000:g} ms)"
+                )
         used: dict[str, str] = {}
         for name, axis in self.axis.items():
             if axis.drive not in self.drive:
@@ -204,7 +214,7 @@ def _known_keys(location: tuple[int | str, ...]) -> list[str]:
         if field is None:
             continue
         annotation = field.annotation
-        arguments = getattr(annotation, "__args__", ())
+        arguments: tuple[Any, ...] = getattr(annotation, "__args__", ())
         model = arguments[1] if getattr(annotation, "__origin__", None) is dict else annotation
     return list(getattr(model, "model_fields", {}))
 

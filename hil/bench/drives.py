@@ -38,6 +38,7 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
         LinearAxisConfig,
         SwitchConfig,
     )
+    from emulators.drive.tuning import ServoTuning
 
     section = config.drive[name]
     mechanics, travel = section.mechanics, section.switches
@@ -58,7 +59,11 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
     return DriveConfig(
         node_id=section.node_id,
         servo_period_ns=config.bench.servo_period_us * US,
-        control_period_ns=1 * MS,
+        control_period_ns=max(1 * MS, config.bench.servo_period_us * US),
+        tuning=ServoTuning(
+            velocity_time_constant_s=section.velocity_time_constant_ms / 1000.0,
+            velocity_integral_time_s=section.velocity_time_constant_ms / 100.0,
+        ),
         mechanics=LinearAxisConfig(
             lead_screw_m=mechanics.lead_screw_mm / 1000.0,
             gear_ratio=mechanics.gear_numerator / mechanics.gear_denominator,

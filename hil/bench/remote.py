@@ -8,17 +8,20 @@ drive meet on the bus only.
 
 from __future__ import annotations
 
+import atexit
 import base64
 import json
 import os
+import queue
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldbus.clock import RealtimeScheduler, S
+from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler
 from fieldbus.errors import HilError
 from fieldbus.history import Event, History
 from hil.bench.config import BenchConfig
@@ -68,7 +71,6 @@ class DriveHost:
         seed: int = 0,
     ) -> None:
         from fieldbus.can.live import LiveSegment
-
         from hil.bench.bench import named_rng
         from hil.bench.drives import build_drive
 
@@ -78,6 +80,7 @@ class DriveHost:
         self.segments: dict[str, Any] = {}
         self.drives: dict[str, Any] = {}
         self._groups: dict[str, Any] = {}
+        self.released = False
         for name, section in config.segment.items():
             self.segments[name] = LiveSegment.open(
                 self.scheduler,
@@ -135,6 +138,10 @@ class DriveHost:
         """Run the drives until `predicate` is true or `timeout_s` has passed."""
         return self.scheduler.run_until(predicate, round(timeout_s * S))
 
+    def release(self) -> None:
+        """Let `run_until` return."""
+        self.released = True
+
     def close(self) -> None:
         """Leave the buses."""
         for drive in self.drives.values():
@@ -158,27 +165,14 @@ class RemoteDrive:
         return lambda *args, **kwargs: self._remote.call(method, self.name, args, kwargs)
 
 
-class RemoteDrives:
-    """The drive process, seen from the bench.
+class DriveProcess:
+    """One process that holds emulated drives; it serves one bench after the other, because starting it takes seconds."""
 
-    Args:
-        bench: The live bench that it belongs to.
-        config: Its bench file.
-
-    Raises:
-        BlockedError: The process did not come up.
-
-    """
-
-    def __init__(self, bench: Bench, config: BenchConfig) -> None:
-        self._bench = bench
-        self._replies: dict[int, dict[str, Any]] = {}
+    def __init__(self) -> None:
+        self.gone = False
+        self.replies: dict[int, dict[str, Any]] = {}
+        self._post: Callable[[Callable[[], object]], None] | None = None
         self._number = 0
-        self._gone = False
-        self.groups: dict[str, TraceGroup] = {}
-        self.events: list[Event] = []
-        scheduler = bench.scheduler
-        assert isinstance(scheduler, RealtimeScheduler)
         self._process = subprocess.Popen(
             [sys.executable, "-m", "hil.bench.remote"],
             stdin=subprocess.PIPE,
@@ -189,83 +183,39 @@ class RemoteDrives:
         )
         self._reader = threading.Thread(target=self._read, name="drive process", daemon=True)
         self._reader.start()
-        self._send(
-            {
-                "config": config.model_dump(mode="json"),
-                "origin_ns": scheduler.origin_ns,
-                "seed": bench.seed,
-                "id": 0,
-            }
-        )
-        if not scheduler.run_until(lambda: self._gone or 0 in self._replies, _READY_TIMEOUT_NS):
-            self.close()
-            raise BlockedError("the process of the emulated drives did not come up in time")
-        first = self._replies.pop(0, {})
-        if "error" in first or not first:
-            self.close()
-            raise BlockedError(f"the process of the emulated drives failed: {first.get('error', 'it ended')}")
 
-    def _send(self, message: Mapping[str, Any]) -> None:
+    def serve(self, scheduler: Scheduler | None) -> None:
+        """Hand replies over to `scheduler` from now on; None: to nobody."""
+        self.replies.clear()
+        self._post = None if scheduler is None else scheduler.post
+
+    def send(self, call: str, **message: Any) -> int:
+        """Send a command; returns the number of its reply."""
+        self._number += 1
         assert self._process.stdin is not None
         try:
-            self._process.stdin.write(json.dumps(message) + "\n")
+            self._process.stdin.write(json.dumps({"id": self._number, "call": call, **message}) + "\n")
             self._process.stdin.flush()
         except (BrokenPipeError, ValueError):
-            self._gone = True
+            self.gone = True
+        return self._number
 
     def _read(self) -> None:
         assert self._process.stdout is not None
-        post = self._bench.scheduler.post
         for line in self._process.stdout:
             try:
                 reply = json.loads(line)
             except json.JSONDecodeError:
                 continue
-            post(lambda reply=reply: self._replies.__setitem__(int(reply["id"]), reply))
-        post(lambda: setattr(self, "_gone", True))
+            post = self._post
+            if post is not None:
+                post(partial(self.replies.__setitem__, int(reply["id"]), reply))
+        self.gone = True
+        post = self._post
+        if post is not None:
+            post(_nothing)  # wakes whoever waits for a reply
 
-    def call(
-        self, method: str, drive: str | None, args: Any = (), kwargs: Mapping[str, Any] | None = None
-    ) -> Any:
-        """Send a command. Inside of a callback it is only sent; outside the reply is waited for and returned."""
-        self._number += 1
-        number = self._number
-        self._send(
-            {"id": number, "call": method, "drive": drive, "args": list(args), "kwargs": dict(kwargs or {})}
-        )
-        scheduler = self._bench.scheduler
-        if scheduler.running:
-            return None
-        if not scheduler.run_until(lambda: self._gone or number in self._replies, _REPLY_TIMEOUT_NS):
-            raise RemoteError(f"the drive process does not answer to {method}")
-        reply = self._replies.pop(number, None)
-        if reply is None:
-            raise RemoteError(f"the drive process ended during {method}")
-        if "error" in reply:
-            raise RemoteError(f"{drive}.{method}: {reply['error']}")
-        return reply.get("result")
-
-    def proxy(self, name: str) -> RemoteDrive:
-        """Return the stand-in of drive `name`."""
-        return RemoteDrive(self, name)
-
-    def fetch(self) -> None:
-        """Bring the drives' records over."""
-        if self._gone:
-            return
-        result = self.call("fetch", None)
-        self.groups = {
-            name: TraceGroup.from_bytes(
-                name,
-                tuple((column, unit) for column, unit in group["columns"]),
-                {column: {int(k): v for k, v in texts.items()} for column, texts in group["enums"].items()},
-                base64.b64decode(group["content"]),
-            )
-            for name, group in result["groups"].items()
-        }
-        self.events = [Event(int(t), source, kind, data) for t, source, kind, data in result["events"]]
-
-    def close(self) -> None:
+    def end(self) -> None:
         """End the process."""
         if self._process.poll() is None:
             if self._process.stdin is not None:
@@ -281,43 +231,162 @@ class RemoteDrives:
             self._process.stdout.close()
 
 
-def main() -> int:
-    """Serve commands from standard input until it ends."""
-    replies = sys.stdout
-    first = json.loads(sys.stdin.readline() or "{}")
-    try:
-        host = DriveHost(
-            BenchConfig.model_validate(first["config"]), origin_ns=first["origin_ns"], seed=first["seed"]
+_idle: list[DriveProcess] = []
+
+
+@atexit.register
+def _end_idle() -> None:
+    while _idle:
+        _idle.pop().end()
+
+
+def _nothing() -> None:
+    pass
+
+
+class RemoteDrives:
+    """The drives of a live bench, in their process.
+
+    Args:
+        bench: The live bench that they belong to.
+        config: Its bench file.
+
+    Raises:
+        BlockedError: The process did not come up.
+
+    """
+
+    def __init__(self, bench: Bench, config: BenchConfig) -> None:
+        self._bench = bench
+        self.groups: dict[str, TraceGroup] = {}
+        self.events: list[Event] = []
+        scheduler = bench.scheduler
+        assert isinstance(scheduler, RealtimeScheduler)
+        process = self._process = _idle.pop() if _idle else DriveProcess()
+        process.serve(scheduler)
+        number = process.send(
+            "start", config=config.model_dump(mode="json"), origin_ns=scheduler.origin_ns, seed=bench.seed
         )
-    except Exception as error:  # noqa: BLE001 - whatever it was, the bench must hear of it
-        print(json.dumps({"id": 0, "error": f"{type(error).__name__}: {error}"}), file=replies, flush=True)
-        return 2
-    ended = False
+        scheduler.run_until(lambda: process.gone or number in process.replies, _READY_TIMEOUT_NS)
+        reply = process.replies.pop(number, {"error": "it ended, or did not answer in time"})
+        if "error" in reply:
+            process.end()
+            raise BlockedError(f"the process of the emulated drives failed: {reply['error']}")
 
-    def serve(command: Mapping[str, Any]) -> None:
+    def call(
+        self, method: str, drive: str | None, args: Any = (), kwargs: Mapping[str, Any] | None = None
+    ) -> Any:
+        """Send a command. Inside of a callback it is only sent; outside the reply is waited for and returned.
+
+        Raises:
+            RemoteError: The drive process refuses, ended, or does not answer.
+
+        """
+        process = self._process
+        number = process.send(method, drive=drive, args=list(args), kwargs=dict(kwargs or {}))
+        scheduler = self._bench.scheduler
+        if scheduler.running:
+            return None
+        if not scheduler.run_until(lambda: process.gone or number in process.replies, _REPLY_TIMEOUT_NS):
+            raise RemoteError(f"the drive process does not answer to {method}")
+        reply = process.replies.pop(number, None)
+        if reply is None:
+            raise RemoteError(f"the drive process ended during {method}")
+        if "error" in reply:
+            raise RemoteError(f"{drive}.{method}: {reply['error']}")
+        return reply.get("result")
+
+    def proxy(self, name: str) -> RemoteDrive:
+        """Return the stand-in of drive `name`."""
+        return RemoteDrive(self, name)
+
+    def fetch(self) -> None:
+        """Bring the drives' records over."""
+        if self._process.gone:
+            return
+        result = self.call("fetch", None)
+        self.groups = {
+            name: TraceGroup.from_bytes(
+                name,
+                tuple((column, unit) for column, unit in group["columns"]),
+                {column: {int(k): v for k, v in texts.items()} for column, texts in group["enums"].items()},
+                base64.b64decode(group["content"]),
+            )
+            for name, group in result["groups"].items()
+        }
+        self.events = [Event(int(t), source, kind, data) for t, source, kind, data in result["events"]]
+
+    def close(self) -> None:
+        """Take the drives off the bus; the process stays for the next bench."""
+        process = self._process
         try:
-            reply: dict[str, Any] = {"id": command["id"], "result": host.execute(command)}
-            text = json.dumps(reply)
-        except Exception as error:  # noqa: BLE001 - goes back to the caller
-            text = json.dumps({"id": command.get("id", -1), "error": f"{type(error).__name__}: {error}"})
-        print(text, file=replies, flush=True)
+            self.call("release", None)
+        except HilError:
+            process.end()
+        else:
+            process.serve(None)
+            _idle.append(process)
 
-    def end() -> None:
-        nonlocal ended
-        ended = True
+
+def main() -> int:
+    """Serve one bench after the other until standard input ends."""
+    waiting: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
+    active: list[DriveHost] = []
+    lock = threading.Lock()
+
+    def reply(command: Mapping[str, Any], act: Callable[[], Any]) -> None:
+        try:
+            text = json.dumps({"id": command.get("id", -1), "result": act()})
+        except Exception as error:  # noqa: BLE001 - whatever it was, the bench must hear of it
+            text = json.dumps({"id": command.get("id", -1), "error": f"{type(error).__name__}: {error}"})
+        print(text, flush=True)  # noqa: T201 - the pipe
 
     def read() -> None:
         for line in sys.stdin:
             command = json.loads(line)
-            host.scheduler.post(lambda command=command: serve(command))
-        host.scheduler.post(end)
+            with lock:
+                host = active[0] if active else None
+                if host is None or command.get("call") == "start":
+                    waiting.put(command)
+                    continue
+            host.scheduler.post(partial(serve, host, command))
+        waiting.put(None)
+        with lock:
+            if active:
+                active[0].scheduler.post(active[0].release)
+
+    def serve(host: DriveHost, command: Mapping[str, Any]) -> None:
+        if command.get("call") == "release":
+            with lock:
+                active.clear()
+            host.release()
+            host.close()
+            reply(command, lambda: None)
+        else:
+            reply(command, lambda: host.execute(command))
 
     threading.Thread(target=read, name="commands", daemon=True).start()
-    print(json.dumps({"id": 0, "result": "ready"}), file=replies, flush=True)
-    while not ended:
-        host.run_until(lambda: ended, 3600.0)
-    host.close()
-    return 0
+    while True:
+        first = waiting.get()
+        if first is None:
+            return 0
+        command = first
+
+        def start(command: Mapping[str, Any] = command) -> str:
+            host = DriveHost(
+                BenchConfig.model_validate(command["config"]),
+                origin_ns=command["origin_ns"],
+                seed=command["seed"],
+            )
+            with lock:
+                active.append(host)
+            return "ready"
+
+        reply(command, start)
+        with lock:
+            host = active[0] if active else None
+        while host is not None and not host.released:
+            host.run_until(lambda host=host: host.released, 3600.0)  # type: ignore[misc]
 
 
 if __name__ == "__main__":

@@ -216,7 +216,9 @@ class TechnologyAxis:
         else:
             output = 0.0
             if not self.facts.controlled:
-                gen.set_state(feedback.position, 0.0)  # follow-up: position tracks, speed setpoint zero (CTL-003)
+                gen.set_state(
+                    feedback.position, 0.0
+                )  # follow-up: position tracks, speed setpoint zero (CTL-003)
             # Otherwise the drive is being switched off: the setpoint stays where its ramp has ended (STP-306).
             if has_position:
                 self.controller.follow(feedback.position)

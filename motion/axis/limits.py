@@ -19,6 +19,9 @@ ALARM_SOFTWARE_EXCEEDED: Final = 534
 _PASSED_TOLERANCE: Final = 1e-6
 """Axis units by which a setpoint may lie beyond its limit without having passed it (rounding)."""
 
+_CREEP: Final = 1.0
+"""Velocity with which an axis at rest goes the last rounding error to its limit, axis unit per second."""
+
 _ON_TARGET: Final = 1e-3
 """Axis units by which the predicted stop of a positioning may miss its target (a profile in its last phase)."""
 
@@ -192,7 +195,7 @@ class TravelLimits:
         stopping = axis.state in (AxisState.HALTING, AxisState.STOPPING)
         axis.alarms.raise_alarm(ALARM_SOFTWARE_REACHED, reaction=1 if self._sw_reached.value == 1 else 2)
         if axis.state is AxisState.ALARM_RAMP and not stopping:
-            motion.gen.start_position(limit, abs(motion.gen.v), deceleration, deceleration, jerk)
+            motion.gen.start_position(limit, abs(motion.gen.v) or _CREEP, deceleration, deceleration, jerk)
 
     def shift(self, offset: float) -> None:
         """Follow a shift of the coordinate system (LIM-051)."""

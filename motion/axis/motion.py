@@ -16,7 +16,7 @@ from motion.axis.jobs import (
 )
 from motion.axis.override import aborts
 from motion.axis.state import ACCEPTS_MOTION, AxisState
-from motion.setpoint import SetpointGenerator
+from motion.setpoint import SetpointGenerator, resolve
 
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
@@ -30,6 +30,12 @@ _STOP_SEVERITY: Final = {0: 3, 2: 2, 3: 1}
 ALARM_VELOCITY_LIMITED: Final = 501
 ALARM_ACCELERATION_LIMITED: Final = 502
 ALARM_JERK_LIMITED: Final = 503
+ALARM_ZERO_VELOCITY: Final = 304
+ALARM_ZERO_ACCELERATION: Final = 305
+ALARM_ZERO_JERK: Final = 306
+
+_LAST_RESORT: Final = 1.0e6
+"""Deceleration of a stop for which every configured value is zero."""
 
 
 def stop_severity(mode: int) -> int:
@@ -162,15 +168,13 @@ class MotionControl:
 
     def _limits(self, job: Job) -> tuple[float, float, float]:
         """Return acceleration, deceleration and jerk of `job` after the dynamic limits, with their warnings."""
-        alarms = self._axis.alarms
-        acceleration, deceleration, jerk = job.acceleration, job.deceleration, job.jerk
-        if acceleration > self._max_acceleration.value or deceleration > self._max_deceleration.value:
-            alarms.warn(ALARM_ACCELERATION_LIMITED)
-            acceleration = min(acceleration, self._max_acceleration.value)
-            deceleration = min(deceleration, self._max_deceleration.value)
-        if jerk > self._max_jerk.value > 0.0:
-            alarms.warn(ALARM_JERK_LIMITED)
-            jerk = self._max_jerk.value
+        acceleration, limited = resolve(job.acceleration, 0.0, self._max_acceleration.value)
+        deceleration, also_limited = resolve(job.deceleration, 0.0, self._max_deceleration.value)
+        jerk, jerk_limited = resolve(job.jerk, 0.0, self._max_jerk.value)
+        if limited or also_limited:
+            self._axis.alarms.warn(ALARM_ACCELERATION_LIMITED)
+        if jerk_limited:
+            self._axis.alarms.warn(ALARM_JERK_LIMITED)
         return acceleration, deceleration, jerk
 
     def _effective_velocity(self, job: Job) -> float:
@@ -185,6 +189,19 @@ class MotionControl:
             return -limit
         return velocity
 
+    def _limits_are_zero(self) -> bool:
+        """Raise alarm 304, 305 or 306 when a dynamic limit is zero, so that no motion can be planned (STP-607)."""
+        if self._max_velocity.value <= 0.0:
+            number = ALARM_ZERO_VELOCITY
+        elif self._max_acceleration.value <= 0.0 or self._max_deceleration.value <= 0.0:
+            number = ALARM_ZERO_ACCELERATION
+        elif self._max_jerk.value <= 0.0:
+            number = ALARM_ZERO_JERK
+        else:
+            return False
+        self._axis.alarms.raise_alarm(number)
+        return True
+
     def _activate(self, job: Job) -> None:
         axis = self._axis
         gen = self.gen
@@ -194,6 +211,8 @@ class MotionControl:
         if job.position_controlled is not None and axis.has_position:
             self.set_position_control(job.position_controlled)
         job.activate()
+        if self._limits_are_zero():
+            return
         cls = job.job_class
         if cls is JobClass.POSITIONING:
             if job.relative:
@@ -256,7 +275,7 @@ class MotionControl:
         self._settling = False
         maximum = self._max_jerk.value
         self.gen.start_stop(
-            min(deceleration, self._max_deceleration.value),
+            min(deceleration, self._max_deceleration.value) or self._emergency.value or _LAST_RESORT,
             min(jerk, maximum) if maximum > 0.0 else jerk,
             abort_acceleration=abort_acceleration,
         )
@@ -267,7 +286,7 @@ class MotionControl:
             self.take_actual_values()
             self.severity = 3
             self._settling = False
-            self.gen.start_stop(self._emergency.value, 0.0)
+            self.gen.start_stop(self._emergency.value or self._max_deceleration.value or _LAST_RESORT, 0.0)
         elif severity == 2:
             self.begin_stop(
                 2, self._max_deceleration.value, self._max_jerk.value, abort_acceleration=abort_acceleration
@@ -294,7 +313,13 @@ class MotionControl:
     def step(self, cycle_s: float) -> None:
         """Advance the setpoint by one cycle."""
         job = self.job
-        if job is not None and self._axis.state is AxisState.MOTION:
+        if (
+            job is not None
+            and self._axis.state is AxisState.MOTION
+            and not (
+                self._max_deceleration.value * self._max_acceleration.value <= 0.0 and self._limits_are_zero()
+            )
+        ):
             cls = job.job_class
             if cls is JobClass.VELOCITY:
                 if not job.released and self._effective_velocity(job) != self._planned_velocity:

@@ -27,6 +27,8 @@ from testcases.campaigns.support import (
     bring_into,
     drive_name,
     enable,
+    following_error_s,
+    grace_s,
     state_change,
     tolerance,
 )
@@ -187,7 +189,7 @@ def actual_values_lost(ctx: CaseContext, phase: str) -> None:
     ctx.run_for(2.0)
     ended = ctx.now_s
     ctx.expect(
-        alarm(431, reaction=4, since=event("fault.applied"), within_s=cycles(ctx, 5), axis=axis).covers(
+        alarm(431, reaction=4, since=event("fault.applied"), within_s=grace_s(ctx), axis=axis).covers(
             "TA-020"
         ),
         value_at(f"{axis}.communication_ok", event("alarm.raised", axis), 0.0, tolerance=0.0),
@@ -276,7 +278,7 @@ def node_off(ctx: CaseContext, phase: str) -> None:
     ctx.run_for(3.5)
     ended = ctx.now_s
     ctx.expect(
-        alarm(431, reaction=4, since=event("fault.applied"), within_s=cycles(ctx, 5), axis=axis).covers(
+        alarm(431, reaction=4, since=event("fault.applied"), within_s=grace_s(ctx), axis=axis).covers(
             "TA-020"
         ),
         happens(event("node.bootup"), since=event("fault.removed")).covers("C301-022"),
@@ -362,7 +364,7 @@ def foreign_nmt(ctx: CaseContext, command: str, phase: str) -> None:
     ctx.run_for(1.5)
     ended = ctx.now_s
     ctx.expect(
-        alarm(431, reaction=4, since=event("fault.applied"), within_s=cycles(ctx, 6), axis=axis).covers(
+        alarm(431, reaction=4, since=event("fault.applied"), within_s=grace_s(ctx), axis=axis).covers(
             "C301-020"
         )
     )
@@ -469,10 +471,9 @@ def jam(ctx: CaseContext, phase: str) -> None:
     blocked = ctx.inject("mechanics.jam", drive)
     ctx.run_for(1.5)
     ended = ctx.now_s
-    # At 300 mm/s the permitted error of at most 10 mm is used up in 33 ms; braking takes a little longer.
     ctx.expect(
         alarm(
-            521, reaction=4, since=event("fault.applied"), within_s=0.06 + cycles(ctx, 4), axis=axis
+            521, reaction=4, since=event("fault.applied"), within_s=following_error_s(ctx), axis=axis
         ).covers("MON-040")
     )
     stopped_for_good(ctx, ended)
@@ -525,7 +526,7 @@ def encoder_frozen(ctx: CaseContext, phase: str) -> None:
     ctx.run_for(4.0)
     ctx.expect(
         alarm(
-            521, reaction=4, since=event("fault.applied"), within_s=0.06 + cycles(ctx, 4), axis=axis
+            521, reaction=4, since=event("fault.applied"), within_s=following_error_s(ctx), axis=axis
         ).covers("MON-040")
     )
     ctx.expect(

@@ -86,6 +86,27 @@ STOPS: Final[dict[str, dict[str, Any]]] = {
     "halt": {"state": "HALTING", "end": "STANDSTILL", "ramp": "current", "ids": ("STP-247", "STP-402")},
 }
 
+WORDS: Final = {
+    "power-0": "MC_Power StopMode 0, emergency ramp",
+    "power-1": "MC_Power StopMode 1, quick stop of the drive",
+    "power-2": "MC_Power StopMode 2, maximum dynamic values",
+    "power-3": "MC_Power StopMode 3, coast",
+    "stop-0": "MC_Stop Mode 0, emergency ramp",
+    "stop-2": "MC_Stop Mode 2, maximum dynamic values",
+    "stop-3": "MC_Stop Mode 3, given dynamic values",
+    "reaction-1": "alarm reaction 1, current dynamic values",
+    "reaction-2": "alarm reaction 2, maximum dynamic values",
+    "reaction-3": "alarm reaction 3, emergency ramp",
+    "reaction-4": "alarm reaction 4, remove enable",
+    "halt": "MC_Halt",
+}
+PHASE_WORDS: Final = {
+    "constant": "from constant travel",
+    "accelerating": "while accelerating",
+    "decelerating": "while decelerating",
+    "standstill": "at standstill",
+}
+
 GOLDEN: Final = {
     "emergency": "STP-008",
     "maximum": "STP-009",
@@ -105,8 +126,9 @@ CONTROL_WORDS: Final = {
 }
 
 
-def requirements_of(stop: str, phase: str) -> tuple[str, ...]:
+def requirements_of(stop: str, phase: str, words: str = "") -> tuple[str, ...]:
     """Return the identifiers that a combination checks."""
+    del words
     facts = STOPS[stop]
     ids = tuple(facts["ids"])
     return (*ids, GOLDEN[facts["ramp"]]) if phase == "constant" else ids
@@ -133,13 +155,18 @@ def give(ctx: CaseContext, stop: str) -> Any:
 
 @CAMPAIGN.product(
     "{stop}/{phase}",
-    parameters={"stop": STOPS, "phase": PHASES},
-    title="{stop} from {phase}",
+    parameters=[
+        {"stop": stop, "phase": phase, "words": f"{WORDS[stop]}, {PHASE_WORDS[phase]}"}
+        for stop in STOPS
+        for phase in PHASES
+    ],
+    title="{words}",
     tags=("{phase}",),
     requirements=requirements_of,
 )
-def stop_case(ctx: CaseContext, stop: str, phase: str) -> None:
+def stop_case(ctx: CaseContext, stop: str, phase: str, words: str) -> None:
     """Stop an axis and compare ramp, travel, control words, job outputs and end state with the specification."""
+    del words  # the title
     facts = STOPS[stop]
     allowed = tolerance(ctx)
     axis, drive = axis_name(ctx), drive_name(ctx)
@@ -155,8 +182,7 @@ def stop_case(ctx: CaseContext, stop: str, phase: str) -> None:
     ctx.expect(state_at(axis, ended, facts["end"]).covers(*facts["ids"]))
     ctx.expect(standstill(by=ended - 0.2, axis=axis), no_motion_after(ended - 0.2, axis=axis))
     if stop in CONTROL_WORDS:
-        words = stw1_sequence(CONTROL_WORDS[stop], axis=axis, since=before)
-        ctx.expect(words)
+        ctx.expect(stw1_sequence(CONTROL_WORDS[stop], axis=axis, since=before))
     if job is not None:
         output = "Error" if stop.startswith("reaction") else "CommandAborted"
         error_id = 0x8001 if stop.startswith("reaction") else None

@@ -30,7 +30,24 @@ def tolerance(ctx: CaseContext) -> Tolerance:
     """Return the tolerance that the bench file states, applied to this bench's cycle (section 0.3)."""
     section = ctx.bench.config.tolerance
     time_s = section.cycles * ctx.bench.cycle_ns * 1e-9 + section.time_s
-    return Tolerance(time_s, VELOCITY * time_s + section.distance_mm)
+    return Tolerance(time_s, VELOCITY * section.cycles * ctx.bench.cycle_ns * 1e-9 + section.distance_mm)
+
+
+def grace_s(ctx: CaseContext) -> float:
+    """Return the time within which the axis must report lost actual values, s."""
+    bench = ctx.bench.config
+    return float((bench.bench.grace_cycles + 2) * ctx.bench.cycle_ns * 1e-9 + bench.tolerance.time_s)
+
+
+def following_error_s(ctx: CaseContext) -> float:
+    """Return the time in which a blocked axis uses up its permitted following error at 300 mm/s, with a reserve, s."""
+    read = ctx.axis.variables.read
+    low, high = read("FollowingError.MinVelocity"), read("DynamicLimits.MaxVelocity")
+    share = (VELOCITY - low) / (high - low)
+    permitted = read("FollowingError.MinValue") * (1.0 - share) + read("FollowingError.MaxValue") * share
+    section = ctx.bench.config.tolerance
+    # Twice, because braking while blocked lets the error grow more slowly.
+    return float(2.0 * permitted / VELOCITY + 4 * ctx.bench.cycle_ns * 1e-9 + section.time_s)
 
 
 def axis_name(ctx: CaseContext) -> str:

@@ -1,0 +1,1 @@
+"""What the commands of `hil` do; one module each, loaded when the command runs."""

@@ -1,0 +1,39 @@
+"""`hil check`: is a bench file good, and does the bench come up?"""
+
+from __future__ import annotations
+
+import time
+
+from hil._commands.terminal import console, print_json, quiet_stdout
+from hil.campaign import load_bench_file
+
+
+def check_bench(reference: str, *, build: bool, as_json: bool) -> int:
+    """Validate, bring up, tell; returns the exit code. What is wrong is raised as an error with exit code 2."""
+    with quiet_stdout(as_json):
+        bench_file = load_bench_file(reference)
+        kind = str(getattr(bench_file, "kind", "virtual"))
+        facts: dict[str, object] = {
+            "bench": bench_file.name,
+            "kind": kind,
+            "digest": bench_file.digest,
+            "built": False,
+        }
+        if build and kind == "virtual":
+            started = time.perf_counter()
+            with bench_file.build(seed=0) as bench:
+                facts["built"] = True
+                facts["ready_after_s"] = bench.scheduler.now * 1e-9
+                for part in ("axis_names", "drive_names", "segment_names"):
+                    facts[part.removesuffix("_names")] = list(getattr(bench, part, ()))
+                facts["signals"] = len(bench.trace().names())
+            facts["wall_s"] = round(time.perf_counter() - started, 3)
+    if as_json:
+        print_json(facts)
+    else:
+        out = console()
+        out.print(f"{bench_file.name}: good", style="bold green", markup=False)
+        for key, value in facts.items():
+            shown = ", ".join(map(str, value)) if isinstance(value, list) else value
+            out.print(f"  {key}: {shown}", markup=False)
+    return 0

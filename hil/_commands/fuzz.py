@@ -1,0 +1,75 @@
+"""`hil fuzz`: search, readable script, token, replay."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from hil._commands.run import finish
+from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
+from hil.campaign import environment_facts, load_bench_file, write_evidence
+from hil.campaign._execute import Execution
+from hil.campaign._runner import clear_run
+from hil.fuzz import FuzzOutcome, search
+from reports import replay_command
+from reports.model import RunResult
+from reports.store import RUN_FILE, save_run
+
+
+def fuzz_bench(*, cases: int, seed: int, bench: str, steps: int, report: Path, as_json: bool) -> int:
+    """Search, tell, return the exit code: 1 when an invariant was broken."""
+    with quiet_stdout(as_json):
+        bench_file = load_bench_file(bench or None)
+        with CaseProgress(cases, "fuzz programs") as progress:
+
+            def on_run(count: int, outcome: FuzzOutcome) -> None:
+                text = "" if outcome.violation is None else f"shrinking: {outcome.violation.invariant}"
+                progress.step(min(count, cases), text)
+
+            found = search(bench_file, cases=cases, seed=seed, longest=steps, bench=bench, on_run=on_run)
+    out = console()
+    failure = found.failure
+    result: dict[str, object] = {"cases": found.cases, "seed": seed, "failures": [], "report": ""}
+    if failure is None or failure.violation is None:
+        out.print(f"{found.cases} programs, no invariant broken", style="bold green", markup=False)
+        if as_json:
+            print_json(result)
+        return 0
+    violation = failure.violation
+    if (report / RUN_FILE).exists():
+        clear_run(report)
+    report.mkdir(parents=True, exist_ok=True)
+    write_evidence(Execution(failure.result, failure.trace), report, "all")
+    run = RunResult("Fuzz", seed, bench_file.name, bench_file.text, environment_facts(), "", [failure.result])
+    save_run(report, run)
+    paths = finish(run, report)
+    script = report / "program.json"
+    script.write_text(json.dumps(failure.program.to_json(), indent=1) + "\n", encoding="utf-8")
+    result["report"] = str(paths.report)
+    result["failures"] = [
+        {
+            "invariant": violation.invariant,
+            "text": violation.text,
+            "time_s": violation.time_s,
+            "requirements": list(violation.requirements),
+            "script": str(failure.program).splitlines(),
+            "program": failure.program.to_json(),
+            "token": found.token,
+            "repeatable": found.repeatable,
+            "others": found.others,
+        }
+    ]
+    out.print(f"{violation}", style="bold red", markup=False)
+    out.print(f"after {found.cases} programs; smallest program found:", markup=False)
+    out.print(str(failure.program), markup=False)
+    out.print(f"repeat it with: {replay_command(found.token)}", markup=False)
+    out.print(f"report: {paths.report}", markup=False)
+    if not found.repeatable:
+        out.print(
+            "warning: running it again gave another trace; the bench is not repeatable",
+            style="yellow",
+            markup=False,
+        )
+    if as_json:
+        print_json(result)
+    return 1
