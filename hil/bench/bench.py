@@ -196,6 +196,22 @@ class Bench:
                 f"no cyclic data from {', '.join(missing)} within {_LINK_TIMEOUT_NS // S} s"
             )
 
+    @property
+    def lateness_s(self) -> float:
+        """Greatest delay of an event behind its time since the bench was ready, in all its processes, s.
+
+        0.0 in virtual time. The share of the drive process is as of the last `trace`.
+        """
+        if not isinstance(self.scheduler, RealtimeScheduler):
+            return 0.0
+        remote = self._remote.lateness_s if self._remote is not None else 0.0
+        return max(self.scheduler.worst_lateness_ns / S, remote)
+
+    @property
+    def allowed_lateness_s(self) -> float:
+        """Lateness up to which measured times mean something, s: `tolerance.time_s` of the bench file."""
+        return self.config.tolerance.time_s
+
     def _linked(self) -> bool:
         return all(axis.communication_ok and axis.sensor_valid for axis in self.runtime.axes)
 

@@ -114,6 +114,9 @@ class DriveHost:
         call = command.get("call")
         if call == "fetch":
             return self._fetch()
+        if call == "ready":
+            self.scheduler.worst_lateness_ns = 0
+            return None
         drive = self.drives.get(str(command.get("drive")))
         if drive is None or call not in FAULT_METHODS:
             raise RemoteError(f"unknown command {call!r} for drive {command.get('drive')!r}")
@@ -132,6 +135,7 @@ class DriveHost:
                 for name, group in self._groups.items()
             },
             "events": self.history.events,
+            "lateness_s": self.scheduler.worst_lateness_ns / S,
         }
 
     def run_until(self, predicate: Callable[[], object], timeout_s: float) -> bool:
@@ -260,6 +264,8 @@ class RemoteDrives:
         self._bench = bench
         self.groups: dict[str, TraceGroup] = {}
         self.events: list[Event] = []
+        self.lateness_s = 0.0
+        """Worst lateness in the drive process as of the last fetch, s."""
         scheduler = bench.scheduler
         assert isinstance(scheduler, RealtimeScheduler)
         process = self._process = _idle.pop() if _idle else DriveProcess()
@@ -315,6 +321,7 @@ class RemoteDrives:
             for name, group in result["groups"].items()
         }
         self.events = [Event(int(t), source, kind, data) for t, source, kind, data in result["events"]]
+        self.lateness_s = float(result["lateness_s"])
 
     def close(self) -> None:
         """Take the drives off the bus; the process stays for the next bench."""

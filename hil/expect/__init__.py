@@ -1,1 +1,81 @@
-"""TODO."""
+"""Expectations: what a trace must show. Values, evaluated on the recording, never on the product's own opinion.
+
+Reference instants are given as seconds or as an event: `since=event("fault.applied")`. `golden` holds the numbers of
+the reference axis, `checkers` the rules that hold in every run.
+"""
+
+from __future__ import annotations
+
+from hil.expect._base import Expectation, Reference, describe, evaluate
+from hil.expect._events import (
+    JOB_OUTPUTS,
+    alarm,
+    event_order,
+    happens,
+    job_output,
+    never_happens,
+    no_alarm,
+    state_at,
+)
+from hil.expect._measure import StopMeasurement, measure_stop
+from hil.expect._signals import (
+    STW1_MASK,
+    always,
+    never,
+    status_word_bit,
+    stays_within,
+    stw1_sequence,
+    value_at,
+    word_sequence,
+)
+from hil.expect._stops import no_motion_after, ramp, standstill
+from hil.expect.checkers import ALWAYS_ON, Checker, run_checkers
+from hil.expect.golden import (
+    REFERENCE_AXIS,
+    ReferenceAxis,
+    StopRamp,
+    drive_ramp,
+    stop_distance,
+    stop_ramp,
+    stop_time,
+)
+from hil.record import event
+
+__all__ = [
+    "ALWAYS_ON",
+    "JOB_OUTPUTS",
+    "REFERENCE_AXIS",
+    "STW1_MASK",
+    "Checker",
+    "Expectation",
+    "Reference",
+    "ReferenceAxis",
+    "StopMeasurement",
+    "StopRamp",
+    "alarm",
+    "always",
+    "describe",
+    "drive_ramp",
+    "evaluate",
+    "event",
+    "event_order",
+    "happens",
+    "job_output",
+    "measure_stop",
+    "never",
+    "never_happens",
+    "no_alarm",
+    "no_motion_after",
+    "ramp",
+    "run_checkers",
+    "standstill",
+    "state_at",
+    "status_word_bit",
+    "stays_within",
+    "stop_distance",
+    "stop_ramp",
+    "stop_time",
+    "stw1_sequence",
+    "value_at",
+    "word_sequence",
+]

@@ -242,7 +242,8 @@ class EnableControl:
             self._start_mode = self.start_mode
             axis.set_state(AxisState.ENABLING)
         elif off and (self.stw1 != STW1_OFF2_OFF1 or axis.at_rest):
-            self._rest(STW1_ALL_OFF if self.stw1 == STW1_OFF3 else self.stw1)
+            # Without a link nobody knows whether the drive still brakes: OFF2 would let it coast (STP-367).
+            self._rest(STW1_ALL_OFF if self.stw1 == STW1_OFF3 and axis.port.link_ok else self.stw1)
 
     def _arrive(self) -> None:
         """The drive executes setpoints: close the loops without a step (STP-047 to STP-057)."""

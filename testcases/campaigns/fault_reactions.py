@@ -29,6 +29,7 @@ from testcases.campaigns.support import (
     enable,
     following_error_s,
     grace_s,
+    settle_s,
     state_change,
     tolerance,
 )
@@ -87,7 +88,7 @@ def drive_fault(ctx: CaseContext, code: str, phase: str) -> None:
     job = bring_into(ctx, phase)
     before = ctx.now_s
     ctx.inject("drive.fault", drive, code=int(code, 16))
-    ctx.run_for(3.0)
+    ctx.run_for(3.0 + settle_s(ctx))
     ended = ctx.now_s
     applied = event("fault.applied")
     ctx.expect(alarm(421, reaction=4, since=applied, within_s=cycles(ctx, 4), axis=axis).covers("STP-559"))
@@ -129,7 +130,7 @@ def encoder_fault(ctx: CaseContext, phase: str) -> None:
     enable(ctx)
     bring_into(ctx, phase)
     ctx.inject("drive.fault", drive, code=0x7305)
-    ctx.run_for(4.0)
+    ctx.run_for(4.0 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
         alarm(411, reaction=4, since=event("fault.applied"), within_s=cycles(ctx, 4), axis=axis).covers(
@@ -153,7 +154,7 @@ def safe_torque_off(ctx: CaseContext, phase: str) -> None:
     enable(ctx)
     bring_into(ctx, phase)
     sto = ctx.inject("drive.sto", drive)
-    ctx.run_for(3.5)
+    ctx.run_for(3.5 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
         alarm(421, reaction=4, since=event("fault.applied"), within_s=cycles(ctx, 4), axis=axis).covers(
@@ -185,8 +186,9 @@ def actual_values_lost(ctx: CaseContext, phase: str) -> None:
     axis = axis_name(ctx)
     enable(ctx)
     bring_into(ctx, phase)
-    ctx.inject("frame.drop", "can0", message="tpdo1", duration_s=1.0)
-    ctx.run_for(2.0)
+    lost_s = grace_s(ctx) + 0.5
+    ctx.inject("frame.drop", "can0", message="tpdo1", duration_s=lost_s)
+    ctx.run_for(lost_s + 1.0 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
         alarm(431, reaction=4, since=event("fault.applied"), within_s=grace_s(ctx), axis=axis).covers(
@@ -211,8 +213,9 @@ def setpoints_lost(ctx: CaseContext, phase: str) -> None:
     axis, drive = axis_name(ctx), drive_name(ctx)
     enable(ctx)
     bring_into(ctx, phase)
-    ctx.inject("frame.drop", "can0", message="rpdo1", duration_s=1.5)
-    ctx.run_for(2.5)
+    missing_s = ctx.bench.config.drive[drive].missing_setpoints * ctx.bench.cycle_ns * 1e-9
+    ctx.inject("frame.drop", "can0", message="rpdo1", duration_s=missing_s + 1.2)
+    ctx.run_for(missing_s + 2.2 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
         happens(event("drive.state", drive, to="Quick stop active"), since=event("fault.applied")).covers(
@@ -274,8 +277,8 @@ def node_off(ctx: CaseContext, phase: str) -> None:
     ctx.do("MC_Home Mode 0, Position 0")
     ctx.axis.home(0.0)
     bring_into(ctx, phase)
-    ctx.inject("drive.power_off", drive_name(ctx), duration_s=2.5)
-    ctx.run_for(3.5)
+    ctx.inject("drive.power_off", drive_name(ctx), duration_s=grace_s(ctx) + 2.4)
+    ctx.run_for(grace_s(ctx) + 3.4 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
         alarm(431, reaction=4, since=event("fault.applied"), within_s=grace_s(ctx), axis=axis).covers(
@@ -306,7 +309,7 @@ def heartbeat_lost(ctx: CaseContext, phase: str) -> None:
     bring_into(ctx, phase)
     consumer = ctx.bench.config.drive[drive_name(ctx)].consumer_heartbeat_ms * 1e-3
     ctx.inject("drive.heartbeat_loss", drive_name(ctx), duration_s=consumer + 0.6)
-    ctx.run_for(consumer + 1.6)
+    ctx.run_for(consumer + 1.6 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
         alarm(
@@ -333,7 +336,7 @@ def controller_heartbeat_lost(ctx: CaseContext, phase: str) -> None:
     bring_into(ctx, phase)
     consumer = ctx.bench.config.drive[drive].consumer_heartbeat_ms * 1e-3
     ctx.inject("frame.drop", "can0", message="controller_heartbeat", duration_s=consumer + 0.5)
-    ctx.run_for(consumer + 1.5)
+    ctx.run_for(consumer + 1.5 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
         happens(
@@ -361,7 +364,7 @@ def foreign_nmt(ctx: CaseContext, command: str, phase: str) -> None:
     bring_into(ctx, phase)
     node = ctx.bench.config.drive[drive].node_id
     ctx.inject("frame.inject", "can0", can_id=0, data=f"{command}{node:02X}", count=1)
-    ctx.run_for(1.5)
+    ctx.run_for(1.5 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
         alarm(431, reaction=4, since=event("fault.applied"), within_s=grace_s(ctx), axis=axis).covers(
@@ -387,7 +390,7 @@ def limit_switch(ctx: CaseContext, phase: str) -> None:
     bring_into(ctx, phase)
     before = ctx.now_s
     press = ctx.inject("switch.press", drive, input="positive_limit")
-    ctx.run_for(0.8)
+    ctx.run_for(0.8 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
         alarm(531, reaction=3, since=event("fault.applied"), within_s=cycles(ctx, 3), axis=axis).covers(
@@ -432,7 +435,7 @@ def limit_switch_bounces(ctx: CaseContext) -> None:
     enable(ctx)
     bring_into(ctx, "constant")
     ctx.inject("switch.bounce", drive, input="positive_limit", pulses=9, shortest_s=0.001, longest_s=0.006)
-    ctx.run_for(0.8)
+    ctx.run_for(0.8 + settle_s(ctx))
     ctx.expect(alarm(531, reaction=3, since=event("fault.applied"), within_s=cycles(ctx, 8), axis=axis))
     raised = sum(1 for _ in ctx.trace().select(source=axis, kind="alarm.raised"))
     ctx.measure("alarms raised by one bouncing switch", raised, low=1, high=1)
@@ -450,7 +453,7 @@ def limit_switch_stuck(ctx: CaseContext) -> None:
     ctx.inject("switch.stuck", drive, input="positive_limit", state=False)
     ctx.do("MC_MoveVelocity 300 mm/s towards the end stop")
     ctx.axis.move_velocity(300.0)
-    ctx.run_for(4.0)
+    ctx.run_for(4.0 + settle_s(ctx))
     ctx.expect(alarm(521, reaction=4, axis=axis).covers("MON-040"))
     stopped_for_good(ctx, ctx.now_s)
     disabled_by_alarm(ctx, ctx.now_s)
@@ -469,7 +472,7 @@ def jam(ctx: CaseContext, phase: str) -> None:
     enable(ctx)
     bring_into(ctx, phase)
     blocked = ctx.inject("mechanics.jam", drive)
-    ctx.run_for(1.5)
+    ctx.run_for(1.5 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
         alarm(
@@ -489,7 +492,7 @@ def load_step(ctx: CaseContext) -> None:
     enable(ctx)
     bring_into(ctx, "constant")
     ctx.inject("mechanics.load_step", drive, force_N=-400.0, duration_s=0.3)
-    ctx.run_for(0.8)
+    ctx.run_for(0.8 + settle_s(ctx))
     ctx.expect(no_alarm(axis=axis), state_at(axis, ctx.now_s, "MOTION"))
 
 
@@ -500,7 +503,7 @@ def overload(ctx: CaseContext) -> None:
     enable(ctx)
     bring_into(ctx, "constant")
     ctx.inject("mechanics.load_step", drive, force_N=-8000.0, duration_s=0.15)
-    ctx.run_for(3.0)
+    ctx.run_for(3.0 + settle_s(ctx))
     ctx.expect(
         alarm(
             521, reaction=4, since=event("fault.applied"), within_s=0.15 + cycles(ctx, 4), axis=axis
@@ -523,7 +526,7 @@ def encoder_frozen(ctx: CaseContext, phase: str) -> None:
     enable(ctx)
     bring_into(ctx, phase)
     ctx.inject("encoder.freeze", drive, duration_s=2.0)
-    ctx.run_for(4.0)
+    ctx.run_for(4.0 + settle_s(ctx))
     ctx.expect(
         alarm(
             521, reaction=4, since=event("fault.applied"), within_s=following_error_s(ctx), axis=axis
@@ -549,7 +552,7 @@ def encoder_jump(ctx: CaseContext, increments: int) -> None:
     enable(ctx)
     bring_into(ctx, "constant")
     ctx.inject("encoder.jump", drive, increments=increments)
-    ctx.run_for(2.0)
+    ctx.run_for(2.0 + settle_s(ctx))
     ctx.expect(
         alarm(521, reaction=4, since=event("fault.applied"), within_s=cycles(ctx, 4), axis=axis).covers(
             "MON-040"
@@ -610,7 +613,7 @@ def precedence(ctx: CaseContext, first: str, second: str, aborted: bool, identif
         else:
             ctx.inject("axis.alarm", axis, number=numbers[int(value)], reaction=int(value))
             ctx.run_for(5 * ctx.bench.cycle_ns * 1e-9)
-    ctx.run_for(1.5)
+    ctx.run_for(1.5 + settle_s(ctx))
     assert stop is not None
     output = "CommandAborted" if aborted else "Done"
     ctx.expect(job_output(stop.name, output, since=before).covers(identifier))

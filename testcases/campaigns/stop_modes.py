@@ -28,6 +28,7 @@ from testcases.campaigns.support import (
     bring_into,
     drive_name,
     enable,
+    settle_s,
     state_change,
     tolerance,
 )
@@ -175,7 +176,7 @@ def stop_case(ctx: CaseContext, stop: str, phase: str, words: str) -> None:
     before = ctx.now_s
     instance = give(ctx, stop)
     coast = facts["ramp"] == "coast"
-    ctx.run_for(4.0 if coast and phase != "standstill" else 1.5)
+    ctx.run_for((4.0 if coast and phase != "standstill" else 1.5) + settle_s(ctx))
     ended = ctx.now_s
 
     since = state_change(ctx, facts["state"])

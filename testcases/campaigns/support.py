@@ -33,6 +33,11 @@ def tolerance(ctx: CaseContext) -> Tolerance:
     return Tolerance(time_s, VELOCITY * section.cycles * ctx.bench.cycle_ns * 1e-9 + section.distance_mm)
 
 
+def settle_s(ctx: CaseContext) -> float:
+    """Return the time to wait on top for everything to come to rest on this bench, s; none in virtual time."""
+    return 10.0 * float(ctx.bench.config.tolerance.time_s)
+
+
 def grace_s(ctx: CaseContext) -> float:
     """Return the time within which the axis must report lost actual values, s."""
     bench = ctx.bench.config

@@ -1,0 +1,40 @@
+"""Loading benches by reference: a file, an embedded name, or a Python object of one's own."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from typing import Any
+
+from hil.errors import CannotRunError
+from hil.protocols import BenchFile
+
+_OBJECT = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
+
+
+def load_bench_file(reference: str | None) -> BenchFile:
+    """Return the bench that `reference` names.
+
+    Args:
+        reference: Path of a bench file, name of an embedded bench, `package.module:NAME` of an object that satisfies
+            `hil.protocols.BenchFile`, or empty for the embedded default.
+
+    Raises:
+        ConfigurationError: The file does not exist or is wrong.
+        CannotRunError: The Python object is not there or is no bench file.
+
+    """
+    if reference and _OBJECT.fullmatch(reference):
+        module_name, _, name = reference.partition(":")
+        try:
+            found: Any = getattr(importlib.import_module(module_name), name)
+        except (ImportError, AttributeError) as error:
+            raise CannotRunError(f"bench {reference!r}: {error}") from error
+        if not isinstance(found, BenchFile):
+            raise CannotRunError(
+                f"bench {reference!r} is no bench file: it lacks build(), name, text or digest"
+            )
+        return found
+    load: Any = importlib.import_module("hil.bench").load_bench
+    bench_file: BenchFile = load(reference or None)
+    return bench_file

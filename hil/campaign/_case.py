@@ -1,0 +1,226 @@
+"""Cases and campaigns: what is to be run, as data and functions. Nothing here runs anything."""
+
+from __future__ import annotations
+
+import inspect
+import itertools
+import re
+import string
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+from fieldbus.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from hil.campaign._context import CaseContext
+
+CaseFunction = Callable[..., Any]
+Requirements = Sequence[str] | Callable[..., Iterable[str]]
+
+SIMULATED_LIMIT_S: Final = 120.0
+WALL_LIMIT_S: Final = 300.0
+
+
+def slug(text: str) -> str:
+    """Return `text` as part of an identifier: lower case, words joined by dashes, `/` and `.` kept."""
+    return re.sub(r"[^a-z0-9/._]+", "-", text.lower()).strip("-")
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One test case; made by the decorators of `Campaign`."""
+
+    identifier: str
+    """Stable name, unique in a run: `stop-modes/mc-power-0/constant`."""
+    title: str
+    group: str
+    function: CaseFunction
+    """Called with a `CaseContext` and the parameters."""
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    tags: tuple[str, ...] = ()
+    requirements: tuple[str, ...] = ()
+    bench: str = ""
+    """Bench that the case is written for; used when the user names none."""
+    signals: tuple[str, ...] = ()
+    """Signals kept in the report; empty: the usual ones; `("*",)`: all."""
+    without: tuple[str, ...] = ()
+    """Requirement identifiers whose always-on checkers do not apply to this case."""
+    simulated_limit_s: float = SIMULATED_LIMIT_S
+    wall_limit_s: float = WALL_LIMIT_S
+
+    def call(self, context: CaseContext) -> None:
+        """Run the function of the case."""
+        self.function(context, **self.parameters)
+
+
+class Campaign:
+    """A named collection of cases, filled by decorators.
+
+    Args:
+        title: Name; its slug begins the identifiers of the cases.
+        tags: Tags of all cases.
+        requirements: Identifiers of the specification that every case checks.
+        bench: Bench that the cases are written for (an embedded name or a path), used when the user names none.
+        signals: Signals kept in the report; empty: the usual ones.
+
+    """
+
+    def __init__(
+        self,
+        title: str,
+        *,
+        tags: Sequence[str] = (),
+        requirements: Sequence[str] = (),
+        bench: str = "",
+        signals: Sequence[str] = (),
+    ) -> None:
+        if not slug(title):
+            raise ConfigurationError("campaign title", title, "a text with letters or digits")
+        self.title = title
+        self.tags = tuple(tags)
+        self.requirements = tuple(requirements)
+        self.bench = bench
+        self.signals = tuple(signals)
+        self._cases: dict[str, Case] = {}
+
+    @property
+    def cases(self) -> tuple[Case, ...]:
+        """The cases in the order of their definition."""
+        return tuple(self._cases.values())
+
+    def __getitem__(self, identifier: str) -> Case:
+        return self._cases[identifier]
+
+    def __contains__(self, identifier: object) -> bool:
+        return identifier in self._cases
+
+    def __len__(self) -> int:
+        return len(self._cases)
+
+    def __repr__(self) -> str:
+        return f"<Campaign {self.title!r}, {len(self._cases)} cases>"
+
+    def add(self, case: Case) -> None:
+        """Add a case.
+
+        Raises:
+            ConfigurationError: A case of this name exists already.
+
+        """
+        if case.identifier in self._cases:
+            raise ConfigurationError(
+                "case identifier", case.identifier, "a name that no other case of the campaign has"
+            )
+        self._cases[case.identifier] = case
+
+    def case(
+        self,
+        name: str,
+        *,
+        title: str = "",
+        tags: Sequence[str] = (),
+        requirements: Requirements = (),
+        signals: Sequence[str] = (),
+        without: Sequence[str] = (),
+        simulated_limit_s: float = SIMULATED_LIMIT_S,
+        wall_limit_s: float = WALL_LIMIT_S,
+    ) -> Callable[[CaseFunction], CaseFunction]:
+        """Register the decorated function as a case.
+
+        Args:
+            name: Rest of the identifier after the campaign's own slug.
+            title: What is tested, in words; default the first line of the docstring.
+            tags: Further tags.
+            requirements: Further identifiers.
+            signals: Signals kept in the report, in place of those of the campaign.
+            without: Requirements whose always-on checkers do not apply.
+            simulated_limit_s: Limit of bench time, s.
+            wall_limit_s: Limit of wall time, s.
+
+        """
+        return self.product(
+            name, title=title, tags=tags, requirements=requirements, signals=signals, without=without,
+            simulated_limit_s=simulated_limit_s, wall_limit_s=wall_limit_s, parameters={},
+        )  # fmt: skip
+
+    def product(
+        self,
+        name: str,
+        *,
+        parameters: Mapping[str, Iterable[Any]] | Iterable[Mapping[str, Any]],
+        title: str = "",
+        tags: Sequence[str] = (),
+        requirements: Requirements = (),
+        signals: Sequence[str] = (),
+        without: Sequence[str] = (),
+        simulated_limit_s: float = SIMULATED_LIMIT_S,
+        wall_limit_s: float = WALL_LIMIT_S,
+    ) -> Callable[[CaseFunction], CaseFunction]:
+        """Register the decorated function once for every combination of parameters.
+
+        Args:
+            name: As of `case`, with every parameter as a placeholder: `mc-power-{mode}/{phase}`.
+            parameters: Values by name (all combinations, the last name varying fastest), or the combinations themselves.
+            title: As of `case`, may hold placeholders.
+            tags: Further tags, may hold placeholders.
+            requirements: Further identifiers, or a function of the parameters that returns them.
+            signals: As of `case`.
+            without: As of `case`.
+            simulated_limit_s: As of `case`.
+            wall_limit_s: As of `case`.
+
+        Raises:
+            ConfigurationError: The name does not tell the combinations apart, or a limit is not positive.
+
+        """
+        combinations = list(_combinations(parameters))
+        for limit, value in (("simulated_limit_s", simulated_limit_s), ("wall_limit_s", wall_limit_s)):
+            if not value > 0:
+                raise ConfigurationError(f"case {name}.{limit}", value, "a number > 0 s")
+
+        def register(function: CaseFunction) -> CaseFunction:
+            default_title = (inspect.getdoc(function) or name).splitlines()[0].rstrip(".")
+            for values in combinations:
+                own = requirements(**values) if callable(requirements) else requirements
+                self.add(
+                    Case(
+                        identifier=f"{slug(self.title)}/{slug(_fill(name, values))}",
+                        title=_fill(title or default_title, values),
+                        group=self.title,
+                        function=function,
+                        parameters=values,
+                        tags=tuple(dict.fromkeys([*self.tags, *(_fill(tag, values) for tag in tags)])),
+                        requirements=tuple(dict.fromkeys([*self.requirements, *own])),
+                        bench=self.bench,
+                        signals=tuple(signals) or self.signals,
+                        without=tuple(without),
+                        simulated_limit_s=simulated_limit_s,
+                        wall_limit_s=wall_limit_s,
+                    )
+                )
+            return function
+
+        return register
+
+
+def _combinations(
+    parameters: Mapping[str, Iterable[Any]] | Iterable[Mapping[str, Any]],
+) -> Iterable[dict[str, Any]]:
+    if isinstance(parameters, Mapping):
+        names = list(parameters)
+        for values in itertools.product(*(list(parameters[name]) for name in names)):
+            yield dict(zip(names, values, strict=True))
+    else:
+        for combination in parameters:
+            yield dict(combination)
+
+
+def _fill(text: str, values: Mapping[str, Any]) -> str:
+    """Put parameter values into their placeholders; texts with other braces stay as they are."""
+    if not values:
+        return text
+    try:
+        return string.Formatter().vformat(text, (), values)
+    except (KeyError, ValueError, IndexError) as error:
+        raise ConfigurationError("case name or title", text, f"placeholders {', '.join(values)}") from error

@@ -1,0 +1,184 @@
+"""What a case function gets: the bench, its parts, faults, and the words to tell the story and state expectations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from fieldbus.errors import ConfigurationError
+from hil.errors import BlockedError, ExpectationFailedError
+from hil.expect import Expectation, describe
+from hil.faults import ArmedFault, Injector
+from hil.protocols import Bench
+from hil.record import Trace
+from reports.model import Check, Scalar, Step, Verdict
+
+
+class CaseContext:
+    """The hands of a case.
+
+    Args:
+        bench: A fresh bench.
+        seed: Seed of this case.
+
+    """
+
+    def __init__(self, bench: Bench, *, seed: int = 0) -> None:
+        self.bench: Any = bench
+        self.seed = seed
+        self.faults = Injector(bench)
+        """Arms faults: `ctx.faults.inject("drive.fault", code=0x2310)`."""
+        self.story: list[Step] = []
+        self.checks: list[Check] = []
+        """Outcomes known already."""
+        self.expectations: list[Expectation] = []
+        """Judged on the finished trace."""
+
+    # -- parts --------------------------------------------------------------------------------------------------
+
+    @property
+    def axis(self) -> Any:
+        """The default axis of the bench; others with `ctx.bench.axis(name)`."""
+        return self.bench.axis()
+
+    @property
+    def drive(self) -> Any:
+        """The default drive of the bench; others with `ctx.bench.drive(name)`."""
+        return self.bench.drive()
+
+    @property
+    def now_s(self) -> float:
+        """Present time of the bench, s: a reference instant for expectations."""
+        return float(self.bench.scheduler.now) * 1e-9
+
+    def rng(self, name: str = "case") -> Any:
+        """Return the seeded random stream `name` of this case."""
+        return self.bench.rng(f"case.{name}")
+
+    def trace(self) -> Trace:
+        """Return a snapshot of the recording."""
+        trace: Trace = self.bench.trace()
+        return trace
+
+    # -- story --------------------------------------------------------------------------------------------------
+
+    def do(self, text: str, **detail: Scalar) -> float:
+        """Tell that an instruction is given now; returns the time, s."""
+        return self._step("do", text, detail)
+
+    def observe(self, text: str, **detail: Scalar) -> float:
+        """Tell something that was seen; alarms, states, jobs and faults tell themselves."""
+        return self._step("observe", text, detail)
+
+    def _step(self, kind: str, text: str, detail: dict[str, Scalar]) -> float:
+        now = self.now_s
+        self.story.append(Step(now, kind, text, detail))
+        return now
+
+    # -- time ---------------------------------------------------------------------------------------------------
+
+    def run_for(self, seconds: float) -> None:
+        """Let `seconds` of bench time pass."""
+        self.bench.run_for(seconds)
+
+    def run_until(self, predicate: Callable[[], object], timeout: float) -> bool:
+        """Run until `predicate` is true; returns False when `timeout` seconds have passed before."""
+        return bool(self.bench.run_until(predicate, timeout))
+
+    def wait_until(self, predicate: Callable[[], object], timeout: float, text: str) -> float:
+        """Run until `predicate` is true; the case fails when that takes longer than `timeout` (STP-554).
+
+        Args:
+            predicate: What is waited for.
+            timeout: Limit, s.
+            text: The same in words, for the report.
+
+        Returns:
+            The time at which it became true, s.
+
+        Raises:
+            ExpectationFailedError: It did not happen in time.
+
+        """
+        if not self.bench.run_until(predicate, timeout):
+            check = Check(
+                text,
+                Verdict.FAILED,
+                f"within {timeout:g} s",
+                "it did not happen",
+                self.now_s,
+                high=timeout,
+                unit="s",
+            )
+            self.checks.append(check)
+            raise ExpectationFailedError(describe(check))
+        return self.now_s
+
+    # -- faults -------------------------------------------------------------------------------------------------
+
+    def inject(self, kind: str, target: str = "", **options: Any) -> ArmedFault:
+        """Arm a fault; arguments as of `Injector.inject`. Without a trigger it is applied at once.
+
+        Raises:
+            UnsupportedFaultError: This bench cannot inject it; the case ends *blocked*.
+
+        """
+        return self.faults.inject(kind, target, **options)
+
+    # -- expectations -------------------------------------------------------------------------------------------
+
+    def expect(self, *expectations: Expectation) -> None:
+        """State what the finished trace must show."""
+        for expectation in expectations:
+            if not isinstance(expectation, Expectation):
+                raise ConfigurationError("ctx.expect", expectation, "expectations made by hil.expect")
+        self.expectations.extend(expectations)
+
+    def check(self, *expectations: Expectation) -> None:
+        """Judge expectations now, on what is recorded so far.
+
+        Raises:
+            ExpectationFailedError: One of them does not hold; the case ends *failed*.
+
+        """
+        trace = self.trace()
+        outcomes = [outcome for expectation in expectations for outcome in expectation.evaluate(trace)]
+        self.checks.extend(outcomes)
+        failed = [outcome for outcome in outcomes if outcome.verdict is not Verdict.PASSED]
+        if failed:
+            raise ExpectationFailedError("; ".join(describe(outcome) for outcome in failed))
+
+    def measure(
+        self,
+        name: str,
+        value: float,
+        unit: str = "",
+        *,
+        low: float | None = None,
+        high: float | None = None,
+        requirements: tuple[str, ...] = (),
+    ) -> bool:
+        """Record a measurement with limits; returns whether it lies within them."""
+        good = (low is None or value >= low) and (high is None or value <= high)
+        limits = " and ".join(
+            text
+            for text in (f">= {low:g}" if low is not None else "", f"<= {high:g}" if high is not None else "")
+            if text
+        )
+        self.checks.append(
+            Check(
+                name, Verdict.PASSED if good else Verdict.FAILED, limits or "any value", f"{value:g} {unit}".rstrip(),
+                self.now_s, value, unit, low, high, list(requirements),
+            )
+        )  # fmt: skip
+        return good
+
+    def require(self, condition: object, text: str) -> None:
+        """State what the bench must be like before the test proper.
+
+        Raises:
+            BlockedError: It is not; the case ends *blocked*.
+
+        """
+        if not condition:
+            raise BlockedError(f"the bench is not as needed: {text}")

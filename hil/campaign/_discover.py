@@ -1,0 +1,204 @@
+"""Finding campaigns: in Python files, directories and modules."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import pkgutil
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+from hil.campaign._case import Campaign, Case
+from hil.errors import CampaignNotFoundError, CannotRunError
+
+_SKIPPED = ("test_", "_", "conftest", "setup")
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A campaign and how to find it again, in another process or from a token."""
+
+    campaign: Campaign
+    reference: str
+    """`package.module:NAME` or `path/to/file.py:NAME`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Selected:
+    """A case to be run."""
+
+    case: Case
+    campaign: str
+    """Reference of its campaign."""
+
+
+def import_file(path: Path) -> ModuleType:
+    """Import a Python file that need not belong to a package.
+
+    Raises:
+        CannotRunError: The file raises while it is imported.
+
+    """
+    resolved = path.resolve()
+    name = f"hil_campaign_{resolved.stem}_{hashlib.sha256(str(resolved).encode()).hexdigest()[:12]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, resolved)
+    if spec is None or spec.loader is None:
+        raise CampaignNotFoundError(str(path), "it is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    # Helpers beside the file are importable, as they are for a script.
+    if str(resolved.parent) not in sys.path:
+        sys.path.append(str(resolved.parent))
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        raise CannotRunError(f"{path} cannot be imported: {type(error).__name__}: {error}") from error
+    return module
+
+
+def _campaigns_of(module: ModuleType, prefix: str) -> list[Found]:
+    return [
+        Found(value, f"{prefix}:{name}")
+        for name, value in vars(module).items()
+        if isinstance(value, Campaign)
+    ]
+
+
+def _in_file(path: Path) -> list[Found]:
+    return _campaigns_of(import_file(path), str(path))
+
+
+def _in_directory(path: Path) -> list[Found]:
+    found: list[Found] = []
+    for file in sorted(path.rglob("*.py")):
+        if file.name.startswith(_SKIPPED) or any(part.startswith(".") for part in file.parts):
+            continue
+        # Only files that speak of campaigns are imported: importing runs them.
+        if "Campaign(" in file.read_text(encoding="utf-8", errors="replace"):
+            found.extend(_in_file(file))
+    return found
+
+
+def _import_module(name: str) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        missing = error.name or ""
+        if name == missing or name.startswith(missing + "."):
+            raise CampaignNotFoundError(name, "there is no such file, directory or module") from None
+        raise CannotRunError(f"{name} cannot be imported: {error}") from error
+    except Exception as error:
+        raise CannotRunError(f"{name} cannot be imported: {type(error).__name__}: {error}") from error
+
+
+def _in_module(name: str) -> list[Found]:
+    module = _import_module(name)
+    found = _campaigns_of(module, name)
+    if hasattr(module, "__path__"):
+        for info in pkgutil.walk_packages(module.__path__, prefix=f"{name}."):
+            if not info.name.rpartition(".")[2].startswith(_SKIPPED):
+                found.extend(_campaigns_of(_import_module(info.name), info.name))
+    return found
+
+
+def find_campaigns(references: Sequence[str]) -> list[Found]:
+    """Return the campaigns at paths and in modules, in order, each once.
+
+    Raises:
+        CampaignNotFoundError: A reference leads to no campaign.
+        CannotRunError: A file or module cannot be imported.
+
+    """
+    if not references:
+        raise CannotRunError("nothing to run: give Python files, directories or modules with campaigns")
+    found: dict[int, Found] = {}
+    for reference in references:
+        path = Path(reference)
+        if path.is_dir():
+            here, reason = _in_directory(path), "no file in it defines a Campaign"
+        elif path.is_file():
+            if path.suffix != ".py":
+                raise CampaignNotFoundError(reference, "it is no Python file")
+            here, reason = _in_file(path), "it defines no Campaign"
+        elif path.suffix == ".py" or "/" in reference or not _is_dotted(reference):
+            raise CampaignNotFoundError(reference, "there is no such file or directory")
+        else:
+            here, reason = _in_module(reference), "it defines no Campaign"
+        if not here:
+            raise CampaignNotFoundError(reference, reason)
+        for entry in here:
+            found.setdefault(id(entry.campaign), entry)
+    return list(found.values())
+
+
+def _is_dotted(text: str) -> bool:
+    return all(part.isidentifier() for part in text.split("."))
+
+
+def load_campaign(reference: str) -> Campaign:
+    """Return the campaign that a `Found.reference` names.
+
+    Raises:
+        CampaignNotFoundError: It is not there any more.
+
+    """
+    where, separator, name = reference.rpartition(":")
+    if not separator:
+        raise CampaignNotFoundError(reference, "it names no module and attribute")
+    if where.endswith(".py"):
+        path = Path(where)
+        if not path.is_file():
+            raise CampaignNotFoundError(reference, "there is no such file")
+        module = import_file(path)
+    else:
+        module = _import_module(where)
+    campaign = getattr(module, name, None)
+    if not isinstance(campaign, Campaign):
+        raise CampaignNotFoundError(reference, f"{where} defines no Campaign {name}")
+    return campaign
+
+
+def select_cases(
+    found: Iterable[Found], *, pattern: str = "", tags: Sequence[str] = (), identifiers: Sequence[str] = ()
+) -> list[Selected]:
+    """Return the cases to run, in order.
+
+    Args:
+        found: Campaigns.
+        pattern: Only cases with this text in identifier or title (upper and lower case are the same).
+        tags: Only cases with all of these tags.
+        identifiers: Only these cases.
+
+    Raises:
+        CannotRunError: Two cases share an identifier, a named one is unknown, or nothing is left.
+
+    """
+    selected: dict[str, Selected] = {}
+    for entry in found:
+        for case in entry.campaign.cases:
+            if case.identifier in selected:
+                raise CannotRunError(
+                    f"the case {case.identifier!r} is defined twice: in {selected[case.identifier].campaign} and in "
+                    f"{entry.reference}"
+                )
+            selected[case.identifier] = Selected(case, entry.reference)
+    for identifier in identifiers:
+        if identifier not in selected:
+            raise CannotRunError(f"there is no case {identifier!r}; there are {len(selected)} others")
+    wanted = [
+        item
+        for item in selected.values()
+        if (not identifiers or item.case.identifier in identifiers)
+        and pattern.lower() in f"{item.case.identifier} {item.case.title}".lower()
+        and set(tags) <= set(item.case.tags)
+    ]
+    if not wanted:
+        raise CannotRunError(f"none of {len(selected)} cases fits the selection")
+    return wanted

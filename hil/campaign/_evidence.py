@@ -1,0 +1,204 @@
+"""From a finished case to its result: story, alarms, faults, messages, signals. Reads the trace, runs nothing."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Final
+
+from fieldbus.history import Event
+from hil.faults import ArmedFault
+from hil.record import Trace
+from reports.model import AlarmRecord, Check, FaultRecord, Message, Scalar, Signal, Step
+
+MESSAGE_WINDOW: Final = 30
+"""Frames kept before and after every fault and alarm."""
+_MAX_STEPS: Final = 2000
+
+USUAL_SIGNALS: Final = frozenset(
+    {
+        "position_setpoint", "velocity_setpoint", "actual_position", "actual_velocity", "following_error",
+        "actual_torque", "speed_output", "status_word", "alarm_number", "state", "stw1", "zsw1",
+        "position", "velocity", "torque", "controlword", "statusword", "inputs", "error_code",
+    }
+)  # fmt: skip
+"""Columns kept in the report unless a case says otherwise."""
+
+
+def _plain(value: Any) -> Scalar:
+    item = getattr(value, "item", None)
+    if callable(item) and not isinstance(value, (str, int, float, bool)):
+        value = item()
+    return value if value is None or isinstance(value, (str, int, float, bool)) else str(value)
+
+
+def _detail(entry: Event) -> dict[str, Scalar]:
+    return {key: _plain(value) for key, value in entry.data.items()}
+
+
+def _alarm_text(entry: Event) -> str:
+    text = f": {entry.data['text']}" if entry.data.get("text") else ""
+    return f"Alarm {entry.data.get('number')} of {entry.source}, reaction {entry.data.get('reaction')}{text}"
+
+
+def _job_text(entry: Event) -> str:
+    words = {
+        "job.started": "Busy", "job.active": "Active", "job.done": "Done", "job.aborted": "CommandAborted",
+        "job.error": "Error", "job.in_velocity": "InVelocity",
+    }  # fmt: skip
+    error = entry.data.get("error_id")
+    code = f" 16#{error:04X}" if isinstance(error, int) and error else ""
+    return f"{entry.data.get('job')}: {words.get(entry.kind, entry.kind)}{code}"
+
+
+def _fault_text(entry: Event) -> str:
+    verb = {"fault.armed": "armed", "fault.applied": "applied", "fault.removed": "removed"}.get(
+        entry.kind, "disarmed"
+    )
+    details = ", ".join(
+        f"{key} {value}" for key, value in entry.data.items() if key not in {"fault", "injection", "trigger"}
+    )
+    return f"{entry.data.get('fault')} on {entry.source} {verb}" + (f" ({details})" if details else "")
+
+
+def _state_text(entry: Event) -> str:
+    return f"{entry.source}: {entry.data.get('from')} -> {entry.data.get('to')}"
+
+
+_TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
+    "alarm.raised": ("observe", _alarm_text),
+    "alarm.cleared": ("observe", lambda entry: f"Alarm {entry.data.get('number')} of {entry.source} cleared"),
+    "axis.state": ("observe", _state_text),
+    "drive.state": ("observe", _state_text),
+    "drive.nmt": ("observe", _state_text),
+    "nmt.state": ("observe", _state_text),
+    "drive.fault": (
+        "observe", lambda entry: f"Fault of {entry.source}: {entry.data.get('text') or entry.data.get('code')}"
+    ),
+    "power.status": ("observe", lambda entry: f"{entry.source}: MC_Power.Status {entry.data.get('value')}"),
+    "fault.armed": ("inject", _fault_text),
+    "fault.applied": ("inject", _fault_text),
+    "fault.removed": ("inject", _fault_text),
+    "fault.disarmed": ("inject", _fault_text),
+}  # fmt: skip
+
+
+def build_story(trace: Trace, told: Iterable[Step], checks: Iterable[Check]) -> list[Step]:
+    """Return the told steps, what the log shows, and the checks, by time."""
+    steps = list(told)
+    for entry in trace.events:
+        if entry.kind.startswith("job."):
+            steps.append(Step(entry.time_ns * 1e-9, "observe", _job_text(entry), _detail(entry)))
+            continue
+        teller = _TELLERS.get(entry.kind)
+        if teller is not None:
+            steps.append(Step(entry.time_ns * 1e-9, teller[0], teller[1](entry), _detail(entry)))
+    steps.extend(
+        Step(
+            trace.end_s if check.time_s is None else check.time_s, "expect", f"{check.name}: {check.verdict.value}",
+            {"expected": check.expected, "observed": check.observed},
+        )
+        for check in checks
+    )  # fmt: skip
+    steps.sort(key=lambda step: step.time_s)
+    if len(steps) > _MAX_STEPS:
+        left_out = len(steps) - _MAX_STEPS
+        steps = steps[:_MAX_STEPS]
+        steps.append(Step(steps[-1].time_s, "observe", f"{left_out} more steps are left out", {}))
+    return steps
+
+
+def build_alarms(trace: Trace) -> list[AlarmRecord]:
+    """Return all alarms with the time at which they were cleared."""
+    records: list[AlarmRecord] = []
+    pending: dict[tuple[str, Any], AlarmRecord] = {}
+    for entry in trace.select(kind="alarm."):
+        key = (entry.source, entry.data.get("number"))
+        if entry.kind == "alarm.raised":
+            record = AlarmRecord(
+                entry.time_ns * 1e-9, entry.source, int(entry.data.get("number") or 0),
+                int(entry.data.get("reaction") or 0), str(entry.data.get("text") or ""),
+            )  # fmt: skip
+            records.append(record)
+            pending[key] = record
+        elif entry.kind == "alarm.cleared" and key in pending:
+            pending.pop(key).cleared_s = entry.time_ns * 1e-9
+    return records
+
+
+def build_faults(trace: Trace, armed: Iterable[ArmedFault]) -> list[FaultRecord]:
+    """Return all faults as they were injected, with the state of the axis at their application."""
+    changes = list(trace.select(kind="axis.state"))
+    times = [entry.time_ns for entry in changes]
+
+    def state_at(time_ns: int | None) -> str:
+        if time_ns is None:
+            return ""
+        # What a fault causes at its own instant comes after it: the state before counts.
+        index = bisect_left(times, time_ns)
+        if index:
+            return str(changes[index - 1].data.get("to"))
+        return str(changes[0].data.get("from")) if changes else ""
+
+    def seconds(time_ns: int | None) -> float | None:
+        return None if time_ns is None else time_ns * 1e-9
+
+    return [
+        FaultRecord(
+            kind=fault.fault.kind,
+            target=fault.target,
+            armed_s=fault.armed_ns * 1e-9,
+            applied_s=seconds(fault.applied_ns),
+            removed_s=seconds(fault.removed_ns),
+            parameters=dict(fault.fault.parameters),
+            trigger=str(fault.fault.trigger),
+            axis_state=state_at(fault.applied_ns),
+        )
+        for fault in armed
+    ]
+
+
+def build_messages(trace: Trace, decode: Callable[[Any], str], window: int = MESSAGE_WINDOW) -> list[Message]:
+    """Return the frames around faults and alarms, decoded."""
+    marks = [
+        entry.time_ns
+        for entry in trace.events
+        if entry.kind in {"fault.applied", "fault.removed", "alarm.raised", "drive.fault"}
+    ]
+    if not marks or window <= 0:
+        return []
+    found: list[tuple[int, Message]] = []
+    for bus in trace.buses:
+        log = trace.raw_frames(bus)
+        times = [entry[0] for entry in log]
+        wanted: set[int] = set()
+        for mark in marks:
+            middle = bisect_left(times, mark)
+            wanted.update(range(max(middle - window, 0), min(middle + window, len(log))))
+        for index in sorted(wanted):
+            time_ns, sender, frame, error = log[index]
+            data = f"R{frame.dlc}" if frame.remote else bytes(frame.data).hex(" ").upper()
+            found.append(
+                (
+                    time_ns,
+                    Message(time_ns * 1e-9, bus, frame.can_id, data, sender, _decoded(decode, frame), error),
+                )
+            )
+    found.sort(key=lambda item: item[0])
+    return [message for _, message in found]
+
+
+def _decoded(decode: Callable[[Any], str], frame: Any) -> str:
+    try:
+        return decode(frame)
+    except Exception as error:  # noqa: BLE001 - a frame that nobody can decode is still evidence
+        return f"(not decoded: {error})"
+
+
+def build_signals(trace: Trace, wanted: Sequence[str] = ()) -> list[Signal]:
+    """Return the signals for the report: the usual ones, the named ones, or with `*` all."""
+    if not wanted:
+        return [signal for signal in trace if signal.name.partition(".")[2] in USUAL_SIGNALS]
+    if "*" in wanted:
+        return list(trace)
+    return [trace[name] for name in wanted]

@@ -1,0 +1,214 @@
+"""Running one case: fresh bench, function, expectations, always-on checkers, verdict."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from hil.campaign._case import Case
+from hil.campaign._context import CaseContext
+from hil.campaign._evidence import (
+    MESSAGE_WINDOW,
+    build_alarms,
+    build_faults,
+    build_messages,
+    build_signals,
+    build_story,
+)
+from hil.campaign._limits import limit_simulated, limit_wall
+from hil.campaign._token import Token
+from hil.errors import BlockedError, CaseTimeoutError, UnsupportedFaultError
+from hil.expect import describe, run_checkers
+from hil.record import Difference, Trace, first_difference
+from reports.model import CaseResult, Check, Verdict
+
+REPEATABLE: Final = "repeatable"
+"""Name of the check that `--twice` adds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Execution:
+    """A case that has run."""
+
+    result: CaseResult
+    trace: Trace | None
+    """None when the bench could not even be built."""
+    late_s: float = 0.0
+    """By how much a live bench was later than it allows in a failed run, s; 0 otherwise."""
+
+
+LIVE_REPETITIONS: Final = 2
+"""How often a case that failed on a live bench which was too late is repeated before it counts as blocked."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaseSettings:
+    """How a case is run."""
+
+    seed: int = 0
+    """Seed of the case."""
+    token: str = ""
+    twice: bool = False
+    """Run it a second time and compare the traces."""
+    message_window: int = MESSAGE_WINDOW
+
+
+def execute_case(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
+    """Run a case on a fresh bench and return its result with the trace; never raises what the case raises.
+
+    Args:
+        case: The case.
+        bench_file: Builds the bench (`hil.protocols.BenchFile`).
+        settings: Seed and options.
+
+    """
+    first = _run_once(case, bench_file, settings)
+    repetitions = LIVE_REPETITIONS
+    while first.late_s and repetitions:
+        repetitions -= 1
+        first = _run_once(case, bench_file, settings)
+    if first.late_s:
+        first.result.verdict = Verdict.BLOCKED
+        first.result.message = (
+            f"the machine was {first.late_s:.3f} s late, more than the bench allows, in {LIVE_REPETITIONS + 1} runs; "
+            f"the last of them: {first.result.message}"
+        )
+    if not settings.twice or first.trace is None:
+        return first
+    second = _run_once(case, bench_file, replace(settings, twice=False))
+    _judge_repetition(first, second)
+    return first
+
+
+def _judge_repetition(first: Execution, second: Execution) -> None:
+    """Add the check that both runs left the same trace; a difference makes the case an error of the harness."""
+    result = first.result
+    result.wall_s += second.result.wall_s
+    difference: Difference | None = None
+    if first.trace is not None and second.trace is not None:
+        if first.trace.digest() == second.trace.digest():
+            result.checks.append(
+                Check(
+                    REPEATABLE,
+                    Verdict.PASSED,
+                    "the same trace in both runs",
+                    f"digest {result.trace_digest[:16]}",
+                )
+            )
+            return
+        difference = first_difference(first.trace, second.trace)
+    observed = (
+        "the second run could not be made" if second.trace is None else f"first difference {difference}"
+    )
+    result.checks.append(
+        Check(
+            REPEATABLE, Verdict.FAILED, "the same trace in both runs", observed,
+            None if difference is None else difference.time_s,
+        )
+    )  # fmt: skip
+    result.verdict = Verdict.ERROR
+    result.message = f"not repeatable: {observed}" + (f"; {result.message}" if result.message else "")
+
+
+def _run_once(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
+    started = time.perf_counter()
+    result = CaseResult(
+        identifier=case.identifier, title=case.title, verdict=Verdict.PASSED, group=case.group, tags=list(case.tags),
+        requirements=list(case.requirements), seed=settings.seed, token=settings.token,
+    )  # fmt: skip
+    context: CaseContext | None = None
+    trace: Trace | None = None
+    late_s = 0.0
+    try:
+        with limit_wall(case.wall_limit_s), bench_file.build(seed=settings.seed) as bench:
+            context = CaseContext(bench, seed=settings.seed)
+            limit_simulated(bench, case.simulated_limit_s)
+            result.verdict, result.message = _call(case, context)
+            trace = context.trace()
+            _judge(case, context, trace, result)
+            if result.verdict is Verdict.FAILED:
+                late_s = _lateness(bench)
+            collect_evidence(context, trace, result, signals=case.signals, window=settings.message_window)
+            context.faults.remove_all()
+    except (BlockedError, UnsupportedFaultError) as error:
+        result.verdict, result.message = Verdict.BLOCKED, str(error)
+    except CaseTimeoutError as error:
+        result.verdict, result.message = Verdict.ERROR, str(error)
+    except Exception as error:  # noqa: BLE001 - whatever breaks outside the case is an error of the harness
+        result.verdict, result.message = Verdict.ERROR, _told(error)
+    result.wall_s = time.perf_counter() - started
+    return Execution(result, trace, late_s)
+
+
+def _lateness(bench: Any) -> float:
+    """Return by how much a live bench was later than it allows, s: then timing says nothing about what was tested."""
+    lateness = float(getattr(bench, "lateness_s", 0.0))
+    return lateness if lateness > float(getattr(bench, "allowed_lateness_s", 0.0)) else 0.0
+
+
+def _call(case: Case, context: CaseContext) -> tuple[Verdict, str]:
+    """Run the function; return the verdict that its way of ending means."""
+    try:
+        case.call(context)
+    except (BlockedError, UnsupportedFaultError) as error:
+        return Verdict.BLOCKED, str(error)
+    except CaseTimeoutError as error:
+        return Verdict.ERROR, str(error)
+    except AssertionError as error:
+        return Verdict.FAILED, str(error) or _told(error)
+    except KeyboardInterrupt:
+        raise
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - a broken case must not end the run
+        return Verdict.ERROR, _told(error)
+    return Verdict.PASSED, ""
+
+
+def _told(error: BaseException) -> str:
+    """Return type, text and innermost place of an exception."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" at {frames[-1].filename}:{frames[-1].lineno} in {frames[-1].name}" if frames else ""
+    return f"{type(error).__name__}: {error}{place}"
+
+
+def _judge(case: Case, context: CaseContext, trace: Trace, result: CaseResult) -> None:
+    """Evaluate what the case expects and what every run must obey."""
+    checks = list(context.checks)
+    if result.verdict is not Verdict.BLOCKED:
+        for expectation in context.expectations:
+            checks.extend(expectation.evaluate(trace))
+    without = set(case.without)
+    checks.extend(check for check in run_checkers(trace) if not without & set(check.requirements))
+    result.checks = checks
+    bad = [check for check in checks if check.verdict is not Verdict.PASSED]
+    if result.verdict is Verdict.PASSED and bad:
+        broken = any(check.verdict is Verdict.ERROR for check in bad)
+        result.verdict = Verdict.ERROR if broken else Verdict.FAILED
+        result.message = "; ".join(describe(check) for check in bad[:3])
+        if len(bad) > 3:
+            result.message += f"; and {len(bad) - 3} more"
+
+
+def collect_evidence(
+    context: CaseContext,
+    trace: Trace,
+    result: CaseResult,
+    *,
+    signals: Sequence[str] = (),
+    window: int = MESSAGE_WINDOW,
+) -> None:
+    """Fill a result with story, alarms, faults, messages, signals and digest; its checks must be there already."""
+    result.simulated_s = trace.end_s
+    result.trace_digest = trace.digest()
+    result.story = build_story(trace, context.story, result.checks)
+    result.alarms = build_alarms(trace)
+    result.faults = build_faults(trace, context.faults.armed)
+    result.messages = build_messages(trace, context.bench.decode, window)
+    result.signals = build_signals(trace, signals)
+
+
+def make_token(case: Case, *, seed: int, campaign: str, bench: str, bench_digest: str) -> str:
+    """Return the replay token of a case."""
+    return Token(case.identifier, seed, campaign, bench, bench_digest).encode()

@@ -1,0 +1,50 @@
+"""Evidence files of a case: the whole trace, and the bus log in candump's format."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final, Literal
+
+from hil.campaign._execute import Execution
+from hil.record import Trace, TraceFrame
+from reports.model import Verdict
+
+Keep = Literal["all", "failed", "none"]
+EPOCH_S: Final = 946_684_800
+"""Unix time of time zero of a bench, 2000-01-01: exported logs need an absolute time, and some formats lose early ones."""
+FOLDER: Final = "evidence"
+
+
+def candump_lines(frames: Iterable[TraceFrame]) -> Iterable[str]:
+    """Return frames as lines of a candump log; frames that never reached a receiver are left out."""
+    for frame in frames:
+        if frame.error:
+            continue
+        identifier = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
+        body = f"R{frame.dlc}" if frame.remote else frame.data.hex().upper()
+        seconds, rest = divmod(frame.time_ns, 1_000_000_000)
+        yield f"({EPOCH_S + seconds}.{rest // 1000:06d}) {frame.bus} {identifier}#{body}\n"
+
+
+def write_candump(trace: Trace, path: Path) -> Path:
+    """Write the frames of a trace as a candump log."""
+    with path.open("w", encoding="ascii") as stream:
+        stream.writelines(candump_lines(trace.frames))
+    return path
+
+
+def write_evidence(execution: Execution, directory: Path, keep: Keep) -> None:
+    """Write the evidence files of a case below `directory` and note them in the result."""
+    result, trace = execution.result, execution.trace
+    if trace is None or keep == "none" or (keep == "failed" and result.verdict is Verdict.PASSED):
+        return
+    name = re.sub(r"[^A-Za-z0-9._-]+", "_", result.identifier).strip("._") or "case"
+    folder = directory / FOLDER / name
+    folder.mkdir(parents=True, exist_ok=True)
+    archive, document = trace.save(folder / "trace")
+    written = {"trace columns": archive, "trace events and frames": document}
+    if trace.frames:
+        written["bus log (candump)"] = write_candump(trace, folder / "bus.log")
+    result.files.update({title: path.relative_to(directory).as_posix() for title, path in written.items()})

@@ -1,0 +1,50 @@
+"""Time limits of a case, in bench time and in wall time."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from fieldbus.clock import MS, seconds_to_ns
+from hil.errors import CaseTimeoutError
+
+
+def limit_simulated(bench: Any, seconds: float) -> None:
+    """Let the bench raise `CaseTimeoutError` once `seconds` of its time have passed from now.
+
+    It is raised again every millisecond after that, for a case that swallows it and goes on.
+    """
+    scheduler = bench.scheduler
+    due_ns = scheduler.now + seconds_to_ns(seconds)
+
+    def expire() -> None:
+        scheduler.after(MS, expire)
+        raise CaseTimeoutError(f"the case has used up its limit of {seconds:g} s of bench time")
+
+    scheduler.at(due_ns, expire)
+
+
+@contextmanager
+def limit_wall(seconds: float) -> Iterator[None]:
+    """Raise `CaseTimeoutError` in this thread once `seconds` of wall time have passed.
+
+    Works in the main thread of a POSIX system, which is where cases run; elsewhere there is no limit.
+    """
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def expire(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - signature of a signal handler
+        raise CaseTimeoutError(f"the case has used up its limit of {seconds:g} s of wall time")
+
+    old_handler = signal.signal(signal.SIGALRM, expire)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, old_handler)

@@ -1,0 +1,360 @@
+"""Expectations about the event log: alarms, jobs, states, order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from fieldbus.errors import ConfigurationError
+from fieldbus.history import Event
+from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of
+from hil.record import EventSelector, Trace
+from hil.record import event as select_event
+from reports.model import Check
+
+JOB_OUTPUTS: Final = {
+    "Busy": "job.started",
+    "Active": "job.active",
+    "InVelocity": "job.in_velocity",
+    "Done": "job.done",
+    "CommandAborted": "job.aborted",
+    "Error": "job.error",
+}
+"""Output of an instruction and the kind of event of its rising edge."""
+
+
+def _told(entry: Event, *keys: str) -> str:
+    parts = [f"{key} {entry.data[key]}" for key in keys if entry.data.get(key) not in (None, "")]
+    return f"{', '.join(parts)} at {entry.time_ns * 1e-9:.6f} s"
+
+
+def _alarms(trace: Trace, since_s: float, until_s: float, axis: str | None) -> list[Event]:
+    return [
+        entry
+        for entry in trace.select(source=axis, kind="alarm.raised")
+        if since_s - SLACK_S <= entry.time_ns * 1e-9 <= until_s + SLACK_S
+    ]
+
+
+def _listed(entries: Sequence[Event]) -> str:
+    return "; ".join(_told(entry, "number", "reaction", "text") for entry in entries) or "no alarm"
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmExpectation(Expectation):
+    """An alarm with number and reaction within a bound. Made by `alarm`."""
+
+    number: int
+    reaction: int | None
+    within_s: float | None
+    since: Reference
+    axis: str | None
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"alarm {self.number}"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        reaction = "" if self.reaction is None else f" with reaction {self.reaction}"
+        bound = "" if self.within_s is None else f" within {self.within_s:g} s"
+        return f"alarm {self.number}{reaction}{bound} after {words_of(self.since)}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace."""
+        since_s = instant(trace, self.since)
+        entries = _alarms(trace, since_s, trace.end_s, self.axis)
+        mine = [entry for entry in entries if entry.data.get("number") == self.number]
+        if not mine:
+            return [self.outcome(passed=False, observed=_listed(entries), time_s=since_s)]
+        entry = mine[0]
+        delay_s = entry.time_ns * 1e-9 - since_s
+        good = self.within_s is None or delay_s <= self.within_s + SLACK_S
+        if self.reaction is not None and entry.data.get("reaction") != self.reaction:
+            good = False
+        return [
+            self.outcome(
+                passed=good, observed=f"{_told(entry, 'number', 'reaction')}, {delay_s:.6f} s after",
+                time_s=entry.time_ns * 1e-9, value=delay_s, unit="s",
+                low=0.0 if self.within_s is not None else None, high=self.within_s,
+            )
+        ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class NoAlarmExpectation(Expectation):
+    """No alarm in an interval. Made by `no_alarm`."""
+
+    since: Reference
+    until: Reference | None
+    axis: str | None
+    besides: tuple[int, ...]
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return "no alarm" if not self.besides else f"no alarm besides {', '.join(map(str, self.besides))}"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        until = "the end" if self.until is None else words_of(self.until)
+        return f"{self.title} from {words_of(self.since)} to {until}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace."""
+        entries = _alarms(trace, instant(trace, self.since), end_of(trace, self.until), self.axis)
+        entries = [entry for entry in entries if entry.data.get("number") not in self.besides]
+        when = entries[0].time_ns * 1e-9 if entries else None
+        return [self.outcome(passed=not entries, observed=_listed(entries), time_s=when)]
+
+
+@dataclass(frozen=True, slots=True)
+class HappensExpectation(Expectation):
+    """An event happens, or never does. Made by `happens`, `never_happens` and `job_output`."""
+
+    selector: EventSelector
+    since: Reference
+    until: Reference | None
+    within_s: float | None
+    never: bool
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"never {self.selector}" if self.never else str(self.selector)
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        bound = "" if self.within_s is None else f" within {self.within_s:g} s"
+        until = "" if self.until is None else f" until {words_of(self.until)}"
+        return f"{self.title}{bound} after {words_of(self.since)}{until}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace."""
+        since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
+        inside = [
+            entry
+            for entry in self.selector.select(trace.events)
+            if since_s - SLACK_S <= entry.time_ns * 1e-9 <= until_s + SLACK_S
+        ]
+        if self.never:
+            observed = (
+                "it did not happen" if not inside else f"{inside[0].kind} at {inside[0].time_ns * 1e-9:.6f} s"
+            )
+            return [
+                self.outcome(
+                    passed=not inside, observed=observed, time_s=inside[0].time_ns * 1e-9 if inside else None
+                )
+            ]
+        index = self.selector.number - 1 if self.selector.number > 0 else self.selector.number
+        if not -len(inside) <= index < len(inside):
+            seen = self._seen_instead(trace, since_s)
+            return [self.outcome(passed=False, observed=f"it did not happen{seen}", time_s=since_s)]
+        entry = inside[index]
+        delay_s = entry.time_ns * 1e-9 - since_s
+        return [
+            self.outcome(
+                passed=self.within_s is None or delay_s <= self.within_s + SLACK_S,
+                observed=f"{entry.kind} of {entry.source} {delay_s:.6f} s after",
+                time_s=entry.time_ns * 1e-9, value=delay_s, unit="s",
+                low=0.0 if self.within_s is not None else None, high=self.within_s,
+            )
+        ]  # fmt: skip
+
+    def _seen_instead(self, trace: Trace, since_s: float) -> str:
+        """Tell what the same job or component did in its place."""
+        family = self.selector.kind.split(".")[0] + "."
+        near = [
+            entry
+            for entry in trace.select(source=self.selector.source, kind=family)
+            if entry.time_ns * 1e-9 >= since_s - SLACK_S
+            and ("job" not in self.selector.data or entry.data.get("job") == self.selector.data["job"])
+        ]
+        texts = [
+            f"{entry.kind}"
+            + (f" to {entry.data['to']}" if "to" in entry.data else "")
+            + (f" 16#{entry.data['error_id']:04X}" if isinstance(entry.data.get("error_id"), int) and entry.data["error_id"] else "")
+            + f" at {entry.time_ns * 1e-9:.6f} s"
+            for entry in near[:3]
+        ]  # fmt: skip
+        return f"; instead: {', '.join(texts)}" if texts else ""
+
+
+@dataclass(frozen=True, slots=True)
+class OrderExpectation(Expectation):
+    """Events happen in an order. Made by `event_order`."""
+
+    selectors: tuple[EventSelector, ...]
+    since: Reference
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return "order of events"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        return f"{', then '.join(map(str, self.selectors))} after {words_of(self.since)}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace: every event must come in the log behind the one before it."""
+        since_s = instant(trace, self.since)
+        position = 0
+        while position < len(trace.events) and trace.events[position].time_ns * 1e-9 < since_s - SLACK_S:
+            position += 1
+        start = position
+        found: list[str] = []
+        for selector in self.selectors:
+            at = next(
+                (i for i in range(position, len(trace.events)) if selector.matches(trace.events[i])), None
+            )
+            if at is None:
+                early = next((i for i in range(start, position) if selector.matches(trace.events[i])), None)
+                missing = (
+                    "did not happen"
+                    if early is None
+                    else f"came too early, at {trace.events[early].time_ns * 1e-9:.6f} s"
+                )
+                before = f" after {', '.join(found)}" if found else ""
+                when = (trace.events[position - 1].time_ns * 1e-9) if found else since_s
+                return [self.outcome(passed=False, observed=f"'{selector}' {missing}{before}", time_s=when)]
+            entry = trace.events[at]
+            found.append(f"{entry.kind} at {entry.time_ns * 1e-9:.6f} s")
+            position = at + 1
+        when = trace.events[position - 1].time_ns * 1e-9 if found else since_s
+        return [self.outcome(passed=True, observed=", ".join(found), time_s=when)]
+
+
+@dataclass(frozen=True, slots=True)
+class StateExpectation(Expectation):
+    """A component is in a state at an instant. Made by `state_at`."""
+
+    component: str
+    at: Reference
+    text: str
+    kind: str
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"state of {self.component}"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        return f"{self.component} in state {self.text} at {words_of(self.at)}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace: of every state machine of the component, the last event not later than the instant."""
+        at_s = instant(trace, self.at)
+        found: dict[str, Event] = {}
+        for entry in trace.select(source=self.component):
+            if entry.time_ns * 1e-9 > at_s + SLACK_S:
+                break
+            if (
+                entry.kind == self.kind if self.kind else entry.kind.endswith(".state")
+            ) and "to" in entry.data:
+                found[entry.kind] = entry
+        if found:
+            states = [str(entry.data["to"]) for entry in found.values()]
+            observed = ", ".join(
+                f"{entry.data['to']} since {entry.time_ns * 1e-9:.6f} s" for entry in found.values()
+            )
+        else:
+            states = [trace[f"{self.component}.state"].text_at(at_s)]
+            observed = states[0]
+        return [self.outcome(passed=self.text in states, observed=observed, time_s=at_s)]
+
+
+def _checked_bound(where: str, within_s: float | None) -> float | None:
+    if within_s is not None and not within_s >= 0:
+        raise ConfigurationError(where, within_s, "a time >= 0 s")
+    return within_s
+
+
+def alarm(
+    number: int,
+    *,
+    reaction: int | None = None,
+    within_s: float | None = None,
+    since: Reference = 0.0,
+    axis: str | None = None,
+) -> AlarmExpectation:
+    """Expect technology alarm `number`, with `reaction`, at most `within_s` after `since`."""
+    return AlarmExpectation(number, reaction, _checked_bound("alarm.within_s", within_s), since, axis)
+
+
+def no_alarm(
+    *,
+    since: Reference = 0.0,
+    until: Reference | None = None,
+    axis: str | None = None,
+    besides: Sequence[int] = (),
+) -> NoAlarmExpectation:
+    """Expect no alarm from `since` to `until` (default: the end), besides the numbers given."""
+    return NoAlarmExpectation(since, until, axis, tuple(besides))
+
+
+def happens(
+    selector: EventSelector,
+    *,
+    since: Reference = 0.0,
+    within_s: float | None = None,
+    until: Reference | None = None,
+) -> HappensExpectation:
+    """Expect an event at most `within_s` after `since`, and not after `until`."""
+    return HappensExpectation(
+        selector, since, until, _checked_bound("happens.within_s", within_s), never=False
+    )
+
+
+def never_happens(
+    selector: EventSelector, *, since: Reference = 0.0, until: Reference | None = None
+) -> HappensExpectation:
+    """Expect that an event does not happen from `since` to `until` (default: the end)."""
+    return HappensExpectation(selector, since, until, None, never=True)
+
+
+def event_order(selectors: Sequence[EventSelector], *, since: Reference = 0.0) -> OrderExpectation:
+    """Expect events in this order in the log, others in between allowed."""
+    if not selectors:
+        raise ConfigurationError("event_order.selectors", selectors, "at least one event")
+    return OrderExpectation(tuple(selectors), since)
+
+
+def state_at(component: str, at: Reference, text: str, *, kind: str = "") -> StateExpectation:
+    """Expect `component` in the state `text` at an instant; `kind` picks one of several state machines (`drive.nmt`)."""
+    return StateExpectation(component, at, text, kind)
+
+
+def job_output(
+    job: str,
+    output: str,
+    *,
+    within_s: float | None = None,
+    since: Reference = 0.0,
+    error_id: int | None = None,
+) -> HappensExpectation:
+    """Expect the rising edge of an output of an instruction instance.
+
+    Args:
+        job: Name of the instance.
+        output: Busy, Active, InVelocity, Done, CommandAborted or Error.
+        within_s: Bound after `since`, s.
+        since: Reference instant.
+        error_id: Expected ErrorID (with Error).
+
+    """
+    kind = JOB_OUTPUTS.get(output)
+    if kind is None:
+        raise ConfigurationError("job_output.output", output, ", ".join(JOB_OUTPUTS))
+    selector = (
+        select_event(kind, job=job) if error_id is None else select_event(kind, job=job, error_id=error_id)
+    )
+    return happens(selector, since=since, within_s=within_s)

@@ -1,0 +1,202 @@
+"""Always-on rules about motion: a drive without torque does not drive, a setpoint does not jump."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.expect._words import has_torque, normal_state
+from hil.record import Signal, Trace
+from reports.model import Check, Verdict
+
+REST_SPEED: dict[str, float] = {"m/s": 0.0005, "rad/s": 0.05, "mm/s": 0.5}
+"""Speed that counts as rest, by unit."""
+REST_TRAVEL: dict[str, float] = {"m": 0.0001, "rad": 0.01, "mm": 0.1}
+"""Displacement that counts as none, by unit."""
+
+
+WINDOW_S = (0.05, 0.15)
+"""What counts as an earlier speed: between these times back. A rebound from an elastic stop is then no acceleration."""
+_AFTER_PUSH_S = 0.5
+"""A spring that is let go or a load that swings back needs a moment to come to rest."""
+_REST_S = 0.1
+"""Time below the rest speed after which an axis is at rest."""
+
+
+def pushed_spans(trace: Trace, drive: str) -> list[tuple[float, float]]:
+    """Return when something else than the drive may move the mechanics: a force, a released block, an end stop."""
+    spans = []
+    pushing: dict[object, float] = {}
+    for entry in trace.select(source=drive, kind="fault."):
+        if not str(entry.data.get("fault", "")).startswith("mechanics."):
+            continue
+        number = entry.data.get("injection")
+        if entry.kind == "fault.applied":
+            pushing[number] = entry.time_ns * 1e-9
+        elif entry.kind == "fault.removed" and number in pushing:
+            spans.append((pushing.pop(number), entry.time_ns * 1e-9 + _AFTER_PUSH_S))
+    spans += [(start, float("inf")) for start in pushing.values()]
+    return spans + _stop_spans(trace, drive)
+
+
+def _stop_spans(trace: Trace, drive: str) -> list[tuple[float, float]]:
+    """Return when the axis touches an end stop, where the bench states its place (`<drive>.positive_stop`)."""
+    position = trace[f"{drive}.position"]
+    slack = REST_TRAVEL.get(position.unit, 0.0001)
+    low, high = trace.constants.get(f"{drive}.negative_stop"), trace.constants.get(f"{drive}.positive_stop")
+    touching = np.zeros(len(position), dtype=bool)
+    if low is not None:
+        touching |= position.values <= low + slack
+    if high is not None:
+        touching |= position.values >= high - slack
+    return [(start, end + _AFTER_PUSH_S) for start, end in _stretches(position.time_s, touching)]
+
+
+def _stretches(times: NDArray[np.float64], flags: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Return first and last time of every run of true flags."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
+    return [
+        (float(times[start]), float(times[end - 1]))
+        for start, end in zip(edges[::2], edges[1::2], strict=True)
+    ]
+
+
+def check_motion_while_disabled(trace: Trace) -> list[Check]:
+    """Without torque an axis coasts at most: it gets no faster, and once at rest it stays there (STP-331, C402-010)."""
+    checks = []
+    for drive in trace.components_with("statusword", "position", "velocity", "torque"):
+        position, velocity = trace[f"{drive}.position"], trace[f"{drive}.velocity"]
+        word = trace[f"{drive}.statusword"]
+        stretches = _stretches(word.time_s, ~has_torque(word.values.astype(np.int64)))
+        pushed = pushed_spans(trace, drive)
+        problems = []
+        for start, end in stretches:
+            # A push makes the rest of its stretch a new story: it is judged from its end on.
+            for begin, finish in _free_parts(start, end, pushed):
+                found = _part_problem(velocity.between(begin, finish), position.between(begin, finish))
+                if found is not None:
+                    problems.append(found)
+        problem = min(problems, default=None)
+        checks.append(
+            Check(
+                name=f"no motion of {drive} without torque",
+                verdict=Verdict.PASSED if problem is None else Verdict.FAILED,
+                expected="coasting at most, no motion once at rest",
+                observed=problem[1] if problem else f"{len(stretches)} stretches without torque",
+                time_s=problem[0] if problem else None,
+                requirements=["STP-331", "C402-010"],
+            )
+        )
+    return checks
+
+
+def _free_parts(start: float, end: float, pushed: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return what is left of a stretch when the pushed times are cut out."""
+    parts = []
+    for begin, finish in sorted(pushed):
+        if finish < start or begin > end:
+            continue
+        if begin > start:
+            parts.append((start, begin))
+        start = max(start, finish)
+    if start <= end:
+        parts.append((start, end))
+    return parts
+
+
+def _part_problem(velocity: Signal, position: Signal) -> tuple[float, str] | None:
+    """Return time and text of the first motion that coasting does not explain."""
+    rest_speed = REST_SPEED.get(velocity.unit, 0.0005)
+    rest_travel = REST_TRAVEL.get(position.unit, 0.0001)
+    speed, times = np.abs(velocity.values), velocity.time_s
+    for index in np.flatnonzero(speed > rest_speed):
+        first = int(np.searchsorted(times, times[index] - WINDOW_S[1]))
+        # At the beginning there is nothing earlier than the first sample itself.
+        last = max(int(np.searchsorted(times, times[index] - WINDOW_S[0], side="right")), min(1, int(index)))
+        if last <= first:
+            continue
+        before = float(speed[first:last].max())
+        if speed[index] > before * 1.02 + rest_speed:
+            text = f"{float(velocity.values[index]):.4g} {velocity.unit} after {before:.4g} {velocity.unit}"
+            return float(times[index]), text
+    for begin, finish in _stretches(times, speed <= rest_speed):
+        if finish - begin < _REST_S:
+            continue
+        first = int(np.searchsorted(position.time_s, begin))
+        displacement = np.abs(position.values[first:] - position.values[first])
+        moved = np.flatnonzero(displacement > rest_travel)
+        if len(moved):
+            when, distance = float(position.time_s[first + moved[0]]), float(displacement[moved[0]])
+            return when, f"moved by {distance:.4g} {position.unit} after coming to rest at {begin:.6f} s"
+    return None
+
+
+_STEADY_STATES = {
+    "enable_ramp",
+    "standstill",
+    "motion",
+    "halting",
+    "stopping",
+    "stop_hold",
+    "alarm_ramp",
+    "disabling_ramp",
+}
+
+
+def check_setpoint_continuity(trace: Trace) -> list[Check]:
+    """The velocity setpoint changes no faster than the greatest configured (de)celeration (STP-239, STP-244).
+
+    Needs the constants `<axis>.max_acceleration`, `<axis>.max_deceleration` and `<axis>.emergency_deceleration`. At a
+    change of the axis state the generator may start anew from actual values, so the samples around it are not judged.
+    """
+    checks = []
+    for axis in trace.components_with("velocity_setpoint", "state", "status_word"):
+        limits = [
+            trace.constants.get(f"{axis}.{name}")
+            for name in ("max_acceleration", "max_deceleration", "emergency_deceleration")
+        ]
+        known = [limit for limit in limits if limit is not None]
+        if len(known) < len(limits):
+            continue
+        signal = trace[f"{axis}.velocity_setpoint"]
+        if len(signal) < 3:
+            continue
+        state = trace[f"{axis}.state"]
+        steady_codes = [code for code, text in state.enum.items() if normal_state(text) in _STEADY_STATES]
+        steady = np.isin(np.round(state.values), steady_codes)
+        # On a live bench late cycles are caught up in a burst; each of them is still one cycle of the setpoint.
+        step_s = np.maximum(np.diff(signal.time_s), trace.constants.get(f"{axis}.cycle_s", 0.0))
+        bound = max(known) * step_s * 1.001 + 1e-6
+        jump = np.abs(np.diff(signal.values))
+        judged = steady[1:] & steady[:-1] & _no_change(trace, axis, signal)
+        broken = np.flatnonzero(judged & (jump > bound))
+        worst = float((jump / step_s)[judged].max(initial=0.0))
+        index = int(broken[0]) if len(broken) else None
+        checks.append(
+            Check(
+                name=f"continuity of {axis}.velocity_setpoint",
+                verdict=Verdict.PASSED if index is None else Verdict.FAILED,
+                expected=f"at most {max(known):g} {signal.unit}/s",
+                observed=(
+                    f"greatest {worst:.5g} {signal.unit}/s"
+                    if index is None
+                    else f"a step of {float(jump[index]):.5g} {signal.unit} in {float(step_s[index]):.4g} s"
+                ),
+                time_s=None if index is None else float(signal.time_s[index + 1]),
+                value=worst,
+                unit=f"{signal.unit}/s",
+                high=max(known),
+                requirements=["STP-239", "STP-244"],
+            )
+        )
+    return checks
+
+
+def _no_change(trace: Trace, axis: str, signal: Signal) -> NDArray[np.bool_]:
+    """Return which intervals between samples hold no change of state and no start of a job, nor follow one directly."""
+    free = np.ones(len(signal) - 1, dtype=bool)
+    for kind in ("axis.state", "axis.homed", "alarm.raised", "program.write"):
+        for entry in trace.select(source=axis, kind=kind):
+            index = int(np.searchsorted(signal.time_s, entry.time_ns * 1e-9 - 1e-10))
+            free[max(index - 2, 0) : index + 2] = False
+    return free

@@ -1,0 +1,381 @@
+"""Expectations about recorded signals: limits, words, predicates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldbus.errors import ConfigurationError
+from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of
+from hil.record import Signal, Trace
+from reports.model import Check
+
+Predicate = Callable[..., Any]
+STW1_MASK = 0x04FF
+"""Bits of control word 1 that the technology object owns; the others belong to `MC_SetAxisSTW`."""
+
+
+@dataclass(frozen=True, slots=True)
+class AlwaysExpectation(Expectation):
+    """A predicate over signals holds at every sample, or at none. Made by `always` and `never`."""
+
+    text: str
+    predicate: Predicate
+    signals: tuple[str, ...]
+    since: Reference
+    until: Reference | None
+    condition: Predicate | None
+    never: bool
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"{'never' if self.never else 'always'} {self.text}"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        until = "the end" if self.until is None else words_of(self.until)
+        return f"{self.title} from {words_of(self.since)} to {until}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on the samples of the first signal; the others hold their last value."""
+        base = trace[self.signals[0]].between(instant(trace, self.since), end_of(trace, self.until))
+        columns = [base.values, *(_held(trace[name], base) for name in self.signals[1:])]
+        looked_at = np.ones(len(base), dtype=bool)
+        if self.condition is not None:
+            looked_at = np.broadcast_to(np.asarray(self.condition(*columns), dtype=bool), looked_at.shape)
+        if not looked_at.any():
+            return [
+                self.outcome(
+                    passed=self.never, observed="no sample to judge", time_s=instant(trace, self.since)
+                )
+            ]
+        holds = np.broadcast_to(np.asarray(self.predicate(*columns), dtype=bool), looked_at.shape)
+        broken = np.flatnonzero(looked_at & (holds if self.never else ~holds))
+        if len(broken) == 0:
+            return [self.outcome(passed=True, observed=f"so at all {int(looked_at.sum())} samples")]
+        index = int(broken[0])
+        values = ", ".join(
+            f"{name} = {float(column[index]):g}" for name, column in zip(self.signals, columns, strict=True)
+        )
+        when = float(base.time_s[index])
+        return [
+            self.outcome(
+                passed=False,
+                observed=f"{values}; {len(broken)} samples break it, this is the first",
+                time_s=when,
+            )
+        ]
+
+
+def _held(signal: Signal, base: Signal) -> NDArray[np.float64]:
+    """Return `signal` at the sample times of `base`, each time the last value so far."""
+    if len(signal) == 0:
+        return np.full(len(base), np.nan)
+    index = np.searchsorted(signal.time_s, base.time_s + SLACK_S / 2, side="right") - 1
+    return signal.values[np.maximum(index, 0)]
+
+
+@dataclass(frozen=True, slots=True)
+class ValueExpectation(Expectation):
+    """A signal has a value at an instant. Made by `value_at`."""
+
+    signal: str
+    at: Reference
+    expected: float
+    tolerance: float
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"{self.signal} at {words_of(self.at)}"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        return f"{self.expected:g} +- {self.tolerance:g}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace."""
+        at_s = instant(trace, self.at)
+        signal = trace[self.signal]
+        if len(signal) == 0:
+            return [self.outcome(passed=False, observed="no samples", time_s=at_s)]
+        value = signal.at(at_s)
+        low, high = self.expected - self.tolerance, self.expected + self.tolerance
+        return [
+            self.outcome(
+                passed=low <= value <= high, observed=f"{value:g} {signal.unit}".rstrip(), time_s=at_s,
+                value=value, unit=signal.unit, low=low, high=high,
+            )
+        ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class RangeExpectation(Expectation):
+    """A signal stays within limits. Made by `stays_within`."""
+
+    signal: str
+    low: float | None
+    high: float | None
+    since: Reference
+    until: Reference | None
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"{self.signal} within limits"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        low = "" if self.low is None else f">= {self.low:g}"
+        high = "" if self.high is None else f"<= {self.high:g}"
+        until = "the end" if self.until is None else words_of(self.until)
+        return f"{' and '.join(filter(None, (low, high)))} from {words_of(self.since)} to {until}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace; the measurement is the value that comes nearest to, or goes farthest over, a limit."""
+        since_s = instant(trace, self.since)
+        part = trace[self.signal].between(since_s, end_of(trace, self.until))
+        if len(part) == 0:
+            return [self.outcome(passed=False, observed="no samples", time_s=since_s)]
+        over = np.maximum(
+            -np.inf if self.high is None else part.values - self.high,
+            -np.inf if self.low is None else self.low - part.values,
+        )
+        over = np.where(np.isnan(part.values), np.inf, over)
+        index = int(np.argmax(over))
+        value, when = float(part.values[index]), float(part.time_s[index])
+        return [
+            self.outcome(
+                passed=bool(over[index] <= 0), observed=f"extreme value {value:g} {part.unit}".rstrip(), time_s=when,
+                value=value, unit=part.unit, low=self.low, high=self.high,
+            )
+        ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceExpectation(Expectation):
+    """A word takes a sequence of values. Made by `word_sequence` and `stw1_sequence`."""
+
+    signal: str
+    words: tuple[int, ...]
+    mask: int
+    since: Reference
+    until: Reference | None
+    exact: bool
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"sequence of {self.signal}"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        extra = "" if self.exact else " (others in between allowed)"
+        return f"{_chain(self.words)}{extra} from {words_of(self.since)}, mask 16#{self.mask:04X}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace: the value in force at the reference is the first of the sequence."""
+        since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
+        signal = trace[self.signal]
+        if len(signal) == 0:
+            return [self.outcome(passed=False, observed="no samples", time_s=since_s)]
+        part = signal.between(since_s, until_s)
+        values = np.concatenate(([signal.at(since_s)], part.values)).astype(np.int64) & self.mask
+        times = np.concatenate(([since_s], part.time_s))
+        changes = np.flatnonzero(np.concatenate(([True], np.diff(values) != 0)))
+        seen = [(float(times[i]), int(values[i])) for i in changes]
+        words = [word for _, word in seen]
+        if self.exact:
+            matching = 0
+            while matching < min(len(words), len(self.words)) and words[matching] == self.words[matching]:
+                matching += 1
+            good = words == list(self.words)
+            when = seen[min(matching, len(seen) - 1)][0]
+        else:
+            rest = iter(words)
+            good = all(word in rest for word in self.words)
+            when = seen[-1][0]
+        shown = words if len(words) <= 12 else words[:12]
+        more = "" if len(words) <= 12 else f" ... ({len(words)} values)"
+        return [self.outcome(passed=good, observed=_chain(shown) + more, time_s=when)]
+
+
+def _chain(words: Sequence[int]) -> str:
+    return " -> ".join(f"16#{word:04X}" for word in words)
+
+
+def always(
+    text: str,
+    predicate: Predicate,
+    *signals: str,
+    since: Reference = 0.0,
+    until: Reference | None = None,
+    condition: Predicate | None = None,
+) -> AlwaysExpectation:
+    """Expect `predicate` at every sample.
+
+    Args:
+        text: The rule in words, for the report.
+        predicate: Takes one NumPy array per signal, returns an array of truth values.
+        signals: Names of the signals; the first gives the sample times.
+        since: Begin of the observation.
+        until: End of the observation; default the end of the trace.
+        condition: Judge only samples where this is true (*always while*).
+
+    """
+    if not signals:
+        raise ConfigurationError("always.signals", signals, "at least one signal name")
+    return AlwaysExpectation(text, predicate, signals, since, until, condition, never=False)
+
+
+def never(
+    text: str,
+    predicate: Predicate,
+    *signals: str,
+    since: Reference = 0.0,
+    until: Reference | None = None,
+    condition: Predicate | None = None,
+) -> AlwaysExpectation:
+    """Expect `predicate` at no sample; arguments as of `always`."""
+    if not signals:
+        raise ConfigurationError("never.signals", signals, "at least one signal name")
+    return AlwaysExpectation(text, predicate, signals, since, until, condition, never=True)
+
+
+def value_at(signal: str, at: Reference, expected: float, *, tolerance: float) -> ValueExpectation:
+    """Expect `signal` at an instant to be `expected` within `tolerance`, in the unit of the signal."""
+    if not tolerance >= 0:
+        raise ConfigurationError("value_at.tolerance", tolerance, "a number >= 0")
+    return ValueExpectation(signal, at, expected, tolerance)
+
+
+def stays_within(
+    signal: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    since: Reference = 0.0,
+    until: Reference | None = None,
+) -> RangeExpectation:
+    """Expect `signal` within limits, in its unit, from `since` to `until`."""
+    if low is None and high is None:
+        raise ConfigurationError("stays_within", None, "low, high or both")
+    return RangeExpectation(signal, low, high, since, until)
+
+
+def word_sequence(
+    signal: str,
+    words: Sequence[int],
+    *,
+    mask: int = 0xFFFF,
+    since: Reference = 0.0,
+    until: Reference | None = None,
+    exact: bool = True,
+) -> SequenceExpectation:
+    """Expect a word to take these values one after the other, beginning with the one in force at `since`."""
+    if not words:
+        raise ConfigurationError("word_sequence.words", words, "at least one word")
+    return SequenceExpectation(signal, tuple(word & mask for word in words), mask, since, until, exact)
+
+
+def stw1_sequence(
+    words: Sequence[int],
+    *,
+    axis: str = "axis1",
+    since: Reference = 0.0,
+    until: Reference | None = None,
+    mask: int = STW1_MASK,
+    exact: bool = True,
+) -> SequenceExpectation:
+    """Expect control word 1 of an axis to run through `words`, such as 16#047F, 16#047B, 16#0478, 16#047E."""
+    return word_sequence(f"{axis}.stw1", words, mask=mask, since=since, until=until, exact=exact)
+
+
+@dataclass(frozen=True, slots=True)
+class BitExpectation(Expectation):
+    """A bit of a word has a value. Made by `status_word_bit`."""
+
+    signal: str
+    bit: int
+    state: bool
+    since: Reference
+    within_s: float
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"{self.signal}.X{self.bit}"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        bound = f" within {self.within_s:g} s of" if self.within_s else " at"
+        return f"{'TRUE' if self.state else 'FALSE'}{bound} {words_of(self.since)}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace."""
+        since_s = instant(trace, self.since)
+        signal = trace[self.signal]
+        if len(signal) == 0:
+            return [self.outcome(passed=False, observed="no samples", time_s=since_s)]
+        part = signal.between(since_s, since_s + self.within_s)
+        values = np.concatenate(([signal.at(since_s)], part.values)).astype(np.int64)
+        times = np.concatenate(([since_s], part.time_s))
+        good = np.flatnonzero(((values >> self.bit) & 1) == int(self.state))
+        if len(good) == 0:
+            return [
+                self.outcome(
+                    passed=False, observed="FALSE" if self.state else "TRUE", time_s=since_s + self.within_s
+                )
+            ]
+        when = float(times[good[0]])
+        observed = f"{'TRUE' if self.state else 'FALSE'} at {when:.6f} s"
+        if not self.within_s:
+            return [self.outcome(passed=True, observed=observed, time_s=when)]
+        return [
+            self.outcome(
+                passed=True,
+                observed=observed,
+                time_s=when,
+                value=when - since_s,
+                unit="s",
+                low=0.0,
+                high=self.within_s,
+            )
+        ]
+
+
+def status_word_bit(
+    bit: int,
+    state: bool,
+    *,
+    at: Reference,
+    within_s: float = 0.0,
+    axis: str = "axis1",
+    word: str = "status_word",
+) -> BitExpectation:
+    """Expect bit `bit` (0..31) of a word of an axis to be `state` at an instant, or within a time after it.
+
+    Args:
+        bit: Number of the bit: 7 for X7.
+        state: Expected value.
+        at: Reference instant.
+        within_s: Time for it to happen; 0 = at the instant itself.
+        axis: Name of the axis.
+        word: Column: status_word, status_word2, error_word, warning_word, zsw1, ...
+
+    """
+    if not 0 <= bit <= 31:
+        raise ConfigurationError("status_word_bit.bit", bit, "0..31")
+    if not within_s >= 0:
+        raise ConfigurationError("status_word_bit.within_s", within_s, "a time >= 0 s")
+    return BitExpectation(f"{axis}.{word}", bit, state, at, within_s)

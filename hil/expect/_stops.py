@@ -1,0 +1,285 @@
+"""Expectations about stopping: ramp, time, distance, who made the ramp, standstill, no motion afterwards."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from fieldbus.errors import ConfigurationError
+from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of
+from hil.expect._measure import measure_stop
+from hil.expect.golden import StopRamp
+from hil.record import Trace
+from reports.model import Check
+
+Maker = Literal["controller", "drive"]
+
+
+@dataclass(frozen=True, slots=True)
+class RampExpectation(Expectation):
+    """A stop with ramp time, travel, slope and maker. Made by `ramp`."""
+
+    velocity: str
+    position: str
+    setpoints: tuple[str, ...]
+    since: Reference
+    until: Reference | None
+    time_s: float | None
+    time_tolerance_s: float
+    distance: float | None
+    distance_tolerance: float
+    slope: float | None
+    slope_tolerance: float
+    delay_s: float
+    made_by: Maker | None
+    threshold: float | None
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"stop of {self.velocity}"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        return f"standstill after {words_of(self.since)}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace: one check for every quantity that is expected."""
+        since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
+        setpoint = next((name for name in self.setpoints if name in trace), self.setpoints[-1])
+        stop = measure_stop(
+            trace, since_s, velocity=self.velocity, position=self.position,
+            setpoint=setpoint if self.made_by else None, threshold=self.threshold,
+            until_s=until_s, straight=self.made_by == "drive",
+        )  # fmt: skip
+        speed_unit = trace[self.velocity].unit
+        if stop.end_s is None:
+            last = trace[self.velocity].at(until_s)
+            observed = f"still {last:g} {speed_unit} at the end of the observation"
+            return [self.outcome(passed=False, observed=observed, time_s=until_s)]
+        checks: list[Check] = []
+
+        def limit(
+            name: str, value: float | None, low: float, high: float, *, unit: str, text: str = ""
+        ) -> None:
+            good = value is not None and low - SLACK_S <= value <= high + SLACK_S
+            observed = "could not be measured" if value is None else f"{value:.6g} {unit}"
+            half = (high - low) / 2
+            checks.append(
+                self.outcome(
+                    passed=good, observed=observed, time_s=stop.end_s, name=name,
+                    expected=text or f"{(low + high) / 2:.6g} {unit} +- {half:.3g}",
+                    value=value, unit=unit, low=low, high=high,
+                )
+            )  # fmt: skip
+
+        if self.made_by == "drive":
+            limit(
+                "delay",
+                stop.delay_s,
+                -self.delay_s,
+                self.delay_s,
+                unit="s",
+                text=f"at most {self.delay_s:g} s",
+            )
+        if self.time_s is not None:
+            low, high = self.time_s - self.time_tolerance_s, self.time_s + self.time_tolerance_s
+            limit("ramp time", stop.duration_s, low, high, unit="s")
+        if self.distance is not None:
+            low, high = self.distance - self.distance_tolerance, self.distance + self.distance_tolerance
+            limit("travel", stop.distance, low, high, unit=trace[self.position].unit)
+        if self.slope is not None:
+            low, high = self.slope - self.slope_tolerance, self.slope + self.slope_tolerance
+            limit("slope", stop.mean_deceleration, low, high, unit=f"{speed_unit}/s")
+        if self.made_by is not None:
+            checks.append(
+                self.outcome(
+                    passed=stop.made_by == self.made_by, observed=stop.made_by, expected=self.made_by,
+                    name="ramp made by", time_s=since_s,
+                )
+            )  # fmt: skip
+        if not checks:
+            checks.append(
+                self.outcome(passed=True, observed=f"at rest at {stop.end_s:.6f} s", time_s=stop.end_s)
+            )
+        return checks
+
+
+def ramp(
+    since: Reference,
+    expected: StopRamp | None = None,
+    *,
+    axis: str = "axis1",
+    made_by: Maker | None = None,
+    velocity: str | None = None,
+    position: str | None = None,
+    setpoint: str | None = None,
+    until: Reference | None = None,
+    time_s: float | None = None,
+    time_tolerance_s: float = 0.008,
+    distance: float | None = None,
+    distance_tolerance: float = 2.4,
+    slope: float | None = None,
+    slope_tolerance: float | None = None,
+    delay_s: float = 0.02,
+    threshold: float | None = None,
+) -> RampExpectation:
+    """Expect a stop.
+
+    A ramp of the controller is measured on its setpoints, from the reference to setpoint zero. A ramp of the drive is
+    measured on the actual values, as the straight line through its middle, which begins at most `delay_s` after the
+    reference; so the delays of bus and measurement do not count as ramp time. Without `made_by` the actual values
+    are measured from the reference to rest.
+
+    Args:
+        since: The falling edge of the enable, the alarm, the job.
+        expected: Ramp time and travel from `hil.expect.golden`; `time_s` and `distance` override it.
+        axis: Axis whose standard signals are measured.
+        made_by: `controller` or `drive`; told apart by the speed output of the axis.
+        velocity: Another signal that brakes.
+        position: Another signal for the travel.
+        setpoint: Another setpoint to the drive.
+        until: End of the observation.
+        time_s: Ramp time, s.
+        time_tolerance_s: Default two cycles of 4 ms.
+        distance: Travel, in the unit of the position.
+        distance_tolerance: Default two cycles of 4 ms at 300 mm/s; add the following error for actual values.
+        slope: Deceleration in the middle of the ramp, magnitude.
+        slope_tolerance: Default 2 % of `slope`.
+        delay_s: Latest begin of a ramp of the drive after the reference; default five cycles of 4 ms.
+        threshold: Magnitude that counts as rest; default 0.5 % of the start velocity, for setpoints a millionth.
+
+    """
+    for name, value in (
+        ("time_tolerance_s", time_tolerance_s),
+        ("distance_tolerance", distance_tolerance),
+        ("delay_s", delay_s),
+    ):
+        if not value >= 0:
+            raise ConfigurationError(f"ramp.{name}", value, "a number >= 0")
+    if made_by not in {None, "controller", "drive"}:
+        raise ConfigurationError("ramp.made_by", made_by, "controller, drive")
+    if expected is not None:
+        time_s = expected.time_s if time_s is None else time_s
+        distance = expected.distance if distance is None else distance
+    on_setpoints = made_by == "controller" and velocity is None
+    if on_setpoints and threshold is None:
+        threshold = 1e-6
+    return RampExpectation(
+        velocity or (f"{axis}.velocity_setpoint" if on_setpoints else f"{axis}.actual_velocity"),
+        position or (f"{axis}.position_setpoint" if on_setpoints else f"{axis}.actual_position"),
+        (setpoint,) if setpoint else (f"{axis}.speed_output", f"{axis}.velocity_setpoint"),
+        since, until, time_s, time_tolerance_s, distance, distance_tolerance, slope,
+        (abs(slope or 0.0) * 0.02) if slope_tolerance is None else slope_tolerance, delay_s, made_by, threshold,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class StandstillExpectation(Expectation):
+    """At rest by an instant, and from then on. Made by `standstill`."""
+
+    velocity: str
+    by: Reference
+    tolerance: float
+    until: Reference | None
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"standstill of {self.velocity}"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        return f"at most {self.tolerance:g} from {words_of(self.by)} on"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace."""
+        by_s = instant(trace, self.by)
+        part = trace[self.velocity].between(by_s, end_of(trace, self.until))
+        if len(part) == 0:
+            return [self.outcome(passed=False, observed="nothing was recorded after that", time_s=by_s)]
+        # A value that is not a number is no standstill.
+        speeds = np.where(np.isnan(part.values), np.inf, np.abs(part.values))
+        moving = np.flatnonzero(speeds > self.tolerance)
+        index = int(moving[0]) if len(moving) else int(np.argmax(speeds))
+        return [
+            self.outcome(
+                passed=len(moving) == 0, observed=f"{float(part.values[index]):.6g} {part.unit}",
+                time_s=float(part.time_s[index]), value=float(part.values[index]), unit=part.unit,
+                low=-self.tolerance, high=self.tolerance,
+            )
+        ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class NoMotionExpectation(Expectation):
+    """No displacement after an instant. Made by `no_motion_after`."""
+
+    position: str
+    after: Reference
+    tolerance: float
+    until: Reference | None
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"no motion of {self.position}"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        return f"at most {self.tolerance:g} of displacement after {words_of(self.after)}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace."""
+        after_s = instant(trace, self.after)
+        signal = trace[self.position]
+        part = signal.between(after_s, end_of(trace, self.until))
+        if len(part) == 0:
+            return [self.outcome(passed=False, observed="nothing was recorded after that", time_s=after_s)]
+        displacement = part.values - signal.at(after_s)
+        distances = np.where(np.isnan(displacement), np.inf, np.abs(displacement))
+        index = int(np.argmax(distances))
+        value = float(displacement[index])
+        return [
+            self.outcome(
+                passed=bool(distances[index] <= self.tolerance), observed=f"{value:.6g} {part.unit}",
+                time_s=float(part.time_s[index]), value=value, unit=part.unit,
+                low=-self.tolerance, high=self.tolerance,
+            )
+        ]  # fmt: skip
+
+
+def standstill(
+    *,
+    by: Reference,
+    axis: str = "axis1",
+    velocity: str | None = None,
+    tolerance: float = 1.0,
+    until: Reference | None = None,
+) -> StandstillExpectation:
+    """Expect |velocity| <= `tolerance` (in the unit of the signal) from `by` to `until` (default: the end)."""
+    if not tolerance >= 0:
+        raise ConfigurationError("standstill.tolerance", tolerance, "a number >= 0")
+    return StandstillExpectation(velocity or f"{axis}.actual_velocity", by, tolerance, until)
+
+
+def no_motion_after(
+    after: Reference,
+    *,
+    axis: str = "axis1",
+    position: str | None = None,
+    tolerance: float = 0.05,
+    until: Reference | None = None,
+) -> NoMotionExpectation:
+    """Expect that the position stays within `tolerance` (its unit) of where it is at `after`.
+
+    Judge the true position of the mechanics (`position="drive1.position"`) where an encoder fault lies (STP-550).
+    """
+    if not tolerance >= 0:
+        raise ConfigurationError("no_motion_after.tolerance", tolerance, "a number >= 0")
+    return NoMotionExpectation(position or f"{axis}.actual_position", after, tolerance, until)

@@ -1,0 +1,42 @@
+"""State words of CiA 402, from the profile's own masks: the oracle does not ask the product."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+STATUS_PATTERNS: Final = (
+    ("operation_enabled", 0x6F, 0x27),
+    ("switched_on", 0x6F, 0x23),
+    ("ready_to_switch_on", 0x6F, 0x21),
+    ("quick_stop_active", 0x6F, 0x07),
+    ("fault_reaction_active", 0x4F, 0x0F),
+    ("fault", 0x4F, 0x08),
+    ("switch_on_disabled", 0x4F, 0x40),
+    ("not_ready_to_switch_on", 0x4F, 0x00),
+)
+"""State, mask and value of the statusword 6041h."""
+
+
+def cia402_state(statusword: int) -> str:
+    """Return the state that a statusword shows, as `operation_enabled`; empty when it shows none."""
+    for state, mask, value in STATUS_PATTERNS:
+        if statusword & mask == value:
+            return state
+    return ""
+
+
+def has_torque(statuswords: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return where a statusword shows a state in which the drive may give torque."""
+    six, four = statuswords & 0x6F, statuswords & 0x4F
+    result: NDArray[np.bool_] = (six == 0x27) | (six == 0x07) | (four == 0x0F)
+    return result
+
+
+def normal_state(text: str) -> str:
+    """Return a state text in one spelling: `Operation enabled`, `OPERATION_ENABLED` become `operation_enabled`."""
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text.strip())
+    return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
