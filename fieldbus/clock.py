@@ -4,7 +4,9 @@ Everything in a bench is callback code on one scheduler. `VirtualScheduler` jump
 `RealtimeScheduler` runs the same callbacks against the monotonic clock and takes work over from the threads
 of real I/O through `Scheduler.post`.
 
-Events of the same instant fire by ascending priority, then in the order in which they were entered.
+Events of the same instant fire by ascending priority, then in the order in which they were entered. A periodic
+event is entered once, by `Scheduler.every`, and keeps its place for good: two of them meet in the same order at
+every instant that they share, whatever their periods.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
-from heapq import heappop, heappush
+from heapq import heappop, heappush, heapreplace
 from threading import Condition
 from typing import Final
 
@@ -70,6 +72,8 @@ class Scheduler(ABC):
         self._sequence = 0
         self._running = False
 
+    # An entry is (due, priority, sequence, timer); sequence numbers are unique, so timers are never compared.
+
     def at(self, time_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
         """Enter `callback` for `time_ns`.
 
@@ -120,10 +124,14 @@ class Scheduler(ABC):
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
         """Run until `predicate` is true or `timeout_ns` has passed.
 
-        The predicate is evaluated before the first event and after all events of one instant.
+        The predicate is evaluated before the first event and after all events of one instant, and in real time
+        also after the posted work. A predicate about time alone is therefore seen only at the next event.
 
         Returns:
             Whether the predicate became true.
+
+        Raises:
+            SchedulerError: Called from inside a callback, or `timeout_ns` is negative.
 
         """
 
@@ -138,9 +146,19 @@ class Scheduler(ABC):
         """Whether an event is being executed at this moment (so that waiting would be re-entrant)."""
         return self._running
 
-    def _enter(self) -> None:
+    @property
+    def next_due_ns(self) -> int | None:
+        """Time of the next event that is entered, ns; None when there is none. Posted work is not an event."""
+        heap = self._heap
+        while heap and heap[0][3].cancelled:
+            heappop(heap)
+        return heap[0][0] if heap else None
+
+    def _enter(self, timeout_ns: int) -> None:
         if self._running:
             raise SchedulerError("the scheduler is already running: a callback must not wait")
+        if timeout_ns < 0:
+            raise SchedulerError(f"timeout {timeout_ns} ns is negative")
         self._running = True
 
 
@@ -157,7 +175,7 @@ class VirtualScheduler(Scheduler):
 
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
         """See `Scheduler.run_until`."""
-        self._enter()
+        self._enter(timeout_ns)
         heap = self._heap
         end = self.now + timeout_ns
         asked = predicate is not _never
@@ -165,17 +183,18 @@ class VirtualScheduler(Scheduler):
             if asked and predicate():
                 return True
             while heap and heap[0][0] <= end:
-                due = heap[0][0]
-                self.now = due
+                self.now = due = heap[0][0]
                 while heap and heap[0][0] == due:
-                    timer = heappop(heap)[3]
+                    _, priority, sequence, timer = heap[0]
                     if timer.cancelled:
+                        heappop(heap)
                         continue
                     period = timer.period_ns
                     if period:
                         timer.due_ns = following = due + period
-                        self._sequence = sequence = self._sequence + 1
-                        heappush(heap, (following, timer.priority, sequence, timer))
+                        heapreplace(heap, (following, priority, sequence, timer))
+                    else:
+                        heappop(heap)
                     timer.callback()
                 if asked and predicate():
                     return True
@@ -211,9 +230,30 @@ class RealtimeScheduler(Scheduler):
             self._posted.append(callback)
             self._wake.notify()
 
+    def at(self, time_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
+        """See `Scheduler.at`; a time in the past fires as soon as the scheduler runs."""
+        self._refresh()
+        return super().at(time_ns, callback, priority=priority)
+
+    def after(self, delay_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
+        """See `Scheduler.after`."""
+        self._refresh()
+        return super().after(delay_ns, callback, priority=priority)
+
+    def every(self, period_ns: int, callback: Callback, *, phase_ns: int = 0, priority: int = 0) -> Timer:
+        """See `Scheduler.every`; a scheduler that falls behind skips no instant but catches up."""
+        self._refresh()
+        return super().every(period_ns, callback, phase_ns=phase_ns, priority=priority)
+
+    def _refresh(self) -> None:
+        # Between runs the clock goes on without us: a delay must not start when the last run ended. Inside of
+        # a callback `now` stands, as in virtual time.
+        if not self._running:
+            self.now = max(self.now, time.monotonic_ns() - self.origin_ns)
+
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
-        """See `Scheduler.run_until`; returns early enough that nothing hangs when no event is due."""
-        self._enter()
+        """See `Scheduler.run_until`."""
+        self._enter(timeout_ns)
         heap = self._heap
         posted = self._posted
         self.now = max(self.now, time.monotonic_ns() - self.origin_ns)
@@ -223,36 +263,44 @@ class RealtimeScheduler(Scheduler):
             if asked and predicate():
                 return True
             while True:
-                worked = False
-                while posted:
+                # Work that is posted meanwhile waits for the next round, so that a flood of it cannot keep the
+                # timed events from firing.
+                waiting = len(posted)
+                for _ in range(waiting):
                     self.now = max(self.now, time.monotonic_ns() - self.origin_ns)
                     posted.popleft()()
-                    worked = True
                 clock = time.monotonic_ns() - self.origin_ns
-                if heap and heap[0][0] <= clock and heap[0][0] <= end:
-                    due, _, _, timer = heappop(heap)
-                    if not timer.cancelled:
-                        self.now = max(self.now, clock)
-                        self.worst_lateness_ns = max(self.worst_lateness_ns, clock - due)
-                        if timer.period_ns:
-                            timer.due_ns = due + timer.period_ns
-                            self._sequence += 1
-                            heappush(heap, (timer.due_ns, timer.priority, self._sequence, timer))
-                        timer.callback()
-                    worked = True
-                if worked:
-                    if asked and predicate():
-                        return True
-                    if clock > end and not (heap and heap[0][0] <= end):
-                        self.now = max(self.now, end)
-                        return False
-                    continue
-                if clock >= end:
+                fired = bool(heap) and heap[0][0] <= clock and heap[0][0] <= end
+                if fired:
+                    self.now = max(self.now, clock)
+                    self._fire_instant(clock)
+                if asked and (waiting or fired) and predicate():
+                    return True
+                if clock >= end and not (heap and heap[0][0] <= end):
                     self.now = max(self.now, end)
                     return False
+                if waiting or fired:
+                    continue
                 wait_ns = min(end, heap[0][0] if heap else end) - clock
                 with self._wake:
                     if not posted and wait_ns > 0:
                         self._wake.wait(wait_ns / S)
         finally:
             self._running = False
+
+    def _fire_instant(self, clock: int) -> None:
+        """Fire all events of the first instant in the heap."""
+        heap = self._heap
+        due = heap[0][0]
+        while heap and heap[0][0] == due:
+            _, priority, sequence, timer = heap[0]
+            if timer.cancelled:
+                heappop(heap)
+                continue
+            if timer.period_ns:
+                timer.due_ns = due + timer.period_ns
+                heapreplace(heap, (timer.due_ns, priority, sequence, timer))
+            else:
+                heappop(heap)
+            self.worst_lateness_ns = max(self.worst_lateness_ns, clock - due)
+            timer.callback()

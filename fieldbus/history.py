@@ -38,25 +38,38 @@ class History:
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
         self.events: list[Event] = []
-        self._listeners: list[Callable[[Event], None]] = []
+        self._listeners: list[tuple[Callable[[Event], None]]] = []
 
-    def emit(self, source: str, kind: str, **data: Scalar) -> None:
-        """Append an event at the present time."""
+    def emit(self, source: str, kind: str, /, **data: Scalar) -> None:
+        """Append an event at the present time, then tell the listeners in the order in which they came."""
         event = Event(self._scheduler.now, source, kind, data)
         self.events.append(event)
-        for listener in self._listeners:
+        for (listener,) in self._listeners:
             listener(event)
 
     def listen(self, listener: Callable[[Event], None]) -> Callable[[], None]:
-        """Call `listener` with every event from now on; returns the function that ends it."""
-        self._listeners.append(listener)
-        return lambda: self._listeners.remove(listener)
+        """Call `listener` with every event from now on; returns the function that ends it (harmless to repeat).
+
+        A listener that emits is served at once: the listeners after it hear the inner event first. Who needs the
+        order of things reads `events`.
+        """
+        # A list is never changed, only replaced: a listener may come or go while `emit` goes through the old one.
+        # Every entry is a tuple of its own, so that the same function can listen twice and each ends for itself.
+        entry = (listener,)
+        self._listeners = [*self._listeners, entry]
+
+        def end() -> None:
+            self._listeners = [other for other in self._listeners if other is not entry]
+
+        return end
 
     def select(self, *, source: str | None = None, kind: str | None = None) -> Iterator[Event]:
         """Return events of a source and of a kind (`kind="alarm."` with a trailing dot selects a family)."""
         for event in self.events:
             if source is not None and event.source != source:
                 continue
-            if kind is not None and not (event.kind.startswith(kind) if kind.endswith(".") else event.kind == kind):
+            if kind is not None and not (
+                event.kind.startswith(kind) if kind.endswith(".") else event.kind == kind
+            ):
                 continue
             yield event

@@ -52,11 +52,15 @@ class Check:
     low: float | None = None
     high: float | None = None
     requirements: list[str] = field(default_factory=list)
+    signal: str = ""
+    """Name of the signal that `value`, `low` and `high` are levels of; the plot draws the limits over it."""
+    since_s: float | None = None
+    """Start of the judged interval, for example the injection from which a reaction time counts."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Signal:
-    """One recorded column."""
+    """One recorded column. Equal to another when name, unit, texts and every sample (NaN included) are equal."""
 
     name: str
     """`component.signal`, for example `axis1.actual_position`."""
@@ -65,6 +69,17 @@ class Signal:
     values: NDArray[np.float64]
     enum: dict[int, str] = field(default_factory=dict)
     """Texts of the values of a state signal; empty for a quantity."""
+
+    __hash__ = None  # type: ignore[assignment]  # mutable; `object` declares a method
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Signal):
+            return NotImplemented
+        return (
+            (self.name, self.unit, self.enum) == (other.name, other.unit, other.enum)
+            and np.array_equal(self.time_s, other.time_s)
+            and np.array_equal(self.values, other.values, equal_nan=True)
+        )
 
 
 @dataclass(slots=True)
@@ -166,6 +181,8 @@ class RunResult:
     requirements: list[RequirementInfo] = field(default_factory=list)
     """Catalogue for the matrix; may be empty."""
     interrupted: bool = False
+    fault_catalogue: list[str] = field(default_factory=list)
+    """Fault kinds that the product knows, so that the coverage shows those never injected; may be empty."""
 
     def count(self, verdict: Verdict) -> int:
         """Return the number of cases with `verdict`."""

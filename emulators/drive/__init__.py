@@ -1,1 +1,18 @@
-"""TODO."""
+"""Emulated drives: the profile-neutral servo core and the profile faces on top of it."""
+
+from __future__ import annotations
+
+from emulators.drive.brake import HoldingBrake
+from emulators.drive.core import ServoCore, ServoTuning
+from emulators.drive.protection import DcLink, ThermalModel, WindowTimer
+from emulators.drive.ramp import PositionProfile
+
+__all__ = [
+    "DcLink",
+    "HoldingBrake",
+    "PositionProfile",
+    "ServoCore",
+    "ServoTuning",
+    "ThermalModel",
+    "WindowTimer",
+]

@@ -1,1 +1,8 @@
-"""TODO."""
+"""Plant models in SI units: what hangs on the motor shaft, and the switches along the travel."""
+
+from __future__ import annotations
+
+from emulators.mechanics._axis import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics
+from emulators.mechanics._switch import SwitchModel
+
+__all__ = ["AxisMechanics", "LinearAxisMechanics", "RotaryAxisMechanics", "SwitchModel"]

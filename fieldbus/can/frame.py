@@ -23,7 +23,13 @@ class CanFrame:
     __slots__ = ("can_id", "data", "dlc", "extended", "remote")
 
     def __init__(
-        self, can_id: int, data: bytes = b"", *, extended: bool = False, remote: bool = False, dlc: int | None = None
+        self,
+        can_id: int,
+        data: bytes = b"",
+        *,
+        extended: bool = False,
+        remote: bool = False,
+        dlc: int | None = None,
     ) -> None:
         self.can_id = can_id
         self.data = data

@@ -1,1 +1,43 @@
-"""TODO."""
+"""CANopen: slave stack, master services, and the `canopen` library on a CAN segment of a bench (CiA 301).
+
+`CanopenSlave` is the device side, `CanopenMaster` the cyclic side of a controller, `PumpedNetwork` puts the
+unmodified `canopen` library on a segment, for commissioning and as an independent second implementation.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from fieldbus.canopen.abort import ABORT_TEXTS, AbortCode, SdoAbort
+from fieldbus.canopen.decode import FrameDecoder
+from fieldbus.canopen.eds import load_dictionary
+from fieldbus.canopen.master import CanopenMaster
+from fieldbus.canopen.nmt import NmtCommand, NmtState
+from fieldbus.canopen.slave import CanopenSlave
+from fieldbus.canopen.virtual_time import virtual_time
+
+if TYPE_CHECKING:
+    from fieldbus.canopen.network import PumpedNetwork
+
+__all__ = [
+    "ABORT_TEXTS",
+    "AbortCode",
+    "CanopenMaster",
+    "CanopenSlave",
+    "FrameDecoder",
+    "NmtCommand",
+    "NmtState",
+    "PumpedNetwork",
+    "SdoAbort",
+    "load_dictionary",
+    "virtual_time",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import `PumpedNetwork` when it is asked for: the library behind it takes half a second to load."""
+    if name == "PumpedNetwork":
+        from fieldbus.canopen.network import PumpedNetwork
+
+        return PumpedNetwork
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

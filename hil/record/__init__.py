@@ -1,1 +1,28 @@
-"""TODO."""
+"""Recording a bench and reading what was recorded.
+
+`Recorder` samples columns once per cycle; `Trace` is the immutable result, with signals by name
+(`trace["axis1.actual_velocity"]`), the event log and the frames of the buses.
+"""
+
+from __future__ import annotations
+
+from hil.record._compare import Difference, first_difference
+from hil.record._recorder import Group, Recorder
+from hil.record._select import EventSelector, event, kind_matches
+from hil.record._signal import Direction, Signal
+from hil.record._trace import Trace, TraceFrame, TraceGroup
+
+__all__ = [
+    "Difference",
+    "Direction",
+    "EventSelector",
+    "Group",
+    "Recorder",
+    "Signal",
+    "Trace",
+    "TraceFrame",
+    "TraceGroup",
+    "event",
+    "first_difference",
+    "kind_matches",
+]

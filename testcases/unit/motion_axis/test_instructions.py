@@ -215,6 +215,27 @@ def test_velocity_is_limited_with_a_warning(rig):
     assert not rig.axis.var("StatusWord.X1")
 
 
+@pytest.mark.requirement("STP-607")
+@pytest.mark.parametrize(
+    ("path", "number"),
+    [
+        ("DynamicLimits.MaxAcceleration", 305),
+        ("DynamicLimits.MaxDeceleration", 305),
+        ("DynamicLimits.MaxJerk", 306),
+    ],
+)
+def test_zero_limit_is_an_alarm(rig, path, number):
+    """A dynamic limit of zero makes any motion impossible: alarm 305 or 306 with reaction 3, standstill."""
+    rig.travelling(100.0)
+    rig.axis.write(path, 0.0)
+    rig.cycles(2)
+    late = rig.axis.move_velocity(50.0)
+    rig.run(0.5)
+    assert (rig.axis.var("ErrorDetail.Number"), rig.axis.var("ErrorDetail.Reaction")) == (number, 3)
+    assert late.ErrorID == 0x8001
+    assert rig.axis.var("Velocity") == 0.0
+
+
 @pytest.mark.requirement("STP-111")
 def test_lowered_limit_brakes_the_running_job(rig):
     """DynamicLimits.Velocity lowered while moving: the axis brakes to it with the job's dynamics."""

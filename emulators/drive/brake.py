@@ -1,0 +1,109 @@
+"""Holding brake of a motor."""
+
+from __future__ import annotations
+
+from emulators.mechanics import AxisMechanics
+from fieldbus.errors import ConfigurationError
+
+
+class HoldingBrake:
+    """A brake that is closed without current: it opens and closes with a delay and holds by dry friction.
+
+    Args:
+        mechanics: Where the holding torque acts.
+        torque_Nm: Holding torque at the motor shaft, Nm; 0 = there is no brake.
+        opening_time_s: From the command to the released shaft, s.
+        closing_time_s: From the command to the full torque, s.
+
+    """
+
+    __slots__ = (
+        "_command_open",
+        "_elapsed_s",
+        "_forced_open",
+        "_mechanics",
+        "busy",
+        "closed",
+        "closing_time_s",
+        "opening_time_s",
+        "torque_Nm",
+    )
+
+    def __init__(
+        self,
+        mechanics: AxisMechanics,
+        *,
+        torque_Nm: float = 0.0,
+        opening_time_s: float = 0.0,
+        closing_time_s: float = 0.0,
+    ) -> None:
+        for name, value in (
+            ("torque_Nm", torque_Nm),
+            ("opening_time_s", opening_time_s),
+            ("closing_time_s", closing_time_s),
+        ):
+            if not value >= 0.0:
+                raise ConfigurationError(f"brake {name}", value, ">= 0")
+        self._mechanics = mechanics
+        self.torque_Nm = torque_Nm
+        self.opening_time_s = opening_time_s
+        self.closing_time_s = closing_time_s
+        self._command_open = False
+        self._forced_open = False
+        self._elapsed_s = 0.0
+        self.closed = torque_Nm > 0.0
+        """Whether the brake holds the shaft."""
+        self.busy = False
+        """Whether the brake is on its way."""
+        mechanics.set_brake_torque(torque_Nm)
+
+    @property
+    def fitted(self) -> bool:
+        """Whether there is a brake at all."""
+        return self.torque_Nm > 0.0
+
+    @property
+    def forced_open(self) -> bool:
+        """Held open from outside, whatever the drive commands."""
+        return self._forced_open
+
+    @forced_open.setter
+    def forced_open(self, value: bool) -> None:
+        self._forced_open = value
+        self._settle()
+
+    def open(self) -> None:
+        """Release the shaft after the opening time."""
+        self._command_open = True
+        self._settle()
+
+    def close(self) -> None:
+        """Hold the shaft after the closing time, at whatever speed it turns (STP-532)."""
+        self._command_open = False
+        self._settle()
+
+    def step(self, dt_s: float) -> None:
+        """Advance by `dt_s`; needed only while `busy`."""
+        if not self.busy:
+            return
+        self._elapsed_s += dt_s
+        self._finish_when_due()
+
+    def _settle(self) -> None:
+        if self.torque_Nm <= 0.0:
+            return
+        wanted_closed = not (self._command_open or self._forced_open)
+        if wanted_closed is self.closed:
+            self.busy = False
+            return
+        if not self.busy:
+            self.busy = True
+            self._elapsed_s = 0.0
+        self._finish_when_due()
+
+    def _finish_when_due(self) -> None:
+        time_s = self.opening_time_s if self.closed else self.closing_time_s
+        if self._elapsed_s + 1e-9 >= time_s:
+            self.busy = False
+            self.closed = not self.closed
+            self._mechanics.set_brake_torque(self.torque_Nm if self.closed else 0.0)

@@ -1,0 +1,60 @@
+"""The columns that a recorder takes from a drive."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from emulators.drive.core import RPM
+
+if TYPE_CHECKING:
+    from emulators.drive.cia402.device import DriveDevice
+
+
+def trace_columns(position_unit: str) -> tuple[tuple[str, str], ...]:
+    """Return (name, unit) of the columns; `position_unit` is m or rad."""
+    return (
+        ("position", position_unit),
+        ("velocity", f"{position_unit}/s"),
+        ("motor_speed", "rpm"),
+        ("torque", "Nm"),
+        ("torque_demand", "Nm"),
+        ("velocity_demand", "rpm"),
+        ("following_error", "pu"),
+        ("encoder_increments", "inc"),
+        ("controlword", ""),
+        ("statusword", ""),
+        ("state", ""),
+        ("mode", ""),
+        ("nmt_state", ""),
+        ("inputs", ""),
+        ("brake_closed", ""),
+        ("error_code", ""),
+    )
+
+
+_PER_RPM: Final = 1.0 / RPM
+
+
+def trace_row(drive: DriveDevice) -> tuple[float, ...]:
+    """Return the present values: position, velocity and speed are those of the true mechanics (STP-550)."""
+    core = drive.core
+    mechanics = drive.mechanics
+    values = drive.slave.values
+    return (
+        mechanics.position,
+        mechanics.velocity,
+        mechanics.motor_speed * _PER_RPM,
+        core.torque,
+        core.torque_demand,
+        core.velocity_demand * _PER_RPM,
+        drive.axis.following_error,
+        core.encoder.increments,
+        values[0x604000],
+        values[0x604100],
+        drive.machine.state,
+        drive.mode.number,
+        drive.slave.nmt_state,
+        drive.inputs,
+        core.brake.closed,
+        values[0x603F00],
+    )

@@ -1,0 +1,243 @@
+"""What the modes of operation share: the servo core in user units, limits, offsets and option codes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+from emulators.drive.cia402.config import DriveConfig
+from emulators.drive.cia402.statemachine import OptionCodes, StopOption
+from emulators.drive.cia402.units import Units, wrap32
+from emulators.drive.core import RPM, ServoCore
+from fieldbus.errors import ConfigurationError
+
+UNLIMITED: Final = 0xFFFFFFFF
+"""A window of 6065h or 6067h that is switched off."""
+_SPAN: Final = 1 << 32
+
+
+class ProfileAxis:
+    """The motor as the profile sees it.
+
+    Args:
+        config: Configuration of the drive.
+        core: Servo core.
+        values: Values of the object dictionary, keyed `index << 8 | sub-index`.
+        options: Option codes of the state machine; kept up to date here.
+
+    """
+
+    __slots__ = (
+        "_rad_per_inc",
+        "blocked_negative",
+        "blocked_positive",
+        "config",
+        "control_period_s",
+        "control_steps",
+        "core",
+        "demand_excess",
+        "fresh",
+        "halted",
+        "home_shift",
+        "homed",
+        "lower_speed",
+        "max_speed",
+        "missing_count",
+        "options",
+        "period_s",
+        "period_steps",
+        "software_limits",
+        "supervised",
+        "synchronised",
+        "units",
+        "upper_speed",
+        "values",
+    )
+
+    def __init__(
+        self, *, config: DriveConfig, core: ServoCore, values: dict[int, Any], options: OptionCodes
+    ) -> None:
+        self.config = config
+        self.core = core
+        self.values = values
+        self.options = options
+        self.units = Units(
+            counts_per_revolution=core.encoder.counts_per_revolution, rated_torque_Nm=config.rated_torque_Nm
+        )
+        self._rad_per_inc = core.encoder.radians_per_increment
+        self.home_shift = 0
+        """Added to the increments of the encoder, so that homing does not move the control loop."""
+        self.homed = False
+        self.halted = False
+        """Bit 8 of the control word has stopped the axis."""
+        self.blocked_positive = False
+        """The positive limit switch forbids motion in positive direction."""
+        self.blocked_negative = False
+        self.demand_excess = 0.0
+        """Part of the commanded position that a limit holds back, rad."""
+        self.synchronised = False
+        """SYNC drives the set-points."""
+        self.fresh = False
+        """A cyclic set-point has been written since the last SYNC."""
+        self.supervised = False
+        """A missing cyclic set-point counts."""
+        self.missing_count = 0
+        """Cyclic set-points that did not come."""
+        self.control_period_s = config.control_period_ns / 1e9
+        self.control_steps = config.control_period_ns // config.servo_period_ns
+        self.period_s = self.control_period_s
+        """60C2h, s."""
+        self.period_steps = self.control_steps
+        """60C2h in servo steps."""
+        self.max_speed = self.upper_speed = math.inf
+        """Largest speed, rad/s; `upper_speed` and `lower_speed` include 60C8h and 60C9h."""
+        self.lower_speed = -math.inf
+        self.software_limits: tuple[int, int] | None = None
+        """Effective 607Dh in position units; None = off."""
+
+    # -- parameters --------------------------------------------------------------------------------------------
+
+    def refresh(self) -> None:
+        """Take all parameters over from the values."""
+        values = self.values
+        units = self.units
+        units.update(values)
+        options = self.options
+        options.abort_connection = values[0x600700]
+        options.quick_stop = values[0x605A00]
+        options.shutdown = values[0x605B00]
+        options.disable_operation = values[0x605C00]
+        options.halt = values[0x605D00]
+        options.fault_reaction = values[0x605E00]
+        torque = min(values[0x607200], values[0x607300])
+        positive = min(torque, values[0x60E000]) * units.torque
+        negative = min(torque, values[0x60E100]) * units.torque
+        if units.torque_sign < 0:
+            positive, negative = negative, positive
+        self.core.set_torque_limits(positive, negative)
+        motor_speed = values[0x608000] * RPM
+        self.core.set_speed_limit(motor_speed)
+        self.max_speed = min(values[0x607F00] * units.velocity, motor_speed)
+        lower, upper = values[0x60C800] * units.velocity, values[0x60C900] * units.velocity
+        if units.velocity_sign < 0:
+            lower, upper = -upper, -lower
+        self.lower_speed = max(-self.max_speed, lower)
+        self.upper_speed = min(self.max_speed, upper)
+        self.period_s = interpolation_period_s(values[0x60C201], values[0x60C202])
+        self.period_steps = max(1, round(self.period_s / self.core.period_s))
+        low, high, offset = values[0x607D01], values[0x607D02], values[0x607C00]
+        off = (low, high) == (-0x80000000, 0x7FFFFFFF) or low > high
+        self.software_limits = None if off else (low - offset, high - offset)
+
+    # -- positions ---------------------------------------------------------------------------------------------
+
+    @property
+    def internal_increments(self) -> int:
+        """6063h, not wrapped."""
+        return self.core.encoder.increments + self.home_shift
+
+    @property
+    def actual_position(self) -> int:
+        """6064h, position units."""
+        return self.units.to_user_position(self.core.encoder.increments + self.home_shift)
+
+    @property
+    def demand_increments(self) -> int:
+        """60FCh, not wrapped."""
+        demand = self.core.position_demand + self.demand_excess
+        return math.floor(demand / self._rad_per_inc + 0.5) + self.home_shift
+
+    @property
+    def demand_position(self) -> int:
+        """6062h, position units; without position control the actual position."""
+        if not self.core.controls_position:
+            return self.actual_position
+        return self.units.to_user_position(self.demand_increments)
+
+    @property
+    def following_error(self) -> int:
+        """60F4h, position units."""
+        if not self.core.controls_position:
+            return 0
+        return wrap32(self.demand_position - self.actual_position)
+
+    def angle_of(self, position: int) -> float:
+        """Return the motor angle of a position in position units, rad; on an endless axis the nearest turn."""
+        increments = self.units.to_increments(position) - self.home_shift
+        distance = increments - self.core.position_command / self._rad_per_inc
+        span = _SPAN * self.units.inc_numerator / self.units.inc_denominator
+        if abs(distance) > 0.5 * span:
+            increments -= round(distance / span) * span
+        return increments * self._rad_per_inc
+
+    def set_actual_position(self, position: int) -> None:
+        """Shift the coordinate system so that the present position becomes `position`, position units."""
+        self.home_shift = round(self.units.to_increments(position)) - self.core.encoder.increments
+
+    def within_software_limits(self, position: int) -> int:
+        """Return the position clamped to 607Dh, where the limits are in force (C402-140, C402-162)."""
+        limits = self.software_limits
+        if limits is None or not self.homed:
+            return position
+        return min(max(position, limits[0]), limits[1])
+
+    # -- velocities, torques -------------------------------------------------------------------------------------
+
+    @property
+    def actual_velocity(self) -> int:
+        """606Ch, velocity units."""
+        units = self.units
+        return round(self.core.velocity / units.velocity) * units.velocity_sign
+
+    @property
+    def demand_velocity(self) -> int:
+        """606Bh, velocity units."""
+        units = self.units
+        return round(self.core.velocity_demand / units.velocity) * units.velocity_sign
+
+    def permille(self, torque_Nm: float) -> int:
+        """Return a torque in permille of 6076h."""
+        units = self.units
+        return round(torque_Nm / units.torque) * units.torque_sign if units.torque else 0
+
+    def allowed_velocity(self, velocity: float) -> float:
+        """Return a velocity (rad/s) within the speed limits and not into an active limit switch."""
+        if velocity > self.upper_speed:
+            velocity = self.upper_speed
+        elif velocity < self.lower_speed:
+            velocity = self.lower_speed
+        if (velocity > 0.0 and self.blocked_positive) or (velocity < 0.0 and self.blocked_negative):
+            return 0.0
+        return velocity
+
+    # -- accelerations -----------------------------------------------------------------------------------------
+
+    def acceleration(self, index: int, limit_index: int) -> float:
+        """Return an acceleration object within its limit object, rad/s^2; 0 stands for the limit (C402-075)."""
+        limit = self.values[limit_index << 8]
+        value = self.values[index << 8] or limit
+        if limit:
+            value = min(value, limit)
+        return value * self.units.acceleration if value else math.inf
+
+    def stop_slope(self, option: int) -> float:
+        """Return the deceleration of a stop option 1 to 4, rad/s^2; inf = at the torque limit."""
+        if option == StopOption.SLOW_DOWN:
+            value = self.values[0x608400] or self.values[0x60C600]
+        elif option == StopOption.QUICK_STOP:
+            value = self.values[0x608500] or self.values[0x60C600]
+        else:
+            return math.inf
+        return value * self.units.acceleration if value else math.inf
+
+
+def interpolation_period_s(units: int, exponent: int) -> float:
+    """Return 60C2h in seconds.
+
+    Raises:
+        ConfigurationError: The period is zero or beyond reason (C402-171).
+
+    """
+    if not 1 <= units <= 255 or not -9 <= exponent <= 1:
+        raise ConfigurationError("60C2h", (units, exponent), "1..255 * 10^-9..10^1 s")
+    return units * 10.0**exponent if exponent >= 0 else units / 10.0**-exponent

@@ -1,0 +1,393 @@
+"""Configuration of an emulated CiA 402 drive with its machine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+
+from emulators.drive.core import ServoTuning
+from emulators.encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
+from emulators.mechanics import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics, SwitchModel
+from fieldbus.clock import MS, US
+from fieldbus.errors import ConfigurationError
+
+SWITCH_NAMES: Final = ("negative_limit", "positive_limit", "home")
+"""Inputs of a drive that a switch can be wired to."""
+
+COASTING_FAULTS: Final = frozenset(
+    (0x2130, 0x2230, 0x2250, 0x2320, 0x2330, 0x2340, 0x3210, 0x3220, 0x5400, 0x5410, *range(0x7300, 0x7308))
+)
+"""EMCY codes after which there is no torque to brake with: power stage, DC link or motor sensor gone."""
+
+
+def _check(where: str, value: float, *, positive: bool = False) -> None:
+    if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
+        raise ConfigurationError(where, value, "a finite number " + ("> 0" if positive else ">= 0"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwitchConfig:
+    """A switch on the travel.
+
+    Args:
+        low: Lower end of the actuated range, m or rad; -inf = everything below `high`.
+        high: Upper end of the actuated range, m or rad; inf = everything above `low`.
+        hysteresis: m or rad, >= 0.
+        inverted: The signal is the opposite of the actuation.
+
+    """
+
+    low: float = -math.inf
+    high: float = math.inf
+    hysteresis: float = 0.0
+    inverted: bool = False
+
+    def __post_init__(self) -> None:
+        self.build()
+
+    def build(self) -> SwitchModel:
+        """Return a new switch."""
+        return SwitchModel(low=self.low, high=self.high, hysteresis=self.hysteresis, inverted=self.inverted)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearAxisConfig:
+    """Motor, gear and lead screw with a slide; see `emulators.mechanics.LinearAxisMechanics` for the units.
+
+    Args:
+        lead_screw_m: Travel per screw revolution, m.
+        gear_ratio: Motor revolutions per screw revolution.
+        motor_inertia_kgm2: kg m^2.
+        screw_inertia_kgm2: kg m^2.
+        load_mass_kg: kg.
+        viscous_friction: N per m/s.
+        coulomb_friction: N.
+        static_friction: N; None = as `coulomb_friction`.
+        gravity_force: N.
+        stops_m: Lower and upper end stop, m; None = none on that side.
+        stop_stiffness: N/m.
+        stop_damping: Ns/m.
+        position_m: Start position, m.
+        switches: Switches by input name: `negative_limit`, `positive_limit`, `home`.
+
+    """
+
+    lead_screw_m: float = 0.010
+    gear_ratio: float = 1.0
+    motor_inertia_kgm2: float = 2.0e-4
+    screw_inertia_kgm2: float = 0.5e-4
+    load_mass_kg: float = 40.0
+    viscous_friction: float = 30.0
+    coulomb_friction: float = 30.0
+    static_friction: float | None = None
+    gravity_force: float = 0.0
+    stops_m: tuple[float | None, float | None] = (-0.6, 0.6)
+    stop_stiffness: float = 1e7
+    stop_damping: float = 2e4
+    position_m: float = 0.0
+    switches: Mapping[str, SwitchConfig] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check_switch_names(self.switches)
+        self.build()
+
+    def build(self) -> tuple[AxisMechanics, dict[str, SwitchModel]]:
+        """Return a new plant and its switches by input name."""
+        switches = {name: self.switches[name].build() for name in SWITCH_NAMES if name in self.switches}
+        mechanics = LinearAxisMechanics(
+            lead_screw_m=self.lead_screw_m,
+            gear_ratio=self.gear_ratio,
+            motor_inertia_kgm2=self.motor_inertia_kgm2,
+            screw_inertia_kgm2=self.screw_inertia_kgm2,
+            load_mass_kg=self.load_mass_kg,
+            viscous_friction=self.viscous_friction,
+            coulomb_friction=self.coulomb_friction,
+            static_friction=self.static_friction,
+            gravity_force=self.gravity_force,
+            lower_stop_m=self.stops_m[0],
+            upper_stop_m=self.stops_m[1],
+            stop_stiffness=self.stop_stiffness,
+            stop_damping=self.stop_damping,
+            position_m=self.position_m,
+            switches=switches.values(),
+        )
+        return mechanics, switches
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotaryAxisConfig:
+    """Motor and gear with a turning load; see `emulators.mechanics.RotaryAxisMechanics` for the units.
+
+    Args:
+        gear_ratio: Motor revolutions per load revolution.
+        motor_inertia_kgm2: kg m^2.
+        load_inertia_kgm2: kg m^2.
+        viscous_friction: Nm per rad/s.
+        coulomb_friction: Nm.
+        static_friction: Nm; None = as `coulomb_friction`.
+        load_torque: Nm.
+        stops_rad: Lower and upper end stop, rad; None = none on that side.
+        position_rad: Start position, rad.
+        switches: Switches by input name.
+
+    """
+
+    gear_ratio: float = 1.0
+    motor_inertia_kgm2: float = 2.0e-4
+    load_inertia_kgm2: float = 2.0e-4
+    viscous_friction: float = 1e-4
+    coulomb_friction: float = 0.05
+    static_friction: float | None = None
+    load_torque: float = 0.0
+    stops_rad: tuple[float | None, float | None] = (None, None)
+    position_rad: float = 0.0
+    switches: Mapping[str, SwitchConfig] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check_switch_names(self.switches)
+        self.build()
+
+    def build(self) -> tuple[AxisMechanics, dict[str, SwitchModel]]:
+        """Return a new plant and its switches by input name."""
+        switches = {name: self.switches[name].build() for name in SWITCH_NAMES if name in self.switches}
+        mechanics = RotaryAxisMechanics(
+            gear_ratio=self.gear_ratio,
+            motor_inertia_kgm2=self.motor_inertia_kgm2,
+            load_inertia_kgm2=self.load_inertia_kgm2,
+            viscous_friction=self.viscous_friction,
+            coulomb_friction=self.coulomb_friction,
+            static_friction=self.static_friction,
+            load_torque=self.load_torque,
+            lower_stop_rad=self.stops_rad[0],
+            upper_stop_rad=self.stops_rad[1],
+            position_rad=self.position_rad,
+            switches=switches.values(),
+        )
+        return mechanics, switches
+
+
+def _check_switch_names(switches: Mapping[str, SwitchConfig]) -> None:
+    for name in switches:
+        if name not in SWITCH_NAMES:
+            raise ConfigurationError("switches", name, ", ".join(SWITCH_NAMES))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EncoderConfig:
+    """Motor encoder.
+
+    Args:
+        kind: `incremental` loses its position at power-off, `absolute` keeps it.
+        counts_per_revolution: Increments per revolution.
+        turns: Distinguishable revolutions of an absolute encoder.
+        zero_mark_counts: Place of the zero mark, increments.
+        reversed_direction: Counts down in positive direction.
+        interpolated: The control loop sees fractions of an increment.
+
+    """
+
+    kind: Literal["incremental", "absolute"] = "incremental"
+    counts_per_revolution: int = 131072
+    turns: int = 4096
+    zero_mark_counts: int = 0
+    reversed_direction: bool = False
+    interpolated: bool = True
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("incremental", "absolute"):
+            raise ConfigurationError("encoder kind", self.kind, "incremental, absolute")
+        self.build(None)
+
+    def build(self, rng: np.random.Generator | None) -> RotaryEncoder:
+        """Return a new encoder."""
+        if self.kind == "absolute":
+            return AbsoluteEncoder(
+                turns=self.turns,
+                counts_per_revolution=self.counts_per_revolution,
+                reversed_direction=self.reversed_direction,
+                zero_mark_counts=self.zero_mark_counts,
+                interpolated=self.interpolated,
+                rng=rng,
+            )
+        return IncrementalEncoder(
+            counts_per_revolution=self.counts_per_revolution,
+            reversed_direction=self.reversed_direction,
+            zero_mark_counts=self.zero_mark_counts,
+            interpolated=self.interpolated,
+            rng=rng,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrakeConfig:
+    """Holding brake of the motor.
+
+    Args:
+        torque_Nm: Holding torque, Nm; 0 = no brake.
+        opening_time_s: s.
+        closing_time_s: s.
+
+    """
+
+    torque_Nm: float = 0.0
+    opening_time_s: float = 0.0
+    closing_time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check("brake torque_Nm", self.torque_Nm)
+        _check("brake opening_time_s", self.opening_time_s)
+        _check("brake closing_time_s", self.closing_time_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveConfig:
+    """An emulated drive.
+
+    Args:
+        node_id: CANopen node-ID, 1..127.
+        servo_period_ns: Servo step, ns; a divisor of `control_period_ns`.
+        control_period_ns: Cycle of modes, monitoring and status word, ns (C402-173).
+        mechanics: The machine.
+        encoder: The motor encoder.
+        brake: The holding brake.
+        tuning: Gains of the cascade.
+        rated_current_A: What 1000 permille of 6078h are, A.
+        rated_torque_Nm: What 1000 permille of 6077h are, Nm.
+        thermal_time_constant_s: i2t model of the motor, s.
+        boot_time_s: From power-on or reset to the boot-up frame, s.
+        power_on_delay_s: Transition 3 takes this long, s (C402-173: 0 to 0.5).
+        blocked_time_s: Torque limit at standstill for this long is the fault 7121h, s; 0 = not watched.
+        limit_switch_reaction: `stop` with 6085h, `fault` 8612h, or `none`: the controller watches alone (C402-161).
+        following_error_reaction: `fault` 8611h or `status` bit 13 only (C402-153).
+        sto_reaction: `inhibit` (Switch on disabled with warning) or `fault` FF80h (C402-030).
+        sync_loss_reaction: `fault` 8700h, `warning` or `none` (C301-037).
+        missing_setpoints: Reaction 6007h after this many periods without set-point; 0 = never (C402-104).
+        home_offset: `profile` (6064h = -607Ch at the home point) or `vendor` (+607Ch) (C402-138).
+        csv_interpolation: Whether csv reaches the target linearly within 60C2h, or at once.
+        coasting_faults: EMCY codes after which the drive cannot brake.
+        eds: EDS file to present on the bus; None = that of this drive.
+        objects: Values that replace defaults of the EDS, by (index, sub-index).
+
+    """
+
+    node_id: int = 1
+    servo_period_ns: int = 250 * US
+    control_period_ns: int = 1 * MS
+    mechanics: LinearAxisConfig | RotaryAxisConfig = field(default_factory=LinearAxisConfig)
+    encoder: EncoderConfig = field(default_factory=EncoderConfig)
+    brake: BrakeConfig = field(default_factory=BrakeConfig)
+    tuning: ServoTuning = field(default_factory=ServoTuning)
+    rated_current_A: float = 5.0
+    rated_torque_Nm: float = 2.0
+    thermal_time_constant_s: float = 40.0
+    boot_time_s: float = 0.0
+    power_on_delay_s: float = 0.0
+    blocked_time_s: float = 0.0
+    limit_switch_reaction: Literal["stop", "fault", "none"] = "stop"
+    following_error_reaction: Literal["fault", "status"] = "fault"
+    sto_reaction: Literal["inhibit", "fault"] = "inhibit"
+    sync_loss_reaction: Literal["fault", "warning", "none"] = "fault"
+    missing_setpoints: int = 2
+    home_offset: Literal["profile", "vendor"] = "profile"
+    csv_interpolation: bool = True
+    coasting_faults: frozenset[int] = COASTING_FAULTS
+    eds: Path | None = None
+    objects: Mapping[tuple[int, int], int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.node_id <= 127:
+            raise ConfigurationError("node_id", self.node_id, "1..127")
+        if self.servo_period_ns <= 0 or self.control_period_ns % self.servo_period_ns:
+            raise ConfigurationError(
+                "servo_period_ns",
+                self.servo_period_ns,
+                f"a divisor of control_period_ns = {self.control_period_ns}",
+            )
+        for name in ("rated_current_A", "rated_torque_Nm", "thermal_time_constant_s"):
+            _check(name, getattr(self, name), positive=True)
+        for name in ("boot_time_s", "power_on_delay_s", "blocked_time_s"):
+            _check(name, getattr(self, name))
+        for name, allowed in (
+            ("limit_switch_reaction", ("stop", "fault", "none")),
+            ("following_error_reaction", ("fault", "status")),
+            ("sto_reaction", ("inhibit", "fault")),
+            ("sync_loss_reaction", ("fault", "warning", "none")),
+            ("home_offset", ("profile", "vendor")),
+        ):
+            if getattr(self, name) not in allowed:
+                raise ConfigurationError(name, getattr(self, name), ", ".join(allowed))
+        if self.missing_setpoints < 0:
+            raise ConfigurationError("missing_setpoints", self.missing_setpoints, ">= 0")
+
+    @classmethod
+    def reference(
+        cls,
+        *,
+        node_id: int = 1,
+        sync_period_ms: int = 4,
+        max_speed_rpm: int = 3000,
+        ramp_down_s: float = 1.0,
+        quick_stop_s: float = 0.5,
+        home: SwitchConfig | None = SwitchConfig(high=-0.5, hysteresis=0.0005),
+        position_m: float = 0.0,
+    ) -> DriveConfig:
+        """Return the reference axis of the worked numbers (STP-008 to STP-014).
+
+        Lead screw 10 mm, travel +-600 mm between stops, limit switches at +-550 mm, 2 Nm rated and 6 Nm peak torque, total
+        inertia 3.5e-4 kg m^2 at the motor (4000 mm/s2 take 0.94 Nm), encoder 131072 increments per revolution.
+        Position unit = increment, velocity unit = 10^-3 rpm, acceleration unit = 10^-3 rpm/s.
+
+        Args:
+            node_id: CANopen node-ID.
+            sync_period_ms: SYNC period for which 60C2h is set, ms.
+            max_speed_rpm: p1082: speed to which the ramp times refer, rpm; also 607Fh and 6080h.
+            ramp_down_s: p1121 (OFF1): time from `max_speed_rpm` to zero, s; becomes 6084h and 6083h.
+            quick_stop_s: p1135 (OFF3), s; becomes 6085h.
+            home: The home switch; None = there is none.
+            position_m: Start position of the slide, m.
+
+        """
+        _check("ramp_down_s", ramp_down_s, positive=True)
+        _check("quick_stop_s", quick_stop_s, positive=True)
+        if not 1 <= sync_period_ms <= 255:
+            raise ConfigurationError("sync_period_ms", sync_period_ms, "1..255")
+        speed = max_speed_rpm * 1000
+        slow_down = round(speed / ramp_down_s)
+        switches = {
+            "negative_limit": SwitchConfig(high=-0.55, hysteresis=0.0005),
+            "positive_limit": SwitchConfig(low=0.55, hysteresis=0.0005),
+        }
+        if home is not None:
+            switches["home"] = home
+        return cls(
+            node_id=node_id,
+            mechanics=LinearAxisConfig(position_m=position_m, switches=switches),
+            objects={
+                (0x605B, 0): 1,
+                (0x607F, 0): speed,
+                (0x6080, 0): max_speed_rpm,
+                (0x6081, 0): speed // 3,
+                (0x6083, 0): slow_down,
+                (0x6084, 0): slow_down,
+                (0x6085, 0): round(speed / quick_stop_s),
+                (0x6092, 1): 131072,
+                (0x6092, 2): 1,
+                (0x6099, 1): 200_000,
+                (0x6099, 2): 20_000,
+                (0x609A, 0): slow_down,
+                (0x60A9, 0): 0xFDB44700,
+                (0x60C2, 1): sync_period_ms,
+                (0x60C2, 2): -3,
+                (0x60C5, 0): 60_000_000,
+                (0x60C6, 0): 60_000_000,
+            },
+        )
+
+    def with_objects(self, objects: Mapping[tuple[int, int], int]) -> DriveConfig:
+        """Return a copy with further object values."""
+        return replace(self, objects={**self.objects, **objects})

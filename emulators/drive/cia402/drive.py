@@ -1,0 +1,189 @@
+"""The emulated CiA 402 drive with all that a test can do to it and its machine (C402-311, C402-312)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from emulators.drive.cia402 import faults
+from emulators.drive.cia402._trace import trace_columns, trace_row
+from emulators.drive.cia402.config import DriveConfig, LinearAxisConfig
+from emulators.drive.cia402.device import DriveDevice
+from fieldbus.can.frame import CanSegment
+from fieldbus.cia402 import DriveState
+from fieldbus.clock import Scheduler
+from fieldbus.errors import UnsupportedFaultError
+from fieldbus.history import History
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from emulators.mechanics import SwitchModel
+
+
+class CiA402Drive(DriveDevice):
+    """A servo drive with its motor and machine on a CAN segment.
+
+    It is off until `power_on`; the machine moves from the start. Everything runs in callbacks of the scheduler: the servo
+    step every `servo_period_ns`, modes and monitoring every `control_period_ns`, cyclic set-points at SYNC. Injected faults
+    act at once.
+
+    Args:
+        scheduler: Time of the bench.
+        segment: CAN segment.
+        config: The drive and its machine.
+        name: Name of the node on the segment and in the history.
+        history: Log; None for none.
+        rng: Source of the encoder's noise; None: the encoder cannot be made noisy.
+
+    Raises:
+        ConfigurationError: The configuration does not fit together.
+
+    """
+
+    __slots__ = ("trace_columns",)
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        segment: CanSegment,
+        config: DriveConfig,
+        *,
+        name: str,
+        history: History | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        super().__init__(scheduler, segment, config, name=name, history=history, rng=rng)
+        self.trace_columns = trace_columns("m" if isinstance(config.mechanics, LinearAxisConfig) else "rad")
+        """(name, unit) of the values of `trace_row`."""
+
+    def trace_row(self) -> tuple[float, ...]:
+        """Return the present values of `trace_columns`; position and velocity are those of the true mechanics."""
+        return trace_row(self)
+
+    # -- drive -----------------------------------------------------------------------------------------------------
+
+    def clear_fault_cause(self, emcy_code: int | None = None) -> None:
+        """End the cause of a persistent fault, or of all; the fault itself waits for its reset."""
+        self.faults.end_causes(emcy_code)
+
+    def set_sto(self, active: bool) -> None:
+        """Activate or release safe torque off (C402-030)."""
+        if active is self.sto_active:
+            return
+        self.sto_active = active
+        machine = self.machine
+        machine.inhibited = active
+        if active:
+            if self.config.sto_reaction == "fault" and machine.state in (
+                DriveState.OPERATION_ENABLED,
+                DriveState.QUICK_STOP_ACTIVE,
+            ):
+                self.faults.enter(faults.SAFE_TORQUE_OFF, persistent=False)
+                self.function.execute(machine.fault(can_brake=False))
+            else:
+                self.function.execute(machine.disable_voltage())
+        else:
+            self.function.evaluate_again()
+        self._refresh_status()
+
+    def set_dc_link_voltage(self, voltage_V: float) -> None:
+        """Set the DC link voltage, V; below and above its thresholds the drive reacts (C402-029)."""
+        link = self.dc_link
+        link.voltage_V = voltage_V
+        machine = self.machine
+        machine.power_available = not link.low
+        if link.high:
+            self.raise_fault(faults.OVERVOLTAGE)
+        elif link.low:
+            if machine.state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
+                self.raise_fault(faults.UNDERVOLTAGE)
+            elif machine.state is DriveState.SWITCHED_ON:
+                self.function.execute(machine.disable_voltage())
+        else:
+            self.function.evaluate_again()
+        self._refresh_status()
+
+    def restore_dc_link(self) -> None:
+        """Set the DC link voltage to its nominal value."""
+        self.set_dc_link_voltage(self.dc_link.nominal_V)
+
+    def set_local_control(self, active: bool) -> None:
+        """Take the control away from the bus: bit 9 of the status word 0, control words are ignored."""
+        self.function.local_control = active
+        self.machine.remote = not active
+        if not active:
+            self.function.evaluate_again()
+        self._refresh_status()
+
+    # -- encoder -----------------------------------------------------------------------------------------------------
+
+    def freeze_encoder(self, frozen: bool) -> None:
+        """Let the encoder value stand still, or follow the shaft again."""
+        self.encoder.freeze(frozen)
+
+    def jump_encoder(self, increments: int) -> None:
+        """Shift the encoder value by increments, as a slipped coupling does."""
+        self.encoder.jump(increments)
+
+    def set_encoder_noise(self, increments: int) -> None:
+        """Disturb the encoder by -increments..+increments; 0 = off."""
+        self.encoder.set_noise(increments)
+
+    def reverse_encoder(self, reversed_direction: bool) -> None:
+        """Set the counting direction of the encoder; with the wrong one the control loop runs away."""
+        self.encoder.reverse(reversed_direction)
+
+    # -- machine -----------------------------------------------------------------------------------------------------
+
+    def jam(self, jammed: bool) -> None:
+        """Block the shaft, or release it."""
+        self.mechanics.jam(jammed)
+
+    def load_force(self, force: float) -> None:
+        """Set the force (N; Nm on a rotary axis) from outside on the load."""
+        self.mechanics.apply_force(force)
+
+    def set_stops(self, lower: float | None, upper: float | None) -> None:
+        """Move or remove (None) the end stops, m or rad."""
+        self.mechanics.set_stops(lower, upper)
+
+    def force_input(self, name: str, state: bool | None) -> None:
+        """Force an input: `negative_limit`, `positive_limit` or `home`; None = the switch works again.
+
+        Raises:
+            UnsupportedFaultError: The machine has no such switch.
+
+        """
+        self._switch(name).forced = state
+
+    def invert_input(self, name: str, inverted: bool) -> None:
+        """Set the polarity of a switch.
+
+        Raises:
+            UnsupportedFaultError: The machine has no such switch.
+
+        """
+        self._switch(name).inverted = inverted
+
+    def _switch(self, name: str) -> SwitchModel:
+        switch = self.switches.get(name)
+        if switch is None:
+            fitted = ", ".join(self.switches) or "none"
+            raise UnsupportedFaultError(f"{self.name}: there is no switch {name!r}; fitted: {fitted}")
+        return switch
+
+    # -- communication and lies ----------------------------------------------------------------------------------
+
+    def stop_heartbeat(self, stopped: bool) -> None:
+        """Keep the heartbeat back, or send it again."""
+        self.slave.error_control.silent = stopped
+
+    def freeze_statusword(self, frozen: bool) -> None:
+        """Let 6041h show what it shows now, whatever happens."""
+        self.status_frozen = frozen
+        self._refresh_status()
+
+    def refuse_transitions(self, *numbers: int) -> None:
+        """Ignore the commands of these transitions (of 2, 3, 4, 15, 16); without numbers none."""
+        self.machine.refused = frozenset(numbers)
+        self.machine.release()

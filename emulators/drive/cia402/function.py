@@ -1,0 +1,267 @@
+"""The drive function: state machine, power stage, modes and stops, without a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from emulators.drive.cia402.axis import ProfileAxis
+from emulators.drive.cia402.modes import ModeOfOperation, all_modes
+from emulators.drive.cia402.statemachine import Action, PowerStateMachine, StopOption
+from fieldbus.clock import Scheduler, Timer, seconds_to_ns
+
+_UNSEEN_CYCLES: Final = 4
+"""Transition 4 follows 3 after this many control cycles when nobody samples the status word."""
+_HALT: Final = 0x100
+
+
+class DriveFunction:
+    """Executes what the state machine asks for and lets set-points through or not.
+
+    Args:
+        scheduler: Time of power-on and brake delays.
+        machine: State machine.
+        axis: The motor as the profile sees it.
+
+    """
+
+    __slots__ = (
+        "_closing_timer",
+        "_power_timer",
+        "_scheduler",
+        "_unseen_cycles",
+        "axis",
+        "following",
+        "limit_stop",
+        "local_control",
+        "machine",
+        "mode",
+        "modes",
+        "on_change",
+        "on_fault_reset",
+        "on_following",
+        "released",
+        "word",
+    )
+
+    def __init__(self, scheduler: Scheduler, *, machine: PowerStateMachine, axis: ProfileAxis) -> None:
+        self._scheduler = scheduler
+        self.machine = machine
+        self.axis = axis
+        self.modes = all_modes(axis)
+        self.mode: ModeOfOperation = self.modes[0]
+        """Mode in force."""
+        self.word = 0
+        """Last control word."""
+        self.local_control = False
+        """Control words are ignored."""
+        self.released = False
+        """The brake is open: set-points may pass."""
+        self.limit_stop = False
+        """A stop at a limit switch is under way."""
+        self.following = False
+        """The mode executes its set-points."""
+        self.on_fault_reset: Callable[[], None] = _nothing
+        """Called after transition 15."""
+        self.on_following: Callable[[], None] = _nothing
+        """Called when set-points begin to count."""
+        self.on_change: Callable[[], None] = _nothing
+        """Called after a change that was not caused by a call from outside."""
+        self._closing_timer: Timer | None = None
+        self._power_timer: Timer | None = None
+        self._unseen_cycles = 0
+        axis.core.on_standstill = self._on_standstill
+
+    # -- from outside ----------------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Begin as after power-on: everything off, no mode."""
+        self.off()
+        self.mode = self.modes[0]
+        self.word = 0
+        self.machine.start()
+
+    def control(self, word: int) -> None:
+        """Take a control word."""
+        machine = self.machine
+        changed = word ^ self.word
+        self.word = word
+        machine.remote = not self.local_control
+        self.execute(machine.control(word))
+        if self.axis.core.enabled and machine.follows_commands and not self.local_control:
+            if bool(word & _HALT) is not self.axis.halted:
+                self._halt(bool(word & _HALT))
+            if self.released:
+                self.mode.control(word, changed)
+
+    def evaluate_again(self) -> None:
+        """Evaluate the last control word again, because an obstacle is gone."""
+        self.machine.release()
+        if not self.word & 0x80:
+            self.execute(self.machine.control(self.word))
+
+    def change_mode(self, number: int) -> None:
+        """Put another mode in force (C402-089)."""
+        mode = self.modes.get(number)
+        if mode is None or mode is self.mode:
+            return
+        following = self.following
+        self.mode.leave()
+        self.mode = mode
+        self.following = False
+        self.settle()
+        if following:
+            mode.enter()
+
+    def cycle(self) -> None:
+        """Do the work of one control cycle."""
+        machine = self.machine
+        if machine.enable_follows:
+            self._unseen_cycles += 1
+            if self._unseen_cycles >= _UNSEEN_CYCLES:
+                machine.status_seen = True
+            self.execute(machine.cycle())
+        if self.following:
+            self.mode.cycle()
+        elif self.axis.core.enabled:
+            if not self.released and machine.follows_commands:
+                self._release()
+                self.settle()
+            self.mode.stopped()
+
+    def stop_at_limit_switch(self) -> None:
+        """Stop with 6085h and stay in operation (C402-161)."""
+        core = self.axis.core
+        if not (self.axis.halted and core.stopping):
+            core.stop(
+                self.axis.stop_slope(StopOption.QUICK_STOP), track_position=self.mode.position_controlled
+            )
+        self.limit_stop = True
+        self.settle()
+
+    def execute(self, action: Action) -> None:
+        """Do what the state machine asks for."""
+        if action is Action.NOTHING:
+            return
+        core = self.axis.core
+        machine = self.machine
+        if action is Action.POWER_ON:
+            self._unseen_cycles = 0
+            delay_ns = seconds_to_ns(self.axis.config.power_on_delay_s)
+            if delay_ns:
+                _cancel(self._power_timer)
+                self._power_timer = self._scheduler.after(delay_ns, self._power_is_on)
+            else:
+                machine.power_is_on()
+        elif action is Action.ENABLE:
+            core.enable_pulses()
+            self.axis.halted = bool(self.word & _HALT)
+            self.released = False
+            self._release()
+        elif action is Action.STOP:
+            self.limit_stop = False
+            core.stop(
+                self.axis.stop_slope(machine.stop_option),
+                track_position=self.mode.position_controlled and machine.stop_option <= StopOption.QUICK_STOP,
+            )
+        elif action is Action.CONTINUE:
+            _cancel(self._closing_timer)
+            self._closing_timer = None
+            core.brake.open()
+            self.axis.halted = bool(self.word & _HALT)
+            self.released = False
+            self._release()
+        elif action is Action.OFF:
+            self.off()
+        elif action is Action.FAULT_RESET:
+            self.on_fault_reset()
+        self.settle()
+
+    def off(self) -> None:
+        """Switch the torque off at once."""
+        _cancel(self._closing_timer)
+        _cancel(self._power_timer)
+        self._closing_timer = self._power_timer = None
+        self.axis.core.inhibit_pulses()
+        self.mode.leave()
+        self.released = False
+        self.limit_stop = False
+        self.axis.halted = False
+        self.following = False
+
+    def settle(self) -> None:
+        """Find out whether set-points count now."""
+        following = (
+            self.released
+            and self.axis.core.enabled
+            and not self.axis.halted
+            and not self.limit_stop
+            and self.machine.follows_commands
+        )
+        if following is not self.following:
+            self.following = following
+            if following:
+                self.on_following()
+
+    # -- inside ------------------------------------------------------------------------------------------------------
+
+    def _power_is_on(self) -> None:
+        self._power_timer = None
+        self.machine.power_is_on()
+        self.on_change()
+
+    def _release(self) -> None:
+        """Let set-points through, as soon as the brake is open (C402-173)."""
+        if self.axis.core.brake.closed:
+            return
+        self.released = True
+        self.mode.enter()
+        if self.axis.halted:
+            self._stop_for_halt()
+
+    def _halt(self, halted: bool) -> None:
+        self.axis.halted = halted
+        if halted:
+            self._stop_for_halt()
+        elif self.released and not self.limit_stop:
+            self.mode.resume()
+        self.settle()
+
+    def _stop_for_halt(self) -> None:
+        option = self.machine.options.halt
+        self.axis.core.stop(
+            self.axis.stop_slope(option),
+            track_position=self.mode.position_controlled and option <= StopOption.QUICK_STOP,
+        )
+
+    def _on_standstill(self) -> None:
+        machine = self.machine
+        if machine.ramping_down:
+            brake = self.axis.core.brake
+            if brake.fitted and machine.stop_leads_off and brake.closing_time_s > 0.0:
+                # The motor holds the axis until the brake has closed.
+                brake.close()
+                self._closing_timer = self._scheduler.after(
+                    seconds_to_ns(brake.closing_time_s), self._stop_finished
+                )
+            else:
+                self._stop_finished()
+        elif self.limit_stop:
+            self.limit_stop = False
+            if not self.axis.halted:
+                self.mode.resume()
+            self.settle()
+
+    def _stop_finished(self) -> None:
+        self._closing_timer = None
+        self.execute(self.machine.stop_finished())
+        self.on_change()
+
+
+def _cancel(timer: Timer | None) -> None:
+    if timer is not None:
+        timer.cancel()
+
+
+def _nothing() -> None:
+    pass

@@ -1,0 +1,79 @@
+"""What every mode of operation can be asked."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from emulators.drive.cia402.axis import ProfileAxis
+
+BIT_10: Final = 1 << 10
+BIT_12: Final = 1 << 12
+BIT_13: Final = 1 << 13
+
+
+class ModeOfOperation:
+    """A mode in force. The drive calls `enter` when set-points begin to count and `leave` when they cease to.
+
+    Args:
+        axis: The motor as the profile sees it.
+
+    """
+
+    __slots__ = ("axis", "following_error", "limited", "missed", "status")
+
+    number: int = 0
+    """Value of 6060h."""
+    position_controlled: bool = True
+    """Whether stops of this mode keep the position control."""
+    cyclic: bool = False
+    """Whether set-points come with every SYNC."""
+    target_key: int = 0
+    """Key of the cyclic set-point."""
+
+    def __init__(self, axis: ProfileAxis) -> None:
+        self.axis = axis
+        self.status = 0
+        """Bits 10, 12 and 13 of the status word."""
+        self.limited = False
+        """A limit holds the motion back (bit 11)."""
+        self.missed = 0
+        """Cyclic set-points that have been missing in succession."""
+        self.following_error = False
+        """The following error is too large; set by the drive (bit 13 in pp and csp)."""
+
+    def enter(self) -> None:
+        """Begin with set-point = actual value (C402-089)."""
+        self.axis.core.hold_position()
+
+    def leave(self) -> None:
+        """Cease: pulses are about to be inhibited, or another mode takes over."""
+        self.status = 0
+        self.limited = False
+        self.axis.demand_excess = 0.0
+
+    def control(self, word: int, changed: int) -> None:
+        """Take the mode-specific bits of a new control word; `changed` has the bits that differ from the last."""
+
+    def sync(self) -> None:
+        """Take the cyclic set-point that has become effective with SYNC."""
+
+    def cycle(self) -> None:
+        """Do the work of one control cycle and update `status`."""
+
+    def stopped(self) -> None:
+        """Update `status` while a stop by the drive (halt, limit switch) holds the mode up."""
+        self.status = 0 if self.axis.core.stopping else BIT_10
+
+    def resume(self) -> None:
+        """Go on after a halt or after a stop at a limit switch."""
+        self.enter()
+
+
+class NoMode(ModeOfOperation):
+    """6060h = 0: stand still."""
+
+    __slots__ = ()
+
+    def stopped(self) -> None:
+        """See `ModeOfOperation.stopped`."""
+        self.status = 0

@@ -1,0 +1,190 @@
+"""Cyclic synchronous modes: position, velocity, torque (C402-100 to C402-104)."""
+
+from __future__ import annotations
+
+from emulators.drive.cia402.axis import ProfileAxis
+from emulators.drive.cia402.modes._base import BIT_12, BIT_13, ModeOfOperation
+
+
+class _CyclicMode(ModeOfOperation):
+    """A set-point with every SYNC; without SYNC the set-point is taken in every control cycle."""
+
+    __slots__ = ("_started",)
+
+    cyclic = True
+
+    def __init__(self, axis: ProfileAxis) -> None:
+        super().__init__(axis)
+        self._started = False
+
+    def enter(self) -> None:
+        """See `ModeOfOperation.enter`."""
+        super().enter()
+        self.missed = 0
+        self._started = False
+        self.axis.fresh = False
+
+    def sync(self) -> None:
+        """See `ModeOfOperation.sync`."""
+        axis = self.axis
+        if axis.fresh:
+            axis.fresh = False
+            self.missed = 0
+            self._started = True
+        elif axis.supervised and self._started:
+            # Monitoring begins with the first set-point; one missing period is bridged (C402-104).
+            self.missed += 1
+            axis.missing_count += 1
+            self._bridge()
+            return
+        self._apply(axis.period_steps)
+
+    def cycle(self) -> None:
+        """See `ModeOfOperation.cycle`."""
+        axis = self.axis
+        if not axis.synchronised:
+            self._apply(axis.control_steps)
+        self.status = 0 if self.limited else BIT_12
+        if self.following_error:
+            self.status |= BIT_13
+
+    def stopped(self) -> None:
+        """See `ModeOfOperation.stopped`."""
+        self.status = 0
+
+    def _bridge(self) -> None:
+        """Go on without a new set-point."""
+
+    def _apply(self, steps: int) -> None:
+        """Take the set-point to be reached within a number of servo steps."""
+        raise NotImplementedError
+
+
+class CyclicVelocity(_CyclicMode):
+    """csv: 60FFh + 60B1h, reached linearly within 60C2h."""
+
+    __slots__ = ("_last",)
+
+    number = 9
+    position_controlled = False
+    target_key = 0x60FF00
+
+    def __init__(self, axis: ProfileAxis) -> None:
+        super().__init__(axis)
+        self._last: int | None = None
+
+    def enter(self) -> None:
+        """See `ModeOfOperation.enter`."""
+        core = self.axis.core
+        core.command_velocity(core.precontrol_velocity, 1)
+        self.missed = 0
+        self._started = False
+        self._last = None
+        self.axis.fresh = False
+
+    def _apply(self, steps: int) -> None:
+        axis = self.axis
+        values = axis.values
+        core = axis.core
+        target = values[0x60FF00] + values[0x60B100]
+        offset = values[0x60B200]
+        if offset or core.torque_offset:
+            core.torque_offset = offset * axis.units.torque * axis.units.torque_sign
+        if target == self._last and not core.interpolating:
+            return
+        units = axis.units
+        wanted = target * units.velocity * units.velocity_sign
+        velocity = axis.allowed_velocity(wanted)
+        self.limited = velocity != wanted
+        # A value that is held back is looked at again: the limit may go.
+        self._last = None if velocity != wanted else target
+        core.command_velocity(velocity, steps if axis.config.csv_interpolation else 1)
+
+
+class CyclicTorque(_CyclicMode):
+    """cst: 6071h + 60B2h within torque and speed limits."""
+
+    __slots__ = ()
+
+    number = 10
+    position_controlled = False
+    target_key = 0x607100
+
+    def enter(self) -> None:
+        """See `ModeOfOperation.enter`."""
+        super().enter()
+        self.axis.core.command_torque(0.0)
+
+    def _apply(self, _steps: int) -> None:
+        axis = self.axis
+        values = axis.values
+        torque = (values[0x607100] + values[0x60B200]) * axis.units.torque * axis.units.torque_sign
+        blocked = (torque > 0.0 and axis.blocked_positive) or (torque < 0.0 and axis.blocked_negative)
+        self.limited = blocked
+        axis.core.command_torque(0.0 if blocked else torque)
+
+
+class CyclicPosition(_CyclicMode):
+    """csp: 607Ah + 60B0h, reached linearly within 60C2h."""
+
+    __slots__ = ("_velocity",)
+
+    number = 8
+    target_key = 0x607A00
+
+    def __init__(self, axis: ProfileAxis) -> None:
+        super().__init__(axis)
+        self._velocity = 0.0
+
+    def enter(self) -> None:
+        """See `ModeOfOperation.enter`."""
+        super().enter()
+        self._velocity = self.axis.core.precontrol_velocity
+
+    def _bridge(self) -> None:
+        axis = self.axis
+        if self.missed == 1:
+            # Go on with the last velocity for one period, then hold.
+            axis.core.extrapolate(axis.period_steps)
+
+    def _apply(self, steps: int) -> None:
+        axis = self.axis
+        values = axis.values
+        core = axis.core
+        units = axis.units
+        wanted = values[0x607A00] + values[0x60B000]
+        allowed = axis.within_software_limits(wanted)
+        target = axis.angle_of(allowed)
+        start = core.position_command
+        duration = steps * core.period_s
+        velocity = (target - start) / duration
+        limit = axis.max_speed
+        last = self._velocity
+        faster = values[0x60C500] * units.acceleration
+        slower = values[0x60C600] * units.acceleration
+        high, low = limit, -limit
+        if faster:
+            high = min(high, last + (faster if last >= 0.0 or not slower else slower) * duration)
+            low = max(low, last - (faster if last <= 0.0 or not slower else slower) * duration)
+        reachable = velocity
+        if velocity > high:
+            reachable = high
+        elif velocity < low:
+            reachable = low
+        if (reachable > 0.0 and axis.blocked_positive) or (reachable < 0.0 and axis.blocked_negative):
+            reachable = 0.0
+        self._velocity = reachable
+        self.limited = allowed != wanted or reachable != velocity
+        if reachable != velocity:
+            axis.demand_excess = target - (start + reachable * duration)
+            target = start + reachable * duration
+        else:
+            axis.demand_excess = 0.0
+        # A velocity offset from the controller takes the place of the drive's own pre-control.
+        offset = values[0x60B100]
+        core.command_position(
+            target, steps, precontrol=offset * units.velocity * units.velocity_sign if offset else None
+        )
+        torque = values[0x60B200]
+        if torque or core.torque_offset:
+            core.torque_offset = torque * units.torque * units.torque_sign

@@ -1,0 +1,150 @@
+"""Factor group: from the user's units to rad, rad/s, rad/s^2 and increments, and back (C402-165 to C402-167).
+
+Velocities of 60A9h in revolutions refer to the motor shaft; the acceleration unit is the velocity unit per second.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any, Final
+
+from fieldbus.errors import ConfigurationError
+
+_TAU: Final = 2.0 * math.pi
+_REVOLUTION: Final = 0xB4
+_SECOND: Final = 0x03
+_MINUTE: Final = 0x47
+_POLARITY_POSITION: Final = 0x80
+_POLARITY_VELOCITY: Final = 0x40
+_POLARITY_TORQUE: Final = 0x20
+
+
+def velocity_unit_rad_s(unit: int, user_position_rad: float = 1.0) -> float:
+    """Return the size of a velocity unit of 60A9h at the motor shaft, rad/s.
+
+    Args:
+        unit: Value of 60A9h: bits 31..24 decimal exponent, 23..16 numerator (B4h revolution, 00h position unit),
+            15..8 denominator (47h minute, 03h second), 7..0 zero.
+        user_position_rad: Size of the position unit at the motor shaft, rad.
+
+    Raises:
+        ConfigurationError: The unit is not known.
+
+    """
+    exponent = unit >> 24 & 0xFF
+    exponent -= 0x100 if exponent > 0x7F else 0
+    numerator = unit >> 16 & 0xFF
+    denominator = unit >> 8 & 0xFF
+    if (
+        numerator not in (_REVOLUTION, 0)
+        or denominator not in (_SECOND, _MINUTE)
+        or unit & 0xFF
+        or abs(exponent) > 9
+    ):
+        raise ConfigurationError(
+            "60A9h", f"{unit:08X}h", "xxB44700h (rpm), xxB40300h (1/s), xx000300h (pu/s)"
+        )
+    size = _TAU if numerator == _REVOLUTION else user_position_rad
+    if denominator == _MINUTE:
+        size /= 60.0
+    return size * 10.0**exponent if exponent >= 0 else size / 10.0**-exponent
+
+
+def round_half_away(numerator: int, denominator: int) -> int:
+    """Return numerator / denominator as the nearest integer, ties away from zero; denominator > 0."""
+    if numerator >= 0:
+        return (2 * numerator + denominator) // (2 * denominator)
+    return -((-2 * numerator + denominator) // (2 * denominator))
+
+
+def wrap32(value: int) -> int:
+    """Return `value` as a 32-bit two's complement counter shows it."""
+    return (value + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+
+
+class Units:
+    """The factors in force.
+
+    Args:
+        counts_per_revolution: Increments of the real encoder per motor revolution.
+        rated_torque_Nm: What 1000 permille are, Nm.
+
+    """
+
+    __slots__ = (
+        "_counts",
+        "acceleration",
+        "inc_denominator",
+        "inc_numerator",
+        "plain",
+        "position",
+        "position_sign",
+        "torque",
+        "torque_sign",
+        "velocity",
+        "velocity_sign",
+    )
+
+    def __init__(self, *, counts_per_revolution: int, rated_torque_Nm: float) -> None:
+        self._counts = counts_per_revolution
+        self.inc_numerator = 1
+        """Increments = position units * inc_numerator / inc_denominator."""
+        self.inc_denominator = 1
+        self.plain = True
+        """The position unit is the increment and the polarity is positive."""
+        self.position = 1.0
+        """Size of a position unit, rad, without sign."""
+        self.velocity = 1.0
+        """Size of a velocity unit, rad/s."""
+        self.acceleration = 1.0
+        """Size of an acceleration unit, rad/s^2."""
+        self.torque = rated_torque_Nm / 1000.0
+        """Size of a torque unit, Nm."""
+        self.position_sign = self.velocity_sign = self.torque_sign = 1
+
+    def update(self, values: Mapping[int, Any]) -> None:
+        """Read the factor group from the values of the device.
+
+        Raises:
+            ConfigurationError: A factor is zero or a unit is not known; the old factors stay.
+
+        """
+
+        def ratio(index: int) -> Fraction:
+            numerator, denominator = values[index << 8 | 1], values[index << 8 | 2]
+            if not numerator or not denominator:
+                raise ConfigurationError(
+                    f"{index:04X}h", f"{numerator}/{denominator}", "numerator and denominator > 0"
+                )
+            return Fraction(int(numerator), int(denominator))
+
+        increments = ratio(0x608F) * ratio(0x6091) / ratio(0x6092)
+        position = float(increments) * _TAU / self._counts
+        velocity = velocity_unit_rad_s(values[0x60A900], position) * float(ratio(0x6096))
+        polarity = values[0x607E00]
+        self.inc_numerator = increments.numerator
+        self.inc_denominator = increments.denominator
+        self.position = position
+        self.velocity = velocity
+        self.acceleration = velocity
+        self.torque = values[0x607600] * 1e-6
+        self.position_sign = -1 if polarity & _POLARITY_POSITION else 1
+        self.velocity_sign = -1 if polarity & _POLARITY_VELOCITY else 1
+        self.torque_sign = -1 if polarity & _POLARITY_TORQUE else 1
+        self.plain = increments == 1 and self.position_sign == 1
+
+    def to_user_position(self, increments: int) -> int:
+        """Return a number of increments in position units, 32 bits (rounded to nearest, ties away from zero)."""
+        if self.plain:
+            return (increments + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+        return wrap32(
+            round_half_away(self.position_sign * increments * self.inc_denominator, self.inc_numerator)
+        )
+
+    def to_increments(self, user_position: int) -> float:
+        """Return position units in increments, not rounded."""
+        if self.plain:
+            return float(user_position)
+        return self.position_sign * user_position * self.inc_numerator / self.inc_denominator

@@ -1,0 +1,59 @@
+"""Gains and thresholds of the servo core."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from fieldbus.errors import ConfigurationError
+
+RPM: Final = 2.0 * math.pi / 60.0
+"""rad/s of one revolution per minute."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServoTuning:
+    """Gains of the cascade.
+
+    Args:
+        velocity_time_constant_s: T_vtc = inertia / proportional gain, s; at least three servo periods.
+        velocity_integral_time_s: Integral time of the velocity controller, s; 0 = no integral part.
+        position_gain: Kv, 1/s; stable up to about 1 / (4 * T_vtc).
+        velocity_feedforward: Share of the demanded velocity that bypasses the position controller, 0..1.
+        torque_feedforward: Whether the inertia's torque is pre-controlled.
+        inertia_kgm2: Inertia that the drive reckons with, kg m^2; None = the true one.
+        current_time_constant_s: First-order lag of the current loop, s; 0 = ideal.
+        standstill_speed_rpm: Speed below which the axis counts as standing, rpm.
+        standstill_time_s: How long it has to stay below, s.
+        standstill_timeout_s: After a ramp to zero has ended for this long, the stop counts as finished anyway, s.
+
+    """
+
+    velocity_time_constant_s: float = 0.002
+    velocity_integral_time_s: float = 0.020
+    position_gain: float = 100.0
+    velocity_feedforward: float = 1.0
+    torque_feedforward: bool = True
+    inertia_kgm2: float | None = None
+    current_time_constant_s: float = 0.0
+    standstill_speed_rpm: float = 5.0
+    standstill_time_s: float = 0.001
+    standstill_timeout_s: float = 4.0
+
+    def __post_init__(self) -> None:
+        for name, value, positive in (
+            ("velocity_time_constant_s", self.velocity_time_constant_s, True),
+            ("velocity_integral_time_s", self.velocity_integral_time_s, False),
+            ("position_gain", self.position_gain, False),
+            ("current_time_constant_s", self.current_time_constant_s, False),
+            ("standstill_speed_rpm", self.standstill_speed_rpm, True),
+            ("standstill_time_s", self.standstill_time_s, False),
+            ("standstill_timeout_s", self.standstill_timeout_s, True),
+        ):
+            if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
+                raise ConfigurationError(name, value, "a finite number " + ("> 0" if positive else ">= 0"))
+        if not 0.0 <= self.velocity_feedforward <= 1.0:
+            raise ConfigurationError("velocity_feedforward", self.velocity_feedforward, "0..1")
+        if self.inertia_kgm2 is not None and not self.inertia_kgm2 > 0.0:
+            raise ConfigurationError("inertia_kgm2", self.inertia_kgm2, "> 0, or None")

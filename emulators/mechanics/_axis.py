@@ -1,0 +1,446 @@
+"""Rigid axis: motor, gear, lead screw and load as one inertia, with friction, end stops, load force and switches.
+
+The model is one degree of freedom in the coordinate of the load (m or rad, called *load unit* below). Per step:
+
+* The linear part (inertia, viscous friction, a constant force) is advanced by the trapezoidal rule, which is stable for every
+  step and exact for a constant force without viscous friction.
+* Coulomb friction is a bound on the momentum that friction can take away in one step: where it suffices to stop the load, the load stands
+  exactly still. There is no threshold speed, hence neither creep nor chatter.
+* The end stops are stiff springs with dampers; in contact the step is implicit Euler, stable at any stiffness.
+
+The common case costs one comparison against the *quiet range*: the interval of positions in which no switch changes and
+no end stop is touched.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from emulators.mechanics._switch import SwitchModel
+from fieldbus.errors import ConfigurationError
+
+_TAU = 2.0 * math.pi
+
+
+def _finite(where: str, value: float, *, minimum: float | None = None, positive: bool = False) -> float:
+    if not math.isfinite(value) or (positive and value <= 0.0) or (minimum is not None and value < minimum):
+        allowed = (
+            "a finite number > 0"
+            if positive
+            else "a finite number" + (f" >= {minimum:g}" if minimum is not None else "")
+        )
+        raise ConfigurationError(where, value, allowed)
+    return float(value)
+
+
+class AxisMechanics:
+    """One rigid inertia behind a transmission, in the coordinate of the load.
+
+    Use `LinearAxisMechanics` or `RotaryAxisMechanics`.
+
+    Args:
+        ratio: Load units per radian of the motor shaft, > 0.
+        inertia: Inertia of everything, reflected to the load: kg, or kg m^2 for a rotary load; > 0.
+        viscous_friction: N per m/s or Nm per rad/s, >= 0.
+        coulomb_friction: Sliding friction, N or Nm, >= 0.
+        static_friction: Breakaway force at standstill, N or Nm, >= `coulomb_friction`; default: the same.
+        gravity_force: Constant force on the load in positive direction, N or Nm.
+        lower_stop: Position of the lower end stop, load unit; None: there is none.
+        upper_stop: Position of the upper end stop, load unit; None: there is none.
+        stop_stiffness: Spring of an end stop, N/m or Nm/rad, > 0.
+        stop_damping: Damper of an end stop, Ns/m or Nms/rad, >= 0.
+        position: Start position of the load, load unit.
+        switches: Switches on the travel.
+
+    Raises:
+        ConfigurationError: A value is outside its range.
+
+    """
+
+    __slots__ = (
+        "_angle_per_unit",
+        "_brake",
+        "_breakaway",
+        "_coulomb",
+        "_decay",
+        "_dt",
+        "_external",
+        "_force_per_torque",
+        "_friction_step",
+        "_gain",
+        "_gravity",
+        "_half_dt",
+        "_high",
+        "_inertia",
+        "_jammed",
+        "_load_force",
+        "_low",
+        "_lower_stop",
+        "_static",
+        "_stop_damping",
+        "_stop_stiffness",
+        "_upper_stop",
+        "_viscous",
+        "in_contact",
+        "motor_angle",
+        "position",
+        "ratio",
+        "switches",
+        "velocity",
+    )
+
+    def __init__(
+        self,
+        *,
+        ratio: float,
+        inertia: float,
+        viscous_friction: float = 0.0,
+        coulomb_friction: float = 0.0,
+        static_friction: float | None = None,
+        gravity_force: float = 0.0,
+        lower_stop: float | None = None,
+        upper_stop: float | None = None,
+        stop_stiffness: float = 1e7,
+        stop_damping: float = 2e4,
+        position: float = 0.0,
+        switches: Iterable[SwitchModel] = (),
+    ) -> None:
+        self.ratio = _finite("ratio", ratio, positive=True)
+        self._inertia = _finite("inertia", inertia, positive=True)
+        self._viscous = _finite("viscous_friction", viscous_friction, minimum=0.0)
+        self._coulomb = _finite("coulomb_friction", coulomb_friction, minimum=0.0)
+        if static_friction is None:
+            static_friction = coulomb_friction
+        self._static = _finite("static_friction", static_friction, minimum=self._coulomb)
+        self._gravity = _finite("gravity_force", gravity_force)
+        self._stop_stiffness = _finite("stop_stiffness", stop_stiffness, positive=True)
+        self._stop_damping = _finite("stop_damping", stop_damping, minimum=0.0)
+        self._lower_stop = -math.inf
+        self._upper_stop = math.inf
+        self._angle_per_unit = 1.0 / self.ratio
+        self._force_per_torque = 1.0 / self.ratio
+        self.position = _finite("position", position)
+        """Position of the load, m or rad."""
+        self.velocity = 0.0
+        """Velocity of the load, m/s or rad/s."""
+        self.motor_angle = self.position * self._angle_per_unit
+        """Angle of the motor shaft, rad; zero where the load is at zero."""
+        self.in_contact = False
+        """Whether the load presses against an end stop."""
+        self.switches: tuple[SwitchModel, ...] = tuple(switches)
+        self._external = 0.0
+        self._brake = 0.0
+        self._jammed = False
+        self._dt = 0.0
+        self._half_dt = self._decay = self._gain = self._friction_step = 0.0
+        self._breakaway = self._load_force = 0.0
+        self._low = self._high = 0.0
+        self._refresh_forces()
+        self.set_stops(lower_stop, upper_stop)
+
+    # -- state ---------------------------------------------------------------------------------------------
+
+    @property
+    def motor_speed(self) -> float:
+        """Speed of the motor shaft, rad/s."""
+        return self.velocity * self._angle_per_unit
+
+    @property
+    def motor_inertia(self) -> float:
+        """Inertia of everything, reflected to the motor shaft, kg m^2."""
+        return self._inertia * self.ratio * self.ratio
+
+    @property
+    def jammed(self) -> bool:
+        """Whether the shaft is blocked."""
+        return self._jammed
+
+    @property
+    def external_force(self) -> float:
+        """Force from outside on the load, N or Nm, positive in positive direction."""
+        return self._external
+
+    @property
+    def stops(self) -> tuple[float | None, float | None]:
+        """Positions of the lower and the upper end stop, load unit; None where there is none."""
+        low, high = self._lower_stop, self._upper_stop
+        return (None if math.isinf(low) else low), (None if math.isinf(high) else high)
+
+    # -- what happens to the machine -----------------------------------------------------------------------
+
+    def apply_force(self, force: float) -> None:
+        """Set the force from outside on the load (a load step), N or Nm, positive in positive direction."""
+        self._external = _finite("force", force)
+        self._refresh_forces()
+
+    def set_brake_torque(self, torque_Nm: float) -> None:
+        """Set the holding torque of a brake on the motor shaft, Nm, >= 0; it acts like dry friction."""
+        self._brake = _finite("torque_Nm", torque_Nm, minimum=0.0) * self._force_per_torque
+        self._refresh_forces()
+
+    def set_friction(
+        self, *, coulomb: float, static: float | None = None, viscous: float | None = None
+    ) -> None:
+        """Change the friction at runtime: N or Nm, N or Nm, N per m/s or Nm per rad/s; all >= 0."""
+        self._coulomb = _finite("coulomb", coulomb, minimum=0.0)
+        self._static = _finite("static", coulomb if static is None else static, minimum=self._coulomb)
+        if viscous is not None:
+            self._viscous = _finite("viscous", viscous, minimum=0.0)
+        self._dt = 0.0
+        self._refresh_forces()
+
+    def set_stops(self, lower: float | None, upper: float | None) -> None:
+        """Place or remove (None) the end stops, load unit; also while the axis runs (STP-536)."""
+        low = -math.inf if lower is None else _finite("lower_stop", lower)
+        high = math.inf if upper is None else _finite("upper_stop", upper)
+        if not low < high:
+            raise ConfigurationError("end stops", (lower, upper), "lower < upper")
+        self._lower_stop = low
+        self._upper_stop = high
+        self._settle()
+
+    def jam(self, jammed: bool) -> None:
+        """Block the shaft at the present position, or release it."""
+        self._jammed = jammed
+        if jammed:
+            self.velocity = 0.0
+        self._settle()
+
+    def place(self, position: float) -> None:
+        """Put the load at rest at `position` (load unit), as before the start of a test."""
+        self.position = _finite("position", position)
+        self.motor_angle = self.position * self._angle_per_unit
+        self.velocity = 0.0
+        self._settle()
+
+    # -- integration -----------------------------------------------------------------------------------------
+
+    def step(self, torque_Nm: float, dt_s: float) -> None:
+        """Advance by `dt_s` under a constant motor torque.
+
+        Args:
+            torque_Nm: Air-gap torque of the motor, Nm.
+            dt_s: Duration, s, > 0; cheap as long as it is the same as in the last step.
+
+        """
+        if dt_s != self._dt:
+            self._prepare(dt_s)
+        velocity = self.velocity
+        force = torque_Nm * self._force_per_torque + self._load_force
+        if velocity == 0.0 and -self._breakaway <= force <= self._breakaway:
+            return
+        new = velocity * self._decay + force * self._gain
+        friction = self._friction_step
+        if new > friction:
+            new -= friction
+        elif new < -friction:
+            new += friction
+        else:
+            new = 0.0
+        position = self.position + (velocity + new) * self._half_dt
+        if self._low < position < self._high:
+            self.velocity = new
+            self.position = position
+            self.motor_angle = position * self._angle_per_unit
+        else:
+            self._step_special(force, new, position)
+
+    def _step_special(self, force: float, free_velocity: float, free_position: float) -> None:
+        """Finish a step that ends outside the quiet range: jam, end stop or switch edge."""
+        if self._jammed:
+            self.velocity = 0.0
+            return
+        position = free_position
+        velocity = free_velocity
+        if position > self._upper_stop or position < self._lower_stop:
+            position, velocity = self._contact(force, free_velocity, free_position)
+        self.velocity = velocity
+        self.position = position
+        self.motor_angle = position * self._angle_per_unit
+        self._settle()
+
+    def _contact(self, force: float, free_velocity: float, free_position: float) -> tuple[float, float]:
+        """Return position and velocity after an implicit Euler step against the spring-damper of a stop."""
+        dt = self._dt
+        gain = self._gain
+        stiffness = self._stop_stiffness
+        damping = self._stop_damping
+        stop = self._upper_stop if free_position > self._upper_stop else self._lower_stop
+        start = self.position
+        velocity = self.velocity * self._decay + (force - stiffness * (start - stop)) * gain
+        friction = self._friction_step
+        if velocity > friction:
+            velocity -= friction
+        elif velocity < -friction:
+            velocity += friction
+        else:
+            velocity = 0.0
+        velocity /= 1.0 + gain * (stiffness * dt + damping)
+        position = start + velocity * dt
+        reaction = stiffness * (position - stop) + damping * velocity
+        pressing = reaction > 0.0 if stop == self._upper_stop else reaction < 0.0
+        if pressing:
+            return position, velocity
+        return free_position, free_velocity
+
+    def _prepare(self, dt_s: float) -> None:
+        _finite("dt_s", dt_s, positive=True)
+        self._dt = dt_s
+        self._half_dt = 0.5 * dt_s
+        damping = self._viscous * dt_s / self._inertia
+        if damping < 1.0:
+            self._decay = (1.0 - 0.5 * damping) / (1.0 + 0.5 * damping)
+            self._gain = dt_s / self._inertia / (1.0 + 0.5 * damping)
+        else:
+            self._decay = 1.0 / (1.0 + damping)
+            self._gain = dt_s / self._inertia / (1.0 + damping)
+        self._refresh_forces()
+
+    def _refresh_forces(self) -> None:
+        self._load_force = self._gravity + self._external
+        self._friction_step = (self._coulomb + self._brake) * self._gain
+        self._breakaway = -1.0 if self.in_contact else self._static + self._brake
+
+    def _settle(self) -> None:
+        """Evaluate switches and contact at the present position and find the new quiet range."""
+        position = self.position
+        low = self._lower_stop
+        high = self._upper_stop
+        for switch in self.switches:
+            switch.update(position)
+            quiet_low, quiet_high = switch.quiet_range(position)
+            low = max(low, quiet_low)
+            high = min(high, quiet_high)
+        contact = position > self._upper_stop or position < self._lower_stop
+        if contact or self._jammed:
+            low, high = math.inf, -math.inf
+        self._low = low
+        self._high = high
+        if contact is not self.in_contact:
+            self.in_contact = contact
+            self._refresh_forces()
+
+
+class LinearAxisMechanics(AxisMechanics):
+    """A load on a lead screw: motor, gear, screw, slide. Positions in m, forces in N.
+
+    Args:
+        lead_screw_m: Travel per revolution of the screw, m, > 0.
+        gear_ratio: Motor revolutions per revolution of the screw, > 0.
+        motor_inertia_kgm2: Rotor (and whatever turns at motor speed), kg m^2, > 0.
+        screw_inertia_kgm2: Screw (and whatever turns at its speed), kg m^2, >= 0.
+        load_mass_kg: Moved mass, kg, >= 0.
+        viscous_friction: N per m/s.
+        coulomb_friction: N.
+        static_friction: N; default: as `coulomb_friction`.
+        gravity_force: Force of the weight along the travel, N, positive in positive direction.
+        lower_stop_m: Lower end stop, m, or None.
+        upper_stop_m: Upper end stop, m, or None.
+        stop_stiffness: N/m.
+        stop_damping: Ns/m.
+        position_m: Start position, m.
+        switches: Switches on the travel, positions in m.
+
+    """
+
+    __slots__ = ()
+
+    def __init__(
+        self,
+        *,
+        lead_screw_m: float,
+        gear_ratio: float = 1.0,
+        motor_inertia_kgm2: float,
+        screw_inertia_kgm2: float = 0.0,
+        load_mass_kg: float = 0.0,
+        viscous_friction: float = 0.0,
+        coulomb_friction: float = 0.0,
+        static_friction: float | None = None,
+        gravity_force: float = 0.0,
+        lower_stop_m: float | None = None,
+        upper_stop_m: float | None = None,
+        stop_stiffness: float = 1e7,
+        stop_damping: float = 2e4,
+        position_m: float = 0.0,
+        switches: Iterable[SwitchModel] = (),
+    ) -> None:
+        lead = _finite("lead_screw_m", lead_screw_m, positive=True)
+        gear = _finite("gear_ratio", gear_ratio, positive=True)
+        motor = _finite("motor_inertia_kgm2", motor_inertia_kgm2, positive=True)
+        screw = _finite("screw_inertia_kgm2", screw_inertia_kgm2, minimum=0.0)
+        mass = _finite("load_mass_kg", load_mass_kg, minimum=0.0)
+        per_screw = lead / _TAU
+        ratio = per_screw / gear
+        super().__init__(
+            ratio=ratio,
+            inertia=mass + screw / (per_screw * per_screw) + motor / (ratio * ratio),
+            viscous_friction=viscous_friction,
+            coulomb_friction=coulomb_friction,
+            static_friction=static_friction,
+            gravity_force=gravity_force,
+            lower_stop=lower_stop_m,
+            upper_stop=upper_stop_m,
+            stop_stiffness=stop_stiffness,
+            stop_damping=stop_damping,
+            position=position_m,
+            switches=switches,
+        )
+
+
+class RotaryAxisMechanics(AxisMechanics):
+    """A rotary load behind a gear. Positions in rad of the load, torques at the load in Nm.
+
+    Args:
+        gear_ratio: Motor revolutions per revolution of the load, > 0.
+        motor_inertia_kgm2: Rotor, kg m^2, > 0.
+        load_inertia_kgm2: Load at its own shaft, kg m^2, >= 0.
+        viscous_friction: Nm per rad/s at the load.
+        coulomb_friction: Nm at the load.
+        static_friction: Nm; default: as `coulomb_friction`.
+        load_torque: Constant torque on the load, Nm, positive in positive direction.
+        lower_stop_rad: Lower end stop, rad, or None.
+        upper_stop_rad: Upper end stop, rad, or None.
+        stop_stiffness: Nm/rad.
+        stop_damping: Nms/rad.
+        position_rad: Start position, rad.
+        switches: Switches on the travel, positions in rad.
+
+    """
+
+    __slots__ = ()
+
+    def __init__(
+        self,
+        *,
+        gear_ratio: float = 1.0,
+        motor_inertia_kgm2: float,
+        load_inertia_kgm2: float = 0.0,
+        viscous_friction: float = 0.0,
+        coulomb_friction: float = 0.0,
+        static_friction: float | None = None,
+        load_torque: float = 0.0,
+        lower_stop_rad: float | None = None,
+        upper_stop_rad: float | None = None,
+        stop_stiffness: float = 1e4,
+        stop_damping: float = 1e1,
+        position_rad: float = 0.0,
+        switches: Iterable[SwitchModel] = (),
+    ) -> None:
+        gear = _finite("gear_ratio", gear_ratio, positive=True)
+        motor = _finite("motor_inertia_kgm2", motor_inertia_kgm2, positive=True)
+        load = _finite("load_inertia_kgm2", load_inertia_kgm2, minimum=0.0)
+        super().__init__(
+            ratio=1.0 / gear,
+            inertia=load + motor * gear * gear,
+            viscous_friction=viscous_friction,
+            coulomb_friction=coulomb_friction,
+            static_friction=static_friction,
+            gravity_force=load_torque,
+            lower_stop=lower_stop_rad,
+            upper_stop=upper_stop_rad,
+            stop_stiffness=stop_stiffness,
+            stop_damping=stop_damping,
+            position=position_rad,
+            switches=switches,
+        )

@@ -1,0 +1,329 @@
+"""The cyclic path of the virtual segment: queues, arbitration, transmission and delivery of good frames.
+
+One scheduler event per frame, at the end of its EOF. Who sends next is decided ahead of time, when the bus becomes
+free or the first frame is queued on an idle bus; until the very instant of the start of frame the decision is
+open, and a frame that is queued by then and ranks higher takes the place. So all frames of one instant take part
+in the arbitration whatever the order of the calls, and no event is needed for the intermission.
+
+With hooks installed the decision is not taken ahead but by an event at the start of the frame, after everything
+else of that instant, because a hook must see a frame once and only when it really goes out.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from heapq import heappop, heappush
+from typing import Final
+
+from fieldbus.can.frame import CanFrame
+from fieldbus.can.hooks import FrameHook, ask_hooks
+from fieldbus.can.port import NOT_ASKED, Entry, MediumPort
+from fieldbus.can.timing import INTERMISSION_BITS, timing_of
+from fieldbus.clock import Scheduler, Timer
+from fieldbus.errors import BusError, ConfigurationError
+
+LogEntry = tuple[int, str, CanFrame, str]
+"""A frame on the wire: time of its end (ns), name of the sender, the frame, what went wrong ("" = it was good)."""
+
+COMMIT_PRIORITY: Final = 1000
+"""Rank of the start of a hooked frame among the events of its instant: after everything that may still send."""
+
+_NS: Final = 1_000_000_000
+_LONGEST_BITS: Final = 256  # more than the longest frame with the longest error frame
+_COMMITTED: Final = -1
+
+
+class Arbitration(ABC):
+    """Base of `CanMedium`; see there."""
+
+    def __init__(self, scheduler: Scheduler, *, bitrate: int, name: str, keep_log: bool) -> None:
+        if not isinstance(bitrate, int) or not 1_000 <= bitrate <= 1_000_000:
+            raise ConfigurationError("bitrate", bitrate, "a whole number from 1000 to 1000000 bit/s")
+        self.scheduler = scheduler
+        self.name = name
+        self.bitrate: Final = bitrate
+        self.log: list[LogEntry] = []
+        """Every frame on the wire in order; grows, is never replaced."""
+        self._keep_log = keep_log
+        self._at = scheduler.at
+        self._on_end: Callable[[], None] = self._end_of_frame
+        self._durations: Final = [bits * _NS // bitrate for bits in range(_LONGEST_BITS)]
+        self._intermission_ns = self._durations[INTERMISSION_BITS]
+        self._ports: list[MediumPort] = []  # all that may send, in the order in which they came
+        self._hooks: tuple[FrameHook, ...] = ()
+        self._hook_entries: tuple[tuple[FrameHook], ...] = ()
+        self._sequence = 0
+        self._backlog = 0  # frames in all queues; the one in `_entry` is in none
+        self._busy_bits = 0
+        self._free_ns = scheduler.now  # end of the last intermission
+        # The frame that is on the wire or will be next.
+        self._entry: Entry | None = None
+        self._sender: MediumPort | None = None
+        self._start_ns = 0
+        self._end_ns = 0
+        self._open_until_ns = _COMMITTED  # last instant at which another frame may take its place
+        self._timer: Timer | None = None
+        # The start of the next frame, while hooks are installed.
+        self._commit_timer: Timer | None = None
+        self._commit_ns = 0
+        self._deciding = False
+        self._troubled = True  # anything beyond good frames between healthy nodes
+        self._plain = False  # neither trouble nor hooks: the short way is open
+
+    # --------------------------------------------------------------------------------------------- sending
+
+    def submit(self, port: MediumPort, frame: CanFrame) -> None:
+        """Queue `frame` of `port`; see `MediumPort.send`."""
+        try:
+            key, bits = timing_of(frame.can_id, frame.data, frame.extended, frame.remote, frame.dlc)
+        except TypeError:
+            raise BusError(f"the data of a frame must be bytes, not {type(frame.data).__name__}") from None
+        if not port.can_send:
+            if port.detached:
+                raise BusError(f"port {port.name} is detached from {self.name}")
+            if port.listen_only:
+                raise BusError(f"port {port.name} on {self.name} listens only")
+            return
+        self._sequence = sequence = self._sequence + 1
+        if self._entry is None and self._plain:
+            start = self._free_ns
+            now = self.scheduler.now
+            if start < now:  # noqa: PLR1730 - max() is a call on the cyclic path
+                start = now
+            self._entry = (key, sequence, 0, frame, bits, NOT_ASKED)
+            self._sender = port
+            self._start_ns = self._open_until_ns = start
+            self._end_ns = end = start + self._durations[bits - INTERMISSION_BITS]
+            self._timer = self._at(end, self._on_end)
+        elif len(port.queue) < port.tx_buffers:
+            self._offer(port, (key, sequence, 0, frame, bits, NOT_ASKED))
+        else:
+            self._overrun(port)
+
+    def _offer(self, port: MediumPort, entry: Entry) -> None:
+        heappush(port.queue, entry)
+        self._backlog += 1
+        current = self._entry
+        if current is None:
+            if not self._deciding:
+                self._arbitrate(max(self._free_ns, self.scheduler.now))
+        elif self.scheduler.now <= self._open_until_ns and (
+            entry[0] < current[0]
+            or (entry[0] == current[0] and port is not self._sender)
+            # The chosen one may be an error-passive sender that still has to wait, and this one need not.
+            or max(self._free_ns, self.scheduler.now, port.not_before_ns) < self._start_ns
+        ):
+            self._rearbitrate()
+
+    def _queue(self, port: MediumPort, entry: Entry) -> None:
+        """Put `entry` back, unless its port has been emptied meanwhile."""
+        if entry[1] > port.dead_sequence:
+            heappush(port.queue, entry)
+            self._backlog += 1
+
+    # --------------------------------------------------------------------------------------------- arbitration
+
+    def _arbitrate(self, earliest_ns: int) -> None:
+        """Decide who sends next, not before `earliest_ns`; nobody has the bus."""
+        start, contenders = self._contend(earliest_ns)
+        if not contenders:
+            return
+        if self._hooks:
+            self._arm(start)
+        else:
+            self._transmit(start, contenders, start)
+
+    def _contend(self, earliest_ns: int) -> tuple[int, list[MediumPort]]:
+        """Return when the next frame can start, and the ports that then send the winning arbitration field."""
+        start = earliest_ns
+        while True:
+            contenders: list[MediumPort] = []
+            best = 1 << 32
+            for port in self._ports:
+                queue = port.queue
+                if queue and port.not_before_ns <= start:
+                    key = queue[0][0]
+                    if key < best:
+                        best = key
+                        contenders = [port]
+                    elif key == best:
+                        contenders.append(port)
+            if contenders or not self._backlog:
+                return start, contenders
+            start = min(port.not_before_ns for port in self._ports if port.queue)
+
+    def _rearbitrate(self) -> None:
+        """Take back a decision that is still open, and decide again."""
+        self._withdraw()
+        self._arbitrate(max(self._free_ns, self.scheduler.now))
+
+    def _withdraw(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        for port, entry in self._transmitters():
+            self._queue(port, entry)
+        self._entry = None
+        self._open_until_ns = _COMMITTED
+        self._forget_trouble()
+
+    def _transmit(self, start_ns: int, contenders: Sequence[MediumPort], open_until_ns: int) -> None:
+        """Put the first frame of each of `contenders` (of the same arbitration field) on the wire."""
+        port = contenders[0]
+        self._entry = entry = heappop(port.queue)
+        self._backlog -= 1
+        self._sender = port
+        self._start_ns = start_ns
+        self._open_until_ns = open_until_ns
+        if len(contenders) > 1 or entry[5] > 0:
+            self._transmit_with_trouble(contenders[1:])
+            return
+        self._end_ns = end = start_ns + self._durations[entry[4] - INTERMISSION_BITS]
+        self._timer = self._at(end, self._on_end)
+
+    # --------------------------------------------------------------------------------------------- the end
+
+    def _end_of_frame(self) -> None:
+        if self._troubled:
+            self._end_of_frame_in_trouble()
+            return
+        entry = self._entry
+        sender = self._sender
+        assert entry is not None
+        assert sender is not None
+        end = self._end_ns
+        frame = entry[3]
+        self._busy_bits += entry[4]
+        if self._keep_log:
+            self.log.append((end, sender.name, frame, ""))
+        self._free_ns = free = end + self._intermission_ns
+        self._entry = None
+        if self._backlog:
+            self._arbitrate(free)
+        for port in sender.receivers:
+            port.receive(frame, end)
+
+    # --------------------------------------------------------------------------------------------- hooks
+
+    def add_hook(self, hook: FrameHook) -> Callable[[], None]:
+        """Call `hook` with every frame of the nodes that is about to go on the wire, first attempt only.
+
+        It is called at the start of the frame, when arbitration is won, and sees neither injected frames nor
+        copies nor frames that a hook has delayed. Hooks are called in the order in which they were added.
+
+        Returns:
+            The function that removes the hook; harmless to repeat.
+
+        """
+        entry = (hook,)  # its own identity, so that the same function can be added twice
+        self._hook_entries = (*self._hook_entries, entry)
+        self._hooks_changed()
+
+        def remove() -> None:
+            self._hook_entries = tuple(other for other in self._hook_entries if other is not entry)
+            self._hooks_changed()
+
+        return remove
+
+    def _hooks_changed(self) -> None:
+        self._hooks = tuple(hook for (hook,) in self._hook_entries)
+        self._plain = not (self._troubled or self._hooks or self._deciding)
+        if self._deciding:
+            return
+        if self._commit_timer is not None and not self._hooks:
+            self._commit_timer.cancel()
+            self._commit_timer = None
+            self._arbitrate(max(self._free_ns, self.scheduler.now))
+        elif self._entry is not None and self._hooks and self.scheduler.now <= self._open_until_ns:
+            self._rearbitrate()
+
+    def _arm(self, start_ns: int) -> None:
+        """Enter the start of the next frame as an event."""
+        if self._commit_timer is not None:
+            if self._commit_ns <= start_ns:
+                return
+            self._commit_timer.cancel()
+        self._commit_ns = start_ns
+        self._commit_timer = self._at(start_ns, self._commit, priority=COMMIT_PRIORITY)
+
+    def _commit(self) -> None:
+        """Start the frame that wins now, after the hooks have had their say."""
+        self._commit_timer = None
+        start = self._commit_ns
+        self._deciding = True
+        self._plain = False
+        try:
+            contenders = self._ask_contenders(start)
+        finally:
+            self._deciding = False
+            self._plain = not (self._troubled or self._hooks)
+        if contenders:
+            self._transmit(start, contenders, _COMMITTED)
+        elif self._backlog:
+            self._arbitrate(start)
+
+    def _ask_contenders(self, start_ns: int) -> list[MediumPort]:
+        """Return the ports that start now, all of their frames having passed the hooks."""
+        while True:
+            start, contenders = self._contend(start_ns)
+            if start > start_ns:
+                return []
+            for port in contenders:
+                if port.queue[0][5] == NOT_ASKED:
+                    sequence = self._sequence
+                    passed = self._ask(port, heappop(port.queue), start_ns)
+                    if passed and len(contenders) == 1 and sequence == self._sequence and port.queue:
+                        return contenders  # nothing has changed
+                    break
+            else:
+                return contenders
+
+    def _ask(self, port: MediumPort, entry: Entry, time_ns: int) -> bool:
+        """Let the hooks decide about `entry`; returns whether it is in the queue as it was."""
+        self._backlog -= 1
+        key, sequence, copy, frame, bits, _ = entry
+        verdict = ask_hooks(self._hooks, frame, port.name, time_ns)
+        if verdict is None:
+            self._queue(port, (key, sequence, copy, frame, bits, 0))
+            return True
+        if verdict.dropped:
+            return False
+        if verdict.frame is not frame:
+            frame = verdict.frame
+            key, bits = timing_of(frame.can_id, bytes(frame.data), frame.extended, frame.remote, frame.dlc)
+        entries: list[Entry] = [(key, sequence, copy, frame, bits, verdict.corruptions)]
+        entries += [(key, sequence, copy + number + 1, frame, bits, 0) for number in range(verdict.copies)]
+        if not verdict.delay_ns:
+            for item in entries:
+                self._queue(port, item)
+            return False
+
+        def offer() -> None:
+            if sequence > port.dead_sequence:
+                for item in entries:
+                    self._offer(port, item)
+
+        self.scheduler.after(verdict.delay_ns, offer)
+        return False
+
+    # --------------------------------------------------------------------------------------------- beyond good frames
+
+    @abstractmethod
+    def _transmitters(self) -> list[tuple[MediumPort, Entry]]:
+        """Return all that send in the present frame, those included that dropped out with an error of their own."""
+
+    @abstractmethod
+    def _transmit_with_trouble(self, others: Sequence[MediumPort]) -> None:
+        """Start a frame that several send, or that is to be corrupted."""
+
+    @abstractmethod
+    def _end_of_frame_in_trouble(self) -> None:
+        """End a frame while the nodes are not all healthy."""
+
+    @abstractmethod
+    def _forget_trouble(self) -> None:
+        """Take back what `_transmit_with_trouble` has prepared."""
+
+    @abstractmethod
+    def _overrun(self, port: MediumPort) -> None:
+        """Refuse a frame because the queue is full."""

@@ -1,0 +1,111 @@
+"""Fault hooks of a CAN segment: what may happen to a frame that is about to go on the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Final, Literal, Self
+
+from fieldbus.can.frame import CanFrame
+from fieldbus.can.timing import frame_bits
+from fieldbus.errors import BusError
+
+HookKind = Literal["drop", "delay", "corrupt", "replace", "duplicate"]
+
+
+class HookResult:
+    """What a hook wants done with the frame; made by the class methods."""
+
+    __slots__ = ("count", "delay_ns", "frame", "kind")
+
+    def __init__(
+        self, kind: HookKind, *, delay_ns: int = 0, count: int = 0, frame: CanFrame | None = None
+    ) -> None:
+        self.kind: Final = kind
+        self.delay_ns: Final = delay_ns
+        self.count: Final = count
+        self.frame: Final = frame
+
+    @classmethod
+    def drop(cls) -> Self:
+        """The frame never reaches the wire; the sender believes that it was sent."""
+        return cls("drop")
+
+    @classmethod
+    def delay(cls, delay_ns: int) -> Self:
+        """The frame is offered to the bus only after `delay_ns` (> 0), and is not hooked again."""
+        if delay_ns <= 0:
+            raise BusError(f"delay {delay_ns} ns of a frame is not positive")
+        return cls("delay", delay_ns=delay_ns)
+
+    @classmethod
+    def corrupt(cls, count: int = 1) -> Self:
+        """The next `count` (>= 1) attempts end in a bit error; the sender retransmits (virtual segments only)."""
+        if count < 1:
+            raise BusError(f"{count} corrupted attempts: at least one is needed")
+        return cls("corrupt", count=count)
+
+    @classmethod
+    def replace(cls, frame: CanFrame) -> Self:
+        """`frame` goes out in place of what the sender gave.
+
+        Raises:
+            BusError: `frame` is no classical CAN frame.
+
+        """
+        frame_bits(frame)  # validates
+        return cls("replace", frame=frame)
+
+    @classmethod
+    def duplicate(cls, count: int = 1) -> Self:
+        """The frame is sent `count` (>= 1) more times, directly after the first."""
+        if count < 1:
+            raise BusError(f"{count} duplicates: at least one is needed")
+        return cls("duplicate", count=count)
+
+    def __repr__(self) -> str:
+        details = {"delay_ns": self.delay_ns, "count": self.count, "frame": self.frame}
+        return f"HookResult.{self.kind}({', '.join(f'{key}={value}' for key, value in details.items() if value)})"
+
+
+FrameHook = Callable[[CanFrame, str, int], HookResult | None]
+"""Called with frame, name of the sender and time (ns); None lets the frame pass."""
+
+
+class Verdict:
+    """The results of all hooks for one frame, taken together."""
+
+    __slots__ = ("copies", "corruptions", "delay_ns", "dropped", "frame")
+
+    def __init__(self, frame: CanFrame) -> None:
+        self.frame = frame
+        self.dropped = False
+        self.delay_ns = 0
+        self.corruptions = 0
+        self.copies = 0
+
+
+def ask_hooks(hooks: Iterable[FrameHook], frame: CanFrame, sender: str, time_ns: int) -> Verdict | None:
+    """Ask `hooks` in their order and combine what they say; None when all let the frame pass.
+
+    A drop ends the round. A later hook sees the frame that an earlier one put in place; delays, corrupted
+    attempts and duplicates add up.
+    """
+    verdict: Verdict | None = None
+    for hook in hooks:
+        result = hook(frame, sender, time_ns)
+        if result is None:
+            continue
+        if verdict is None:
+            verdict = Verdict(frame)
+        if result.kind == "drop":
+            verdict.dropped = True
+            break
+        if result.frame is not None:
+            verdict.frame = frame = result.frame
+        elif result.kind == "delay":
+            verdict.delay_ns += result.delay_ns
+        elif result.kind == "corrupt":
+            verdict.corruptions += result.count
+        else:
+            verdict.copies += result.count
+    return verdict

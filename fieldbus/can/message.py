@@ -1,0 +1,126 @@
+"""Frames of this package as messages of python-can, and back; error frames in the SocketCAN encoding."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import can
+
+from fieldbus.can.confinement import ErrorCode, NodeState
+from fieldbus.can.frame import CanFrame
+from fieldbus.can.timing import frame_bits
+from fieldbus.errors import BusError
+
+# Error classes (identifier) and details (data bytes 1 to 3) as in linux/can/error.h.
+ERROR_CONTROLLER: Final = 0x004
+ERROR_PROTOCOL: Final = 0x008
+ERROR_ACK: Final = 0x020
+ERROR_BUS_OFF: Final = 0x040
+ERROR_BUS: Final = 0x080
+ERROR_RESTARTED: Final = 0x100
+ERROR_FLAG: Final = 0x2000_0000
+
+_CONTROLLER_PASSIVE: Final = 0x10 | 0x20
+_CONTROLLER_ACTIVE: Final = 0x40
+_PROTOCOL: Final = {ErrorCode.BIT: 0x01, ErrorCode.FORM: 0x02, ErrorCode.STUFF: 0x04, ErrorCode.CRC: 0x00}
+_CRC_LOCATION: Final = 0x08
+_ACK_LOCATION: Final = 0x19
+
+
+def to_message(
+    frame: CanFrame, *, time_s: float = 0.0, channel: str | None = None, is_rx: bool = True
+) -> can.Message:
+    """Return `frame` as a message; a DLC above 8 becomes 8, as python-can counts bytes."""
+    return can.Message(
+        timestamp=time_s,
+        arbitration_id=frame.can_id,
+        is_extended_id=frame.extended,
+        is_remote_frame=frame.remote,
+        dlc=min(frame.dlc, 8),
+        data=None if frame.remote else frame.data,
+        channel=channel,
+        is_rx=is_rx,
+    )
+
+
+def to_frame(message: can.Message) -> CanFrame:
+    """Return a data or remote message as a frame.
+
+    Raises:
+        BusError: It is an error frame or a CAN FD message, or does not make a classical CAN frame.
+
+    """
+    if message.is_fd:
+        raise BusError("CAN FD messages are not supported: this is a classical CAN segment")
+    if message.is_error_frame:
+        raise BusError("an error frame cannot be sent as a message")
+    frame = CanFrame(
+        message.arbitration_id,
+        b"" if message.is_remote_frame else bytes(message.data),
+        extended=message.is_extended_id,
+        remote=message.is_remote_frame,
+        dlc=message.dlc,
+    )
+    frame_bits(frame)  # validates
+    return frame
+
+
+def error_message(
+    code: ErrorCode, *, time_s: float = 0.0, channel: str | None = None, tec: int = 0, rec: int = 0
+) -> can.Message:
+    """Return the error frame that SocketCAN reports for `code`."""
+    data = bytearray(8)
+    if code is ErrorCode.ACK:
+        error_class = ERROR_ACK | ERROR_BUS
+        data[3] = _ACK_LOCATION
+    else:
+        error_class = ERROR_PROTOCOL | ERROR_BUS
+        data[2] = _PROTOCOL[code]
+        data[3] = _CRC_LOCATION if code is ErrorCode.CRC else 0
+    return _error(error_class, data, time_s, channel, (tec, rec))
+
+
+def status_message(
+    state: NodeState, *, time_s: float = 0.0, channel: str | None = None, tec: int = 0, rec: int = 0
+) -> can.Message:
+    """Return the error frame that SocketCAN reports for a change to `state`."""
+    data = bytearray(8)
+    if state is NodeState.BUS_OFF:
+        return _error(ERROR_BUS_OFF, data, time_s, channel, (tec, rec))
+    data[1] = _CONTROLLER_PASSIVE if state is NodeState.ERROR_PASSIVE else _CONTROLLER_ACTIVE
+    return _error(ERROR_CONTROLLER, data, time_s, channel, (tec, rec))
+
+
+def _error(
+    error_class: int, data: bytearray, time_s: float, channel: str | None, counters: tuple[int, int]
+) -> can.Message:
+    data[6], data[7] = (min(counter, 255) for counter in counters)
+    return can.Message(
+        timestamp=time_s,
+        arbitration_id=error_class,
+        is_extended_id=False,
+        is_error_frame=True,
+        dlc=8,
+        data=data,
+        channel=channel,
+    )
+
+
+def read_error(message: can.Message) -> tuple[str, NodeState | None]:
+    """Return what an error frame says: the word for the error ("" = none, or not told) and the new state, if any."""
+    error_class = message.arbitration_id
+    data = bytes(message.data).ljust(8, b"\x00")
+    code = ""
+    if error_class & ERROR_ACK:
+        code = ErrorCode.ACK.value
+    elif error_class & ERROR_PROTOCOL:
+        details = [kind.value for kind, bit in _PROTOCOL.items() if bit and data[2] & bit]
+        code = details[0] if details else ErrorCode.CRC.value if data[3] == _CRC_LOCATION else ""
+    state = None
+    if error_class & ERROR_BUS_OFF:
+        state = NodeState.BUS_OFF
+    elif error_class & ERROR_CONTROLLER and data[1] & _CONTROLLER_PASSIVE:
+        state = NodeState.ERROR_PASSIVE
+    elif (error_class & ERROR_CONTROLLER and data[1] & _CONTROLLER_ACTIVE) or error_class & ERROR_RESTARTED:
+        state = NodeState.ERROR_ACTIVE
+    return code, state

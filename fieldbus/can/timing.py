@@ -1,0 +1,209 @@
+"""Exact length of a classical CAN frame on the wire, and its rank in arbitration.
+
+The length counts every bit from the start of frame to the end of the intermission, with the stuff bits that this very
+frame has (CANP-014, -015, -017), so that bus times are those of a real segment and not an average.
+
+A frame costs about a microsecond when it is new and a fraction of that when it came before: the header is looked
+up whole, data and checksum go through tables, byte by byte.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Final
+
+from fieldbus.can.frame import CanFrame
+from fieldbus.errors import BusError
+
+INTERMISSION_BITS: Final = 3
+"""Recessive bits between two frames (CANP-008); part of `frame_bits`."""
+TAIL_BITS: Final = 10
+"""Bits from the CRC delimiter to the end of frame, never stuffed: CRC delimiter, ACK slot and delimiter, EOF."""
+
+CRC_POLYNOMIAL: Final = 0x4599
+"""Generator of the 15-bit checksum without its leading term (CANP-012)."""
+
+# A stuff table has, for the run of equal bits that the wire shows so far, one entry per next byte: the table
+# of the run after it and the stuff bits inserted meanwhile.
+_StuffTable = list[tuple["_StuffTable", int]]
+_Run = tuple[int, int]  # last bit, how many of it in a row (1..4)
+
+_RUNS: Final[tuple[_Run, ...]] = tuple((bit, length) for bit in (0, 1) for length in (1, 2, 3, 4))
+
+
+def _advance(run: _Run, value: int, width: int) -> tuple[_Run, int]:
+    """Return the run and the number of stuff bits after the `width` bits of `value`, MSB first."""
+    last, length = run
+    stuffed = 0
+    for shift in range(width - 1, -1, -1):
+        bit = value >> shift & 1
+        length = length + 1 if bit == last else 1
+        last = bit
+        if length == 5:
+            stuffed += 1
+            last, length = 1 - bit, 1
+    return (last, length), stuffed
+
+
+def _build_stuff_tables() -> tuple[dict[_Run, _StuffTable], dict[int, list[int]]]:
+    nibbles = {run: [_advance(run, value, 4) for value in range(16)] for run in _RUNS}
+    tables: dict[_Run, _StuffTable] = {run: [] for run in _RUNS}
+    for run, table in tables.items():
+        for high, high_stuffed in nibbles[run]:
+            for low, low_stuffed in nibbles[high]:
+                table.append((tables[low], high_stuffed + low_stuffed))
+    # The checksum ends with 7 bits after its first byte; keyed by the identity of the byte table of the run.
+    tails = {id(table): [_advance(run, value, 7)[1] for value in range(128)] for run, table in tables.items()}
+    return tables, tails
+
+
+def _build_crc_table() -> tuple[int, ...]:
+    table = []
+    for byte in range(256):
+        crc = byte << 7
+        for _ in range(8):
+            crc = crc << 1 ^ CRC_POLYNOMIAL if crc & 0x4000 else crc << 1
+            crc &= 0x7FFF
+        table.append(crc)
+    return tuple(table)
+
+
+def _build_position_tables() -> list[tuple[int, ...]]:
+    """Return, by number of data bytes that follow, what a data byte adds to the checksum (which is linear)."""
+    tables = [_CRC]
+    for _ in range(7):
+        tables.append(tuple(crc << 8 & 0x7FFF ^ _CRC[crc >> 7] for crc in tables[-1]))
+    return tables
+
+
+_STUFF, _STUFF_TAIL = _build_stuff_tables()
+_CRC = _build_crc_table()
+_P0, _P1, _P2, _P3, _P4, _P5, _P6, _P7 = _build_position_tables()
+
+
+def _header_bits(can_id: int, extended: bool, remote: bool, dlc: int) -> tuple[int, int]:
+    """Return value and number of the bits from SOF to DLC (CANP-001..003)."""
+    if extended:
+        base, extension = can_id >> 18, can_id & 0x3FFFF
+        # SRR and IDE are recessive, then RTR, r1 and r0 follow the identifier's extension.
+        return (((base << 2 | 0b11) << 18 | extension) << 1 | remote) << 6 | dlc, 39
+    return (can_id << 1 | remote) << 6 | dlc, 19
+
+
+@lru_cache(maxsize=4096)
+def _header(can_id: int, extended: bool, remote: bool, dlc: int) -> tuple[int, int, int, _StuffTable, int]:
+    """Return arbitration key, CRC after the header and that 8 zero bytes later, stuff table, bits without data."""
+    limit = 0x1FFFFFFF if extended else 0x7FF
+    if not 0 <= can_id <= limit:
+        raise BusError(f"CAN identifier {can_id:X}h is outside 0..{limit:X}h")
+    if not 0 <= dlc <= 15:
+        raise BusError(f"DLC {dlc} is outside 0..15")
+    value, width = _header_bits(can_id, extended, remote, dlc)
+    # The checksum starts at 0, so leading zero bits (SOF is one) do not change it: pad to whole bytes.
+    crc = 0
+    for byte in value.to_bytes(5, "big"):
+        crc = crc << 8 & 0x7FFF ^ _CRC[crc >> 7 ^ byte]
+    crc_8 = crc
+    for _ in range(8):
+        crc_8 = crc_8 << 8 & 0x7FFF ^ _CRC[crc_8 >> 7]
+    run, stuffed = _advance((0, 1), value, width - 1)  # behind SOF
+    # The arbitration field, left-aligned in 32 bits: base identifier, RTR or SRR, IDE, extension, RTR.
+    key = value >> 6 if extended else (value >> 6) << 20
+    return key, crc, crc_8, _STUFF[run], (67 if extended else 47) + stuffed
+
+
+@lru_cache(maxsize=1024)
+def timing_of(can_id: int, data: bytes, extended: bool, remote: bool, dlc: int) -> tuple[int, int]:
+    """Return `(arbitration key, bits)` of the frame with these fields; see `arbitration_key` and `frame_bits`.
+
+    Raises:
+        BusError: The fields do not make a classical CAN frame.
+
+    """
+    key, crc, crc_8, stuff, bits = _header(can_id, extended, remote, dlc)
+    length = len(data)
+    if length != (0 if remote else min(dlc, 8)):
+        raise BusError(
+            f"a {'remote' if remote else 'data'} frame with DLC {dlc} carries "
+            f"{0 if remote else min(dlc, 8)} data bytes, not {length}"
+        )
+    if length == 8:  # the usual case, twice as fast without the loop
+        a, b, c, d, e, f, g, h = data
+        crc = crc_8 ^ _P7[a] ^ _P6[b] ^ _P5[c] ^ _P4[d] ^ _P3[e] ^ _P2[f] ^ _P1[g] ^ _P0[h]
+        stuff, i = stuff[a]
+        stuff, j = stuff[b]
+        stuff, k = stuff[c]
+        stuff, q = stuff[d]
+        stuff, m = stuff[e]
+        stuff, n = stuff[f]
+        stuff, o = stuff[g]
+        stuff, p = stuff[h]
+        bits += 64 + i + j + k + q + m + n + o + p
+    else:
+        bits += 8 * length
+        for byte in data:
+            crc = crc << 8 & 0x7FFF ^ _CRC[crc >> 7 ^ byte]
+            stuff, stuffed = stuff[byte]
+            bits += stuffed
+    stuff, stuffed = stuff[crc >> 7]
+    return key, bits + stuffed + _STUFF_TAIL[id(stuff)][crc & 0x7F]
+
+
+def frame_bits(frame: CanFrame) -> int:
+    """Return the bits that `frame` occupies on the wire, from SOF to the third intermission bit (CANP-015, -017).
+
+    Raises:
+        BusError: Identifier, DLC or length of the data do not make a classical CAN frame.
+
+    """
+    return timing_of(frame.can_id, bytes(frame.data), frame.extended, frame.remote, frame.dlc)[1]
+
+
+def arbitration_key(frame: CanFrame) -> int:
+    """Return the arbitration field as a number: of two frames the one with the lower number wins (CANP-027, -028).
+
+    Raises:
+        BusError: As `frame_bits`.
+
+    """
+    return timing_of(frame.can_id, bytes(frame.data), frame.extended, frame.remote, frame.dlc)[0]
+
+
+def frame_time_ns(frame: CanFrame, bitrate: int) -> int:
+    """Return the time that `frame` occupies at `bitrate` (bit/s), intermission included, ns."""
+    return frame_bits(frame) * 1_000_000_000 // bitrate
+
+
+def worst_case_bits(data_length: int, *, extended: bool = False) -> int:
+    """Return the longest that a frame with `data_length` bytes (0..8) can become, intermission included (CANP-016)."""
+    if not 0 <= data_length <= 8:
+        raise BusError(f"data length {data_length} is outside 0..8")
+    stuffed_region = (54 if extended else 34) + 8 * data_length
+    return stuffed_region + TAIL_BITS + INTERMISSION_BITS + (stuffed_region - 1) // 4
+
+
+def wire_bits(frame: CanFrame) -> list[int]:
+    """Return the bits of `frame` as sent, 0 dominant, from SOF to the last bit of the stuffed region.
+
+    For what happens inside of a frame (collisions, errors); the length alone is `frame_bits`, which is faster.
+    """
+    bits = frame_bits(frame)  # validates
+    value, width = _header_bits(frame.can_id, frame.extended, frame.remote, frame.dlc)
+    for byte in frame.data:
+        value, width = value << 8 | byte, width + 8
+    crc = 0
+    for byte in value.to_bytes(16, "big"):
+        crc = crc << 8 & 0x7FFF ^ _CRC[crc >> 7 ^ byte]
+    value, width = value << 15 | crc, width + 15
+    wire: list[int] = []
+    last, length = -1, 0
+    for shift in range(width - 1, -1, -1):
+        bit = value >> shift & 1
+        length = length + 1 if bit == last else 1
+        last = bit
+        wire.append(bit)
+        if length == 5:
+            last, length = 1 - bit, 1
+            wire.append(last)
+    assert len(wire) + TAIL_BITS + INTERMISSION_BITS == bits
+    return wire

@@ -1,0 +1,100 @@
+"""What a slave does when the bus fails it: report, tell the device, change the state (C301-113, C301-122 to C301-130)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from typing import Any, Final
+
+from fieldbus.canopen.emcy import EmcyProducer
+from fieldbus.canopen.nmt import NmtState
+from fieldbus.history import History
+
+EMCY_ERROR_PASSIVE: Final = 0x8120
+EMCY_LIFE: Final = 0x8130
+EMCY_BUS_OFF_RECOVERED: Final = 0x8140
+
+_BEHAVIOUR: Final = 0x102901
+
+
+class CommunicationErrors:
+    """Takes notice of lost peers, overdue RPDOs and the state of the CAN controller.
+
+    Args:
+        errors: Where the EMCYs go.
+        values: Present values, for 1029h.
+        state: Returns the NMT state.
+        enter: Enters an NMT state.
+        source: Name in the history.
+        history: Log; None for none.
+
+    """
+
+    __slots__ = ("_enter", "_errors", "_history", "_source", "_state", "_values", "listeners")
+
+    def __init__(
+        self,
+        errors: EmcyProducer,
+        values: dict[int, Any],
+        *,
+        state: Callable[[], NmtState],
+        enter: Callable[[NmtState], None],
+        source: str,
+        history: History | None,
+    ) -> None:
+        self._errors = errors
+        self._values = values
+        self._state = state
+        self._enter = enter
+        self._source = source
+        self._history = history
+        self.listeners: list[Callable[[str], None]] = []
+
+    def announce(self, reason: str) -> None:
+        """Tell the device."""
+        for callback in self.listeners:
+            callback(reason)
+
+    def raise_error(self, code: int) -> None:
+        """Report an error of the communication services."""
+        self._errors.raise_error(code, None, b"", repeat=False)
+
+    def peer_lost(self, kind: str) -> None:
+        """Report that a heartbeat or the guarding master is missing."""
+        self.raise_error(EMCY_LIFE)
+        if self._history is not None:
+            self._history.emit(self._source, f"{kind}.lost")
+        self._fail(kind)
+
+    def peers_found(self) -> None:
+        """End the error when nobody is missing any more."""
+        self._errors.clear(EMCY_LIFE)
+
+    def rpdo_timeout(self, number: int) -> None:
+        """Tell that RPDO `number` is overdue; it does not change the NMT state."""
+        if self._history is not None:
+            self._history.emit(self._source, "rpdo.timeout", number=number)
+        self.announce("rpdo_timeout")
+
+    def controller_state(self, old: Enum, new: Enum) -> None:
+        """Follow the error state of the CAN controller."""
+        if new.name == "BUS_OFF":
+            self._errors.clear(EMCY_ERROR_PASSIVE)
+            self._fail("bus_off")
+        elif old.name == "BUS_OFF":
+            self.raise_error(EMCY_BUS_OFF_RECOVERED)
+            self._errors.clear(EMCY_BUS_OFF_RECOVERED)
+        elif new.name == "ERROR_PASSIVE":
+            self.raise_error(EMCY_ERROR_PASSIVE)
+        else:
+            self._errors.clear(EMCY_ERROR_PASSIVE)
+
+    def _fail(self, reason: str) -> None:
+        """Tell the device, then do what 1029h:1 says; without the object Operational is left (C301-113)."""
+        self.announce(reason)
+        behaviour = self._values.get(_BEHAVIOUR, 0)
+        state = self._state()
+        if behaviour == 0 and state == NmtState.OPERATIONAL:
+            self._enter(NmtState.PRE_OPERATIONAL)
+        elif behaviour == 2 and state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
+            self._enter(NmtState.STOPPED)

@@ -1,0 +1,57 @@
+"""Which part of a slave takes which frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from fieldbus.can.frame import CanFrame
+
+FrameHandler = Callable[[CanFrame, int], None]
+"""Takes a frame and the time of its end, ns."""
+Route = tuple[int, bool, FrameHandler]
+"""Identifier, whether it has 29 bits, handler."""
+
+
+class Dispatcher:
+    """Tables from identifier to handler, made anew when state or configuration change; one look-up per frame."""
+
+    __slots__ = ("_data", "_extended", "_remote", "_remote_extended")
+
+    def __init__(self) -> None:
+        self._data: dict[int, FrameHandler] = {}
+        self._extended: dict[int, FrameHandler] = {}
+        self._remote: dict[int, FrameHandler] = {}
+        self._remote_extended: dict[int, FrameHandler] = {}
+
+    def receive(self, frame: CanFrame, time_ns: int) -> None:
+        """Give a frame to whoever listens to it."""
+        if frame.remote:
+            handler = (self._remote_extended if frame.extended else self._remote).get(frame.can_id)
+        elif frame.extended:
+            handler = self._extended.get(frame.can_id)
+        else:
+            handler = self._data.get(frame.can_id)
+        if handler is not None:
+            handler(frame, time_ns)
+
+    def replace(self, data: Iterable[Route], remote: Iterable[Route]) -> None:
+        """Put new tables in force; services that share an identifier all get the frame, in the given order."""
+        self._data, self._extended = _tables(data)
+        self._remote, self._remote_extended = _tables(remote)
+
+
+def _tables(routes: Iterable[Route]) -> tuple[dict[int, FrameHandler], dict[int, FrameHandler]]:
+    tables: tuple[dict[int, FrameHandler], dict[int, FrameHandler]] = ({}, {})
+    for can_id, extended, handler in routes:
+        table = tables[extended]
+        first = table.get(can_id)
+        table[can_id] = handler if first is None else _both(first, handler)
+    return tables
+
+
+def _both(first: FrameHandler, second: FrameHandler) -> FrameHandler:
+    def take(frame: CanFrame, time_ns: int) -> None:
+        first(frame, time_ns)
+        second(frame, time_ns)
+
+    return take

@@ -1,0 +1,350 @@
+"""Receive and transmit PDOs of a slave (CiA 301; C301-035, C301-036, C301-038 to C301-056)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from fieldbus.can.frame import CanFrame
+from fieldbus.canopen.pdo_mapping import EMPTY, Applier, Layout, Sampler
+from fieldbus.clock import MS, Timer
+
+if TYPE_CHECKING:
+    from fieldbus.canopen.pdo_engine import PdoEngine
+
+EMCY_TOO_SHORT: Final = 0x8210
+EMCY_TOO_LONG: Final = 0x8220
+EMCY_RPDO_TIMEOUT: Final = 0x8250
+
+
+def _no_payload() -> bytes:
+    return b""
+
+
+def _no_effect(_data: bytes) -> None:
+    pass
+
+
+class Pdo:
+    """What both directions have in common: the communication parameters as they are in force."""
+
+    __slots__ = ("can_id", "engine", "extended", "key", "kind", "layout", "map_key", "number", "rtr", "valid")
+
+    receive = False
+
+    def __init__(self, engine: PdoEngine, number: int, key: int, map_key: int) -> None:
+        self.engine = engine
+        self.number = number
+        """1 for 1400h or 1800h, 2 for the next, and so on."""
+        self.key = key
+        """Key of the communication record, sub-index 0."""
+        self.map_key = map_key
+        """Key of the mapping record, sub-index 0."""
+        self.can_id = 0
+        self.extended = False
+        self.rtr = False
+        self.valid = False
+        self.kind = 255
+        self.layout: Layout = EMPTY
+
+    @property
+    def synchronous(self) -> bool:
+        """Whether SYNC drives it: types 0 to 240."""
+        return self.kind <= 240
+
+    def stop(self) -> None:
+        """Forget what is under way, as on leaving Operational."""
+        raise NotImplementedError
+
+    def read_parameters(self) -> None:
+        """Take identifier and transmission type from the values."""
+        values = self.engine.store.values
+        cob_id = values.get(self.key | 1, 1 << 31)
+        self.valid = not cob_id >> 31
+        self.rtr = not cob_id >> 30 & 1
+        self.extended = bool(cob_id >> 29 & 1)
+        self.can_id = cob_id & (0x1FFFFFFF if self.extended else 0x7FF)
+        self.kind = values.get(self.key | 2, 255)
+
+
+class ReceivePdo(Pdo):
+    """One RPDO: checks the length, waits for SYNC when synchronous, stores."""
+
+    __slots__ = ("_apply", "_deadline_ns", "_last_ns", "_timed_out", "_timer", "pending", "size", "watchers")
+
+    receive = True
+
+    def __init__(self, engine: PdoEngine, number: int, key: int, map_key: int) -> None:
+        super().__init__(engine, number, key, map_key)
+        self._apply: Applier = _no_effect
+        self._deadline_ns = 0
+        self._last_ns = 0
+        self._timed_out = False
+        self._timer: Timer | None = None
+        self.pending: bytes | None = None
+        """Payload that becomes effective with the next SYNC."""
+        self.size = 0
+        self.watchers: tuple[TransmitPdo, ...] = ()
+        """Event-driven TPDOs that map an object of this one."""
+
+    def compile(self, apply: Applier) -> None:
+        """Put a new mapping in force."""
+        self._apply = apply
+        self.size = self.layout.size
+        self._deadline_ns = self.engine.store.values.get(self.key | 5, 0) * MS
+        if self._timed_out and not (self.valid and self._deadline_ns):
+            self._timed_out = False
+            self.engine.rpdo_back(self)
+        if not self.valid:
+            self.engine.length_correct(self)
+
+    def restart(self) -> None:
+        """Forget everything, as on reset."""
+        self.stop()
+        self._timed_out = False
+
+    def stop(self) -> None:
+        """Forget what is under way, as on leaving Operational; an overdue PDO stays so until it comes."""
+        self.pending = None
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def on_event_frame(self, frame: CanFrame, time_ns: int) -> None:
+        """Take a frame of types 254 and 255: effective at once (length: C301-054)."""
+        data = frame.data
+        if len(data) != self.size:
+            if len(data) < self.size:
+                self.engine.length_wrong(self, EMCY_TOO_SHORT)
+                return
+            self.engine.length_wrong(self, EMCY_TOO_LONG)
+            data = data[: self.size]
+        elif self.engine.length_errors:
+            self.engine.length_correct(self)
+        if self._deadline_ns:
+            self._fed(time_ns)
+        self._apply(data)
+        if self.watchers:
+            self.engine.mark(self.watchers)
+
+    def on_sync_frame(self, frame: CanFrame, time_ns: int) -> None:
+        """Take a frame of types 0 to 240: effective with the next SYNC, unless it comes after the window."""
+        data = frame.data
+        if len(data) != self.size:
+            if len(data) < self.size:
+                self.engine.length_wrong(self, EMCY_TOO_SHORT)
+                return
+            self.engine.length_wrong(self, EMCY_TOO_LONG)
+            data = data[: self.size]
+        elif self.engine.length_errors:
+            self.engine.length_correct(self)
+        if self._deadline_ns:
+            self._fed(time_ns)
+        engine = self.engine
+        if engine.window_ns and engine.sync_ns >= 0 and time_ns - engine.sync_ns > engine.window_ns:
+            return
+        self.pending = data
+
+    def latch(self, data: bytes) -> None:
+        """Make `data` effective."""
+        self.pending = None
+        self._apply(data)
+        if self.watchers:
+            self.engine.mark(self.watchers)
+
+    def _fed(self, time_ns: int) -> None:
+        self._last_ns = time_ns
+        if self._timed_out:
+            self._timed_out = False
+            self.engine.rpdo_back(self)
+        if self._timer is None:
+            scheduler = self.engine.scheduler
+            self._timer = scheduler.at(max(time_ns + self._deadline_ns, scheduler.now), self._due)
+
+    def _due(self) -> None:
+        self._timer = None
+        if not self._deadline_ns:
+            return
+        due = self._last_ns + self._deadline_ns
+        if due > self.engine.scheduler.now:
+            self._timer = self.engine.scheduler.at(due, self._due)
+            return
+        self._timed_out = True
+        self.engine.rpdo_lost(self)
+
+
+class TransmitPdo(Pdo):
+    """One TPDO: decides when to send and samples its objects at that instant."""
+
+    __slots__ = (
+        "_counter",
+        "_event",
+        "_inhibit_ns",
+        "_inhibit_timer",
+        "_not_before_ns",
+        "_period_ns",
+        "_period_timer",
+        "_sampled",
+        "_sent_ns",
+        "_start",
+        "_started",
+        "dirty",
+        "last",
+        "sample",
+    )
+
+    def __init__(self, engine: PdoEngine, number: int, key: int, map_key: int) -> None:
+        super().__init__(engine, number, key, map_key)
+        self.sample: Sampler = _no_payload
+        self.last: bytes | None = None
+        """Payload sent last since Operational was entered."""
+        self.dirty = False
+        """An object may have changed; looked at when the present instant ends."""
+        self._counter = 0
+        self._event = False
+        self._inhibit_ns = 0
+        self._inhibit_timer: Timer | None = None
+        self._not_before_ns = 0
+        self._period_ns = 0
+        self._period_timer: Timer | None = None
+        self._sampled: bytes | None = None
+        self._sent_ns = 0
+        self._start = 0
+        self._started = False
+
+    @property
+    def every_sync(self) -> bool:
+        """Whether each SYNC sends it, without any further rule."""
+        return self.kind == 1 and not self._start and not self.extended
+
+    @property
+    def event_driven(self) -> bool:
+        """Whether a change of its objects matters: types 0, 254 and 255."""
+        return self.kind in (0, 254, 255)
+
+    def compile(self, sample: Sampler, *, restart: bool = True) -> None:
+        """Put new parameters in force; with `restart` counters, timers and events start anew."""
+        values = self.engine.store.values
+        self.sample = sample
+        self._inhibit_ns = values.get(self.key | 3, 0) * 100_000 if self.kind >= 254 else 0
+        self._period_ns = values.get(self.key | 5, 0) * MS if self.kind >= 254 else 0
+        self._start = values.get(self.key | 6, 0) if 1 <= self.kind <= 240 else 0
+        if restart:
+            self.stop()
+            return
+        running = self.engine.operational and self.valid
+        if self._period_timer is not None:
+            self._period_timer.cancel()
+            self._period_timer = None
+        if running and self._period_ns:
+            scheduler = self.engine.scheduler
+            self._period_timer = scheduler.at(scheduler.now + self._period_ns, self._period_over)
+
+    def start(self) -> None:
+        """Begin on entering Operational: event-driven PDOs are sent once (C301-019)."""
+        if not self.layout.fields:
+            return
+        if self.kind >= 254:
+            self.transmit()
+        elif self.kind == 0:
+            self.last = self.sample()
+
+    def stop(self) -> None:
+        """Stop timers and forget events, as on leaving Operational."""
+        self.last = None
+        self.dirty = False
+        self._counter = 0
+        self._event = False
+        self._not_before_ns = 0
+        self._sampled = None
+        self._started = False
+        for timer in (self._inhibit_timer, self._period_timer):
+            if timer is not None:
+                timer.cancel()
+        self._inhibit_timer = self._period_timer = None
+
+    # -- SYNC -------------------------------------------------------------------------------------------------
+
+    def on_sync(self, counter: int) -> None:
+        """Do what the type says on a SYNC; `counter` 0 = SYNC without counter."""
+        kind = self.kind
+        if kind == 252:
+            self._sampled = self.sample()
+        elif kind == 0:
+            if self._event:
+                self._event = False
+                self._send(self.sample())
+        elif self._start and counter and not self._started:
+            # The PDO begins at the SYNC whose counter has the start value (C301-050).
+            if counter == self._start:
+                self._started = True
+                self._counter = 0
+                self._send(self.sample())
+        else:
+            self._counter += 1
+            if self._counter >= kind:
+                self._counter = 0
+                self._send(self.sample())
+
+    # -- events -----------------------------------------------------------------------------------------------
+
+    def look(self) -> None:
+        """Send if the payload differs from the one sent last."""
+        self.dirty = False
+        if self.sample() != self.last:
+            self.trigger()
+
+    def trigger(self) -> None:
+        """Take an event: send now, after the inhibit time, or with the next SYNC (type 0)."""
+        if self.kind == 0:
+            self._event = True
+            self.last = self.sample()
+            return
+        if self.kind < 254:
+            return
+        if self._inhibit_ns and self.engine.scheduler.now < self._not_before_ns:
+            if self._inhibit_timer is None:
+                self._inhibit_timer = self.engine.scheduler.at(self._not_before_ns, self._inhibit_over)
+            return
+        self.transmit()
+
+    def transmit(self) -> None:
+        """Sample and send an event-driven PDO; restart inhibit time and event timer (C301-047, C301-048)."""
+        scheduler = self.engine.scheduler
+        self._sent_ns = now = scheduler.now
+        if self._inhibit_ns:
+            self._not_before_ns = now + self._inhibit_ns
+        if self._period_ns and self._period_timer is None:
+            self._period_timer = scheduler.at(now + self._period_ns, self._period_over)
+        self._send(self.sample())
+
+    def _inhibit_over(self) -> None:
+        self._inhibit_timer = None
+        self.transmit()
+
+    def _period_over(self) -> None:
+        self._period_timer = None
+        scheduler = self.engine.scheduler
+        due = self._sent_ns + self._period_ns
+        if due > scheduler.now:
+            self._period_timer = scheduler.at(due, self._period_over)
+            return
+        if self.layout.fields:
+            self.trigger()
+        if self._period_timer is None:
+            self._period_timer = scheduler.at(scheduler.now + self._period_ns, self._period_over)
+
+    def on_remote_frame(self, _frame: CanFrame, _time_ns: int) -> None:
+        """Answer a remote request (C301-041, C301-042, C301-055)."""
+        if self.kind == 252:
+            if self._sampled is not None:
+                self._send(self._sampled)
+        elif self.synchronous:
+            self._send(self.sample() if self.last is None else self.last)
+        elif self.kind == 253:
+            self._send(self.sample())
+        else:
+            self.transmit()
+
+    def _send(self, payload: bytes) -> None:
+        self.last = payload
+        self.engine.send(CanFrame(self.can_id, payload, extended=self.extended))

@@ -1,0 +1,337 @@
+"""All PDOs of a slave: configuration through SDO, SYNC, events (CiA 301; C301-045 to C301-056)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, Final
+
+from fieldbus.can.frame import CanFrame
+from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.nmt import is_restricted
+from fieldbus.canopen.pdo import EMCY_RPDO_TIMEOUT, Pdo, ReceivePdo, TransmitPdo
+from fieldbus.canopen.pdo_mapping import EMPTY, applier, check_mapping, check_mapping_entry, sampler
+from fieldbus.canopen.store import ObjectStore
+from fieldbus.clock import Scheduler
+
+_RPDO: Final = (0x1400, 0x1600)
+_TPDO: Final = (0x1800, 0x1A00)
+_RECORDS: Final = 0x200
+
+_FLUSH_PRIORITY: Final = 100
+"""Changes of one instant are looked at after everything else of that instant."""
+
+
+class PdoEngine:
+    """Owns the PDOs and keeps them as the dictionary says.
+
+    Args:
+        scheduler: Time.
+        store: Values and access.
+        send: Puts a frame on the bus.
+        on_change: Called after any change that alters which frames the slave listens to.
+        emcy: Raises an error by code.
+        emcy_clear: Ends an error by code.
+        on_timeout: Called when an RPDO has not come in time.
+
+    """
+
+    __slots__ = (
+        "_each_sync",
+        "_emcy",
+        "_emcy_clear",
+        "_flush_pending",
+        "_on_change",
+        "_on_timeout",
+        "_other_sync",
+        "_sync_receive",
+        "_watchers",
+        "length_errors",
+        "operational",
+        "problems",
+        "receive",
+        "scheduler",
+        "send",
+        "store",
+        "sync_ns",
+        "timed_out",
+        "transmit",
+        "window_ns",
+    )
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        store: ObjectStore,
+        send: Callable[[CanFrame], None],
+        *,
+        on_change: Callable[[], None],
+        emcy: Callable[[int], object],
+        emcy_clear: Callable[[int], object],
+        on_timeout: Callable[[int], None],
+    ) -> None:
+        self.scheduler = scheduler
+        self.store = store
+        self.send = send
+        self._on_change = on_change
+        self._emcy = emcy
+        self._emcy_clear = emcy_clear
+        self._on_timeout = on_timeout
+        self.operational = False
+        self.sync_ns = -1
+        """Time of the last SYNC in Operational, ns; -1 before the first."""
+        self.window_ns = 0
+        """Synchronous window 1007h, ns; 0 = whole cycle."""
+        self.length_errors: dict[ReceivePdo, int] = {}
+        """RPDOs whose last frame had a wrong length, with the EMCY code."""
+        self.timed_out: set[int] = set()
+        """Numbers of the RPDOs that are overdue."""
+        self.problems: list[str] = []
+        """Default mappings that the dictionary itself forbids; such a PDO stays silent."""
+        self._flush_pending = False
+        self._sync_receive: tuple[ReceivePdo, ...] = ()
+        self._each_sync: tuple[TransmitPdo, ...] = ()
+        self._other_sync: tuple[TransmitPdo, ...] = ()
+        self._watchers: dict[int, tuple[TransmitPdo, ...]] = {}
+        self.receive = [ReceivePdo(self, *place) for place in self._places(*_RPDO)]
+        self.transmit = [TransmitPdo(self, *place) for place in self._places(*_TPDO)]
+        for pdo in (*self.receive, *self.transmit):
+            self._install(pdo)
+
+    def _places(self, communication: int, mapping: int) -> list[tuple[int, int, int]]:
+        entries = self.store.entries
+        return [
+            (number + 1, (communication + number) << 8, (mapping + number) << 8)
+            for number in range(_RECORDS)
+            if (communication + number) << 8 | 1 in entries and (mapping + number) << 8 in entries
+        ]
+
+    # -- state ------------------------------------------------------------------------------------------------
+
+    def configure(self) -> None:
+        """Read all PDOs from the values, as after reset communication."""
+        self.problems.clear()
+        self.length_errors.clear()
+        self.timed_out.clear()
+        for rpdo in self.receive:
+            rpdo.restart()
+        for pdo in (*self.receive, *self.transmit):
+            self._read(pdo, restart=True)
+        self.refresh()
+
+    def enter_operational(self) -> None:
+        """Start all valid PDOs."""
+        self.operational = True
+        self.refresh()
+        for pdo in self.transmit:
+            if pdo.valid:
+                pdo.start()
+
+    def leave_operational(self) -> None:
+        """Stop all PDOs at once (C301-019)."""
+        self.operational = False
+        self.sync_ns = -1
+        for pdo in (*self.receive, *self.transmit):
+            pdo.stop()
+        self.refresh()
+
+    def recompile(self) -> None:
+        """Build the code of all PDOs anew, because the device has registered a hook."""
+        for rpdo in self.receive:
+            rpdo.compile(applier(rpdo.layout, self.store))
+        for tpdo in self.transmit:
+            tpdo.sample = sampler(tpdo.layout, self.store.values, self.store.read_hooks)
+
+    def refresh(self) -> None:
+        """Sort the PDOs in force by what drives them."""
+        self.window_ns = self.store.values.get(0x100700, 0) * 1000
+        valid = [pdo for pdo in self.transmit if pdo.valid and pdo.layout.fields] if self.operational else []
+        self._each_sync = tuple(pdo for pdo in valid if pdo.every_sync)
+        self._other_sync = tuple(
+            pdo for pdo in valid if (pdo.synchronous and not pdo.every_sync) or pdo.kind == 252
+        )
+        watchers: dict[int, tuple[TransmitPdo, ...]] = {}
+        for pdo in valid:
+            if pdo.event_driven:
+                for key in pdo.layout.keys:
+                    watchers[key] = (*watchers.get(key, ()), pdo)
+        self._watchers = watchers
+        for rpdo in self.receive:
+            seen = {pdo.number: pdo for key in rpdo.layout.keys for pdo in watchers.get(key, ())}
+            rpdo.watchers = tuple(seen.values())
+        active = [pdo for pdo in self.receive if pdo.valid and pdo.layout.fields] if self.operational else []
+        self._sync_receive = tuple(pdo for pdo in active if pdo.synchronous)
+        self._on_change()
+
+    def receivers(self) -> Iterable[ReceivePdo]:
+        """Return the RPDOs that listen now."""
+        return [pdo for pdo in self.receive if pdo.valid and pdo.layout.fields] if self.operational else []
+
+    def requestable(self) -> Iterable[TransmitPdo]:
+        """Return the TPDOs that answer remote frames now."""
+        return (
+            [pdo for pdo in self.transmit if pdo.valid and pdo.rtr and pdo.layout.fields]
+            if self.operational
+            else []
+        )
+
+    # -- cycle ------------------------------------------------------------------------------------------------
+
+    def latch(self, time_ns: int) -> None:
+        """Make the synchronous RPDOs received since the last SYNC effective (C301-035)."""
+        self.sync_ns = time_ns
+        for pdo in self._sync_receive:
+            data = pdo.pending
+            if data is not None:
+                pdo.latch(data)
+
+    def on_sync(self, counter: int) -> None:
+        """Sample and send the synchronous TPDOs."""
+        send = self.send
+        for pdo in self._each_sync:
+            pdo.last = payload = pdo.sample()
+            send(CanFrame(pdo.can_id, payload))
+        for pdo in self._other_sync:
+            pdo.on_sync(counter)
+
+    def touch(self, key: int) -> None:
+        """Note that the object `key` may have changed."""
+        watchers = self._watchers.get(key)
+        if watchers is not None:
+            self.mark(watchers)
+
+    def touch_all(self) -> None:
+        """Note that any object may have changed."""
+        self.mark(
+            [pdo for pdo in self.transmit if pdo.valid and pdo.event_driven] if self.operational else ()
+        )
+
+    def mark(self, pdos: Iterable[TransmitPdo]) -> None:
+        """Have event-driven PDOs looked at when the present instant ends."""
+        for pdo in pdos:
+            pdo.dirty = True
+            if not self._flush_pending:
+                self._flush_pending = True
+                self.scheduler.at(self.scheduler.now, self._flush, priority=_FLUSH_PRIORITY)
+
+    def _flush(self) -> None:
+        self._flush_pending = False
+        for pdo in self.transmit:
+            if pdo.dirty:
+                pdo.look()
+
+    # -- errors -----------------------------------------------------------------------------------------------
+
+    def length_wrong(self, pdo: ReceivePdo, code: int) -> None:
+        """Report a wrong length once until a correct frame has come (C301-054)."""
+        if self.length_errors.get(pdo) != code:
+            self.length_correct(pdo)
+            self.length_errors[pdo] = code
+            self._emcy(code)
+
+    def length_correct(self, pdo: ReceivePdo) -> None:
+        """Note a frame of the right length."""
+        code = self.length_errors.pop(pdo, None)
+        if code is not None and code not in self.length_errors.values():
+            self._emcy_clear(code)
+
+    def rpdo_lost(self, pdo: ReceivePdo) -> None:
+        """Report an overdue RPDO (C301-049)."""
+        self.timed_out.add(pdo.number)
+        self._emcy(EMCY_RPDO_TIMEOUT)
+        self._on_timeout(pdo.number)
+
+    def rpdo_back(self, pdo: ReceivePdo) -> None:
+        """Note that an overdue RPDO has come."""
+        self.timed_out.discard(pdo.number)
+        if not self.timed_out:
+            self._emcy_clear(EMCY_RPDO_TIMEOUT)
+
+    # -- configuration ----------------------------------------------------------------------------------------
+
+    def _read(self, pdo: Pdo, *, restart: bool) -> None:
+        pdo.read_parameters()
+        values = self.store.values
+        count = values[pdo.map_key]
+        try:
+            raw = [values[pdo.map_key | sub] for sub in range(1, count + 1)]
+            pdo.layout = check_mapping(self.store, raw, receive=pdo.receive)
+        except (SdoAbort, KeyError) as reason:
+            pdo.layout = EMPTY
+            self.problems.append(f"mapping {pdo.map_key >> 8:04X}h: {reason}")
+        if isinstance(pdo, ReceivePdo):
+            pdo.stop()
+            pdo.compile(applier(pdo.layout, self.store))
+        elif isinstance(pdo, TransmitPdo):
+            pdo.compile(sampler(pdo.layout, values, self.store.read_hooks), restart=restart)
+
+    def _install(self, pdo: Pdo) -> None:
+        """Put the rules of the communication and mapping record into the store."""
+        store = self.store
+
+        def apply() -> None:
+            self._read(pdo, restart=True)
+            self.refresh()
+            if self.operational and pdo.valid and isinstance(pdo, TransmitPdo):
+                pdo.start()
+
+        def apply_time() -> None:
+            self._read(pdo, restart=False)
+            self.refresh()
+
+        store.guards[pdo.key | 1] = lambda value: self._check_cob_id(pdo, value)
+        store.guards[pdo.key | 2] = lambda value: _check_kind(value, receive=pdo.receive)
+        if not pdo.receive:
+            for sub in (3, 6):
+                store.guards[pdo.key | sub] = self._only_while_invalid(pdo, pdo.key | sub)
+        for sub in (1, 2):
+            store.applied[pdo.key | sub] = apply
+        for sub in (3, 5, 6):
+            store.applied[pdo.key | sub] = apply_time
+        store.guards[pdo.map_key] = lambda value: self._check_count(pdo, value)
+        store.applied[pdo.map_key] = apply
+        for key in store.entries:
+            if key >> 8 == pdo.map_key >> 8 and key != pdo.map_key:
+                store.guards[key] = lambda value: self._check_map_entry(pdo, value)
+
+    def _invalid(self, pdo: Pdo) -> bool:
+        return bool(self.store.values[pdo.key | 1] >> 31)
+
+    def _check_cob_id(self, pdo: Pdo, value: Any) -> None:
+        extended = value >> 29 & 1
+        can_id = value & 0x1FFFFFFF
+        if not extended and (can_id > 0x7FF or (is_restricted(can_id) and (can_id or not value >> 31))):
+            raise SdoAbort(AbortCode.VALUE)
+        old = self.store.values[pdo.key | 1]
+        if not old >> 31 and not value >> 31 and (old ^ value) & 0x3FFFFFFF:
+            raise SdoAbort(AbortCode.DEVICE_STATE)
+
+    def _only_while_invalid(self, pdo: Pdo, key: int) -> Callable[[Any], None]:
+        def check(value: Any) -> None:
+            if not self._invalid(pdo) and value != self.store.values[key]:
+                raise SdoAbort(AbortCode.DEVICE_STATE)
+
+        return check
+
+    def _check_count(self, pdo: Pdo, count: Any) -> None:
+        if not self._invalid(pdo):
+            raise SdoAbort(AbortCode.DEVICE_STATE)
+        if count > 64:
+            raise SdoAbort(AbortCode.VALUE if count >= 0xFE else AbortCode.PDO_LENGTH)
+        values = self.store.values
+        if count and pdo.map_key | count not in self.store.entries:
+            raise SdoAbort(AbortCode.PDO_LENGTH)
+        check_mapping(
+            self.store, [values[pdo.map_key | sub] for sub in range(1, count + 1)], receive=pdo.receive
+        )
+
+    def _check_map_entry(self, pdo: Pdo, value: Any) -> None:
+        if self.store.values[pdo.map_key] or not self._invalid(pdo):
+            raise SdoAbort(AbortCode.DEVICE_STATE)
+        if value:
+            check_mapping_entry(self.store, value, receive=pdo.receive)
+
+
+def _check_kind(kind: Any, *, receive: bool) -> None:
+    """Refuse reserved transmission types (C301-040 to C301-042)."""
+    if 0xF1 <= kind <= (0xFD if receive else 0xFB):
+        raise SdoAbort(AbortCode.VALUE)

@@ -1,0 +1,130 @@
+"""The SDO servers of a slave on their identifiers, with timeouts in the time of the bench (C301-072, C301-150)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from fieldbus.can.frame import CanFrame
+from fieldbus.canopen.nmt import COB_SDO_CLIENT, COB_SDO_SERVER
+from fieldbus.canopen.sdo_server import SdoServer
+from fieldbus.canopen.store import ObjectStore
+from fieldbus.clock import Scheduler, Timer
+
+_FIRST_RECORD: Final = 0x1200
+_LAST_RECORD: Final = 0x127F
+
+
+class SdoChannels:
+    """One server per record 1200h to 127Fh; the first exists always, on the predefined identifiers.
+
+    Args:
+        scheduler: Time for the timeouts.
+        store: The dictionary behind all channels.
+        send: Puts a frame on the bus.
+        timeout_ns: Silence of the client that ends a transfer.
+
+    """
+
+    __slots__ = ("_channels", "_send", "_store", "response_delay_ns", "scheduler", "timeout_ns")
+
+    def __init__(
+        self, scheduler: Scheduler, store: ObjectStore, send: Callable[[CanFrame], None], *, timeout_ns: int
+    ) -> None:
+        self.scheduler = scheduler
+        self._store = store
+        self._send = send
+        self.timeout_ns = timeout_ns
+        self.response_delay_ns = 0
+        """Time between request and answer, ns; a fault to inject."""
+        records = sorted({key >> 8 for key in store.entries if _FIRST_RECORD < key >> 8 <= _LAST_RECORD})
+        self._channels = {record: _Channel(self, SdoServer(store)) for record in (_FIRST_RECORD, *records)}
+
+    def handlers(self, node_id: int) -> list[tuple[int, Callable[[CanFrame, int], None]]]:
+        """Return the identifiers to listen to, with their handlers."""
+        values = self._store.values
+        result: list[tuple[int, Callable[[CanFrame, int], None]]] = []
+        for record, channel in self._channels.items():
+            if record == _FIRST_RECORD:
+                request, channel.answer_id = COB_SDO_CLIENT + node_id, COB_SDO_SERVER + node_id
+            else:
+                request = values.get(record << 8 | 1, 1 << 31)
+                answer = values.get(record << 8 | 2, 1 << 31)
+                if not request & 0x7FF or not answer & 0x7FF or request >> 31 or answer >> 31:
+                    continue
+                request, channel.answer_id = request & 0x7FF, answer & 0x7FF
+            result.append((request, channel.receive))
+        return result
+
+    def reset(self) -> None:
+        """Drop all transfers silently."""
+        for channel in self._channels.values():
+            channel.reset()
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Put an answer on the bus."""
+        self._send(CanFrame(can_id, data))
+
+
+class _Channel:
+    """A server with its identifiers and its timer, which is entered once per timeout, not once per frame."""
+
+    __slots__ = ("_delayed", "_last_ns", "_owner", "_server", "_timer", "answer_id")
+
+    def __init__(self, owner: SdoChannels, server: SdoServer) -> None:
+        self._owner = owner
+        self._server = server
+        self._timer: Timer | None = None
+        self._delayed: list[Timer] = []
+        self._last_ns = 0
+        self.answer_id = 0
+
+    def receive(self, frame: CanFrame, time_ns: int) -> None:
+        """Take a request; frames of another length than eight bytes are ignored (C301-075)."""
+        data = frame.data
+        if len(data) != 8:
+            return
+        owner = self._owner
+        answers = self._server.request(data)
+        if answers:
+            if owner.response_delay_ns:
+                self._delayed = [timer for timer in self._delayed if timer.due_ns > owner.scheduler.now]
+                self._delayed.append(
+                    owner.scheduler.after(owner.response_delay_ns, lambda: self._answer(answers))
+                )
+            else:
+                self._answer(answers)
+        if self._server.active:
+            self._last_ns = time_ns
+            if self._timer is None:
+                self._arm()
+
+    def _answer(self, answers: list[bytes]) -> None:
+        owner = self._owner
+        can_id = self.answer_id
+        for answer in answers:
+            owner.send(can_id, answer)
+
+    def reset(self) -> None:
+        """Drop the transfer and answers that are under way."""
+        self._server.reset()
+        for timer in self._delayed:
+            timer.cancel()
+        self._delayed.clear()
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _arm(self) -> None:
+        owner = self._owner
+        due = max(self._last_ns + owner.timeout_ns, owner.scheduler.now)
+        self._timer = owner.scheduler.at(due, self._due)
+
+    def _due(self) -> None:
+        self._timer = None
+        if not self._server.active:
+            return
+        if self._owner.scheduler.now - self._last_ns < self._owner.timeout_ns:
+            self._arm()
+        else:
+            self._owner.send(self.answer_id, self._server.expire())

@@ -1,0 +1,434 @@
+"""A CANopen slave: dictionary, NMT, SDO server, PDOs, EMCY, heartbeat and SYNC in one device (CiA 301).
+
+The device that owns it - a drive, an encoder, an I/O station - sets and reads values, registers callbacks, and is told
+what the bus does. See `CanopenSlave`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from typing import TYPE_CHECKING, Any, Final
+
+from fieldbus.can.frame import CanFrame, CanSegment
+from fieldbus.canopen.communication_errors import CommunicationErrors
+from fieldbus.canopen.dispatch import Dispatcher, Route
+from fieldbus.canopen.emcy import EmcyProducer
+from fieldbus.canopen.error_control import ErrorControl
+from fieldbus.canopen.nmt import (
+    COB_ERROR_CONTROL,
+    COB_NMT,
+    STATE_OF_COMMAND,
+    NmtCommand,
+    NmtState,
+    predefined_identifiers,
+)
+from fieldbus.canopen.pdo_engine import PdoEngine
+from fieldbus.canopen.sdo_channels import SdoChannels
+from fieldbus.canopen.store import ObjectStore, ReadHook, WriteHook
+from fieldbus.canopen.sync import SyncService
+from fieldbus.clock import S, Scheduler, Timer
+from fieldbus.errors import ConfigurationError
+from fieldbus.history import History
+
+if TYPE_CHECKING:
+    import canopen
+
+
+_EVERYWHERE: Final = (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL)
+
+
+class CanopenSlave:
+    """One node of a CAN segment as CiA 301 describes it.
+
+    The slave is off until `power_on`. Frames are taken and sent within scheduler callbacks; nothing waits.
+
+    Args:
+        scheduler: Time of the bench.
+        segment: CAN segment to attach to.
+        dictionary: Object dictionary, for example from an EDS file; defaults relative to the node-ID are
+            calculated for `node_id`, whatever the file was read for.
+        node_id: 1..127.
+        name: Name of the port on the segment and in the history.
+        history: Log for `nmt.state`, `emcy.raised`, `emcy.cleared`, `heartbeat.lost`, `life_guarding.lost` and
+            `rpdo.timeout`; None for none.
+        boot_time_ns: Time from power-on or reset to the boot-up frame.
+        sdo_timeout_ns: Silence of the client that ends a transfer (C301-072).
+
+    Raises:
+        ConfigurationError: `node_id` or a time is out of range, or the dictionary is empty.
+
+    """
+
+    __slots__ = (
+        "_boot_timer",
+        "_communication",
+        "_dispatcher",
+        "_history",
+        "_port",
+        "_powered",
+        "_sdo",
+        "_state",
+        "_store",
+        "boot_time_ns",
+        "error_control",
+        "errors",
+        "name",
+        "node_id",
+        "on_communication_error",
+        "on_nmt_state",
+        "on_reset",
+        "on_sync",
+        "pdos",
+        "scheduler",
+        "sync",
+        "values",
+    )
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        segment: CanSegment,
+        dictionary: canopen.ObjectDictionary,
+        node_id: int,
+        *,
+        name: str,
+        history: History | None = None,
+        boot_time_ns: int = 0,
+        sdo_timeout_ns: int = S,
+    ) -> None:
+        if not 1 <= node_id <= 127:
+            raise ConfigurationError(f"{name}: node_id", node_id, "1..127")
+        if boot_time_ns < 0:
+            raise ConfigurationError(f"{name}: boot_time_ns", boot_time_ns, "0 or more")
+        if sdo_timeout_ns <= 0:
+            raise ConfigurationError(f"{name}: sdo_timeout_ns", sdo_timeout_ns, "more than 0")
+        self.scheduler = scheduler
+        self.node_id = node_id
+        self.name = name
+        self.boot_time_ns = boot_time_ns
+        self._history = history
+        self._powered = False
+        self._state = NmtState.INITIALISING
+        self._boot_timer: Timer | None = None
+        self.on_nmt_state: list[Callable[[NmtState, NmtState], None]] = []
+        """Called with old and new state."""
+        self.on_reset: list[Callable[[bool], None]] = []
+        """Called on NMT reset when the values have been restored; True = reset node, the application too."""
+
+        self._store = store = ObjectStore(dictionary, node_id)
+        store.predefine(predefined_identifiers(node_id))
+        self.values: dict[int, Any] = store.values
+        """Present values, keyed `index << 8 | sub-index`; what PDOs send and SDO reads."""
+        self._dispatcher = Dispatcher()
+        self._port = segment.attach(name, self._dispatcher.receive)
+        self._port.online = False
+        # Ports of a virtual segment tell when the error state of their controller changes.
+        listeners = getattr(self._port, "on_state", None)
+        if isinstance(listeners, list):
+            listeners.append(self._controller_state)
+        send = self._port.send
+        self.errors = EmcyProducer(
+            scheduler, store, send, node_id=node_id, set_value=self.set, source=name, history=history
+        )
+        self._communication = communication = CommunicationErrors(
+            self.errors,
+            store.values,
+            state=lambda: self._state,
+            enter=self._enter,
+            source=name,
+            history=history,
+        )
+        self.on_communication_error: list[Callable[[str], None]] = communication.listeners
+        """Called with "heartbeat", "life_guarding", "rpdo_timeout", "bus_off" or "nmt" (Operational left)."""
+        self.pdos = PdoEngine(
+            scheduler,
+            store,
+            send,
+            on_change=self._rebuild,
+            emcy=communication.raise_error,
+            emcy_clear=self.errors.clear,
+            on_timeout=communication.rpdo_timeout,
+        )
+        self.sync = SyncService(
+            scheduler,
+            store,
+            send,
+            self.pdos,
+            emcy=communication.raise_error,
+            emcy_clear=self.errors.clear,
+            on_change=self._rebuild,
+        )
+        self.on_sync: list[Callable[[int], None]] = self.sync.on_sync
+        """Called with the time at SYNC reception, after the RPDO latch, before the TPDO sampling."""
+        self.error_control = ErrorControl(
+            scheduler,
+            store,
+            send,
+            node_id=node_id,
+            on_lost=communication.peer_lost,
+            on_found=communication.peers_found,
+        )
+        self._sdo = SdoChannels(scheduler, store, send, timeout_ns=sdo_timeout_ns)
+        store.changed = self.pdos.touch
+        for key in store.entries:
+            if key >> 8 == 0x1016 and key & 0xFF:
+                store.applied[key] = self._consumers_changed
+            elif 0x1200 <= key >> 8 <= 0x127F:
+                store.applied[key] = self._rebuild
+
+    # -- device side ------------------------------------------------------------------------------------------
+
+    def get(self, index: int, sub: int = 0) -> Any:
+        """Return the present value; KeyError when the dictionary has no such entry."""
+        return self.values[index << 8 | sub]
+
+    def set(self, index: int, sub: int, value: Any) -> None:
+        """Set a value without access checks; event-driven TPDOs that map it are sent if their payload changes."""
+        key = index << 8 | sub
+        values = self.values
+        if values.get(key) != value:
+            values[key] = value
+            self.pdos.touch(key)
+
+    def notify_change(self, index: int, sub: int = 0) -> None:
+        """Have event-driven TPDOs with this object looked at, after a direct write to `values`."""
+        self.pdos.touch(index << 8 | sub)
+
+    def trigger_tpdos(self) -> None:
+        """Have all event-driven TPDOs looked at when the present instant ends; changed payloads are sent."""
+        self.pdos.touch_all()
+
+    def trigger_tpdo(self, number: int) -> None:
+        """Send event-driven TPDO `number` (1 = 1800h) as on a device event, whatever its payload is."""
+        for pdo in self.pdos.transmit:
+            if pdo.number == number and pdo.valid and self.pdos.operational:
+                pdo.trigger()
+
+    def on_write(self, index: int, sub: int, callback: WriteHook) -> None:
+        """Call `callback(value)` before a value written by SDO or PDO is stored.
+
+        A PDO write takes place when it becomes effective. `SdoAbort` from the callback refuses the value: an
+        SDO is aborted with its code, a PDO leaves the object as it was. Several callbacks run in order.
+
+        Raises:
+            ConfigurationError: The dictionary has no such entry.
+
+        """
+        self._chain(self._store.write_hooks, index, sub, callback)
+        self.pdos.recompile()
+
+    def on_read(self, index: int, sub: int, callback: ReadHook) -> None:
+        """Call `callback() -> value` for SDO reads and when a PDO samples the object.
+
+        `SdoAbort` from the callback aborts an SDO; a PDO sends the last value. One callback per entry.
+
+        Raises:
+            ConfigurationError: The dictionary has no such entry.
+
+        """
+        self._known(index, sub)
+        self._store.read_hooks[index << 8 | sub] = callback
+        self.pdos.recompile()
+
+    def emcy(
+        self, code: int, register: int | None = None, data: bytes = b"", *, repeat: bool = False
+    ) -> bool:
+        """Raise an error: 1001h and 1003h take it up, an EMCY is queued (C301-108 to C301-112).
+
+        Args:
+            code: EMCY error code, 1..FFFFh.
+            register: Bits of 1001h that belong to the error; bit 0 is always added. None = by the code.
+            data: Up to five manufacturer-specific bytes.
+            repeat: Send again although the error is already present.
+
+        Returns:
+            Whether it was new or repeated; a present error is not sent twice.
+
+        """
+        return self.errors.raise_error(code, register, data, repeat=repeat)
+
+    def emcy_clear(self, code: int | None = None) -> bool:
+        """End the error `code`, or all: EMCY 0000h with what remains of 1001h (C301-109).
+
+        Returns:
+            Whether there was anything to end.
+
+        """
+        return self.errors.clear(code)
+
+    @property
+    def nmt_state(self) -> NmtState:
+        """Present NMT state; INITIALISING while off."""
+        return self._state
+
+    @property
+    def powered(self) -> bool:
+        """Whether `power_on` was called after the last `power_off`."""
+        return self._powered
+
+    @property
+    def store(self) -> ObjectStore:
+        """Entries, access rules and non-volatile memory."""
+        return self._store
+
+    @property
+    def sdo_response_delay_ns(self) -> int:
+        """Time between an SDO request and its answer, ns; 0 = at once."""
+        return self._sdo.response_delay_ns
+
+    @sdo_response_delay_ns.setter
+    def sdo_response_delay_ns(self, delay_ns: int) -> None:
+        self._sdo.response_delay_ns = delay_ns
+
+    # -- power and NMT ----------------------------------------------------------------------------------------
+
+    def power_on(self) -> None:
+        """Come to life with stored or default values; the boot-up frame follows after `boot_time_ns`."""
+        if self._powered:
+            return
+        self._port.online = True
+        self._powered = True
+        self._restore(application=True)
+        self._boot()
+
+    def power_off(self) -> None:
+        """Fall silent at once; everything but the non-volatile memory is lost."""
+        if not self._powered:
+            return
+        self._powered = False
+        self._silence()
+        self._port.online = False
+        self._enter(NmtState.INITIALISING)
+
+    def _controller_state(self, old: Enum, new: Enum) -> None:
+        if self._powered:
+            self._communication.controller_state(old, new)
+
+    def _boot(self) -> None:
+        if self.boot_time_ns:
+            self._boot_timer = self.scheduler.after(self.boot_time_ns, self._booted)
+        else:
+            self._booted()
+
+    def _booted(self) -> None:
+        self._boot_timer = None
+        self._enter(NmtState.PRE_OPERATIONAL)
+        startup = self.values.get(0x1F8000)
+        if startup is not None and not startup & 0x04:
+            self._enter(NmtState.OPERATIONAL)  # starts by itself (C301-021)
+
+    def _silence(self) -> None:
+        """Stop every timer and forget every transfer."""
+        if self._boot_timer is not None:
+            self._boot_timer.cancel()
+            self._boot_timer = None
+        self._sdo.reset()
+        self.error_control.stop()
+        self.sync.stop()
+        flush = getattr(self._port, "flush", None)
+        if flush is not None:
+            flush()  # a controller that starts anew does not send what the old life has queued
+
+    def _restore(self, *, application: bool) -> None:
+        self._store.load(application=application)
+        self.errors.reset(application=application)
+        self.error_control.reset()
+        self.pdos.configure()
+        self.sync.configure()
+
+    def _reset(self, *, application: bool) -> None:
+        self._silence()
+        self._enter(NmtState.INITIALISING)
+        self._restore(application=application)
+        for callback in self.on_reset:
+            callback(application)
+        if self._powered:
+            self._boot()
+
+    def _on_nmt(self, frame: CanFrame, _time_ns: int) -> None:
+        """Take a node control frame; anything malformed is ignored (C301-016, C301-017)."""
+        data = frame.data
+        if len(data) != 2 or data[1] not in (0, self.node_id) or self._state == NmtState.INITIALISING:
+            return
+        command = data[0]
+        target = STATE_OF_COMMAND.get(command)
+        if target is not None:
+            left = self._state == NmtState.OPERATIONAL and target != NmtState.OPERATIONAL
+            self._enter(target)
+            if left:
+                self._communication.announce("nmt")
+        elif command in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
+            left = self._state == NmtState.OPERATIONAL
+            if left:
+                self._communication.announce("nmt")
+            self._reset(application=command == NmtCommand.RESET_NODE)
+
+    def _enter(self, state: NmtState) -> None:
+        old = self._state
+        if state == old:
+            return
+        self._state = state
+        if old == NmtState.OPERATIONAL:
+            self.pdos.leave_operational()
+        if state not in _EVERYWHERE:
+            self._sdo.reset()
+        if state != NmtState.INITIALISING:
+            self.error_control.enter_state(state)
+            self.sync.enter_state(state)
+        self._rebuild()
+        self.errors.enter_state(state)
+        if self._history is not None:
+            self._history.emit(self.name, "nmt.state", **{"from": old.name, "to": state.name})
+        for callback in self.on_nmt_state:
+            callback(old, state)
+        if state == NmtState.OPERATIONAL and self._state == state:
+            self.pdos.enter_operational()
+
+    # -- configuration ----------------------------------------------------------------------------------------
+
+    def _rebuild(self) -> None:
+        """Listen to what the present state and configuration want (C301-015 to C301-020)."""
+        data: list[Route] = []
+        remote: list[Route] = []
+        state = self._state
+        if state != NmtState.INITIALISING:
+            data.append((COB_NMT, False, self._on_nmt))
+            remote.append((COB_ERROR_CONTROL + self.node_id, False, self.error_control.guard))
+        if state in _EVERYWHERE:
+            data += [(can_id, False, handler) for can_id, handler in self._sdo.handlers(self.node_id)]
+            data.append((self.sync.can_id, self.sync.extended, self.sync.receive))
+        data += [
+            (pdo.can_id, pdo.extended, pdo.on_sync_frame if pdo.synchronous else pdo.on_event_frame)
+            for pdo in self.pdos.receivers()
+        ]
+        remote += [(pdo.can_id, pdo.extended, pdo.on_remote_frame) for pdo in self.pdos.requestable()]
+        if state != NmtState.INITIALISING:
+            data += [
+                (can_id, False, self.error_control.heartbeat) for can_id in self.error_control.watched_ids()
+            ]
+        self._dispatcher.replace(data, remote)
+
+    def _consumers_changed(self) -> None:
+        self.error_control.configure()
+        self._rebuild()
+
+    def _known(self, index: int, sub: int) -> None:
+        if index << 8 | sub not in self._store.entries:
+            raise ConfigurationError(
+                f"{self.name}: callback", f"{index:04X}h:{sub}", "an entry of the dictionary"
+            )
+
+    def _chain(self, hooks: dict[int, WriteHook], index: int, sub: int, callback: WriteHook) -> None:
+        self._known(index, sub)
+        key = index << 8 | sub
+        first = hooks.get(key)
+        if first is None:
+            hooks[key] = callback
+            return
+
+        def both(value: Any) -> None:
+            first(value)
+            callback(value)
+
+        hooks[key] = both

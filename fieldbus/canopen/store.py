@@ -1,0 +1,256 @@
+"""The values of a device: access with rights and limits, hooks, and non-volatile memory.
+
+One dictionary keyed `index << 8 | sub-index` holds the present values. The device reads and writes it directly; the
+SDO server and the RPDOs go through the checks here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.dictionary import Entry, Value, entries_of
+
+if TYPE_CHECKING:
+    import canopen
+
+WriteHook = Callable[[Any], object]
+"""Gets the new value before it is stored; raises `SdoAbort` to refuse it."""
+ReadHook = Callable[[], Any]
+"""Returns the present value."""
+
+SAVE: Final = 0x65766173
+"""Signature "save" of 1010h (C301-140)."""
+LOAD: Final = 0x64616F6C
+"""Signature "load" of 1011h (C301-141)."""
+
+_ALL: Final = 1
+_COMMUNICATION: Final = 2
+_APPLICATION: Final = 3
+_NOT_STORED: Final = frozenset((0x1001, 0x1002, 0x1003, 0x1010, 0x1011))
+
+
+class ObjectStore:
+    """Values, access rules and memory of one device.
+
+    Args:
+        dictionary: Object dictionary of the device.
+        node_id: Node-ID for defaults relative to it.
+
+    """
+
+    __slots__ = (
+        "_indices",
+        "_restore",
+        "applied",
+        "changed",
+        "commands",
+        "entries",
+        "guards",
+        "read_hooks",
+        "stored",
+        "values",
+        "volatile",
+        "write_hooks",
+    )
+
+    def __init__(self, dictionary: canopen.ObjectDictionary, node_id: int) -> None:
+        self.entries: dict[int, Entry] = entries_of(dictionary, node_id)
+        self._indices = {entry.index for entry in self.entries.values()}
+        self.values: dict[int, Any] = {}
+        """Present values; the object is the same for the life of the device."""
+        self.read_hooks: dict[int, ReadHook] = {}
+        self.write_hooks: dict[int, WriteHook] = {}
+        self.guards: dict[int, WriteHook] = {}
+        """Checks of the communication services, before the device's own hooks."""
+        self.applied: dict[int, Callable[[], object]] = {}
+        """Called after a value has been stored by SDO: the service takes the new configuration over."""
+        self.commands: dict[int, WriteHook] = {}
+        """Entries whose writing is a command: the value is not stored."""
+        self.changed: Callable[[int], object] = _nobody
+        """Called with the key of every value stored by SDO or `assign`."""
+        self.stored: dict[int, Value] = {}
+        """Non-volatile memory: what 1010h has saved; survives power-off."""
+        self.volatile: set[int] = set()
+        """Keys that 1010h does not save although they are writable, such as setpoints."""
+        self._restore: dict[int, bool] = {}  # area -> whether reset communication is enough
+        for sub in range(1, 0x80):
+            if 0x101000 | sub in self.entries:
+                self.commands[0x101000 | sub] = self._saver(sub)
+            if 0x101100 | sub in self.entries:
+                self.commands[0x101100 | sub] = self._loader(sub)
+        self.load(application=True)
+
+    def predefine(self, identifiers: Mapping[int, int]) -> None:
+        """Give entries without a default of their own, or with 0, one; 0 is no identifier."""
+        for key, cob_id in identifiers.items():
+            entry = self.entries.get(key)
+            if entry is not None and not entry.default:
+                entry.default = cob_id
+        self.load(application=True)
+
+    # -- access by the bus ------------------------------------------------------------------------------------
+
+    def entry(self, index: int, sub: int) -> Entry:
+        """Return an entry.
+
+        Raises:
+            SdoAbort: 06020000h no such object, 06090011h no such sub-index.
+
+        """
+        entry = self.entries.get(index << 8 | sub)
+        if entry is None:
+            raise SdoAbort(AbortCode.NO_SUB_INDEX if index in self._indices else AbortCode.NO_OBJECT)
+        return entry
+
+    def read(self, index: int, sub: int) -> bytes:
+        """Return the bytes of an entry for an upload.
+
+        Raises:
+            SdoAbort: The entry does not exist, is write-only, or a hook refuses.
+
+        """
+        entry = self.entry(index, sub)
+        if not entry.readable:
+            raise SdoAbort(AbortCode.WRITE_ONLY)
+        hook = self.read_hooks.get(entry.key)
+        return entry.encode(self.values[entry.key] if hook is None else hook())
+
+    def check_write(self, index: int, sub: int, size: int | None) -> int:
+        """Check a download before its data have come, and return the most bytes that it may bring.
+
+        Args:
+            index: Object index.
+            sub: Sub-index.
+            size: Announced size in bytes; None when not announced.
+
+        Raises:
+            SdoAbort: The entry does not exist, is read-only, or the size does not fit.
+
+        """
+        entry = self.entry(index, sub)
+        if not entry.writable:
+            raise SdoAbort(AbortCode.READ_ONLY)
+        limit = entry.maximum_length
+        if size is not None:
+            if size > limit:
+                raise SdoAbort(AbortCode.TOO_LONG if limit < 1 << 16 else AbortCode.MEMORY)
+            if entry.size and size < limit:
+                raise SdoAbort(AbortCode.TOO_SHORT)
+        return limit
+
+    def write(
+        self, index: int, sub: int, data: bytes, *, expedited: bool = False, sized: bool = True
+    ) -> None:
+        """Store the bytes of a download.
+
+        Args:
+            index: Object index.
+            sub: Sub-index.
+            data: The bytes.
+            expedited: The data came with the request; a wrong length is then 06070010h (C301-074).
+            sized: The request said how many bytes count; otherwise those of the entry's type do.
+
+        Raises:
+            SdoAbort: The entry does not exist, is read-only, or length, value, a service or the device refuses.
+
+        """
+        entry = self.entry(index, sub)
+        if not entry.writable:
+            raise SdoAbort(AbortCode.READ_ONLY)
+        if not sized and 0 < entry.size <= len(data):
+            data = data[: entry.size]
+        self.assign(entry, entry.decode(data, exact=AbortCode.LENGTH if expedited else 0))
+
+    def assign(self, entry: Entry, value: Value) -> None:
+        """Write a value with all checks but the access right (C301-076).
+
+        Raises:
+            SdoAbort: A limit, a service or the device refuses.
+
+        """
+        key = entry.key
+        if entry.low is not None or entry.high is not None:
+            entry.check_limits(value)
+        guard = self.guards.get(key)
+        if guard is not None:
+            guard(value)
+        hook = self.write_hooks.get(key)
+        if hook is not None:
+            hook(value)
+        command = self.commands.get(key)
+        if command is not None:
+            command(value)
+            return
+        if entry.storable and self.values[key] != value and entry.index not in (0x1020, *_NOT_STORED):
+            # The configuration is no longer the one whose date the controller has noted (C301-148).
+            for stamp in (0x102001, 0x102002):
+                if self.values.get(stamp) and key not in self.volatile:
+                    self.values[stamp] = 0
+        self.values[key] = value
+        applied = self.applied.get(key)
+        if applied is not None:
+            applied()
+        self.changed(key)
+
+    # -- memory -----------------------------------------------------------------------------------------------
+
+    def load(self, *, application: bool) -> None:
+        """Take stored or default values, as after reset communication or, with `application`, reset node."""
+        for area, soon in list(self._restore.items()):
+            if application or soon:
+                self.stored = {key: value for key, value in self.stored.items() if not _in_group(key, area)}
+                del self._restore[area]
+        stored, values = self.stored, self.values
+        for key, entry in self.entries.items():
+            if application or entry.index < 0x2000:
+                values[key] = stored.get(key, entry.default)
+        for key in self.commands:
+            if key >> 8 in (0x1010, 0x1011) and not values[key]:
+                values[key] = 1  # saves and restores on command, not by itself
+
+    def _saver(self, group: int) -> WriteHook:
+        def save(signature: Any) -> None:
+            if signature != SAVE:
+                raise SdoAbort(AbortCode.CANNOT_STORE)
+            for area in _areas(group):
+                self._restore.pop(area, None)
+            for key, entry in self.entries.items():
+                if (
+                    entry.storable
+                    and _in_group(key, group)
+                    and key not in self.volatile
+                    and entry.index not in _NOT_STORED
+                    and key not in self.commands
+                ):
+                    self.stored[key] = self.values[key]
+
+        return save
+
+    def _loader(self, group: int) -> WriteHook:
+        def load(signature: Any) -> None:
+            if signature != LOAD:
+                raise SdoAbort(AbortCode.CANNOT_STORE)
+            for area in _areas(group):
+                self._restore[area] = group == _COMMUNICATION
+
+        return load
+
+
+def _areas(group: int) -> tuple[int, ...]:
+    return (_COMMUNICATION, _APPLICATION) if group == _ALL else (group,)
+
+
+def _in_group(key: int, group: int) -> bool:
+    """Say whether sub-index `group` of 1010h and 1011h covers the entry; 4 and up are the manufacturer's area."""
+    index = key >> 8
+    if group == _COMMUNICATION:
+        return index < 0x2000
+    if group == _APPLICATION:
+        return index >= 0x2000
+    return True if group == _ALL else 0x2000 <= index < 0x6000
+
+
+def _nobody(_key: int) -> None:
+    pass

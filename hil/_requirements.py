@@ -1,0 +1,48 @@
+"""The catalogue of requirements: identifiers, short titles, sections; data that ships with the package."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.resources import files
+from typing import NamedTuple
+
+from reports.model import RequirementInfo, RunResult
+
+
+class Requirement(NamedTuple):
+    """An identifier of the specification."""
+
+    identifier: str
+    title: str
+    section: str
+    document: str
+
+    @property
+    def prefix(self) -> str:
+        """Part before the number: `STP` of `STP-303`."""
+        return self.identifier.rpartition("-")[0]
+
+
+@cache
+def requirements() -> tuple[Requirement, ...]:
+    """Return all requirements in the order of the specification."""
+    content = json.loads(files("hil").joinpath("data", "requirements.json").read_text(encoding="utf-8"))
+    return tuple(
+        Requirement(identifier, title, section, document)
+        for document, sections in content["documents"]
+        for section, entries in sections
+        for identifier, title in entries
+    )
+
+
+def catalogue_for(run: RunResult) -> list[RequirementInfo]:
+    """Return the requirements of those prefixes that the cases of a run name."""
+    named = {identifier for case in run.cases for identifier in case.requirements}
+    named |= {identifier for case in run.cases for check in case.checks for identifier in check.requirements}
+    prefixes = {identifier.rpartition("-")[0] for identifier in named}
+    return [
+        RequirementInfo(entry.identifier, entry.title, entry.section, entry.document)
+        for entry in requirements()
+        if entry.prefix in prefixes
+    ]

@@ -1,0 +1,230 @@
+"""The command `hil`. Only what `--help` needs is imported here; every command loads its own parts when it runs.
+
+Exit codes: 0 everything passed, 1 cases failed, 2 it could not run (or was interrupted).
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="hil",
+    help="Hardware-in-the-loop benches for motion control: run campaigns, inject faults, replay, fuzz.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+BenchOption = Annotated[
+    str,
+    typer.Option(
+        "--bench", "-b", metavar="B", help="Bench file, embedded name or module:NAME; default: embedded."
+    ),
+]
+ReportOption = Annotated[
+    Path, typer.Option("--report", "-r", metavar="DIR", help="Folder for report and evidence.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", "-s", help="Seed of the run.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Result as JSON on standard output, with nothing else on it.")
+]
+JobsOption = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
+TwiceOption = Annotated[bool, typer.Option("--twice", help="Run every case twice and compare the traces.")]
+EvidenceOption = Annotated[
+    str, typer.Option("--evidence", help="Keep traces and bus logs of: failed, all or none of the cases.")
+]
+
+
+@app.command()
+def demo(
+    *,
+    report: ReportOption = Path("hil-report"),
+    seed: SeedOption = 0,
+    jobs: JobsOption = 1,
+    twice: TwiceOption = False,
+    evidence: EvidenceOption = "failed",
+    as_json: JsonOption = False,
+) -> None:
+    """Run the main campaign on the embedded bench and write the report."""
+    from hil._commands.run import RunRequest, run_campaigns
+
+    request = RunRequest(
+        report=report, seed=seed, jobs=jobs, twice=twice, evidence=evidence, as_json=as_json, demo=True
+    )
+    raise typer.Exit(run_campaigns(request))
+
+
+@app.command()
+def run(
+    paths: Annotated[
+        list[str], typer.Argument(metavar="PATHS...", help="Python files, directories or modules.")
+    ],
+    *,
+    bench: BenchOption = "",
+    report: ReportOption = Path("hil-report"),
+    seed: SeedOption = 0,
+    jobs: JobsOption = 1,
+    twice: TwiceOption = False,
+    select: Annotated[
+        str, typer.Option("--select", "-k", help="Only cases with this text in name or title.")
+    ] = "",
+    tag: Annotated[
+        list[str] | None, typer.Option("--tag", "-t", help="Only cases with this tag; may be repeated.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the run that is in the report folder.")
+    ] = False,
+    evidence: EvidenceOption = "failed",
+    as_json: JsonOption = False,
+) -> None:
+    """Run campaigns and write the report."""
+    from hil._commands.run import RunRequest, run_campaigns
+
+    request = RunRequest(
+        paths=tuple(paths), bench=bench, report=report, seed=seed, jobs=jobs, twice=twice, select=select,
+        tags=tuple(tag or ()), resume=resume, evidence=evidence, as_json=as_json,
+    )  # fmt: skip
+    raise typer.Exit(run_campaigns(request))
+
+
+@app.command()
+def emulate(
+    bench: Annotated[str, typer.Argument(metavar="BENCH", help="Bench file or embedded name.")],
+    interface: Annotated[
+        str, typer.Option("--interface", "-i", metavar="I", help="python-can interface.")
+    ] = "socketcan",
+    channel: Annotated[str, typer.Option("--channel", "-c", metavar="C", help="Channel of it.")] = "vcan0",
+    seed: SeedOption = 0,
+    duration: Annotated[
+        float, typer.Option("--for", metavar="S", help="End after S seconds; 0: with Ctrl-C.")
+    ] = 0.0,
+) -> None:
+    """Run the emulated drives of a bench on a live bus, for a controller of your own."""
+    from hil._commands.emulate import emulate_bench
+
+    raise typer.Exit(
+        emulate_bench(bench, interface=interface, channel=channel, seed=seed, duration_s=duration)
+    )
+
+
+@app.command()
+def check(
+    bench: Annotated[str, typer.Argument(metavar="BENCH", help="Bench file or embedded name.")],
+    build: Annotated[
+        bool, typer.Option("--build/--no-build", help="Also bring the bench up (virtual benches).")
+    ] = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Validate a bench file and bring the bench up."""
+    from hil._commands.check import check_bench
+
+    raise typer.Exit(check_bench(bench, build=build, as_json=as_json))
+
+
+@app.command()
+def replay(
+    token: Annotated[str, typer.Argument(metavar="TOKEN", help="Token of a case, from report or terminal.")],
+    report: ReportOption = Path("hil-replay"),
+    force: Annotated[bool, typer.Option("--force", help="Also when the bench file has changed.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Repeat one case exactly."""
+    from hil._commands.replay import replay_token
+
+    raise typer.Exit(replay_token(token, report=report, force=force, as_json=as_json))
+
+
+@app.command()
+def fuzz(
+    *,
+    cases: Annotated[int, typer.Option("--cases", "-n", min=1, help="Number of programs.")] = 100,
+    seed: SeedOption = 0,
+    bench: BenchOption = "",
+    steps: Annotated[int, typer.Option("--steps", min=1, max=200, help="Longest program, in steps.")] = 12,
+    report: ReportOption = Path("hil-fuzz"),
+    as_json: JsonOption = False,
+) -> None:
+    """Generate programs of jobs and faults, check invariants, shrink what breaks one."""
+    from hil._commands.fuzz import fuzz_bench
+
+    raise typer.Exit(
+        fuzz_bench(cases=cases, seed=seed, bench=bench, steps=steps, report=report, as_json=as_json)
+    )
+
+
+@app.command()
+def benchmark(
+    as_json: JsonOption = False,
+    seconds: Annotated[
+        float, typer.Option("--seconds", min=0.1, help="Simulated time of each measurement.")
+    ] = 5.0,
+) -> None:
+    """Measure the speed of this machine with the embedded benches."""
+    from hil._commands.benchmark import measure_speed
+
+    raise typer.Exit(measure_speed(seconds=seconds, as_json=as_json))
+
+
+@app.command()
+def requirements(
+    as_json: JsonOption = False,
+    rerun: Annotated[
+        bool, typer.Option("--rerun", help="Run the test-suite first, whatever is recorded.")
+    ] = False,
+) -> None:
+    """Show which requirements passing tests cover."""
+    from hil._commands.requirements import show_requirements
+
+    raise typer.Exit(show_requirements(as_json=as_json, rerun=rerun))
+
+
+@app.command()
+def faults(as_json: JsonOption = False) -> None:
+    """Show the catalogue of faults."""
+    from hil._commands.faults import show_faults
+
+    raise typer.Exit(show_faults(as_json=as_json))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run `hil` and return its exit code; the console script calls `sys.exit` with it."""
+    command = typer.main.get_command(app)
+    try:
+        # Not standalone: click would end with 1 on Ctrl-C, which here means that cases failed.
+        outcome = command.main(args=arguments, prog_name="hil", standalone_mode=False)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 2
+    except Exception as error:  # noqa: BLE001 - sorted out below, unknown ones are raised again
+        return _failure(error)
+    return outcome if isinstance(outcome, int) else 0
+
+
+def _failure(error: Exception) -> int:
+    """Print what went wrong in one paragraph; a programming error of ours keeps its traceback."""
+    show = getattr(error, "show", None)
+    if callable(show):
+        show()
+        return int(getattr(error, "exit_code", 2)) or 2
+    if type(error).__name__ == "Abort":
+        print("interrupted", file=sys.stderr)
+        return 2
+    from fieldbus.errors import HilError
+
+    if not isinstance(error, HilError):
+        from reports.errors import ReportError
+
+        if not isinstance(error, (ReportError, OSError)):
+            raise error
+    print(f"hil: {error}", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,60 @@
+"""Exceptions of the orchestrator; all are rooted in `fieldbus.errors.HilError`."""
+
+from __future__ import annotations
+
+from fieldbus.errors import ConfigurationError, HilError, UnsupportedFaultError
+
+__all__ = [
+    "BlockedError",
+    "CampaignNotFoundError",
+    "CannotRunError",
+    "CaseTimeoutError",
+    "ConfigurationError",
+    "ExpectationFailedError",
+    "HilError",
+    "RecordingError",
+    "TokenError",
+    "UnsupportedFaultError",
+]
+
+
+class CannotRunError(HilError):
+    """The command cannot do its work at all (exit code 2)."""
+
+
+class CampaignNotFoundError(CannotRunError):
+    """A path or module name given to `hil run` leads to no campaign.
+
+    Args:
+        reference: What the user gave.
+        reason: Why nothing was found there.
+
+    """
+
+    def __init__(self, reference: str, reason: str) -> None:
+        super().__init__(
+            f"{reference!r} leads to no campaign: {reason}. Give a Python file, a directory or a module that defines "
+            "a hil.campaign.Campaign (for example testcases.campaigns.stop_modes)"
+        )
+        self.reference = reference
+        self.reason = reason
+
+
+class TokenError(CannotRunError):
+    """A replay token cannot be read, or what it points at has changed."""
+
+
+class BlockedError(HilError):
+    """The bench is not as the case needs it; the case ends with the verdict *blocked*."""
+
+
+class CaseTimeoutError(HilError):
+    """A case has used up its limit of simulated or wall time."""
+
+
+class RecordingError(HilError):
+    """Misuse of a recorder or trace, such as a column that was not recorded."""
+
+
+class ExpectationFailedError(HilError, AssertionError):
+    """An expectation that was checked at once did not hold; the message says expected, observed and when."""

@@ -1,0 +1,171 @@
+"""What a fault does to the bench: one action per kind, with the way back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from fieldbus.clock import seconds_to_ns
+from fieldbus.errors import ConfigurationError, UnsupportedFaultError
+from hil.faults._fault import Fault
+from hil.faults._parameters import Environment
+from hil.protocols import Bench
+
+Work = Callable[[], None]
+
+
+class Action:
+    """Applying a fault and taking it back.
+
+    Args:
+        target: Resolved name of what is broken.
+        apply: Breaks it.
+        remove: Mends it; None when there is nothing to mend.
+
+    """
+
+    __slots__ = ("apply", "remove", "target")
+
+    def __init__(self, target: str, apply: Work, remove: Work | None) -> None:
+        self.target = target
+        self.apply = apply
+        self.remove = remove
+
+
+def environment(bench: Bench, part: Any) -> Environment:
+    """Return where a part of the bench lives: `virtual`, `live` (emulated elsewhere) or `hardware`."""
+    if getattr(part, "physical", False):
+        return "hardware"
+    return "virtual" if bench.kind == "virtual" else "live"
+
+
+def refuse_unless_supported(bench: Bench, fault: Fault, part: Any) -> None:
+    """Raise `UnsupportedFaultError` when the catalogue says that the fault cannot be injected there."""
+    where = environment(bench, part)
+    reason = fault.entry.injectable(where)
+    if reason:
+        raise UnsupportedFaultError(f"{fault.kind} cannot be injected on a {where} bench: {reason}")
+
+
+def _drive_of(bench: Bench, fault: Fault) -> Any:
+    """Return the drive; a physical one without fault interface is a reason to refuse, an unknown one a mistake."""
+    try:
+        return bench.drive(fault.target or None)
+    except ConfigurationError:
+        section = getattr(getattr(bench, "config", None), "drive", {}).get(fault.target)
+        if section is None or getattr(section, "device", "") != "physical":
+            raise
+        reason = fault.entry.injectable("hardware")
+        raise UnsupportedFaultError(f"{fault.kind} cannot be injected at {fault.target}: {reason}") from None
+
+
+def _method(part: Any, name: str, fault: Fault) -> Callable[..., Any]:
+    method = getattr(part, name, None)
+    if not callable(method):
+        raise UnsupportedFaultError(
+            f"{fault.kind} cannot be injected: {getattr(part, 'name', part)!s} offers no {name}()"
+        )
+    return method  # type: ignore[no-any-return]  # getattr on a part of any make
+
+
+def drive_action(bench: Bench, fault: Fault, stream: str) -> Action:
+    """Return the action of a fault at a drive, its switches, mechanics or encoder.
+
+    Args:
+        bench: The bench.
+        fault: What to do.
+        stream: Name of the random stream of this fault.
+
+    """
+    drive = _drive_of(bench, fault)
+    refuse_unless_supported(bench, fault, drive)
+    name = str(drive.name)
+    value = fault.value
+
+    def pair(method: str, on: Any, off: Any) -> Action:
+        call = _method(drive, method, fault)
+        return Action(name, lambda: call(on), lambda: call(off))
+
+    match fault.kind:
+        case "drive.fault":
+            trip = _method(drive, "raise_fault", fault)
+            persistent = bool(value("persistent"))
+            clear = _method(drive, "clear_fault_cause", fault) if persistent else None
+            return Action(name, lambda: trip(value("code"), persistent=persistent), clear)
+        case "drive.sto":
+            return pair("set_sto", True, False)
+        case "drive.power_off":
+            return Action(name, _method(drive, "power_off", fault), _method(drive, "power_on", fault))
+        case "drive.heartbeat_loss":
+            return pair("stop_heartbeat", True, False)
+        case "switch.press":
+            force = _method(drive, "force_input", fault)
+            return Action(name, lambda: force(value("input"), True), lambda: force(value("input"), None))
+        case "switch.stuck":
+            force = _method(drive, "force_input", fault)
+            return Action(
+                name, lambda: force(value("input"), value("state")), lambda: force(value("input"), None)
+            )
+        case "switch.bounce":
+            bounce = _Bounce(bench, fault, _method(drive, "force_input", fault), stream)
+            return Action(name, bounce.apply, bounce.remove)
+        case "mechanics.jam":
+            return pair("jam", True, False)
+        case "mechanics.load_step":
+            return pair("load_force", value("force_N"), 0.0)
+        case "encoder.freeze":
+            return pair("freeze_encoder", True, False)
+        case "encoder.jump":
+            jump = _method(drive, "jump_encoder", fault)
+            return Action(name, lambda: jump(value("increments")), None)
+    raise UnsupportedFaultError(f"{fault.kind} has no action at a drive")
+
+
+def alarm_action(bench: Bench, fault: Fault) -> Action:
+    """Return the action that raises a technology alarm in the controller (STP-551)."""
+    axis = bench.axis(fault.target or None)
+    alarms = getattr(axis, "alarms", None)
+    number, reaction = fault.value("number"), fault.value("reaction")
+    if not fault.value("persistent"):
+        call = _method(alarms, "raise_alarm", fault)
+        return Action(str(axis.name), lambda: call(number, reaction=reaction), None)
+    cause = _method(alarms, "set_cause", fault)
+    return Action(
+        str(axis.name),
+        lambda: cause(number, True, reaction=reaction),
+        lambda: cause(number, False, reaction=reaction),
+    )
+
+
+class _Bounce:
+    """A switch that toggles with intervals from a seeded stream."""
+
+    __slots__ = ("_bench", "_fault", "_force", "_rng", "_timers")
+
+    def __init__(self, bench: Bench, fault: Fault, force: Callable[..., Any], stream: str) -> None:
+        self._bench = bench
+        self._fault = fault
+        self._force = force
+        self._rng = bench.rng(stream)
+        self._timers: list[Any] = []
+
+    def apply(self) -> None:
+        value = self._fault.value
+        name, final = value("input"), bool(value("state"))
+        edges = 2 * int(value("pulses"))
+        intervals = self._rng.uniform(float(value("shortest_s")), float(value("longest_s")), edges)
+        # The first edge goes to the final state, and an even number of further edges ends there.
+        self._force(name, final)
+        when = self._bench.scheduler.now
+        state = final
+        self._timers = []
+        for interval in intervals:
+            when += seconds_to_ns(float(interval))
+            state = not state
+            self._timers.append(self._bench.scheduler.at(when, partial(self._force, name, state)))
+
+    def remove(self) -> None:
+        for timer in self._timers:
+            timer.cancel()
+        self._force(self._fault.value("input"), None)

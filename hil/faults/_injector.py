@@ -1,0 +1,229 @@
+"""The injector: arms faults on a bench, watches their triggers, applies and removes them, and logs all of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fieldbus.clock import seconds_to_ns
+from fieldbus.errors import HilError
+from hil.faults._actions import Action, alarm_action, drive_action
+from hil.faults._fault import Fault
+from hil.faults._frames import FrameAction, InjectAction
+from hil.faults._parameters import Scalar
+from hil.faults._trigger import Immediately, OnFrame, Trigger, as_trigger
+from hil.faults._watch import Stop, watch
+from hil.protocols import Bench
+from hil.record import EventSelector
+
+
+class ArmedFault:
+    """A fault on a bench: waiting for its trigger, applied, or over."""
+
+    def __init__(self, injector: Injector, fault: Fault, number: int) -> None:
+        self.fault = fault
+        self.number = number
+        """1, 2, ... in the order of arming; the history events carry it."""
+        self.armed_ns = injector.bench.scheduler.now
+        self.applied_ns: int | None = None
+        """First application, ns."""
+        self.removed_ns: int | None = None
+        """Last removal, ns; equals the application for a fault that is over at once."""
+        self.applications = 0
+        self.active = False
+        """Whether it is applied at this moment."""
+        self.over = False
+        """Whether it will not be applied again."""
+        self._bench = injector.bench
+        self._pending = False
+        self._ends: list[Stop] = []
+        self._stop_trigger: Stop | None = None
+        self._limit = fault.count if fault.count is not None and not fault.kind.startswith("frame.") else 1
+        self._action = self._make_action()
+        self.target = self._action.target
+
+    def _make_action(self) -> Action:
+        stream = f"fault{self.number}"
+        kind = self.fault.kind
+        if kind == "frame.inject":
+            return InjectAction(self._bench, self.fault, self._ended)
+        if kind.startswith("frame."):
+            return FrameAction(self._bench, self.fault, stream, self._ended, self._hit)
+        if kind == "axis.alarm":
+            return alarm_action(self._bench, self.fault)
+        return drive_action(self._bench, self.fault, stream)
+
+    def arm(self) -> None:
+        """Begin to watch the trigger."""
+        trigger = as_trigger(self.fault.trigger)
+        self._emit("fault.armed", trigger=str(trigger), **self.fault.parameters)
+        if isinstance(self._action, FrameAction) and isinstance(trigger, OnFrame):
+            # The n-th frame must itself be hit, so the hook of the fault counts.
+            self._stop_trigger = self._action.arm_with(trigger, self._apply)
+            return
+        stop = watch(self._bench, trigger, self._fired)
+        if self.over or self.applications >= self._limit:
+            stop()
+        else:
+            self._stop_trigger = stop
+
+    def _fired(self) -> None:
+        """Apply outside of the component that caused the trigger, at the same instant."""
+        if self.over or self.active or self._pending:
+            return
+        if self._bench.scheduler.running:
+            self._pending = True
+            self._bench.scheduler.at(self._bench.scheduler.now, self._apply)
+        else:
+            self._apply()
+
+    def _apply(self) -> None:
+        self._pending = False
+        if self.over or self.active:
+            return
+        now = self._bench.scheduler.now
+        if self.applied_ns is None:
+            self.applied_ns = now
+        self.applications += 1
+        last = self.applications >= self._limit
+        self.active = True
+        self._emit("fault.applied", **self.fault.parameters)
+        self._action.apply()
+        if self._has_ended():
+            return
+        if self._action.remove is None:
+            self.active = False
+            self.removed_ns = now
+            if last:
+                self._finish()
+            return
+        if last:
+            self._stop_watching()
+        if self.fault.duration_s is not None:
+            self._ends.append(
+                self._bench.scheduler.after(seconds_to_ns(self.fault.duration_s), self._end).cancel
+            )
+        if self.fault.until is not None:
+            until = as_trigger(self.fault.until)
+            stop = watch(self._bench, until, self._until)
+            if self._has_ended():
+                stop()
+            else:
+                self._ends.append(stop)
+
+    def _has_ended(self) -> bool:
+        return not self.active
+
+    def _until(self) -> None:
+        if self._bench.scheduler.running:
+            self._bench.scheduler.at(self._bench.scheduler.now, self._end)
+        else:
+            self._end()
+
+    def _ended(self) -> None:
+        """The fault is over by itself (its count of frames is reached)."""
+        self._end()
+
+    def _hit(self, hit: int, can_id: int) -> None:
+        """Log a frame that is hit: it may leave no other mark."""
+        self._emit("fault.hit", hit=hit, can_id=can_id)
+
+    def _end(self) -> None:
+        if not self.active:
+            return
+        self.active = False
+        self.removed_ns = self._bench.scheduler.now
+        for stop in self._ends:
+            stop()
+        self._ends = []
+        if self._action.remove is not None:
+            self._action.remove()
+        self._emit("fault.removed")
+        if self.applications >= self._limit:
+            self._finish()
+
+    def _finish(self) -> None:
+        self.over = True
+        self._stop_watching()
+
+    def _stop_watching(self) -> None:
+        if self._stop_trigger is not None:
+            self._stop_trigger()
+            self._stop_trigger = None
+
+    def remove(self) -> None:
+        """End the fault now; one that still waits for its trigger is disarmed. Harmless when it is over."""
+        if self.over:
+            return
+        was_active = self.active
+        self._end()
+        if not self.over:
+            self._finish()
+        if not was_active and self.applied_ns is None:
+            self._emit("fault.disarmed")
+
+    def _emit(self, kind: str, **data: Scalar) -> None:
+        self._bench.history.emit(self.target, kind, fault=self.fault.kind, injection=self.number, **data)
+
+    def __repr__(self) -> str:
+        state = "active" if self.active else "over" if self.over else "armed"
+        return f"<ArmedFault {self.number} {self.fault} {state}>"
+
+
+class Injector:
+    """Arms faults on a bench.
+
+    Args:
+        bench: Any bench that satisfies `hil.protocols.Bench`.
+
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+        self.armed: list[ArmedFault] = []
+        """All faults armed so far, also those that are over."""
+
+    def arm(self, fault: Fault) -> ArmedFault:
+        """Arm a fault.
+
+        Raises:
+            UnsupportedFaultError: This bench cannot inject it; the message says why.
+            ConfigurationError: It names a part, message or signal that the bench does not have.
+
+        """
+        armed = ArmedFault(self, fault, len(self.armed) + 1)
+        self.armed.append(armed)
+        try:
+            armed.arm()
+        except HilError:
+            self.armed.remove(armed)
+            raise
+        return armed
+
+    def inject(
+        self,
+        kind: str,
+        target: str = "",
+        *,
+        trigger: Trigger | EventSelector | None = None,
+        until: Trigger | EventSelector | None = None,
+        duration_s: float | None = None,
+        count: int | None = None,
+        **parameters: Any,
+    ) -> ArmedFault:
+        """Arm a fault given by its fields; without a trigger it is applied at once."""
+        return self.arm(
+            Fault(
+                kind,
+                target,
+                trigger if trigger is not None else Immediately(),
+                until,
+                duration_s,
+                count,
+                parameters,
+            )
+        )
+
+    def remove_all(self) -> None:
+        """End every fault, newest first."""
+        for armed in reversed(self.armed):
+            armed.remove()

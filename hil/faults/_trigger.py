@@ -1,0 +1,301 @@
+"""Triggers: when a fault is applied or removed. Values that serialise; the injector evaluates them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from fieldbus.errors import ConfigurationError
+from hil.record import EventSelector
+from hil.record import event as select_event
+from hil.record._signal import DIRECTIONS, Direction
+
+
+@dataclass(frozen=True, slots=True)
+class Immediately:
+    """As soon as the fault is armed."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the trigger as TOML/JSON values."""
+        return {"when": "immediately"}
+
+    def __str__(self) -> str:
+        return "immediately"
+
+
+@dataclass(frozen=True, slots=True)
+class AtTime:
+    """At a time of the bench, or some time after arming."""
+
+    time_s: float
+    relative: bool = False
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.time_s) and self.time_s >= 0):
+            raise ConfigurationError("trigger.time_s", self.time_s, "a number >= 0 s")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the trigger as TOML/JSON values."""
+        return {"when": "after" if self.relative else "at", "time_s": self.time_s}
+
+    def __str__(self) -> str:
+        return f"{self.time_s:g} s after arming" if self.relative else f"at {self.time_s:g} s"
+
+
+@dataclass(frozen=True, slots=True)
+class SignalCrossing:
+    """When a recorded signal passes a value; evaluated once per application cycle."""
+
+    signal: str
+    """`component.column`; without a component the default axis is meant."""
+    value: float
+    direction: Direction = "any"
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.value):
+            raise ConfigurationError("trigger.value", self.value, "a finite number in the unit of the signal")
+        if self.direction not in DIRECTIONS:
+            raise ConfigurationError("trigger.direction", self.direction, ", ".join(DIRECTIONS))
+        if not self.signal:
+            raise ConfigurationError("trigger.signal", self.signal, "component.column")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the trigger as TOML/JSON values."""
+        return {"when": "signal", "signal": self.signal, "value": self.value, "direction": self.direction}
+
+    def __str__(self) -> str:
+        verb = {"rising": "rises through", "falling": "falls through", "any": "passes"}[self.direction]
+        return f"when {self.signal} {verb} {self.value:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class InState:
+    """When a component is in a state, at once if it already is."""
+
+    component: str
+    state: str
+    kind: str = ""
+    """Kind of the state events; empty: any kind ending in `.state`."""
+
+    def __post_init__(self) -> None:
+        if not self.component or not self.state:
+            raise ConfigurationError(
+                "trigger.state", f"{self.component}/{self.state}", "a component and a state text"
+            )
+
+    def applies(self, kind: str) -> bool:
+        """Whether events of this kind tell the state."""
+        return kind == self.kind if self.kind else kind.endswith(".state")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the trigger as TOML/JSON values."""
+        result = {"when": "state", "component": self.component, "state": self.state}
+        if self.kind:
+            result["kind"] = self.kind
+        return result
+
+    def __str__(self) -> str:
+        return f"when {self.component} is in state {self.state}"
+
+
+@dataclass(frozen=True, slots=True)
+class OnEvent:
+    """At the n-th event of a kind after arming."""
+
+    selector: EventSelector
+
+    def __post_init__(self) -> None:
+        if self.selector.number < 1:
+            raise ConfigurationError(
+                "trigger.number", self.selector.number, "1, 2, ...: the last event is not known yet"
+            )
+        if self.selector.offset_s < 0:
+            raise ConfigurationError("trigger.offset_s", self.selector.offset_s, "a number >= 0 s")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the trigger as TOML/JSON values."""
+        selector = self.selector
+        result: dict[str, Any] = {"when": "event", "kind": selector.kind}
+        if selector.source is not None:
+            result["source"] = selector.source
+        if selector.number != 1:
+            result["number"] = selector.number
+        if selector.offset_s:
+            result["offset_s"] = selector.offset_s
+        if selector.data:
+            result["data"] = dict(selector.data)
+        return result
+
+    def __str__(self) -> str:
+        return f"at {self.selector}"
+
+
+@dataclass(frozen=True, slots=True)
+class OnFrame:
+    """At the n-th frame with an identifier after arming."""
+
+    can_id: int | None = None
+    number: int = 1
+    message: str = ""
+    """Message name of a drive instead of an identifier."""
+    drive: str = ""
+    segment: str = ""
+
+    def __post_init__(self) -> None:
+        if self.number < 1:
+            raise ConfigurationError("trigger.number", self.number, "1, 2, ...")
+        if (self.can_id is None) == (not self.message):
+            raise ConfigurationError("trigger.can_id", self.can_id, "either an identifier or a message name")
+        if self.can_id is not None and not 0 <= self.can_id <= 0x1FFFFFFF:
+            raise ConfigurationError("trigger.can_id", self.can_id, "0..1FFFFFFFh")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the trigger as TOML/JSON values."""
+        result: dict[str, Any] = {"when": "frame"}
+        if self.can_id is not None:
+            result["can_id"] = self.can_id
+        for key in ("message", "drive", "segment"):
+            if getattr(self, key):
+                result[key] = getattr(self, key)
+        if self.number != 1:
+            result["number"] = self.number
+        return result
+
+    def __str__(self) -> str:
+        name = self.message if self.can_id is None else f"{self.can_id:03X}h"
+        owner = f" of {self.drive}" if self.drive else ""
+        return f"at frame {name}{owner} number {self.number}"
+
+
+Trigger = Immediately | AtTime | SignalCrossing | InState | OnEvent | OnFrame
+REPEATABLE = (SignalCrossing, InState, OnEvent, OnFrame)
+"""Triggers that can fire more than once."""
+
+
+def immediately() -> Immediately:
+    """As soon as the fault is armed."""
+    return Immediately()
+
+
+def at(time_s: float) -> AtTime:
+    """At `time_s` seconds from the start of the bench."""
+    return AtTime(float(time_s))
+
+
+def after(delay_s: float) -> AtTime:
+    """`delay_s` seconds after arming."""
+    return AtTime(float(delay_s), relative=True)
+
+
+def signal(name: str, value: float, *, direction: Direction = "any") -> SignalCrossing:
+    """When the recorded signal `component.column` passes `value`."""
+    return SignalCrossing(name, float(value), direction)
+
+
+def position(value: float, *, axis: str = "", direction: Direction = "any") -> SignalCrossing:
+    """When the actual position of an axis passes `value` [mm or degrees]."""
+    return SignalCrossing(f"{axis}.actual_position" if axis else "actual_position", float(value), direction)
+
+
+def velocity(value: float, *, axis: str = "", direction: Direction = "any") -> SignalCrossing:
+    """When the actual velocity of an axis passes `value` [mm/s or degrees/s]."""
+    return SignalCrossing(f"{axis}.actual_velocity" if axis else "actual_velocity", float(value), direction)
+
+
+def state(component: str, text: str, *, kind: str = "") -> InState:
+    """When `component` is in the state `text`."""
+    return InState(component, text, kind)
+
+
+def on_event(
+    kind: str, source: str | None = None, *, number: int = 1, **data: str | float | bool | None
+) -> OnEvent:
+    """At the `number`-th event of `kind` after arming; see `hil.record.event`."""
+    return OnEvent(select_event(kind, source, number=number, **data))
+
+
+def frame(
+    can_id: int | None = None, *, message: str = "", drive: str = "", number: int = 1, segment: str = ""
+) -> OnFrame:
+    """At the `number`-th frame with an identifier, or with a message name of a drive."""
+    return OnFrame(can_id, number, message, drive, segment)
+
+
+def as_trigger(value: Trigger | EventSelector) -> Trigger:
+    """Accept an event selector where a trigger is wanted."""
+    return OnEvent(value) if isinstance(value, EventSelector) else value
+
+
+@dataclass(frozen=True, slots=True)
+class _Form:
+    keys: Mapping[str, type | tuple[type, ...]]
+    required: tuple[str, ...] = field(default=())
+
+
+_NUMBER = (int, float)
+_FORMS: dict[str, _Form] = {
+    "immediately": _Form({}),
+    "at": _Form({"time_s": _NUMBER}, ("time_s",)),
+    "after": _Form({"time_s": _NUMBER}, ("time_s",)),
+    "signal": _Form({"signal": str, "value": _NUMBER, "direction": str}, ("signal", "value")),
+    "position": _Form({"axis": str, "value": _NUMBER, "direction": str}, ("value",)),
+    "velocity": _Form({"axis": str, "value": _NUMBER, "direction": str}, ("value",)),
+    "state": _Form({"component": str, "state": str, "kind": str}, ("component", "state")),
+    "event": _Form({"kind": str, "source": str, "number": int, "offset_s": _NUMBER, "data": dict}, ("kind",)),
+    "frame": _Form({"can_id": int, "message": str, "drive": str, "number": int, "segment": str}),
+}
+
+
+def trigger_from_dict(content: Any, where: str = "trigger") -> Trigger:
+    """Build a trigger from TOML/JSON values.
+
+    Raises:
+        ConfigurationError: Unknown `when`, unknown, missing or ill-typed key.
+
+    """
+    if not isinstance(content, Mapping):
+        raise ConfigurationError(where, content, f"a table with when = {', '.join(_FORMS)}")
+    when = content.get("when")
+    form = _FORMS.get(when) if isinstance(when, str) else None
+    if form is None:
+        raise ConfigurationError(f"{where}.when", when, ", ".join(_FORMS))
+    values = {key: value for key, value in content.items() if key != "when"}
+    for key, value in values.items():
+        kind = form.keys.get(key)
+        if kind is None:
+            raise ConfigurationError(f"{where}.{key}", value, ", ".join(["when", *form.keys]))
+        if not isinstance(value, kind) or isinstance(value, bool):
+            names = kind.__name__ if isinstance(kind, type) else "number"
+            raise ConfigurationError(f"{where}.{key}", value, f"a value of type {names}")
+    for key in form.required:
+        if key not in values:
+            raise ConfigurationError(f"{where}.{key}", None, f"required with when = {when}")
+    match when:
+        case "immediately":
+            return Immediately()
+        case "at" | "after":
+            return AtTime(float(values["time_s"]), relative=when == "after")
+        case "signal":
+            return SignalCrossing(values["signal"], float(values["value"]), values.get("direction", "any"))
+        case "position":
+            return position(
+                values["value"], axis=values.get("axis", ""), direction=values.get("direction", "any")
+            )
+        case "velocity":
+            return velocity(
+                values["value"], axis=values.get("axis", ""), direction=values.get("direction", "any")
+            )
+        case "state":
+            return InState(values["component"], values["state"], values.get("kind", ""))
+        case "event":
+            selector = select_event(
+                values["kind"], values.get("source"), number=values.get("number", 1), **values.get("data", {})
+            )
+            return OnEvent(selector.plus(float(values.get("offset_s", 0.0))))
+        case _:
+            return OnFrame(
+                values.get("can_id"), values.get("number", 1), values.get("message", ""), values.get("drive", ""),
+                values.get("segment", ""),
+            )  # fmt: skip

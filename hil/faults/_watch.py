@@ -1,0 +1,178 @@
+"""Evaluation of triggers on a bench. A watch costs nothing once it is stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from fieldbus.clock import seconds_to_ns
+from fieldbus.errors import ConfigurationError
+from fieldbus.history import Event
+from hil.faults._trigger import (
+    AtTime,
+    Immediately,
+    InState,
+    OnEvent,
+    OnFrame,
+    SignalCrossing,
+    Trigger,
+)
+from hil.protocols import Bench
+
+Stop = Callable[[], None]
+
+
+def _nothing() -> None:
+    """Nothing to stop."""
+
+
+def watch(bench: Bench, trigger: Trigger, fire: Callable[[], None]) -> Stop:
+    """Call `fire` every time `trigger` happens, until the returned function is called.
+
+    `fire` is called from inside the component that caused the trigger: it must only take note or enter work
+    on the scheduler.
+
+    Raises:
+        ConfigurationError: The trigger names something that the bench does not have, or a time in the past.
+
+    """
+    if isinstance(trigger, Immediately):
+        fire()
+        return _nothing
+    if isinstance(trigger, AtTime):
+        return _watch_time(bench, trigger, fire)
+    if isinstance(trigger, SignalCrossing):
+        return _watch_signal(bench, trigger, fire)
+    if isinstance(trigger, InState):
+        return _watch_state(bench, trigger, fire)
+    if isinstance(trigger, OnEvent):
+        return _watch_event(bench, trigger, fire)
+    return _watch_frame(bench, trigger, fire)
+
+
+def _watch_time(bench: Bench, trigger: AtTime, fire: Callable[[], None]) -> Stop:
+    scheduler = bench.scheduler
+    due = seconds_to_ns(trigger.time_s) + (scheduler.now if trigger.relative else 0)
+    if due < scheduler.now:
+        raise ConfigurationError(
+            "trigger.time_s",
+            trigger.time_s,
+            f"a time from now on; the bench stands at {scheduler.now * 1e-9:g} s",
+        )
+    return scheduler.at(due, fire).cancel
+
+
+def _watch_signal(bench: Bench, trigger: SignalCrossing, fire: Callable[[], None]) -> Stop:
+    name = trigger.signal if "." in trigger.signal else f"{bench.axis().name}.{trigger.signal}"
+    if not bench.recorder.has_signal(name):
+        raise ConfigurationError("trigger.signal", name, "a recorded signal of this bench")
+    read = bench.recorder.reader(name)
+    level = trigger.value
+    rising = trigger.direction != "falling"
+    falling = trigger.direction != "rising"
+    previous = read()
+
+    def look() -> None:
+        nonlocal previous
+        value = read()
+        if value is None:
+            return
+        before = previous
+        previous = value
+        if before is not None and (
+            (rising and before < level <= value) or (falling and before > level >= value)
+        ):
+            fire()
+
+    return bench.on_cycle(look)
+
+
+def _watch_state(bench: Bench, trigger: InState, fire: Callable[[], None]) -> Stop:
+    def look(entry: Event) -> None:
+        if (
+            entry.source == trigger.component
+            and trigger.applies(entry.kind)
+            and entry.data.get("to") == trigger.state
+        ):
+            fire()
+
+    stop = bench.history.listen(look)
+    seen: set[str] = set()
+    for entry in reversed(bench.history.events):
+        if entry.source == trigger.component and trigger.applies(entry.kind) and entry.kind not in seen:
+            seen.add(entry.kind)
+            if entry.data.get("to") == trigger.state:
+                fire()
+                break
+    return stop
+
+
+def _watch_event(bench: Bench, trigger: OnEvent, fire: Callable[[], None]) -> Stop:
+    selector = trigger.selector
+    delay_ns = seconds_to_ns(selector.offset_s)
+    seen = 0
+    timers: list[Any] = []
+
+    def look(entry: Event) -> None:
+        nonlocal seen
+        if not selector.matches(entry):
+            return
+        seen += 1
+        if seen < selector.number:
+            return
+        if delay_ns:
+            timers.append(bench.scheduler.after(delay_ns, fire))
+        else:
+            fire()
+
+    stop_listening = bench.history.listen(look)
+
+    def stop() -> None:
+        stop_listening()
+        for timer in timers:
+            timer.cancel()
+
+    return stop
+
+
+def frame_matcher(bench: Bench, trigger: OnFrame) -> Callable[[int], bool]:
+    """Return the function that is true from the n-th matching identifier on."""
+    wanted = (
+        trigger.can_id if trigger.can_id is not None else message_id(bench, trigger.drive, trigger.message)
+    )
+    seen = 0
+
+    def count(can_id: int) -> bool:
+        nonlocal seen
+        if can_id != wanted:
+            return False
+        seen += 1
+        return seen >= trigger.number
+
+    return count
+
+
+def _watch_frame(bench: Bench, trigger: OnFrame, fire: Callable[[], None]) -> Stop:
+    segment = bench.segment(trigger.segment or None)
+    matches = frame_matcher(bench, trigger)
+
+    def look(frame: Any, sender: str, time_ns: int) -> None:  # noqa: ARG001 - signature of a segment's hook
+        if matches(frame.can_id):
+            fire()
+
+    stop: Stop = segment.add_hook(look)
+    return stop
+
+
+def message_id(bench: Bench, drive: str, message: str) -> int:
+    """Return the identifier of a named message of a drive.
+
+    Raises:
+        ConfigurationError: The drive has no such message.
+
+    """
+    name = drive or bench.drive().name
+    known = bench.cob_ids(name)
+    if message not in known:
+        raise ConfigurationError("message", message, f"{', '.join(known)} (messages of {name})")
+    return known[message]

@@ -1,0 +1,164 @@
+"""Fuzz programs: lists of steps (jobs, faults, waits) as JSON values."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from fieldbus.errors import ConfigurationError
+from hil.faults import Fault, Parameter
+
+JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
+    "power_on": (),
+    "power_off": (Parameter("stop_mode", "int", "StopMode", minimum=0, maximum=3, default=0),),
+    "reset": (),
+    "home": (Parameter("position", "float", "Home position", "mm", -1e6, 1e6, default=0.0),),
+    "move_absolute": (
+        Parameter("position", "float", "Target", "mm", -1e6, 1e6, required=True),
+        Parameter("velocity", "float", "Velocity", "mm/s", 0.001, 1e6, default=100.0),
+    ),
+    "move_relative": (
+        Parameter("distance", "float", "Distance", "mm", -1e6, 1e6, required=True),
+        Parameter("velocity", "float", "Velocity", "mm/s", 0.001, 1e6, default=100.0),
+    ),
+    "move_velocity": (Parameter("velocity", "float", "Velocity, signed", "mm/s", -1e6, 1e6, required=True),),
+    "jog": (
+        Parameter("velocity", "float", "Velocity", "mm/s", 0.0, 1e6, default=100.0),
+        Parameter("backward", "bool", "Direction", default=False),
+    ),
+    "jog_release": (),
+    "halt": (),
+    "stop": (Parameter("mode", "int", "Mode", minimum=0, maximum=3, default=0),),
+    "stop_release": (),
+    "remove_faults": (),
+}
+"""Instructions of a program, with their parameters."""
+
+LONGEST_WAIT_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Do:
+    """Give an instruction."""
+
+    job: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        known = JOBS.get(self.job)
+        if known is None:
+            raise ConfigurationError("step.do", self.job, ", ".join(JOBS))
+        names = {parameter.name: parameter for parameter in known}
+        for name, value in self.parameters.items():
+            if name not in names:
+                raise ConfigurationError(
+                    f"step {self.job}.{name}", value, ", ".join(names) or "no parameters"
+                )
+            names[name].check(f"step {self.job}", value)
+        for parameter in known:
+            if parameter.required and parameter.name not in self.parameters:
+                raise ConfigurationError(f"step {self.job}.{parameter.name}", None, parameter.allowed)
+
+    def value(self, name: str) -> Any:
+        """Return a parameter, or its default."""
+        if name in self.parameters:
+            return self.parameters[name]
+        return next(parameter.default for parameter in JOBS[self.job] if parameter.name == name)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the step as JSON values."""
+        return {"do": self.job, **self.parameters}
+
+    def __str__(self) -> str:
+        units = {parameter.name: parameter.unit for parameter in JOBS[self.job]}
+        details = ", ".join(
+            f"{name} = {value:g} {units[name]}".rstrip() for name, value in self.parameters.items()
+        )
+        return f"{self.job} {details}".rstrip()
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """Let bench time pass."""
+
+    seconds: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.seconds <= LONGEST_WAIT_S:
+            raise ConfigurationError("step.wait", self.seconds, f"0..{LONGEST_WAIT_S:g} s")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the step as JSON values."""
+        return {"wait": self.seconds}
+
+    def __str__(self) -> str:
+        return f"wait {self.seconds:g} s"
+
+
+@dataclass(frozen=True, slots=True)
+class Break:
+    """Arm a fault."""
+
+    fault: Fault
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the step as JSON values."""
+        return {"fault": self.fault.to_dict()}
+
+    def __str__(self) -> str:
+        return f"fault {self.fault}"
+
+
+Step = Do | Wait | Break
+
+
+def step_from_json(content: Any, where: str = "step") -> Step:
+    """Build a step from JSON values.
+
+    Raises:
+        ConfigurationError: It is no step; the message says which key is wrong.
+
+    """
+    if not isinstance(content, Mapping):
+        raise ConfigurationError(where, content, "an object with do, wait or fault")
+    if "fault" in content and len(content) == 1:
+        return Break(Fault.from_dict(content["fault"], f"{where}.fault"))
+    if "wait" in content and len(content) == 1:
+        seconds = content["wait"]
+        if not isinstance(seconds, (int, float)) or isinstance(seconds, bool):
+            raise ConfigurationError(f"{where}.wait", seconds, "a number of seconds")
+        return Wait(float(seconds))
+    if isinstance(content.get("do"), str):
+        return Do(content["do"], {key: value for key, value in content.items() if key != "do"})
+    raise ConfigurationError(where, dict(content), "an object with do, wait or fault")
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A list of steps."""
+
+    steps: tuple[Step, ...]
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """Return the program as JSON values."""
+        return [step.to_json() for step in self.steps]
+
+    @classmethod
+    def from_json(cls, content: Any) -> Program:
+        """Build a program from JSON values; `ConfigurationError` names the step that is wrong."""
+        if not isinstance(content, Iterable) or isinstance(content, (str, Mapping)):
+            raise ConfigurationError("program", content, "a list of steps")
+        return cls(tuple(step_from_json(step, f"program[{index}]") for index, step in enumerate(content)))
+
+    @property
+    def name(self) -> str:
+        """Identifier made from the content."""
+        text = json.dumps(self.to_json(), sort_keys=True, separators=(",", ":"))
+        return f"fuzz/{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+    def __str__(self) -> str:
+        width = len(str(len(self.steps)))
+        return "\n".join(f"{number:{width}}. {step}" for number, step in enumerate(self.steps, 1))

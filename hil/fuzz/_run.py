@@ -1,0 +1,227 @@
+"""Running a fuzz program on a bench, with invariants watched in every cycle."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from hil.campaign import CaseContext, Token
+from hil.campaign._execute import collect_evidence
+from hil.errors import BlockedError, UnsupportedFaultError
+from hil.expect import run_checkers
+from hil.fuzz._invariants import Invariant, OneJobOutput, Violation, default_invariants
+from hil.fuzz._program import Break, Do, Program, Step, Wait
+from hil.record import Trace
+from reports.model import CaseResult, Check, Verdict
+
+InvariantFactory = Callable[[Any], list[Invariant]]
+STEP_S: Final = 0.012
+"""Bench time after every instruction, so that its edge is seen."""
+SETTLE_S: Final = 1.0
+"""Bench time after the last step."""
+
+
+class _BrokenError(Exception):
+    """Ends a program when an invariant is broken."""
+
+    def __init__(self, violation: Violation) -> None:
+        super().__init__(str(violation))
+        self.violation = violation
+
+
+@dataclass(slots=True)
+class FuzzOutcome:
+    """What a program has shown."""
+
+    program: Program
+    seed: int
+    violation: Violation | None
+    """The first broken invariant; None when all held."""
+    skipped: list[str]
+    """Steps that this bench cannot do."""
+    trace: Trace
+    result: CaseResult
+    """The same as a case, with evidence."""
+
+    def as_case(self, identifier: str = "") -> CaseResult:
+        """Return the outcome as a case under a name."""
+        self.result.identifier = identifier or self.program.name
+        return self.result
+
+
+class _Hands:
+    """Gives the instructions of a program; keeps the instances that are released later."""
+
+    def __init__(self, axis: Any, watch: OneJobOutput | None) -> None:
+        self._axis = axis
+        self._watch = watch
+        self._jog: Any = None
+        self._stop: Any = None
+
+    def do(self, step: Do) -> None:
+        axis, value = self._axis, step.value
+        match step.job:
+            case "power_on":
+                axis.power(True)
+                return
+            case "power_off":
+                axis.power(False, stop_mode=value("stop_mode"))
+                return
+            case "jog_release":
+                if self._jog is not None:
+                    self._jog.set(JogForward=False, JogBackward=False)
+                    self._jog = None
+                return
+            case "stop_release":
+                if self._stop is not None:
+                    self._stop.set(Execute=False)
+                    self._stop = None
+                return
+            case "reset":
+                job = axis.reset()
+            case "home":
+                job = axis.home(value("position"))
+            case "move_absolute":
+                job = axis.move_absolute(value("position"), Velocity=value("velocity"))
+            case "move_relative":
+                job = axis.move_relative(value("distance"), Velocity=value("velocity"))
+            case "move_velocity":
+                job = axis.move_velocity(value("velocity"))
+            case "jog":
+                job = self._jog = axis.jog(value("velocity"), backward=value("backward"))
+            case "halt":
+                job = axis.halt()
+            case _:
+                job = self._stop = axis.stop(value("mode"))
+        if self._watch is not None:
+            self._watch.jobs.append(job)
+
+
+def run_program(
+    program: Program, bench_file: Any, *, seed: int = 0, invariants: InvariantFactory = default_invariants
+) -> FuzzOutcome:
+    """Run a program on a fresh bench until an invariant breaks or it ends.
+
+    An exception out of the product counts as a broken invariant too: nothing that a program can say may crash it.
+
+    Args:
+        program: What to do.
+        bench_file: Builds the bench.
+        seed: Seed of the bench.
+        invariants: Makes the invariants for a bench.
+
+    """
+    skipped: list[str] = []
+    with bench_file.build(seed=seed) as bench:
+        context = CaseContext(bench, seed=seed)
+        watched = invariants(bench)
+        _install(bench, watched)
+        hands = _Hands(bench.axis(), next((one for one in watched if isinstance(one, OneJobOutput)), None))
+        violation: Violation | None = None
+        try:
+            for step in program.steps:
+                _perform(step, context, hands, skipped)
+            context.run_for(SETTLE_S)
+            horizon_s = max((invariant.horizon_ns() for invariant in watched), default=0) * 1e-9
+            if horizon_s > context.now_s:
+                context.run_for(horizon_s - context.now_s + SETTLE_S / 10)
+        except _BrokenError as broken:
+            violation = broken.violation
+        except Exception as error:  # noqa: BLE001 - whatever escapes is the finding
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            text = f"{type(error).__name__}: {error} at {place.filename}:{place.lineno}"
+            violation = Violation("no crash", context.now_s, text)
+        trace = context.trace()
+        if violation is None:
+            violation = _checked(trace)
+        result = _result(program, context, trace, violation, watched)
+        result.seed = seed
+        return FuzzOutcome(program, seed, violation, skipped, trace, result)
+
+
+def _install(bench: Any, watched: Sequence[Invariant]) -> None:
+    def look() -> None:
+        for invariant in watched:
+            problem = invariant.cycle()
+            if problem:
+                now_s = bench.scheduler.now * 1e-9
+                raise _BrokenError(Violation(invariant.name, now_s, problem, invariant.requirements))
+
+    for invariant in watched:
+        bench.history.listen(invariant.event)
+    bench.on_cycle(look)
+
+
+def _perform(step: Step, context: CaseContext, hands: _Hands, skipped: list[str]) -> None:
+    if isinstance(step, Wait):
+        context.run_for(step.seconds)
+        return
+    if isinstance(step, Break):
+        try:
+            context.faults.arm(step.fault)
+        except (UnsupportedFaultError, BlockedError) as error:
+            skipped.append(f"{step}: {error}")
+            context.observe(f"skipped: {error}")
+        return
+    context.do(str(step))
+    if step.job == "remove_faults":
+        context.faults.remove_all()
+    else:
+        hands.do(step)
+    context.run_for(STEP_S)
+
+
+def _checked(trace: Trace) -> Violation | None:
+    """Apply the rules that hold in every run to the finished trace."""
+    failed = [check for check in run_checkers(trace) if check.verdict is not Verdict.PASSED]
+    if not failed:
+        return None
+    first = min(failed, key=lambda check: float("inf") if check.time_s is None else check.time_s)
+    when = trace.end_s if first.time_s is None else first.time_s
+    return Violation(
+        first.name, when, f"expected {first.expected}; {first.observed}", tuple(first.requirements)
+    )
+
+
+def _result(
+    program: Program,
+    context: CaseContext,
+    trace: Trace,
+    violation: Violation | None,
+    watched: Sequence[Invariant],
+) -> CaseResult:
+    result = CaseResult(
+        identifier=program.name,
+        title="Fuzz program",
+        verdict=Verdict.PASSED if violation is None else Verdict.FAILED,
+        message="" if violation is None else str(violation),
+        group="fuzz",
+        tags=["fuzz"],
+    )
+    for invariant in watched:
+        if violation is None or violation.invariant != invariant.name:
+            result.checks.append(
+                Check(
+                    invariant.name,
+                    Verdict.PASSED,
+                    "in every cycle",
+                    "held",
+                    requirements=list(invariant.requirements),
+                )
+            )
+    if violation is not None:
+        result.checks.append(
+            Check(
+                violation.invariant, Verdict.FAILED, "in every cycle", violation.text, violation.time_s,
+                requirements=list(violation.requirements),
+            )
+        )  # fmt: skip
+    collect_evidence(context, trace, result)
+    return result
+
+
+def program_token(program: Program, *, seed: int, bench: str = "", bench_digest: str = "") -> str:
+    """Return the replay token of a program."""
+    return Token(program.name, seed, "", bench, bench_digest, program.to_json()).encode()

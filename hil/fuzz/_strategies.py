@@ -1,0 +1,134 @@
+"""Hypothesis strategies for fuzz programs. Numbers are drawn in coarse steps, so that a shrunk program reads well."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from hypothesis import strategies as st
+from hypothesis.strategies import SearchStrategy
+
+from hil.faults import CATALOGUE, Fault
+from hil.faults._actions import environment
+from hil.fuzz._program import Break, Do, Program, Step, Wait
+
+_EMCY: Final = (0x2310, 0x3210, 0x3220, 0x4310, 0x5400, 0x7121, 0x7305, 0x8611, 0xFF00)
+_ALARMS: Final = ((421, 4), (431, 4), (521, 4), (411, 4), (534, 3), (533, 2), (304, 3), (307, 2), (550, 5))
+_FOREIGN_CONTROL: Final = ("rpdo", "sdo_rx", "nmt", "controller")
+"""Messages by which a forged frame would take control of the drive: no fault of a bus, but an attack."""
+
+PREAMBLE: Final[tuple[Step, ...]] = (Do("power_on"), Wait(0.3))
+
+
+def _grid(low: int, high: int, step: float) -> SearchStrategy[float]:
+    return st.integers(low, high).map(lambda number: round(number * step, 6))
+
+
+def _jobs() -> SearchStrategy[Step]:
+    velocity = _grid(1, 40, 10.0)
+    return st.one_of(
+        st.just(Do("power_on")),
+        st.builds(lambda mode: Do("power_off", {"stop_mode": mode}), st.integers(0, 3)),
+        st.just(Do("reset")),
+        st.builds(lambda position: Do("home", {"position": position}), _grid(-10, 10, 10.0)),
+        st.builds(
+            lambda position, speed: Do("move_absolute", {"position": position, "velocity": speed}),
+            _grid(-30, 30, 10.0), velocity,
+        ),
+        st.builds(
+            lambda distance, speed: Do("move_relative", {"distance": distance, "velocity": speed}),
+            _grid(-20, 20, 10.0), velocity,
+        ),
+        st.builds(lambda speed: Do("move_velocity", {"velocity": speed}), _grid(-40, 40, 10.0)),
+        st.builds(
+            lambda speed, backward: Do("jog", {"velocity": speed, "backward": backward}), velocity, st.booleans()
+        ),
+        st.sampled_from([Do("jog_release"), Do("halt"), Do("stop_release"), Do("remove_faults")]),
+        st.builds(lambda mode: Do("stop", {"mode": mode}), st.sampled_from([0, 2, 3])),
+    )  # fmt: skip
+
+
+def _selection(messages: Sequence[str]) -> SearchStrategy[dict[str, Any]]:
+    return st.fixed_dictionaries(
+        {"message": st.sampled_from(list(messages))},
+        optional={"every": st.integers(1, 5), "probability": st.sampled_from([0.1, 0.5, 0.9])},
+    )
+
+
+def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
+    """Return the parameters of a kind besides the choice of frames."""
+    inputs = st.sampled_from(["negative_limit", "positive_limit", "home"])
+    known: dict[str, SearchStrategy[dict[str, Any]]] = {
+        "frame.delay": st.fixed_dictionaries({"delay_s": _grid(1, 20, 0.001)}),
+        "frame.corrupt": st.fixed_dictionaries({"attempts": st.integers(1, 4)}),
+        "frame.duplicate": st.fixed_dictionaries({"copies": st.integers(1, 3)}),
+        "frame.replace": st.fixed_dictionaries({"data": st.binary(max_size=8).map(bytes.hex)}),
+        "drive.fault": st.fixed_dictionaries({"code": st.sampled_from(_EMCY), "persistent": st.booleans()}),
+        "switch.press": st.fixed_dictionaries({"input": inputs}),
+        "switch.stuck": st.fixed_dictionaries({"input": inputs, "state": st.booleans()}),
+        "switch.bounce": st.fixed_dictionaries({"input": inputs, "pulses": st.integers(1, 8)}),
+        "mechanics.load_step": st.fixed_dictionaries({"force_N": _grid(-10, 10, 50.0)}),
+        "encoder.jump": st.fixed_dictionaries(
+            {"increments": st.integers(-20, 20).map(lambda number: number * 1000)}
+        ),
+        "axis.alarm": st.sampled_from(_ALARMS).map(lambda pair: {"number": pair[0], "reaction": pair[1]}),
+    }
+    return known.get(kind, st.just({}))
+
+
+def _fault(kind: str, ids: dict[str, int]) -> SearchStrategy[Step]:
+    messages = sorted(ids)
+    if kind == "frame.inject":
+        harmless = [ids[name] for name in messages if not name.startswith(_FOREIGN_CONTROL)]
+        parameters = st.fixed_dictionaries(
+            {"can_id": st.sampled_from([*harmless, 0x7FF]), "data": st.binary(max_size=8).map(bytes.hex)}
+        )
+        return st.builds(
+            lambda values, count: Break(Fault(kind, count=count, parameters=values)),
+            parameters,
+            st.integers(1, 20),
+        )
+    if kind.startswith("frame."):
+        if kind == "frame.replace":
+            messages = [name for name in messages if not name.startswith(_FOREIGN_CONTROL)]
+        return st.builds(
+            lambda chosen, extras, count, duration: Break(
+                Fault(kind, count=count, duration_s=duration, parameters={**chosen, **extras})
+            ),
+            _selection(messages), _extras(kind), st.integers(1, 20), _grid(1, 25, 0.02),
+        )  # fmt: skip
+    entry = next(one for one in CATALOGUE if one.name == kind)
+    duration = _grid(1, 25, 0.02) if entry.lasting and kind != "axis.alarm" else st.none()
+    return st.builds(
+        lambda extras, seconds: Break(Fault(kind, duration_s=seconds, parameters=extras)),
+        _extras(kind),
+        duration,
+    )
+
+
+def fault_kinds(bench: Any) -> list[str]:
+    """Return the kinds of the catalogue that a bench can inject."""
+    where = environment(bench, bench.drive())
+    has_alarms = hasattr(bench.axis(), "alarms")
+    return [
+        entry.name
+        for entry in CATALOGUE
+        if not entry.injectable(where) and (entry.target != "axis" or has_alarms)
+    ]
+
+
+def programs(
+    kinds: Sequence[str], ids: dict[str, int], *, longest: int = 12, preamble: Sequence[Step] = PREAMBLE
+) -> SearchStrategy[Program]:
+    """Return a strategy of programs.
+
+    Args:
+        kinds: Fault kinds, as of `fault_kinds`.
+        ids: Identifiers of the drive by message name (`bench.cob_ids`).
+        longest: Greatest number of steps after the preamble.
+        preamble: Steps that every program begins with.
+
+    """
+    waits: SearchStrategy[Step] = _grid(1, 30, 0.02).map(Wait)
+    steps = st.one_of(_jobs(), waits, st.one_of([_fault(kind, ids) for kind in kinds]))
+    return st.lists(steps, min_size=1, max_size=longest).map(lambda body: Program((*preamble, *body)))

@@ -1,0 +1,212 @@
+"""What the orchestrator needs of a bench, of its parts and of a bench file.
+
+The concrete bench (`hil.bench`) satisfies these protocols; so may a bench of one's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
+
+from fieldbus.clock import Scheduler
+from fieldbus.history import History
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from fieldbus.can.frame import CanFrame, CanPort, FrameReceiver
+    from hil.record import Recorder, Trace
+
+
+class Job(Protocol):
+    """Outputs of one instruction instance."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether the job is being executed."""
+
+    @property
+    def done(self) -> bool:
+        """Whether the job has reached its goal."""
+
+    @property
+    def error(self) -> bool:
+        """Whether the job was refused or has failed."""
+
+    @property
+    def command_aborted(self) -> bool:
+        """Whether another job or the disabling took over."""
+
+    @property
+    def error_id(self) -> int:
+        """Cause of `error`; 0 without."""
+
+
+class Axis(Protocol):
+    """An axis of the controller, with the conveniences that own one instruction instance each.
+
+    Units: mm, mm/s, mm/s2, mm/s3 (degrees for a rotary axis).
+    """
+
+    name: str
+
+    def power(self, enable: bool = True, *, stop_mode: int = 0) -> Job:
+        """Enable, or disable with `stop_mode` 0..3."""
+
+    def reset(self, *, restart: bool = False) -> Job:
+        """Acknowledge alarms or restart the technology object."""
+
+    def home(self, *, mode: int = 0, position: float = 0.0) -> Job:
+        """Home the axis."""
+
+    def move_absolute(self, position: float, *, velocity: float = -1.0) -> Job:
+        """Move to `position`."""
+
+    def move_relative(self, distance: float, *, velocity: float = -1.0) -> Job:
+        """Move by `distance`."""
+
+    def move_velocity(self, velocity: float) -> Job:
+        """Move with `velocity` until told otherwise."""
+
+    def jog(self, *, forward: bool = False, backward: bool = False, velocity: float = 100.0) -> Job:
+        """Set the two jog inputs."""
+
+    def halt(self) -> Job:
+        """Bring the axis to rest; new jobs are allowed."""
+
+    def stop(self, *, mode: int = 0, release: bool = False) -> Job:
+        """Stop with `mode` 0, 2 or 3 and block new jobs until called again with `release`."""
+
+
+class Drive(Protocol):
+    """A drive as the faults see it: emulated here, or a proxy of one in another process."""
+
+    name: str
+
+    def raise_fault(self, emcy_code: int, *, persistent: bool = False) -> None:
+        """Trip with an EMCY code; a persistent cause refuses the fault reset."""
+
+    def clear_fault_cause(self) -> None:
+        """Withdraw the cause of a persistent fault."""
+
+    def set_sto(self, active: bool) -> None:
+        """Open or close the safe-torque-off input."""
+
+    def freeze_encoder(self, frozen: bool) -> None:
+        """Hold the reported position."""
+
+    def jump_encoder(self, increments: int) -> None:
+        """Displace the reported position."""
+
+    def jam(self, active: bool) -> None:
+        """Block the mechanics."""
+
+    def load_force(self, newton: float) -> None:
+        """Set the external force at the load, N."""
+
+    def force_input(self, name: str, state: bool | None) -> None:
+        """Override the input `negative_limit`, `positive_limit` or `home`; None ends the override."""
+
+    def stop_heartbeat(self, stopped: bool) -> None:
+        """Suppress the heartbeat, or produce it again."""
+
+    def power_off(self) -> None:
+        """Take the node off the bus without a word."""
+
+    def power_on(self) -> None:
+        """Start the node again, with boot-up."""
+
+
+class FaultSegment(Protocol):
+    """A CAN segment with the seams for frame faults."""
+
+    name: str
+    scheduler: Scheduler
+
+    def attach(self, name: str, receive: FrameReceiver) -> CanPort:
+        """Connect a node."""
+
+    def add_hook(self, hook: Callable[[CanFrame, str, int], Any]) -> Callable[[], None]:
+        """Call `hook(frame, sender, time_ns)` before a frame goes on the wire; returns the remover."""
+
+    def inject(self, frame: CanFrame, sender: str = "fault") -> None:
+        """Put a frame on the wire."""
+
+
+@runtime_checkable
+class Bench(Protocol):
+    """A wired bench: one scheduler, one history, drives, axes, segments."""
+
+    scheduler: Scheduler
+    history: History
+    recorder: Recorder
+    kind: str
+    """`virtual` or `live`."""
+    seed: int
+
+    def axis(self, name: str | None = None) -> Any:
+        """Return an axis (`Axis`); without a name the only or first one."""
+
+    def drive(self, name: str | None = None) -> Any:
+        """Return a drive (`Drive`); without a name the only or first one."""
+
+    def segment(self, name: str | None = None) -> Any:
+        """Return a CAN segment (`FaultSegment`); without a name the only or first one."""
+
+    def on_cycle(self, callback: Callable[[], object]) -> Callable[[], None]:
+        """Call `callback` once per application cycle; returns the remover."""
+
+    def run_for(self, seconds: float) -> None:
+        """Let `seconds` of the bench's time pass."""
+
+    def run_until(self, predicate: Callable[[], object], timeout: float) -> bool:
+        """Run until `predicate` is true or `timeout` seconds have passed; returns whether it became true."""
+
+    def rng(self, name: str) -> Generator:
+        """Return the seeded random stream of component `name`."""
+
+    def cob_ids(self, drive_name: str) -> dict[str, int]:
+        """Return the identifiers of a drive by name: `rpdo1`, `tpdo1`, `sync`, `emcy`, `heartbeat`, `sdo_rx`, `sdo_tx`."""
+
+    def decode(self, frame: CanFrame) -> str:
+        """Return the meaning of a frame in words."""
+
+    def trace(self) -> Trace:
+        """Return what has been recorded so far."""
+
+    def close(self) -> None:
+        """Release everything."""
+
+    def __enter__(self) -> Self:
+        """Use as a context manager."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the bench."""
+
+
+@runtime_checkable
+class BenchFile(Protocol):
+    """A validated bench description that builds fresh benches."""
+
+    name: str
+    text: str
+    """The description as it stands in the file."""
+    digest: str
+    """SHA-256 of the description, hexadecimal."""
+
+    def build(self, *, seed: int) -> Any:
+        """Return a fresh `Bench`."""
+
+
+class BenchLoader(Protocol):
+    """`hil.bench.load_bench`: None or an empty path means the embedded bench."""
+
+    def __call__(self, path: str | None) -> BenchFile:
+        """Load and validate; raises `ConfigurationError`."""
+
+
+Constants = Mapping[str, float]
+"""Facts of the bench that a judge of the trace needs, by `component.fact`: `axis1.max_deceleration`."""

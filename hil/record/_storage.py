@@ -1,0 +1,118 @@
+"""Saving and loading a trace: columns in a NumPy archive, everything else in JSON beside it."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fieldbus.can.frame import CanFrame
+from fieldbus.history import Event
+from hil.errors import RecordingError
+from hil.record._trace import Trace, TraceGroup
+
+FORMAT = 1
+
+
+def _paths(path: Path) -> tuple[Path, Path]:
+    stem = path.with_suffix("") if path.suffix in {".npz", ".json"} else path
+    return stem.with_name(stem.name + ".npz"), stem.with_name(stem.name + ".json")
+
+
+def save_trace(trace: Trace, path: Path) -> tuple[Path, Path]:
+    """Write a trace; returns the two files."""
+    archive, document = _paths(path)
+    arrays: dict[str, Any] = {}
+    groups = []
+    for index, group in enumerate(trace.groups):
+        arrays[f"t{index}"] = group.time_ns
+        arrays[f"v{index}"] = group.values
+        enums = {
+            column: {str(value): text for value, text in texts.items()}
+            for column, texts in group.enums.items()
+        }
+        groups.append({"name": group.name, "columns": group.columns, "enums": enums})
+    content = {
+        "format": FORMAT,
+        "end_ns": trace.end_ns,
+        "digest": trace.digest(),
+        "constants": trace.constants,
+        "groups": groups,
+        "events": [list(entry) for entry in trace.events],
+        "frames": {
+            bus: [
+                [
+                    time_ns,
+                    sender,
+                    frame.can_id,
+                    bytes(frame.data).hex(),
+                    frame.extended | frame.remote << 1,
+                    frame.dlc,
+                    error,
+                ]
+                for time_ns, sender, frame, error in trace.raw_frames(bus)
+            ]
+            for bus in trace.buses
+        },
+    }
+    archive.parent.mkdir(parents=True, exist_ok=True)
+    with archive.open("wb") as stream:
+        np.savez_compressed(stream, allow_pickle=False, **arrays)
+    document.write_text(json.dumps(content, separators=(",", ":"), default=_plain), encoding="utf-8")
+    return archive, document
+
+
+def _plain(value: Any) -> Any:
+    item = getattr(value, "item", None)
+    if callable(item):
+        return item()
+    raise TypeError(f"{value!r} is no scalar")
+
+
+def load_trace(path: Path) -> Trace:
+    """Read what `save_trace` wrote."""
+    archive, document = _paths(path)
+    try:
+        content = json.loads(document.read_text(encoding="utf-8"))
+        if content.get("format") != FORMAT:
+            raise RecordingError(f"{document}: format {content.get('format')!r} is not {FORMAT}")
+        groups = []
+        with np.load(archive, allow_pickle=False) as arrays:
+            for index, entry in enumerate(content["groups"]):
+                enums = {
+                    column: {int(value): text for value, text in texts.items()}
+                    for column, texts in entry["enums"].items()
+                }
+                columns = tuple((str(name), str(unit)) for name, unit in entry["columns"])
+                groups.append(
+                    TraceGroup(entry["name"], columns, enums, arrays[f"t{index}"], arrays[f"v{index}"])
+                )
+        frames = {
+            bus: [
+                (
+                    time_ns,
+                    sender,
+                    CanFrame(
+                        can_id, bytes.fromhex(data), extended=bool(flags & 1), remote=bool(flags & 2), dlc=dlc
+                    ),
+                    error,
+                )
+                for time_ns, sender, can_id, data, flags, dlc, error in log
+            ]
+            for bus, log in content["frames"].items()
+        }
+        trace = Trace(
+            groups,
+            events=[Event(*entry) for entry in content["events"]],
+            frames=frames,
+            constants=content["constants"],
+            end_ns=content["end_ns"],
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+        raise RecordingError(f"no readable trace at {document} and {archive.name}: {error}") from error
+    if trace.digest() != content["digest"]:
+        raise RecordingError(f"{document} and {archive.name} do not belong together: the digest differs")
+    return trace

@@ -1,0 +1,267 @@
+"""The trace: everything a bench recorded, immutable, comparable, with a digest."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from struct import Struct
+from typing import Any, Final, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldbus.history import Event
+from hil.errors import RecordingError
+from hil.record._select import EventSelector, kind_matches
+from hil.record._signal import Signal
+
+_FRAME_HEAD: Final = Struct("<qIBBB").pack
+
+
+class TraceFrame(NamedTuple):
+    """One frame on a bus."""
+
+    time_ns: int
+    bus: str
+    sender: str
+    can_id: int
+    data: bytes
+    extended: bool
+    remote: bool
+    dlc: int
+    error: str
+    """Empty, or what went wrong with the frame."""
+
+    def canonical(self) -> bytes:
+        """Return the bytes that enter the digest."""
+        return (
+            _FRAME_HEAD(self.time_ns, self.can_id, self.extended | self.remote << 1, self.dlc, len(self.data))
+            + self.data
+            + f"{self.bus}\0{self.sender}\0{self.error}\0".encode()
+        )
+
+
+class TraceGroup(NamedTuple):
+    """The rows of one recorder group."""
+
+    name: str
+    columns: tuple[tuple[str, str], ...]
+    enums: Mapping[str, Mapping[int, str]]
+    time_ns: NDArray[np.int64]
+    values: NDArray[np.float64]
+    """Rows by columns."""
+
+    @classmethod
+    def from_bytes(
+        cls,
+        name: str,
+        columns: tuple[tuple[str, str], ...],
+        enums: Mapping[str, Mapping[int, str]],
+        content: bytes,
+    ) -> Self:
+        """Unpack what `Group.content` packed."""
+        width = 1 + len(columns)
+        raw = np.frombuffer(content, dtype="<i8").reshape(-1, width)
+        times = raw[:, 0].astype(np.int64)
+        values = np.frombuffer(content, dtype="<f8").reshape(-1, width)[:, 1:].astype(np.float64)
+        # One bit pattern for every not-a-number, so that the digest does not depend on how it came about.
+        values[np.isnan(values)] = np.nan
+        times.flags.writeable = False
+        values.flags.writeable = False
+        return cls(name, columns, {column: dict(texts) for column, texts in enums.items()}, times, values)
+
+
+def event_json(entry: Event) -> str:
+    """Return an event as canonical JSON: fixed key order, no blanks, shortest floats."""
+    return json.dumps(
+        [entry.time_ns, entry.source, entry.kind, entry.data],
+        sort_keys=True, separators=(",", ":"), ensure_ascii=True, default=_plain,
+    )  # fmt: skip
+
+
+def _plain(value: Any) -> Any:
+    """Turn NumPy scalars in event data into Python numbers."""
+    item = getattr(value, "item", None)
+    if callable(item):
+        return item()
+    raise TypeError(f"{value!r} is no scalar")
+
+
+class Trace:
+    """An immutable view of a run: signals by name, events, frames.
+
+    Args:
+        groups: Recorded groups.
+        events: Event log, in order.
+        frames: Frame logs by bus: (time_ns, sender, CanFrame, error).
+        constants: Facts of the bench for judges of the trace.
+        end_ns: Time at which the trace was taken.
+
+    """
+
+    def __init__(
+        self,
+        groups: Iterable[TraceGroup],
+        *,
+        events: Sequence[Event] = (),
+        frames: Mapping[str, Sequence[tuple[int, str, Any, str]]] | None = None,
+        constants: Mapping[str, float] | None = None,
+        end_ns: int = 0,
+    ) -> None:
+        self._groups = {group.name: group for group in groups}
+        self.events: tuple[Event, ...] = tuple(events)
+        self._raw_frames = {bus: tuple(log) for bus, log in (frames or {}).items()}
+        self._frames: tuple[TraceFrame, ...] | None = None
+        self._signals: dict[str, Signal] = {}
+        self._digest = ""
+        self.constants: dict[str, float] = dict(constants or {})
+        self.end_ns = end_ns
+
+    def __getitem__(self, name: str) -> Signal:
+        """Return the signal `component.column`.
+
+        Raises:
+            RecordingError: It was not recorded; the message lists what was.
+
+        """
+        signal = self._signals.get(name)
+        if signal is not None:
+            return signal
+        component, _, column = name.partition(".")
+        group = self._groups.get(component)
+        if group is not None:
+            for index, (known, unit) in enumerate(group.columns):
+                if known == column:
+                    enum = dict(group.enums.get(column, {}))
+                    time_s = (group.time_ns * 1e-9).astype(np.float64)
+                    signal = Signal(name, unit, time_s, group.values[:, index], enum)
+                    self._signals[name] = signal
+                    return signal
+        known_names = [n for n in self.names() if group is None or n.startswith(component + ".")]
+        raise RecordingError(
+            f"no signal {name!r} was recorded; recorded are: {', '.join(known_names) or 'none'}"
+        )
+
+    def __contains__(self, name: object) -> bool:
+        if not isinstance(name, str):
+            return False
+        component, _, column = name.partition(".")
+        group = self._groups.get(component)
+        return group is not None and any(known == column for known, _ in group.columns)
+
+    def __iter__(self) -> Iterator[Signal]:
+        return (self[name] for name in self.names())
+
+    @property
+    def end_s(self) -> float:
+        """Time at which the trace was taken, s."""
+        return self.end_ns * 1e-9
+
+    @property
+    def groups(self) -> tuple[TraceGroup, ...]:
+        """The recorded groups in the order in which they were added."""
+        return tuple(self._groups.values())
+
+    def names(self) -> list[str]:
+        """Return the names of all signals."""
+        return [f"{group.name}.{column}" for group in self._groups.values() for column, _ in group.columns]
+
+    def components_with(self, *columns: str) -> list[str]:
+        """Return the components that have all these columns: how axes and drives are told apart."""
+        return [
+            group.name
+            for group in self._groups.values()
+            if {column for column, _ in group.columns}.issuperset(columns)
+        ]
+
+    @property
+    def frames(self) -> tuple[TraceFrame, ...]:
+        """All frames of all buses, by time."""
+        if self._frames is None:
+            merged = [
+                TraceFrame(
+                    time_ns, bus, sender, frame.can_id, bytes(frame.data), bool(frame.extended), bool(frame.remote),
+                    frame.dlc, error,
+                )
+                for bus, log in self._raw_frames.items()
+                for time_ns, sender, frame, error in log
+            ]  # fmt: skip
+            if len(self._raw_frames) > 1:
+                merged.sort(key=lambda frame: frame.time_ns)
+            self._frames = tuple(merged)
+        return self._frames
+
+    def raw_frames(self, bus: str) -> tuple[tuple[int, str, Any, str], ...]:
+        """Return the frame log of a bus as the segment kept it."""
+        return self._raw_frames.get(bus, ())
+
+    @property
+    def buses(self) -> list[str]:
+        """Names of the recorded buses."""
+        return list(self._raw_frames)
+
+    def select(self, *, source: str | None = None, kind: str | None = None) -> Iterator[Event]:
+        """Return events of a source and of a kind (a trailing dot selects a family)."""
+        for entry in self.events:
+            if (source is None or entry.source == source) and (
+                kind is None or kind_matches(kind, entry.kind)
+            ):
+                yield entry
+
+    def instant(self, reference: float | EventSelector) -> float | None:
+        """Return a reference instant in seconds; None when its event did not happen."""
+        if isinstance(reference, EventSelector):
+            entry = reference.find(self.events)
+            return None if entry is None else entry.time_ns * 1e-9 + reference.offset_s
+        return float(reference)
+
+    def window(self, start_s: float, end_s: float) -> Trace:
+        """Return what lies between two times, both included; times keep their origin."""
+        start, end = round(start_s * 1e9), round(min(end_s, 9e9) * 1e9)
+        groups = []
+        for group in self._groups.values():
+            first = int(np.searchsorted(group.time_ns, start, side="left"))
+            last = int(np.searchsorted(group.time_ns, end, side="right"))
+            groups.append(group._replace(time_ns=group.time_ns[first:last], values=group.values[first:last]))
+        return Trace(
+            groups,
+            events=[entry for entry in self.events if start <= entry.time_ns <= end],
+            frames={bus: [e for e in log if start <= e[0] <= end] for bus, log in self._raw_frames.items()},
+            constants=self.constants,
+            end_ns=min(self.end_ns, end),
+        )
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the canonical content, hexadecimal: columns, samples, events, frames."""
+        if not self._digest:
+            sha = hashlib.sha256()
+            for group in self._groups.values():
+                sha.update(json.dumps([group.name, group.columns], separators=(",", ":")).encode())
+                sha.update(group.time_ns.astype("<i8").tobytes())
+                sha.update(np.ascontiguousarray(group.values, dtype="<f8").tobytes())
+            for entry in self.events:
+                sha.update(event_json(entry).encode())
+                sha.update(b"\n")
+            sha.update(b"".join([frame.canonical() for frame in self.frames]))
+            self._digest = sha.hexdigest()
+        return self._digest
+
+    def save(self, path: str | Path) -> tuple[Path, Path]:
+        """Write `<path>.npz` (columns) and `<path>.json` (everything else); see `load`."""
+        from hil.record._storage import save_trace
+
+        return save_trace(self, Path(path))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Trace:
+        """Read a saved trace.
+
+        Raises:
+            RecordingError: The files are missing, damaged, or do not belong together.
+
+        """
+        from hil.record._storage import load_trace
+
+        return load_trace(Path(path))

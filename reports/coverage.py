@@ -1,0 +1,228 @@
+"""What a run has covered: faults against reactions, faults against axis states, requirements against cases.
+
+An empty cell is a finding too: a combination that nobody has tried. Rows and columns therefore hold everything that
+is known (the fault catalogue, every state of a state signal), not only what happened.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from reports.model import CaseResult, FaultRecord, RunResult, Verdict
+from reports.words import reaction_name
+
+NO_ALARM: Final = "no alarm"
+NOT_INJECTED: Final = "not injected"
+UNKNOWN_STATE: Final = "unknown"
+
+_GRAVITY: Final = (Verdict.FAILED, Verdict.ERROR, Verdict.BLOCKED, Verdict.PASSED)
+
+
+def worst(verdicts: list[Verdict]) -> Verdict | None:
+    """Return the gravest verdict (failed, error, blocked, passed); None for an empty list."""
+    return next((verdict for verdict in _GRAVITY if verdict in verdicts), None)
+
+
+@dataclass(slots=True)
+class Cell:
+    """One combination of a coverage matrix."""
+
+    verdicts: list[Verdict] = field(default_factory=list)
+    cases: list[str] = field(default_factory=list)
+    """Identifiers, in case order, each once."""
+    notes: list[str] = field(default_factory=list)
+    """Alarm numbers seen, each once, ascending."""
+
+    def add(self, case: CaseResult, notes: list[str]) -> None:
+        """Count a case once, with its verdict."""
+        if case.identifier not in self.cases:
+            self.cases.append(case.identifier)
+            self.verdicts.append(case.verdict)
+        self.notes = sorted({*self.notes, *notes}, key=lambda note: (len(note), note))
+
+    def count(self, verdict: Verdict) -> int:
+        """Return the number of cases with `verdict`."""
+        return self.verdicts.count(verdict)
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """The gravest verdict of the cell; None when empty."""
+        return worst(self.verdicts)
+
+
+@dataclass(slots=True)
+class Matrix:
+    """A coverage matrix; a missing cell was never tried."""
+
+    rows: list[str]
+    columns: list[str]
+    cells: dict[tuple[str, str], Cell]
+
+    def cell(self, row: str, column: str) -> Cell:
+        """Return a cell, an empty one where nothing was tried."""
+        return self.cells.get((row, column)) or Cell()
+
+    @property
+    def tried(self) -> int:
+        """Number of combinations with at least one case, without the faults that could not be injected."""
+        return sum(column != NOT_INJECTED for _row, column in self.cells)
+
+    @property
+    def possible(self) -> int:
+        """Number of combinations that could have been tried."""
+        return len(self.rows) * sum(column != NOT_INJECTED for column in self.columns)
+
+
+def reactions_to(case: CaseResult, fault: FaultRecord) -> dict[str, list[str]]:
+    """Return the reactions of the axes from the application of a fault until the next one of the same case.
+
+    Returns:
+        Name of the reaction (`NO_ALARM`, `NOT_INJECTED`) to the alarm numbers that had it.
+
+    """
+    applied = fault.applied_s
+    if applied is None:
+        return {NOT_INJECTED: []}
+    later = [
+        other.applied_s for other in case.faults if other.applied_s is not None and other.applied_s > applied
+    ]
+    end = min(later, default=float("inf"))
+    found: dict[str, list[str]] = {}
+    for alarm in case.alarms:
+        if applied <= alarm.time_s < end:
+            found.setdefault(reaction_name(alarm.reaction), []).append(str(alarm.number))
+    return found or {NO_ALARM: []}
+
+
+def state_of(fault: FaultRecord) -> str:
+    """Return the axis state in which a fault was applied; `NOT_INJECTED` when it was not."""
+    if fault.applied_s is None:
+        return NOT_INJECTED
+    return fault.axis_state or UNKNOWN_STATE
+
+
+def fault_kinds(run: RunResult) -> list[str]:
+    """Return all fault kinds of the catalogue and of the run, sorted."""
+    return sorted({*run.fault_catalogue, *(fault.kind for case in run.cases for fault in case.faults)})
+
+
+def fault_reaction_matrix(run: RunResult) -> Matrix:
+    """Return fault kind against the reaction that followed."""
+    cells: dict[tuple[str, str], Cell] = {}
+    columns: set[str] = set()
+    for case in run.cases:
+        for fault in case.faults:
+            for reaction, numbers in reactions_to(case, fault).items():
+                columns.add(reaction)
+                cells.setdefault((fault.kind, reaction), Cell()).add(case, numbers)
+    known = [
+        NO_ALARM,
+        *(reaction_name(code) for code in range(6)),
+        *(reaction_name(code) for code in range(6, 16)),
+    ]
+    always = {NO_ALARM, *(reaction_name(code) for code in range(1, 6))}
+    ordered = [name for name in known if name in columns or name in always]
+    ordered += sorted(columns - {*known, NOT_INJECTED})
+    ordered += [NOT_INJECTED] if NOT_INJECTED in columns else []
+    return Matrix(fault_kinds(run), ordered, cells)
+
+
+def fault_state_matrix(run: RunResult) -> Matrix:
+    """Return fault kind against the axis state at its application."""
+    cells: dict[tuple[str, str], Cell] = {}
+    seen: dict[str, None] = {}
+    for case in run.cases:
+        for fault in case.faults:
+            state = state_of(fault)
+            seen.setdefault(state)
+            cells.setdefault((fault.kind, state), Cell()).add(case, [])
+    special = {UNKNOWN_STATE, NOT_INJECTED}
+    named = set(seen) - special
+    ordered: dict[str, None] = {}
+    for case in run.cases:
+        for signal in case.signals:
+            if named and named.intersection(signal.enum.values()):
+                ordered.update(dict.fromkeys(text for _value, text in sorted(signal.enum.items())))
+    ordered.update(dict.fromkeys(sorted(named - set(ordered))))
+    columns = [*ordered, *(name for name in (UNKNOWN_STATE, NOT_INJECTED) if name in seen)]
+    return Matrix(fault_kinds(run), columns, cells)
+
+
+@dataclass(slots=True)
+class RequirementRow:
+    """A requirement and what the run says about it."""
+
+    identifier: str
+    title: str
+    section: str
+    document: str
+    known: bool
+    """False for an identifier that a case names but the catalogue does not hold."""
+    cases: list[tuple[str, Verdict]]
+    """Case and its verdict for this requirement, in case order."""
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """The gravest verdict; None when no case claims the requirement."""
+        return worst([verdict for _case, verdict in self.cases])
+
+
+@dataclass(slots=True)
+class PrefixTotal:
+    """Totals of the requirements of one family, for example `STP`."""
+
+    prefix: str
+    known: int = 0
+    passed: int = 0
+    failed: int = 0
+    """Failed or error."""
+    blocked: int = 0
+    untested: int = 0
+    orphaned: int = 0
+    """Named by a case, not in the catalogue; counted under its verdict as well."""
+
+
+def requirement_matrix(run: RunResult) -> list[RequirementRow]:
+    """Return every requirement of the catalogue and of the cases.
+
+    A check that names a requirement speaks for it; a case speaks for those that it names and none of its checks does.
+    The order is that of the catalogue, then unknown identifiers sorted.
+    """
+    found: dict[str, list[tuple[str, Verdict]]] = {}
+    for case in run.cases:
+        by_check: dict[str, list[Verdict]] = {}
+        for check in case.checks:
+            for identifier in check.requirements:
+                by_check.setdefault(identifier, []).append(check.verdict)
+        for identifier in dict.fromkeys([*case.requirements, *by_check]):
+            verdict = worst(by_check.get(identifier, [])) or case.verdict
+            found.setdefault(identifier, []).append((case.identifier, verdict))
+    rows = [
+        RequirementRow(
+            info.identifier, info.title, info.section, info.document, True, found.pop(info.identifier, [])
+        )
+        for info in {info.identifier: info for info in run.requirements}.values()
+    ]
+    rows += [RequirementRow(identifier, "", "", "", False, found[identifier]) for identifier in sorted(found)]
+    return rows
+
+
+def prefix_totals(rows: list[RequirementRow]) -> list[PrefixTotal]:
+    """Return totals per prefix (the part before the last hyphen), sorted by prefix."""
+    totals: dict[str, PrefixTotal] = {}
+    for row in rows:
+        prefix = row.identifier.rpartition("-")[0] or row.identifier
+        total = totals.setdefault(prefix, PrefixTotal(prefix))
+        total.known += row.known
+        total.orphaned += not row.known
+        match row.verdict:
+            case None:
+                total.untested += 1
+            case Verdict.PASSED:
+                total.passed += 1
+            case Verdict.BLOCKED:
+                total.blocked += 1
+            case Verdict.FAILED | Verdict.ERROR:
+                total.failed += 1
+    return [totals[prefix] for prefix in sorted(totals)]

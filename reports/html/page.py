@@ -1,0 +1,282 @@
+"""The whole page: one self-contained HTML file that works from `file://` without a network.
+
+Its content security policy allows nothing but the scripts of the page itself, named by their hashes: text of a run that
+slipped through the escaping could still not run, and no library can load anything.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import quote, urlencode
+
+from reports.coverage import (
+    Matrix,
+    fault_reaction_matrix,
+    fault_state_matrix,
+    prefix_totals,
+    requirement_matrix,
+)
+from reports.html.payload import case_payload, index_entry, script_json
+from reports.model import CaseResult, RunResult, Verdict
+from reports.summary import run_digest
+from reports.words import headline, reaction_name, run_state
+
+_STYLES: Final = ("style.css", "case.css")
+_SCRIPTS: Final = ("core.js", "list.js", "requirements.js", "overlay.js", "plot.js", "case.js", "main.js")
+_ORDER: Final = (Verdict.FAILED, Verdict.ERROR, Verdict.BLOCKED, Verdict.PASSED)
+
+
+def render_html(run: RunResult, path: str | Path, *, points: int = 2000) -> Path:
+    """Write the report and return its path.
+
+    Args:
+        run: The run.
+        path: File to write; evidence links count from its folder.
+        points: About how many samples of a signal stay in the plot (at least 100). Extremes and the surroundings of
+            faults, alarms and failed checks always stay.
+
+    Raises:
+        ValueError: `points` is below 100.
+
+    """
+    if points < 100:
+        raise ValueError(f"points: {points} is not allowed; allowed: 100 and more")
+    target = Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_bytes(html_text(run, points=points).encode("utf-8", "replace"))
+    return target
+
+
+def html_text(run: RunResult, *, points: int = 2000) -> str:
+    """Return the report as text; lone surrogates in it become question marks when it is written."""
+    import jinja2
+    from markupsafe import Markup
+
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(_resource), autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )  # fmt: skip
+    plotly = _plotly()
+    program = '(() => {\n"use strict";\n' + "\n".join(_resource(name) for name in _SCRIPTS) + "})();"
+    requirement_rows = requirement_matrix(run)
+    place = {case.identifier: index for index, case in enumerate(run.cases)}
+    state = run_state(run)
+    title, text = _verdict_words(run, state)
+    context: dict[str, Any] = {
+        "run": run,
+        "state": state,
+        "state_icon": {"failed": "failed", "passed": "passed"}.get(state, "blocked"),
+        "verdict_title": title,
+        "verdict_text": text,
+        "totals": [(verdict.value, run.count(verdict)) for verdict in _ORDER],
+        "simulated": _duration(sum(case.simulated_s for case in run.cases)),
+        "wall": _duration(sum(case.wall_s for case in run.cases)),
+        "rows": [_list_row(index, case) for index, case in sorted(enumerate(run.cases), key=_gravity)],
+        "selections": _selections(run),
+        "matrices": _matrices(run),
+        "prefix_rows": [
+            {
+                "prefix": total.prefix,
+                "link": "#/requirements?" + urlencode({"p": total.prefix}, errors="replace"),
+                "numbers": [total.known, total.passed, total.failed, total.blocked, total.untested, total.orphaned],
+                "parts": [
+                    ("passed", total.passed), ("failed", total.failed), ("blocked", total.blocked), ("untested", total.untested),
+                ],
+            }
+            for total in prefix_totals(requirement_rows)
+        ],
+        "facts": _facts(run),
+        "style": Markup("".join(_resource(name) for name in _STYLES)),  # noqa: S704 (a file of this package)
+        "script_hashes": Markup(f"{_hash(program)} {_hash(plotly)}"),  # noqa: S704 (base 64)
+        "program": Markup(program),  # noqa: S704 (files of this package)
+        "plotly": Markup(plotly),  # noqa: S704 (a file of the installed plotly package)
+        "index": _json([index_entry(case) for case in run.cases]),
+        "requirements": _json(
+            [
+                [
+                    row.identifier, row.title, row.section, row.document, row.verdict.value if row.verdict else "untested",
+                    row.known, [[place[name], verdict.value] for name, verdict in row.cases],
+                ]
+                for row in requirement_rows
+            ]
+        ),
+        "payloads": (_json(case_payload(case, points=points)) for case in run.cases),
+    }  # fmt: skip
+    return environment.get_template("report.html.j2").render(context)
+
+
+def _json(value: object) -> Any:
+    from markupsafe import Markup
+
+    return Markup(script_json(value))  # noqa: S704 (escaped by script_json)
+
+
+def _resource(name: str) -> str:
+    return (files("reports.html") / "templates" / name).read_text("utf-8")
+
+
+def _plotly() -> str:
+    """Return plotly.js of the installed package, fit to stand inside a `script` element."""
+    from plotly.offline import get_plotlyjs
+
+    source = str(get_plotlyjs()).replace("\r\n", "\n").replace("\r", "\n").replace("\0", "\\0")
+    # Inside JavaScript strings and patterns, where alone these can stand, the backslash changes nothing.
+    return re.sub(r"<(?=/script|!--)", r"<\\", source, flags=re.IGNORECASE)
+
+
+def _hash(script: str) -> str:
+    digest = hashlib.sha256(script.encode("utf-8")).digest()
+    return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
+
+
+def _gravity(item: tuple[int, CaseResult]) -> tuple[int, int]:
+    return _ORDER.index(item[1].verdict), item[0]
+
+
+def _plural(count: int, word: str) -> str:
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+
+
+def _verdict_words(run: RunResult, state: str) -> tuple[str, str]:
+    """Return the headline of the run and the sentence below it."""
+    total = len(run.cases)
+    failed, errors, blocked = (run.count(verdict) for verdict in _ORDER[:3])
+    rest = []
+    if state == "failed":
+        bad = [f"{failed} failed"] * bool(failed) + [_plural(errors, "error")] * bool(errors)
+        title = f"{' and '.join(bad)}"
+        causes = Counter(headline(case) for case in run.cases if case.verdict is Verdict.FAILED)
+        groups = {case.group for case in run.cases if case.verdict in {Verdict.FAILED, Verdict.ERROR}} - {""}
+        rest.append(
+            f"of {_plural(total, 'case')}"
+            + (f", in {', '.join(sorted(groups))}" if 0 < len(groups) <= 4 else "")
+        )
+        if failed > len(causes) > 0:
+            rest.append(f"{len(causes)} different reasons" if len(causes) > 1 else "all for the same reason")
+    elif state == "passed":
+        title = (
+            "All passed"
+            if run.count(Verdict.PASSED) == total
+            else f"{run.count(Verdict.PASSED)} passed, none failed"
+        )
+        groups = {case.group for case in run.cases} - {""}
+        rest.append(_plural(total, "case") + (f" in {len(groups)} groups" if len(groups) > 1 else ""))
+    else:
+        title = {"interrupted": "Interrupted", "empty": "Nothing was shown"}[state]
+        rest.append(
+            _plural(total, "case") + " so far, none failed" if state == "interrupted" else "no case passed"
+        )
+    if blocked:
+        rest.append(f"{blocked} blocked: the bench was not as {'it' if blocked == 1 else 'they'} needed it")
+    if run.interrupted and state == "failed":
+        rest.append("the run was interrupted, cases are missing")
+    return title, "; ".join(rest) + "."
+
+
+def _list_row(index: int, case: CaseResult) -> dict[str, Any]:
+    return {
+        "index": index,
+        "identifier": case.identifier,
+        "link": quote(case.identifier, safe="/", errors="replace"),
+        "title": case.title,
+        "verdict": case.verdict.value,
+        "headline": headline(case),
+        "faults": list(dict.fromkeys(f"{fault.kind} → {fault.target}" for fault in case.faults))[:3],
+        "alarms": list(
+            dict.fromkeys(f"{alarm.number} {reaction_name(alarm.reaction)}" for alarm in case.alarms)
+        )[:3],
+        "simulated": _duration(case.simulated_s),
+        "wall": _duration(case.wall_s),
+        "simulated_s": case.simulated_s,
+        "wall_s": case.wall_s,
+    }
+
+
+def _selections(run: RunResult) -> list[tuple[str, str, list[str]]]:
+    def several(values: Iterable[str]) -> list[str]:
+        return sorted({value for value in values if value})
+
+    return [
+        ("g", "Group", several(case.group for case in run.cases)),
+        ("tag", "Tag", several(tag for case in run.cases for tag in case.tags)),
+        ("f", "Fault", several(fault.kind for case in run.cases for fault in case.faults)),
+    ]
+
+
+def _matrices(run: RunResult) -> list[dict[str, Any]]:
+    return [
+        _matrix("Fault against reaction", fault_reaction_matrix(run), "r"),
+        _matrix("Fault against axis state", fault_state_matrix(run), "s"),
+    ]
+
+
+def _matrix(title: str, matrix: Matrix, key: str) -> dict[str, Any]:
+    rows = []
+    for name in matrix.rows:
+        cells: list[dict[str, Any] | None] = []
+        found: set[str] = set()
+        for column in matrix.columns:
+            cell = matrix.cell(name, column)
+            found.update(cell.cases)
+            if cell.verdict is None:
+                cells.append(None)
+                continue
+            counts = ", ".join(
+                f"{cell.count(verdict)} {verdict.value}" for verdict in _ORDER if cell.count(verdict)
+            )
+            cells.append(
+                {
+                    "verdict": cell.verdict.value,
+                    "counts": [
+                        (verdict.value, cell.count(verdict)) for verdict in _ORDER if cell.count(verdict)
+                    ],
+                    "notes": " ".join(cell.notes[:3]) + (" …" if len(cell.notes) > 3 else ""),
+                    "hint": f"{name}, {column}: {counts}",
+                    "link": "#/cases?" + urlencode({"f": name, key: column}, errors="replace"),
+                }
+            )
+        rows.append(
+            {
+                "name": name,
+                "cells": cells,
+                "total": len(found),
+                "link": "#/cases?" + urlencode({"f": name}, errors="replace"),
+            }
+        )
+    return {
+        "title": title,
+        "columns": matrix.columns,
+        "rows": rows,
+        "tried": matrix.tried,
+        "possible": matrix.possible,
+    }
+
+
+def _facts(run: RunResult) -> list[tuple[str, str]]:
+    return [
+        ("Title", run.title),
+        ("Bench", run.bench_name),
+        ("Started", run.started),
+        ("Seed", str(run.seed)),
+        ("Trace digest", run_digest(run)),
+        ("Cases", str(len(run.cases))),
+        ("Interrupted", "yes, cases are missing" if run.interrupted else "no"),
+    ]
+
+
+def _duration(value: float) -> str:
+    if not math.isfinite(value):
+        return "unknown"
+    if value >= 120:
+        minutes, rest = divmod(round(value), 60)
+        return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min {rest:02d} s"
+    if value >= 1:
+        return f"{value:.2f} s"
+    return f"{value * 1000:.0f} ms" if value else "0 s"

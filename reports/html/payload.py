@@ -1,0 +1,354 @@
+"""One case as the compact JSON that the page renders when somebody opens the case."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from bisect import bisect_left
+from collections.abc import Iterable, Mapping
+from pathlib import PurePosixPath
+from typing import Any, Final
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reports.coverage import reactions_to, state_of
+from reports.html.numbers import encode, thin
+from reports.html.signals import Lane, Panel, arrange, bands, component, is_setpoint
+from reports.model import CaseResult, Check, Message, Scalar, Signal, Step, Verdict
+from reports.words import (
+    expected_text,
+    headline,
+    limits,
+    margin_text,
+    number,
+    observed_text,
+    reaction_name,
+    replay_command,
+)
+
+MAX_MESSAGES: Final = 400
+"""Messages shown of a case; of a passed one half of them, since nobody hunts a defect there."""
+_TIME_QUANTUM_S: Final = 1e-6
+_TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+
+
+def script_json(value: object) -> str:
+    """Return JSON that may stand inside a `script` element: nothing in it can end the element or open a comment."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    for character, escape in (
+        ("<", "\\u003c"),
+        (">", "\\u003e"),
+        ("&", "\\u0026"),
+        ("\u2028", "\\u2028"),
+        ("\u2029", "\\u2029"),
+    ):
+        text = text.replace(character, escape)
+    return text
+
+
+def file_link(path: str) -> str:
+    """Return a link for an evidence file below the report; empty for a path that leads elsewhere."""
+    plain = path.replace("\\", "/")
+    if not plain or plain.startswith("/") or ".." in PurePosixPath(plain).parts or plain[1:2] == ":":
+        return ""
+    return "./" + quote(plain, safe="/", errors="replace")
+
+
+def index_entry(case: CaseResult) -> dict[str, Any]:
+    """Return what the case list needs to search and filter."""
+    faults = [
+        [fault.kind, reaction, state_of(fault)]
+        for fault in case.faults
+        for reaction in reactions_to(case, fault)
+    ]
+    named = dict.fromkeys(
+        [*case.requirements, *(identifier for check in case.checks for identifier in check.requirements)]
+    )
+    words = [case.identifier, case.title, headline(case), case.message, case.token, *case.tags, *named]
+    words += [f"{fault.kind} {fault.target}" for fault in case.faults]
+    words += [f"{alarm.number} {alarm.text}" for alarm in case.alarms]
+    return {
+        "id": case.identifier,
+        "v": case.verdict.value,
+        "g": case.group,
+        "tags": case.tags,
+        "f": faults,
+        "r": list(named),
+        "q": " ".join(dict.fromkeys(words)).lower(),
+    }
+
+
+def case_payload(case: CaseResult, *, points: int) -> dict[str, Any]:
+    """Return everything of a case for the page.
+
+    Args:
+        case: The case.
+        points: About how many samples of a signal may stay; extremes and the surroundings of faults, alarms and
+            failed checks always do.
+
+    """
+    focus = focus_times(case)
+    panels, lanes = arrange(_clean(case.signals), _interest(case))
+    times = _TimeTable()
+    applied = [fault.applied_s for fault in case.faults if fault.applied_s is not None]
+    start = min((float(signal.time_s[0]) for signal in case.signals if len(signal.time_s)), default=0.0)
+    return {
+        "id": case.identifier,
+        "title": case.title,
+        "v": case.verdict.value,
+        "head": headline(case),
+        "message": case.message,
+        "group": case.group,
+        "tags": case.tags,
+        "reqs": case.requirements,
+        "seed": str(case.seed),
+        "token": case.token,
+        "replay": replay_command(case.token) if case.token else "",
+        "sim": _time(case.simulated_s),
+        "wall": _time(case.wall_s),
+        "digest": case.trace_digest,
+        "start": _time(start),
+        "end": _time(_end_of(case)),
+        "zero": _time(min(applied, default=None)),
+        "story": [
+            [_time(step.time_s), step.kind, step.text, _pairs(step.detail)] for step in full_story(case)
+        ],
+        "checks": [_check(check) for check in case.checks],
+        "alarms": [
+            [
+                _time(a.time_s),
+                _time(a.cleared_s),
+                a.axis,
+                str(a.number),
+                str(a.reaction),
+                reaction_name(a.reaction),
+                a.text,
+            ]
+            for a in case.alarms
+        ],
+        "faults": [
+            [
+                f.kind,
+                f.target,
+                _time(f.armed_s),
+                _time(f.applied_s),
+                _time(f.removed_s),
+                f.trigger,
+                f.axis_state,
+                _pairs(f.parameters),
+            ]
+            for f in case.faults
+        ],
+        "messages": _messages(
+            case.messages, focus, MAX_MESSAGES if case.verdict is not Verdict.PASSED else MAX_MESSAGES // 2
+        ),
+        "messageTotal": len(case.messages),
+        "panels": [_panel(panel, times, points, focus) for panel in panels],
+        "lanes": [_lane(lane) for lane in lanes],
+        "times": times.encoded,
+        "files": [[name, path, file_link(path)] for name, path in case.files.items()],
+    }
+
+
+def focus_times(case: CaseResult) -> list[float]:
+    """Return the moments that a reader will zoom to: faults, alarms, failed checks, most important first."""
+    moments = [fault.applied_s for fault in case.faults]
+    moments += [alarm.time_s for alarm in case.alarms]
+    moments += [check.time_s for check in case.checks if check.verdict is not Verdict.PASSED]
+    moments += [fault.removed_s for fault in case.faults]
+    moments += [alarm.cleared_s for alarm in case.alarms]
+    return list(dict.fromkeys(moment for moment in moments if moment is not None and math.isfinite(moment)))
+
+
+def _interest(case: CaseResult) -> set[str]:
+    """Return the components that the case is about: of failed checks, else of alarms, else of faults."""
+    failed = {
+        component(check.signal) for check in case.checks if check.verdict is Verdict.FAILED and check.signal
+    }
+    return failed or {alarm.axis for alarm in case.alarms[:1]} or {fault.target for fault in case.faults[:1]}
+
+
+def full_story(case: CaseResult) -> list[Step]:
+    """Return the story in order of time, with faults, alarms and checks where the steps do not tell them."""
+    told = {step.kind for step in case.story}
+    story = list(case.story)
+    if "inject" not in told:
+        for fault in case.faults:
+            if fault.applied_s is not None:
+                story.append(
+                    Step(fault.applied_s, "inject", f"{fault.kind} on {fault.target}", dict(fault.parameters))
+                )
+            if fault.removed_s is not None:
+                story.append(Step(fault.removed_s, "inject", f"{fault.kind} on {fault.target} removed"))
+    if "observe" not in told:
+        story += [
+            Step(
+                alarm.time_s,
+                "observe",
+                f"{alarm.axis}: alarm {alarm.number}, {reaction_name(alarm.reaction)}: {alarm.text}",
+            )
+            for alarm in case.alarms
+        ]
+    if "expect" not in told:
+        story += [
+            Step(
+                check.time_s,
+                "expect",
+                f"{check.name}: {expected_text(check)}",
+                {"observed": observed_text(check)},
+            )
+            for check in case.checks
+            if check.time_s is not None
+        ]
+    return sorted(story, key=lambda step: step.time_s)
+
+
+def select_messages(messages: list[Message], focus: list[float], limit: int = MAX_MESSAGES) -> list[int]:
+    """Choose the bus messages to show: frames with errors, then those nearest to the moments of interest.
+
+    Without such moments these are the first ones.
+    """
+    if len(messages) <= limit:
+        return list(range(len(messages)))
+    ordered = sorted(focus)
+
+    def distance(index: int) -> tuple[bool, float, int]:
+        time = messages[index].time_s
+        place = bisect_left(ordered, time)
+        near = min((abs(time - moment) for moment in ordered[max(0, place - 1) : place + 1]), default=0.0)
+        return not messages[index].error, near, index
+
+    return sorted(sorted(range(len(messages)), key=distance)[:limit])
+
+
+class _TimeTable:
+    """Time axes of a case, each distinct one stored once."""
+
+    def __init__(self) -> None:
+        self.encoded: list[dict[str, Any]] = []
+        self._known: dict[bytes, int] = {}
+
+    def add(self, time_s: NDArray[np.float64]) -> int:
+        key = hashlib.sha256(time_s.tobytes()).digest()
+        if key not in self._known:
+            self._known[key] = len(self.encoded)
+            self.encoded.append(encode(time_s, _TIME_QUANTUM_S))
+        return self._known[key]
+
+
+def _clean(signals: Iterable[Signal]) -> list[Signal]:
+    """Return the signals as float64 with ascending times; a recording of a real machine may have neither."""
+    found = []
+    for signal in signals:
+        time = np.asarray(signal.time_s, dtype=np.float64)
+        values = np.asarray(signal.values, dtype=np.float64)
+        size = min(len(time), len(values))
+        time, values = time[:size], values[:size]
+        usable = np.isfinite(time)
+        if not usable.all():
+            time, values = time[usable], values[usable]
+        if len(time) > 1 and (np.diff(time) < 0).any():
+            order = np.argsort(time, kind="stable")
+            time, values = time[order], values[order]
+        found.append(Signal(signal.name, signal.unit, time, values, signal.enum))
+    return found
+
+
+def _panel(panel: Panel, times: _TimeTable, points: int, focus: list[float]) -> dict[str, Any]:
+    traces = []
+    for signal in panel.signals:
+        index = thin(signal.time_s, signal.values, points, focus)
+        traces.append(
+            {
+                "name": signal.name,
+                "set": is_setpoint(signal.name),
+                "t": times.add(signal.time_s[index]),
+                "y": encode(signal.values[index]),
+            }
+        )
+    return {"title": panel.title, "unit": panel.unit, "on": panel.shown, "traces": traces}
+
+
+def _lane(lane: Lane) -> dict[str, Any]:
+    starts, values = bands(lane)
+    used = {int(value) for value in values if value is not None}
+    return {
+        "name": lane.signal.name,
+        "kind": lane.kind,
+        "on": lane.shown,
+        "s": starts,
+        "y": [None if value is None else int(value) if value.is_integer() else value for value in values],
+        "end": _time(float(lane.signal.time_s[-1])),
+        "texts": {str(value): text for value, text in lane.signal.enum.items() if value in used},
+    }
+
+
+def _check(check: Check) -> dict[str, Any]:
+    since = check.since_s
+    scale = _TIME_UNITS.get(check.unit)
+    limited = check.low is not None or check.high is not None
+    if since is None and scale and limited and check.time_s is not None and check.value is not None:
+        since = check.time_s - check.value * scale
+    return {
+        "name": check.name,
+        "v": check.verdict.value,
+        "expected": expected_text(check),
+        "observed": observed_text(check),
+        "t": _time(check.time_s),
+        "since": _time(since),
+        "value": _finite(check.value),
+        "low": _finite(check.low),
+        "high": _finite(check.high),
+        "unit": check.unit,
+        "limits": limits(check),
+        "margin": margin_text(check),
+        "scale": scale,
+        "signal": check.signal,
+        "reqs": check.requirements,
+    }
+
+
+def _messages(messages: list[Message], focus: list[float], limit: int) -> list[list[Any]]:
+    """Return rows of time, bus, identifier, data, sender, text, error, number of messages left out before it."""
+    rows = []
+    before = -1
+    for index in select_messages(messages, focus, limit):
+        message = messages[index]
+        width = 3 if message.identifier < 0x800 else 8
+        rows.append(
+            [
+                _time(message.time_s),
+                message.bus,
+                f"{message.identifier:0{width}X}",
+                message.data,
+                message.sender,
+                message.text,
+                message.error,
+                index - before - 1,
+            ]
+        )
+        before = index
+    return rows
+
+
+def _pairs(detail: Mapping[str, Scalar]) -> list[list[str]]:
+    return [
+        [name, number(value) if isinstance(value, float) else str(value)] for name, value in detail.items()
+    ]
+
+
+def _end_of(case: CaseResult) -> float:
+    ends = [case.simulated_s, *(step.time_s for step in case.story), *(alarm.time_s for alarm in case.alarms)]
+    ends += [float(signal.time_s[-1]) for signal in case.signals if len(signal.time_s)]
+    return max((end for end in ends if math.isfinite(end)), default=0.0)
+
+
+def _time(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else round(float(value), 7)
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)

@@ -1,0 +1,56 @@
+// Views and what holds for the whole page.
+let listHash = "#/cases";
+let present = null;
+let listScroll = 0;
+
+function route() {
+  let { view, argument, query } = readHash();
+  if (!$("#view-" + view)) [view, argument, query] = ["cases", "", new URLSearchParams()];
+  if (present?.view === "cases" && view !== "cases") listScroll = scrollY;
+  for (const section of $$("main > section")) section.hidden = section.id !== "view-" + view;
+  for (const link of $$(".top nav a")) {
+    if (link.dataset.view === (view === "case" ? "cases" : view)) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+  if (view === "cases") {
+    listHash = location.hash || "#/cases";
+    showList(query);
+    scrollTo(0, present?.view === "case" ? listScroll : 0);
+    if (present?.view === "case") $(`#cases tbody tr[data-i="${PLACE.get(present.argument)}"]:not([hidden]) a`)?.focus({ preventScroll: true });
+  } else scrollTo(0, 0);
+  if (view === "case") {
+    openCase(argument, query);
+  } else closeCase();
+  if (view === "requirements") showRequirements(query);
+  present = { view, argument };
+  document.title = (view === "case" ? argument + " – " : "") + TITLE;
+}
+
+const TITLE = document.title;
+setUpList();
+setUpRequirements();
+addEventListener("hashchange", route);
+document.addEventListener("keydown", (event) => {
+  if (readHash().view !== "case" || event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, select, textarea")) return;
+  const link = { "[": '[data-step="-1"]', "]": '[data-step="1"]' }[event.key];
+  if (link) $(`#view-case ${link}[href]`)?.click();
+  else if (event.key === "Escape") {
+    const menu = $("#view-case .menu[open]");
+    if (menu) menu.open = false;
+    else location.hash = listHash;
+  }
+});
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+  if (!opened) return;
+  const { view, argument, query } = readHash();
+  if (view === "case") openCase(argument, query);
+});
+const print = (on) => {
+  printing = on;
+  document.documentElement.classList.toggle("printing", on);
+  if (on) opened?.buildAll();
+  opened?.plot?.render();
+};
+addEventListener("beforeprint", () => print(true));
+addEventListener("afterprint", () => print(false));
+route();

@@ -1,0 +1,142 @@
+"""A browser for the tests of the report: Debian's Chromium without a window, recording every request that it makes."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from reports import write_report
+from testcases.sample_run import hostile_run, sample_run
+
+FLAGS = (
+    "--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
+    "--disable-component-update --disable-sync --hide-scrollbars"
+)
+
+
+class Browser:
+    """A Chromium with its report, and what the tests ask of it."""
+
+    def __init__(self, driver, report: Path) -> None:
+        from selenium.webdriver.common.keys import Keys
+
+        self.driver = driver
+        self.report = report
+        self.keys = Keys
+
+    def open(self, address: str = "", report: Path | None = None) -> None:
+        """Load the report anew at an address such as `#/case/name`."""
+        self.driver.get("about:blank")
+        self.driver.get((report or self.report).as_uri() + address)
+
+    def go(self, address: str) -> None:
+        """Follow a link inside the loaded report: the plot library stays."""
+        self.js("location.hash = arguments[0]", address)
+
+    def all(self, selector: str) -> list:
+        return self.driver.find_elements("css selector", selector)
+
+    def one(self, selector: str):
+        return self.driver.find_element("css selector", selector)
+
+    def js(self, program: str, *arguments):
+        return self.driver.execute_script(program, *arguments)
+
+    def actions(self):
+        """Begin a chain of pointer actions."""
+        from selenium.webdriver.common.action_chains import ActionChains
+
+        return ActionChains(self.driver)
+
+    def until(self, condition: Callable[[], object], what: str, seconds: float = 20.0):
+        """Wait until a condition holds; what it returned is the result."""
+        from selenium.common.exceptions import StaleElementReferenceException
+        from selenium.webdriver.support.ui import WebDriverWait
+
+        wait = WebDriverWait(self.driver, seconds, 0.05, ignored_exceptions=[StaleElementReferenceException])
+        return wait.until(lambda _driver: condition(), what)
+
+    def plot(self) -> None:
+        """Wait until the curves of the open case are drawn."""
+        self.until(lambda: self.all(".js-plotly-plot .scatterlayer .js-line"), "no curve was drawn")
+
+    def range(self) -> list[float]:
+        """Visible time range of the plot [s]."""
+        return self.js("return [...document.querySelector('.js-plotly-plot')._fullLayout.xaxis.range]")
+
+    def view(self, width: int, height: int, scheme: str) -> None:
+        """Set window size and colour scheme."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        features = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", features)
+
+    def complaints(self) -> list[str]:
+        """Everything that the console got since the last call."""
+        return [entry["message"] for entry in self.driver.get_log("browser")]
+
+    def requests(self) -> set[str]:
+        """Schemes of all addresses that the browser asked for since the last call."""
+        found = set()
+        for entry in self.driver.get_log("performance"):
+            message = json.loads(entry["message"])["message"]
+            if message["method"] in {"Network.requestWillBeSent", "Network.webSocketCreated"}:
+                parameters = message["params"]
+                address = parameters["request"]["url"] if "request" in parameters else parameters["url"]
+                found.add(address.partition(":")[0])
+        return found
+
+
+@pytest.fixture(scope="session")
+def sample_report(tmp_path_factory) -> Path:
+    return write_report(sample_run(), tmp_path_factory.mktemp("report")).report
+
+
+@pytest.fixture(scope="session")
+def hostile_report(tmp_path_factory) -> Path:
+    return write_report(hostile_run(), tmp_path_factory.mktemp("hostile")).report
+
+
+@pytest.fixture(scope="session")
+def driver(tmp_path_factory) -> Iterator[object]:
+    programs = {name: shutil.which(name) for name in ("chromium", "chromedriver")}
+    missing = [name for name, path in programs.items() if path is None]
+    if missing:
+        pytest.fail(
+            f"{' and '.join(missing)} not found. Install the browser of these tests with "
+            "`apt-get install -y chromium chromium-driver` (Debian), or leave them out with `-m 'not browser'`.",
+            pytrace=False,
+        )
+    try:
+        from selenium import webdriver
+    except ImportError:
+        pytest.fail("selenium not found. Install it with `pip install 'motion-hil[dev]'`.", pytrace=False)
+    options = webdriver.ChromeOptions()
+    for flag in FLAGS.split():
+        options.add_argument(flag)
+    options.add_argument(f"--user-data-dir={tmp_path_factory.mktemp('profile')}")
+    options.binary_location = programs["chromium"]
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    # An explicit driver: selenium would look for one on the network otherwise.
+    chrome = webdriver.Chrome(options=options, service=webdriver.ChromeService(programs["chromedriver"]))
+    yield chrome
+    chrome.quit()
+
+
+@pytest.fixture
+def browser(driver, sample_report) -> Iterator[Browser]:
+    """The browser at 1440 x 900 with the case list open; afterwards: no complaint in the console, no request anywhere."""
+    browser = Browser(driver, sample_report)
+    browser.view(1440, 900, "light")
+    browser.complaints()
+    browser.requests()
+    browser.open()
+    yield browser
+    assert browser.complaints() == []
+    asked = browser.requests()
+    assert "file" in asked, "requests are not recorded"
+    assert asked <= {"file", "data", "blob", "about"}

@@ -1,0 +1,98 @@
+"""Factor group of the drive."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emulators.drive.cia402.units import Units, round_half_away, velocity_unit_rad_s, wrap32
+from fieldbus.errors import ConfigurationError
+
+RPM = 2 * math.pi / 60
+
+
+def units(**changes: int) -> Units:
+    values = {
+        0x608F01: 131072, 0x608F02: 1, 0x609101: 1, 0x609102: 1, 0x609201: 131072, 0x609202: 1, 0x609601: 1, 0x609602: 1,
+        0x60A900: 0x00B44700, 0x607E00: 0, 0x607600: 2000,
+    }  # fmt: skip
+    values.update({int(key[1:], 16): value for key, value in changes.items()})
+    result = Units(counts_per_revolution=131072, rated_torque_Nm=2.0)
+    result.update(values)
+    return result
+
+
+@pytest.mark.requirement("C402-245")
+@pytest.mark.parametrize(
+    ("unit", "size"),
+    [
+        (0x00B44700, RPM),
+        (0xFDB44700, RPM / 1000),
+        (0x03B44700, RPM * 1000),
+        (0x00B40300, 2 * math.pi),
+        (0xFFB40300, 0.2 * math.pi),
+        (0x00000300, 0.5),
+    ],
+)
+def test_velocity_units(unit: int, size: float):
+    """60A9h: rpm and revolutions per second with a decimal prefix in the top byte, and position units per second."""
+    assert velocity_unit_rad_s(unit, 0.5) == pytest.approx(size, rel=1e-12)
+
+
+@pytest.mark.parametrize("unit", [0, 0x00014700, 0x00B40000, 0x00B44701, 0x7FB44700])
+def test_unknown_velocity_units_are_refused(unit: int):
+    """A unit that the drive cannot compute with is refused, not taken for something else."""
+    with pytest.raises(ConfigurationError, match="60A9h"):
+        velocity_unit_rad_s(unit)
+
+
+@pytest.mark.requirement("C402-166")
+def test_position_factor():
+    """increments = pu * resolution * gear / feed: 10 mm screw with 1 um units, gear 3, 131072 inc/rev."""
+    factor = units(_609101=3, _609201=10000)
+    assert factor.to_increments(5000) == pytest.approx(5000 * 131072 * 3 / 10000)
+    assert factor.to_user_position(round(131072 * 3 * 1.5)) == 15000
+    assert factor.position == pytest.approx(3 * 2 * math.pi / 10000)
+
+
+@pytest.mark.requirement("C402-165")
+def test_polarity():
+    """607Eh multiplies positions, velocities and torques by -1, each by its own bit."""
+    factor = units(_607E00=0x80)
+    assert (factor.to_user_position(1000), factor.to_increments(1000)) == (-1000, -1000.0)
+    assert (factor.velocity_sign, factor.torque_sign) == (1, 1)
+    assert units(_607E00=0x40).velocity_sign == -1
+    assert units(_607E00=0x20).torque_sign == -1
+
+
+@given(st.integers(-(2**40), 2**40))
+def test_increment_units_are_exact_32_bit_counters(increments: int):
+    """With the increment as unit the position is the counter itself, wrapped to 32 bits."""
+    assert units().to_user_position(increments) == wrap32(increments)
+
+
+@given(st.integers(-(10**12), 10**12), st.integers(1, 10**6))
+def test_rounding(numerator: int, denominator: int):
+    """Nearest integer, ties away from zero."""
+    result = round_half_away(numerator, denominator)
+    assert abs(result * denominator - numerator) * 2 <= denominator
+    if abs(result * denominator - numerator) * 2 == denominator:
+        assert abs(result * denominator) > abs(numerator)
+
+
+@given(st.integers(-10**6, 10**6), st.integers(1, 10**6), st.integers(1, 5))
+def test_positions_survive_the_way_there_and_back(position: int, feed: int, gear: int):
+    """A position that is coarser than an increment comes back as it was."""
+    factor = units(_609201=min(feed, 131072 * gear), _609101=gear)
+    assert factor.to_user_position(round(factor.to_increments(position))) == wrap32(position)
+
+
+def test_zero_factors_are_refused():
+    """Numerator or denominator 0 leaves the old factors in force."""
+    factor = units()
+    with pytest.raises(ConfigurationError):
+        factor.update({**dict.fromkeys((0x608F01, 0x608F02, 0x609101, 0x609102, 0x609201, 0x609202), 0)})
+    assert factor.to_increments(7) == 7.0
