@@ -45,7 +45,7 @@ def run_campaigns(request: RunRequest) -> int:
     with quiet_stdout(request.as_json):
         found = find_campaigns(DEMO if request.demo else request.paths)
         cases = select_cases(found, pattern=request.select, tags=request.tags)
-        return run_selected(cases, request)
+    return run_selected(cases, request)
 
 
 def run_selected(cases: list[Selected], request: RunRequest) -> int:

@@ -1,0 +1,219 @@
+"""What `hil benchmark` measures: the cyclic path of a whole bench, and single parts against other libraries.
+
+Everything runs in rounds, ours and the peer's by turns, so that a noisy machine disturbs both alike; the median of the
+rounds is the figure.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+from fieldbus.can import CanFrame, CanMedium
+from fieldbus.clock import S, VirtualScheduler
+from hil.errors import CannotRunError
+
+FRAMES: Final = 2000
+UPLOADS: Final = 200
+PLANS: Final = 1000
+
+
+class Figure(NamedTuple):
+    """One result."""
+
+    name: str
+    value: float
+    unit: str
+
+
+def with_axes(config: Any, count: int) -> Any:
+    """Return a bench configuration with `count` copies of its only drive and axis."""
+    drive, axis = next(iter(config.drive.values())), next(iter(config.axis.values()))
+    drives = {
+        f"drive{i}": drive.model_copy(update={"node_id": drive.node_id + i - 1}) for i in range(1, count + 1)
+    }
+    axes = {f"axis{i}": axis.model_copy(update={"drive": f"drive{i}"}) for i in range(1, count + 1)}
+    return config.model_copy(update={"drive": drives, "axis": axes})
+
+
+class MovingBench:
+    """A bench whose axes travel to and fro, everything recorded; `advance` is what is timed."""
+
+    def __init__(self, config: Any) -> None:
+        from hil.bench.bench import Bench
+
+        self.bench = Bench(config, seed=0)
+        self._axes = [self.bench.axis(name) for name in config.axis]
+        powers = [axis.power() for axis in self._axes]
+        if not self.bench.run_until(lambda: all(power.Status for power in powers), 3.0):
+            raise CannotRunError("the axes of the benchmark could not be enabled")
+        homes = [axis.home(0.0) for axis in self._axes]
+        self.bench.run_until(lambda: all(home.Done for home in homes), 1.0)
+        self._target = 100.0
+        self._jobs: list[Any] = []
+        self._start()
+
+    def _start(self) -> None:
+        self._jobs = [axis.move_absolute(self._target, Velocity=300.0) for axis in self._axes]
+        self._target = -self._target
+
+    def advance(self, seconds: float) -> None:
+        """Let `seconds` of bench time pass, with the axes always in motion."""
+        passed = 0.0
+        while passed < seconds:
+            self.bench.run_for(0.25)
+            passed += 0.25
+            if all(job.Done for job in self._jobs):
+                self._start()
+            elif any(job.Error for job in self._jobs):
+                raise CannotRunError("an axis of the benchmark stopped with an alarm")
+
+
+def speed(config: Any, seconds: float, rounds: int = 5) -> float:
+    """Return simulated seconds per wall second: the median of `rounds`."""
+    moving = MovingBench(config)
+    with moving.bench:
+        moving.advance(0.5)
+        factors = []
+        for _ in range(rounds):
+            started = time.perf_counter()
+            moving.advance(seconds / rounds)
+            factors.append(seconds / rounds / (time.perf_counter() - started))
+    return statistics.median(factors)
+
+
+def alternately(ours: Callable[[], int], peer: Callable[[], int], rounds: int = 7) -> tuple[float, float]:
+    """Return operations per second of both, median over `rounds` taken by turns."""
+    rates: tuple[list[float], list[float]] = ([], [])
+    for _ in range(rounds):
+        for work, into in ((ours, rates[0]), (peer, rates[1])):
+            started = time.perf_counter()
+            done = work()
+            into.append(done / (time.perf_counter() - started))
+    return statistics.median(rates[0]), statistics.median(rates[1])
+
+
+def can_frames() -> list[Figure]:
+    """Frames per second from one node to another: the medium, with bit timing, against python-can's virtual bus."""
+    import can
+
+    scheduler = VirtualScheduler()
+    medium = CanMedium(scheduler, name="benchmark", keep_log=False)
+    sender = medium.attach("sender", _ignore)
+    received = 0
+
+    def count(_frame: CanFrame, _time_ns: int) -> None:
+        nonlocal received
+        received += 1
+
+    medium.attach("receiver", count)
+    payloads = [number.to_bytes(8, "little") for number in range(FRAMES)]
+
+    def ours() -> int:
+        nonlocal received
+        received = 0
+        for payload in payloads:
+            sender.send(CanFrame(0x181, payload))
+            scheduler.run_for(200_000)
+        return received
+
+    with (
+        can.Bus(interface="virtual", channel="hil-benchmark") as source,
+        can.Bus(interface="virtual", channel="hil-benchmark") as sink,
+    ):
+
+        def peer() -> int:
+            taken = 0
+            for payload in payloads:
+                source.send(can.Message(arbitration_id=0x181, data=payload, is_extended_id=False))
+                if sink.recv(1.0) is not None:
+                    taken += 1
+            return taken
+
+        mine, theirs = alternately(ours, peer)
+    return [Figure("can_frames_ours", mine, "frames/s"), Figure("can_frames_peer", theirs, "frames/s")]
+
+
+def _ignore(_frame: CanFrame, _time_ns: int) -> None:
+    pass
+
+
+def sdo_uploads() -> list[Figure]:
+    """SDO uploads per second by the canopen library: from our slave in virtual time, and from its own `LocalNode`."""
+    import canopen
+
+    from fieldbus.canopen import CanopenSlave
+    from fieldbus.canopen.network import PumpedNetwork
+    from hil.bench.drives import object_dictionary
+
+    dictionary = object_dictionary()
+    scheduler = VirtualScheduler()
+    medium = CanMedium(scheduler, name="benchmark-sdo", keep_log=False)
+    slave = CanopenSlave(scheduler, medium, dictionary, 5, name="slave")
+    slave.power_on()
+    scheduler.run_for(S)
+    network = PumpedNetwork(medium, name="client")
+    entry = network.add_node(5, dictionary).sdo[0x1000]
+
+    def ours() -> int:
+        for _ in range(UPLOADS):
+            entry.raw  # noqa: B018 - the read is the work
+        return UPLOADS
+
+    client, server = canopen.Network(), canopen.Network()
+    client.connect(interface="virtual", channel="hil-benchmark-sdo")
+    server.connect(interface="virtual", channel="hil-benchmark-sdo")
+    try:
+        server.create_node(5, dictionary)
+        other = client.add_node(5, dictionary).sdo[0x1000]
+
+        def peer() -> int:
+            for _ in range(UPLOADS):
+                other.raw  # noqa: B018 - the read is the work
+            return UPLOADS
+
+        mine, theirs = alternately(ours, peer)
+    finally:
+        client.disconnect()
+        server.disconnect()
+        network.disconnect()
+    return [Figure("sdo_uploads_ours", mine, "uploads/s"), Figure("sdo_uploads_peer", theirs, "uploads/s")]
+
+
+def position_plans() -> list[Figure]:
+    """Jerk-limited point-to-point plans per second, against ruckig where it is installed."""
+    try:
+        import ruckig
+    except ImportError:
+        return []
+    from motion.setpoint import plan_position
+
+    def ours() -> int:
+        for number in range(PLANS):
+            plan_position(
+                0.0,
+                0.0,
+                0.0,
+                1.0 + number,
+                max_velocity=100.0,
+                acceleration=1000.0,
+                deceleration=1000.0,
+                jerk=10000.0,
+            )
+        return PLANS
+
+    otg = ruckig.Ruckig(1)
+    given = ruckig.InputParameter(1)
+    given.max_velocity, given.max_acceleration, given.max_jerk = [100.0], [1000.0], [10000.0]
+    trajectory = ruckig.Trajectory(1)
+
+    def peer() -> int:
+        for number in range(PLANS):
+            given.target_position = [1.0 + number]
+            otg.calculate(given, trajectory)
+        return PLANS
+
+    mine, theirs = alternately(ours, peer)
+    return [Figure("position_plans_ours", mine, "plans/s"), Figure("position_plans_peer", theirs, "plans/s")]
