@@ -124,8 +124,8 @@ class EnableControl:
     def alarm_ramp_ended(self) -> None:
         """The setpoint of an alarm ramp is zero: switch off, or stay enabled where the alarm allows it."""
         axis = self._axis
-        if axis.alarms.disabling:
-            self.switch_off()
+        if axis.alarms.disabling or not self.enable:
+            self.switch_off()  # an Enable that fell during the ramp disables whatever the alarm allows (STP-396)
         elif axis.alarms.blocking:
             axis.set_state(AxisState.ALARM_STANDSTILL)
         else:

@@ -362,6 +362,25 @@ def test_alarm_that_keeps_the_axis_enabled(rig):
     assert {word & ~0x80 for word in words(rig, 0.1)} == {0x047F}  # STW1.7 acknowledges in the drive
 
 
+@pytest.mark.requirement("STP-396", "STP-503")
+@pytest.mark.parametrize(
+    ("reaction", "stop_mode", "state"),
+    [(3, 2, "ALARM_RAMP"), (3, 0, "ALARM_RAMP"), (2, 0, "DISABLING_RAMP"), (1, 2, "DISABLING_RAMP"),
+     (3, 1, "DISABLING_QUICK"), (1, 3, "DISABLING_COAST")],
+)  # fmt: skip
+def test_enable_falls_during_an_alarm_ramp(rig, reaction, stop_mode, state):
+    """Quick stop and coast act at once, a ramp only when it is more severe; the axis ends disabled with Busy FALSE."""
+    number = {1: 533, 2: 104, 3: 304}[reaction]
+    rig.travelling()
+    rig.axis.alarms.raise_alarm(number, reaction=reaction)
+    rig.run(0.02)
+    power = rig.axis.power(False, stop_mode=stop_mode)
+    rig.cycles(1)
+    assert rig.axis.state.name == state
+    rig.until(power.off)
+    assert rig.axis.state is AxisState.ALARM_DISABLED
+
+
 @pytest.mark.requirement("STP-325")
 def test_maximum_stop_takes_present_acceleration_along(rig):
     """StopMode 2 during acceleration: the velocity still rises by a^2 / (2 j) = 25 mm/s."""
