@@ -26,7 +26,7 @@ def test_case_passes(case, bench_file):
     """Every shipped case passes: stop, alarm, reaction, standstill and all always-on checkers."""
     result = execute_case(case, bench_file, CaseSettings(seed=1)).result
 
-    assert Verdict.PASSED == result.verdict, result.message
+    assert result.verdict is Verdict.PASSED, result.message
 
 
 def test_the_campaign_crosses_all_stops_with_all_phases():
