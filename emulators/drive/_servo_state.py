@@ -36,6 +36,8 @@ class ServoState:
 
     __slots__ = (
         "_braking_step",
+        "_coast",
+        "_coast_length",
         "_correction_gain",
         "_encoder",
         "_feedforward",
@@ -158,7 +160,7 @@ class ServoState:
         self._velocity_target = self._velocity_step = self._braking_step = 0.0
         self._next_position = self._position_target = self.position
         self._ramped_velocity = 0.0
-        self._left = 0
+        self._left = self._coast = self._coast_length = 0
         self._tracks_position = False
         self._stop_pending = False
         self._standing_steps = self._stop_steps = 0
@@ -209,6 +211,11 @@ class ServoState:
     def interpolating(self) -> bool:
         """Whether the last `command_velocity` or `command_position` is still on its way."""
         return self._left > 0
+
+    @property
+    def phase_steps(self) -> int:
+        """Servo steps by which the present instant lies before (> 0) or behind the end of the interpolation."""
+        return self._left or self._coast - self._coast_length
 
     @property
     def precontrol_velocity(self) -> float:

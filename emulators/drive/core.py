@@ -91,13 +91,16 @@ class ServoCore(ServoState):
             target - (self._feedforward if source == VELOCITY else self._ramped_velocity)
         ) / steps
 
-    def command_position(self, target: float, steps: int, *, precontrol: float | None = None) -> None:
+    def command_position(
+        self, target: float, steps: int, *, precontrol: float | None = None, coast: int = 0
+    ) -> None:
         """Reach a position linearly within a number of servo steps.
 
         Args:
             target: rad.
             steps: Servo steps, >= 1.
             precontrol: Velocity pre-control, rad/s; None = that of the way, by `velocity_feedforward`.
+            coast: Servo steps for which the demand goes on beyond the target when nothing new comes.
 
         """
         if self._source != POSITION:
@@ -108,12 +111,7 @@ class ServoCore(ServoState):
         self._velocity_target = precontrol
         self._position_target = target
         self._left = steps
-
-    def extrapolate(self, steps: int) -> None:
-        """Go on with the last increment of `command_position` for a number of servo steps."""
-        if self._source == POSITION:
-            self._position_target += self._velocity_step * steps
-            self._left = steps
+        self._coast = self._coast_length = coast
 
     def hold_position(self) -> None:
         """Stay at the present position demand (the present position, if no position is controlled)."""
@@ -241,6 +239,10 @@ class ServoCore(ServoState):
                 self._left = left = left - 1
                 self._next_position = demand + self._velocity_step if left else self._position_target
                 wanted_velocity = self._velocity_target
+            elif self._coast:
+                self._coast -= 1
+                self._next_position = demand + self._velocity_step
+                wanted_velocity = self._velocity_target
             else:
                 wanted_velocity = 0.0
             # Linear positions have steps in velocity; the reference model turns them into bounded torque.
@@ -330,12 +332,12 @@ class ServoCore(ServoState):
             self._next_position = self.position + self.velocity * self._period
         self._ramped_velocity = self._feedforward
         self._source = source
-        self._left = 0
+        self._left = self._coast = self._coast_length = 0
         self._stop_pending = False
 
     def _clear_setpoints(self) -> None:
         self._source = VELOCITY
-        self._left = 0
+        self._left = self._coast = self._coast_length = 0
         self._stop_pending = False
         self._integral = self._feedforward = self._middle = self._model = self._predicted = 0.0
         self._velocity_target = self.velocity_demand = self._ramped_velocity = 0.0

@@ -7,11 +7,12 @@ that is reported. The integer is derived from the undisturbed angle plus an inte
 from __future__ import annotations
 
 import math
-from typing import Final
-
-import numpy as np
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 _TAU: Final = 2.0 * math.pi
 

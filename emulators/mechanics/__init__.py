@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from emulators.mechanics._axis import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics
+from emulators.mechanics._axis import AxisMechanics
+from emulators.mechanics._machines import LinearAxisMechanics, RotaryAxisMechanics
 from emulators.mechanics._switch import SwitchModel
 
 __all__ = ["AxisMechanics", "LinearAxisMechanics", "RotaryAxisMechanics", "SwitchModel"]

@@ -20,10 +20,9 @@ from collections.abc import Iterable
 from emulators.mechanics._switch import SwitchModel
 from fieldbus.errors import ConfigurationError
 
-_TAU = 2.0 * math.pi
 
-
-def _finite(where: str, value: float, *, minimum: float | None = None, positive: bool = False) -> float:
+def checked(where: str, value: float, *, minimum: float | None = None, positive: bool = False) -> float:
+    """Return a finite number in its range, or raise ConfigurationError."""
     if not math.isfinite(value) or (positive and value <= 0.0) or (minimum is not None and value < minimum):
         allowed = (
             "a finite number > 0"
@@ -106,21 +105,21 @@ class AxisMechanics:
         position: float = 0.0,
         switches: Iterable[SwitchModel] = (),
     ) -> None:
-        self.ratio = _finite("ratio", ratio, positive=True)
-        self._inertia = _finite("inertia", inertia, positive=True)
-        self._viscous = _finite("viscous_friction", viscous_friction, minimum=0.0)
-        self._coulomb = _finite("coulomb_friction", coulomb_friction, minimum=0.0)
+        self.ratio = checked("ratio", ratio, positive=True)
+        self._inertia = checked("inertia", inertia, positive=True)
+        self._viscous = checked("viscous_friction", viscous_friction, minimum=0.0)
+        self._coulomb = checked("coulomb_friction", coulomb_friction, minimum=0.0)
         if static_friction is None:
             static_friction = coulomb_friction
-        self._static = _finite("static_friction", static_friction, minimum=self._coulomb)
-        self._gravity = _finite("gravity_force", gravity_force)
-        self._stop_stiffness = _finite("stop_stiffness", stop_stiffness, positive=True)
-        self._stop_damping = _finite("stop_damping", stop_damping, minimum=0.0)
+        self._static = checked("static_friction", static_friction, minimum=self._coulomb)
+        self._gravity = checked("gravity_force", gravity_force)
+        self._stop_stiffness = checked("stop_stiffness", stop_stiffness, positive=True)
+        self._stop_damping = checked("stop_damping", stop_damping, minimum=0.0)
         self._lower_stop = -math.inf
         self._upper_stop = math.inf
         self._angle_per_unit = 1.0 / self.ratio
         self._force_per_torque = 1.0 / self.ratio
-        self.position = _finite("position", position)
+        self.position = checked("position", position)
         """Position of the load, m or rad."""
         self.velocity = 0.0
         """Velocity of the load, m/s or rad/s."""
@@ -171,29 +170,29 @@ class AxisMechanics:
 
     def apply_force(self, force: float) -> None:
         """Set the force from outside on the load (a load step), N or Nm, positive in positive direction."""
-        self._external = _finite("force", force)
+        self._external = checked("force", force)
         self._refresh_forces()
 
     def set_brake_torque(self, torque_Nm: float) -> None:
         """Set the holding torque of a brake on the motor shaft, Nm, >= 0; it acts like dry friction."""
-        self._brake = _finite("torque_Nm", torque_Nm, minimum=0.0) * self._force_per_torque
+        self._brake = checked("torque_Nm", torque_Nm, minimum=0.0) * self._force_per_torque
         self._refresh_forces()
 
     def set_friction(
         self, *, coulomb: float, static: float | None = None, viscous: float | None = None
     ) -> None:
         """Change the friction at runtime: N or Nm, N or Nm, N per m/s or Nm per rad/s; all >= 0."""
-        self._coulomb = _finite("coulomb", coulomb, minimum=0.0)
-        self._static = _finite("static", coulomb if static is None else static, minimum=self._coulomb)
+        self._coulomb = checked("coulomb", coulomb, minimum=0.0)
+        self._static = checked("static", coulomb if static is None else static, minimum=self._coulomb)
         if viscous is not None:
-            self._viscous = _finite("viscous", viscous, minimum=0.0)
+            self._viscous = checked("viscous", viscous, minimum=0.0)
         self._dt = 0.0
         self._refresh_forces()
 
     def set_stops(self, lower: float | None, upper: float | None) -> None:
         """Place or remove (None) the end stops, load unit; also while the axis runs (STP-536)."""
-        low = -math.inf if lower is None else _finite("lower_stop", lower)
-        high = math.inf if upper is None else _finite("upper_stop", upper)
+        low = -math.inf if lower is None else checked("lower_stop", lower)
+        high = math.inf if upper is None else checked("upper_stop", upper)
         if not low < high:
             raise ConfigurationError("end stops", (lower, upper), "lower < upper")
         self._lower_stop = low
@@ -209,7 +208,7 @@ class AxisMechanics:
 
     def place(self, position: float) -> None:
         """Put the load at rest at `position` (load unit), as before the start of a test."""
-        self.position = _finite("position", position)
+        self.position = checked("position", position)
         self.motor_angle = self.position * self._angle_per_unit
         self.velocity = 0.0
         self._settle()
@@ -285,7 +284,7 @@ class AxisMechanics:
         return free_position, free_velocity
 
     def _prepare(self, dt_s: float) -> None:
-        _finite("dt_s", dt_s, positive=True)
+        checked("dt_s", dt_s, positive=True)
         self._dt = dt_s
         self._half_dt = 0.5 * dt_s
         damping = self._viscous * dt_s / self._inertia
@@ -320,127 +319,3 @@ class AxisMechanics:
         if contact is not self.in_contact:
             self.in_contact = contact
             self._refresh_forces()
-
-
-class LinearAxisMechanics(AxisMechanics):
-    """A load on a lead screw: motor, gear, screw, slide. Positions in m, forces in N.
-
-    Args:
-        lead_screw_m: Travel per revolution of the screw, m, > 0.
-        gear_ratio: Motor revolutions per revolution of the screw, > 0.
-        motor_inertia_kgm2: Rotor (and whatever turns at motor speed), kg m^2, > 0.
-        screw_inertia_kgm2: Screw (and whatever turns at its speed), kg m^2, >= 0.
-        load_mass_kg: Moved mass, kg, >= 0.
-        viscous_friction: N per m/s.
-        coulomb_friction: N.
-        static_friction: N; default: as `coulomb_friction`.
-        gravity_force: Force of the weight along the travel, N, positive in positive direction.
-        lower_stop_m: Lower end stop, m, or None.
-        upper_stop_m: Upper end stop, m, or None.
-        stop_stiffness: N/m.
-        stop_damping: Ns/m.
-        position_m: Start position, m.
-        switches: Switches on the travel, positions in m.
-
-    """
-
-    __slots__ = ()
-
-    def __init__(
-        self,
-        *,
-        lead_screw_m: float,
-        gear_ratio: float = 1.0,
-        motor_inertia_kgm2: float,
-        screw_inertia_kgm2: float = 0.0,
-        load_mass_kg: float = 0.0,
-        viscous_friction: float = 0.0,
-        coulomb_friction: float = 0.0,
-        static_friction: float | None = None,
-        gravity_force: float = 0.0,
-        lower_stop_m: float | None = None,
-        upper_stop_m: float | None = None,
-        stop_stiffness: float = 1e7,
-        stop_damping: float = 2e4,
-        position_m: float = 0.0,
-        switches: Iterable[SwitchModel] = (),
-    ) -> None:
-        lead = _finite("lead_screw_m", lead_screw_m, positive=True)
-        gear = _finite("gear_ratio", gear_ratio, positive=True)
-        motor = _finite("motor_inertia_kgm2", motor_inertia_kgm2, positive=True)
-        screw = _finite("screw_inertia_kgm2", screw_inertia_kgm2, minimum=0.0)
-        mass = _finite("load_mass_kg", load_mass_kg, minimum=0.0)
-        per_screw = lead / _TAU
-        ratio = per_screw / gear
-        super().__init__(
-            ratio=ratio,
-            inertia=mass + screw / (per_screw * per_screw) + motor / (ratio * ratio),
-            viscous_friction=viscous_friction,
-            coulomb_friction=coulomb_friction,
-            static_friction=static_friction,
-            gravity_force=gravity_force,
-            lower_stop=lower_stop_m,
-            upper_stop=upper_stop_m,
-            stop_stiffness=stop_stiffness,
-            stop_damping=stop_damping,
-            position=position_m,
-            switches=switches,
-        )
-
-
-class RotaryAxisMechanics(AxisMechanics):
-    """A rotary load behind a gear. Positions in rad of the load, torques at the load in Nm.
-
-    Args:
-        gear_ratio: Motor revolutions per revolution of the load, > 0.
-        motor_inertia_kgm2: Rotor, kg m^2, > 0.
-        load_inertia_kgm2: Load at its own shaft, kg m^2, >= 0.
-        viscous_friction: Nm per rad/s at the load.
-        coulomb_friction: Nm at the load.
-        static_friction: Nm; default: as `coulomb_friction`.
-        load_torque: Constant torque on the load, Nm, positive in positive direction.
-        lower_stop_rad: Lower end stop, rad, or None.
-        upper_stop_rad: Upper end stop, rad, or None.
-        stop_stiffness: Nm/rad.
-        stop_damping: Nms/rad.
-        position_rad: Start position, rad.
-        switches: Switches on the travel, positions in rad.
-
-    """
-
-    __slots__ = ()
-
-    def __init__(
-        self,
-        *,
-        gear_ratio: float = 1.0,
-        motor_inertia_kgm2: float,
-        load_inertia_kgm2: float = 0.0,
-        viscous_friction: float = 0.0,
-        coulomb_friction: float = 0.0,
-        static_friction: float | None = None,
-        load_torque: float = 0.0,
-        lower_stop_rad: float | None = None,
-        upper_stop_rad: float | None = None,
-        stop_stiffness: float = 1e4,
-        stop_damping: float = 1e1,
-        position_rad: float = 0.0,
-        switches: Iterable[SwitchModel] = (),
-    ) -> None:
-        gear = _finite("gear_ratio", gear_ratio, positive=True)
-        motor = _finite("motor_inertia_kgm2", motor_inertia_kgm2, positive=True)
-        load = _finite("load_inertia_kgm2", load_inertia_kgm2, minimum=0.0)
-        super().__init__(
-            ratio=1.0 / gear,
-            inertia=load + motor * gear * gear,
-            viscous_friction=viscous_friction,
-            coulomb_friction=coulomb_friction,
-            static_friction=static_friction,
-            gravity_force=load_torque,
-            lower_stop=lower_stop_rad,
-            upper_stop=upper_stop_rad,
-            stop_stiffness=stop_stiffness,
-            stop_damping=stop_damping,
-            position=position_rad,
-            switches=switches,
-        )

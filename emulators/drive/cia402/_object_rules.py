@@ -28,14 +28,23 @@ _OPTIONS: Final[dict[int, tuple[int, ...]]] = {
 }
 """Objects with a few allowed values; anything else is 06090030h (C402-073, C402-095)."""
 
+_REQUIRED: Final = (0x6040, 0x6041, 0x6060, 0x6061)
 _FACTORS: Final = (0x608F, 0x6091, 0x6092, 0x6096)
 _PARAMETERS: Final = (0x6072, 0x6073, 0x607C, 0x607F, 0x6080, 0x60C5, 0x60C6, 0x60C8, 0x60C9, 0x60E0, 0x60E1)
 
 
 def prepare_values(drive: DriveDevice) -> None:
-    """Give objects that the EDS lacks their built-in default, so that the drive works with any EDS."""
+    """Give objects that the EDS lacks their built-in default, so that the drive works with any EDS.
+
+    Raises:
+        ConfigurationError: The EDS is not that of a CiA 402 drive.
+
+    """
     values = drive.slave.values
     store = drive.slave.store
+    for index in _REQUIRED:
+        if index << 8 not in store.entries:
+            raise ConfigurationError("eds", f"no object {index:04X}h", "an EDS of a CiA 402 drive")
     for row in all_objects():
         if row.index < 0x2000:
             continue

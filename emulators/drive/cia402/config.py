@@ -6,15 +6,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, Literal
-
-import numpy as np
+from typing import TYPE_CHECKING, Final, Literal
 
 from emulators.drive.core import ServoTuning
 from emulators.encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
 from emulators.mechanics import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics, SwitchModel
 from fieldbus.clock import MS, US
 from fieldbus.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 SWITCH_NAMES: Final = ("negative_limit", "positive_limit", "home")
 """Inputs of a drive that a switch can be wired to."""

@@ -159,6 +159,8 @@ class DriveFunction:
             self.released = False
             self._release()
         elif action is Action.STOP:
+            _cancel(self._closing_timer)
+            self._closing_timer = None
             self.limit_stop = False
             core.stop(
                 self.axis.stop_slope(machine.stop_option),
@@ -202,6 +204,9 @@ class DriveFunction:
             self.following = following
             if following:
                 self.on_following()
+            else:
+                self.axis.demand_excess = 0.0
+                self.mode.limited = False
 
     # -- inside ------------------------------------------------------------------------------------------------------
 

@@ -266,6 +266,9 @@ class PowerStateMachine:
     def power_is_on(self) -> Action:
         """High-level power is on: transition 3."""
         if self.state is DriveState.READY_TO_SWITCH_ON and self._waits_for_power:
+            if not self.power_available:
+                self._waits_for_power = False
+                return Action.NOTHING
             follows = self.enable_follows
             self._go(3, DriveState.SWITCHED_ON)
             self.enable_follows = follows

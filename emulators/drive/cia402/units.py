@@ -16,6 +16,7 @@ _TAU: Final = 2.0 * math.pi
 _REVOLUTION: Final = 0xB4
 _SECOND: Final = 0x03
 _MINUTE: Final = 0x47
+_RPM: Final = _REVOLUTION << 16 | _MINUTE << 8
 _POLARITY_POSITION: Final = 0x80
 _POLARITY_VELOCITY: Final = 0x40
 _POLARITY_TORQUE: Final = 0x20
@@ -25,7 +26,7 @@ def velocity_unit_rad_s(unit: int, user_position_rad: float = 1.0) -> float:
     """Return the size of a velocity unit of 60A9h at the motor shaft, rad/s.
 
     Args:
-        unit: Value of 60A9h: bits 31..24 decimal exponent, 23..16 numerator (B4h revolution, 00h position unit),
+        unit: Value of 60A9h: 0 = not specified, taken as rpm; otherwise bits 31..24 decimal exponent, 23..16 numerator (B4h revolution, 00h position unit),
             15..8 denominator (47h minute, 03h second), 7..0 zero.
         user_position_rad: Size of the position unit at the motor shaft, rad.
 
@@ -33,6 +34,8 @@ def velocity_unit_rad_s(unit: int, user_position_rad: float = 1.0) -> float:
         ConfigurationError: The unit is not known.
 
     """
+    if unit == 0:
+        unit = _RPM
     exponent = unit >> 24 & 0xFF
     exponent -= 0x100 if exponent > 0x7F else 0
     numerator = unit >> 16 & 0xFF

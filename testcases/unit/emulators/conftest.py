@@ -55,7 +55,9 @@ class DriveBench:
         self.scheduler.run_for(round(seconds * 1e9))
 
     def until(self, condition: Callable[[], object], timeout: float = 5.0) -> None:
-        assert self.scheduler.run_until(condition, round(timeout * 1e9)), "condition did not come true in time"
+        assert self.scheduler.run_until(condition, round(timeout * 1e9)), (
+            "condition did not come true in time"
+        )
 
     # -- objects -------------------------------------------------------------------------------------------
 

@@ -38,7 +38,9 @@ def test_reference_axis_has_the_numbers_of_the_specification():
 
 def test_reference_axis_with_other_ramps():
     """Ramp times refer to the maximum speed."""
-    objects = DriveConfig.reference(max_speed_rpm=6000, ramp_down_s=2.0, quick_stop_s=0.25, sync_period_ms=1).objects
+    objects = DriveConfig.reference(
+        max_speed_rpm=6000, ramp_down_s=2.0, quick_stop_s=0.25, sync_period_ms=1
+    ).objects
     assert (objects[0x6084, 0], objects[0x6085, 0], objects[0x60C2, 1]) == (3_000_000, 24_000_000, 1)
 
 
@@ -56,7 +58,7 @@ def test_reference_axis_with_other_ramps():
         (lambda: LinearAxisConfig(switches={"door": SwitchConfig(low=0.0)}), "switches"),
         (lambda: LinearAxisConfig(load_mass_kg=-1.0), "load_mass_kg"),
         (lambda: RotaryAxisConfig(gear_ratio=0.0), "gear_ratio"),
-        (lambda: SwitchConfig(), "switch range"),
+        (SwitchConfig, "switch range"),
         (lambda: BrakeConfig(torque_Nm=-1.0), "brake torque_Nm"),
         (lambda: DriveConfig.reference(sync_period_ms=0), "sync_period_ms"),
         (lambda: DriveConfig.reference(quick_stop_s=0.0), "quick_stop_s"),
@@ -89,7 +91,10 @@ def test_objects_of_the_configuration_become_defaults(make_bench):
     assert (bench.read(0x6075), bench.read(0x6076)) == (5000, 2000)
     other = make_bench(
         DriveConfig(
-            encoder=EncoderConfig(counts_per_revolution=4096), rated_torque_Nm=1.5, rated_current_A=3.2, node_id=1
+            encoder=EncoderConfig(counts_per_revolution=4096),
+            rated_torque_Nm=1.5,
+            rated_current_A=3.2,
+            node_id=1,
         )
     )
     assert (other.read(0x608F, 1), other.read(0x6076), other.read(0x6075)) == (4096, 1500, 3200)

@@ -89,7 +89,9 @@ def profile_rows() -> list[tuple[int, int, str, str, str]]:
             continue
         index, subs, kind, access, pdo = line.split()
         first, _, last = subs.partition("-")
-        rows += [(int(index, 16), sub, kind, access, pdo) for sub in range(int(first), int(last or first) + 1)]
+        rows += [
+            (int(index, 16), sub, kind, access, pdo) for sub in range(int(first), int(last or first) + 1)
+        ]
     return rows
 
 
@@ -103,7 +105,9 @@ def test_file_and_table_agree():
     """The EDS that ships is exactly what the object table generates."""
     assert EDS_PATH.read_text(encoding="ascii") == eds_text()
     check = subprocess.run(
-        [sys.executable, "-m", "emulators.drive.cia402.eds", "--check"], check=False, cwd=Path(__file__).parents[3]
+        [sys.executable, "-m", "emulators.drive.cia402.eds", "--check"],
+        check=False,
+        cwd=Path(__file__).parents[3],
     )
     assert check.returncode == 0
 
@@ -138,12 +142,11 @@ def test_the_library_reads_what_the_table_says():
 )  # fmt: skip
 def test_every_object_of_the_profile_is_there(entries):
     """Type, access right and PDO direction of each object are those of the profile's table."""
-    names = {code: name for code, name in TYPE_NAMES.items()}
     for index, sub, kind, access, pdo in profile_rows():
         entry = entries.get(index << 8 | sub)
         where = f"{index:04X}h:{sub}"
         assert entry is not None, where
-        assert names[entry.data_type] == kind, where
+        assert TYPE_NAMES[entry.data_type] == kind, where
         assert entry.readable == (access != "wo"), where
         assert entry.writable == (access in ("rw", "wo")), where
         assert entry.maps_receive == ("R" in pdo), where

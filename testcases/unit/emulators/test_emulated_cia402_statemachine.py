@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emulators.drive.cia402 import Action, PowerStateMachine, StopOption
@@ -90,8 +90,21 @@ TABLE = {
 
 
 @pytest.mark.requirement(
-    "C402-003", "C402-004", "C402-005", "C402-007", "C402-008", "C402-009", "C402-010", "C402-011", "C402-012", "C402-026",
-    "C402-018", "C402-019", "C402-021", "C402-022", "C402-024",
+    "C402-003",
+    "C402-004",
+    "C402-005",
+    "C402-007",
+    "C402-008",
+    "C402-009",
+    "C402-010",
+    "C402-011",
+    "C402-012",
+    "C402-026",
+    "C402-018",
+    "C402-019",
+    "C402-021",
+    "C402-022",
+    "C402-024",
 )
 @pytest.mark.parametrize(("state", "command"), list(TABLE), ids=lambda value: getattr(value, "name", value))
 def test_every_command_in_every_state(state: S, command: str):
@@ -151,7 +164,11 @@ def test_shutdown_option():
     machine, log = machine_in(S.OPERATION_ENABLED, shutdown=1)
     assert machine.control(0x06) is Action.STOP
     assert machine.stop_option is StopOption.SLOW_DOWN
-    assert (machine.state, machine.follows_commands, machine.ramping_down) == (S.OPERATION_ENABLED, False, True)
+    assert (machine.state, machine.follows_commands, machine.ramping_down) == (
+        S.OPERATION_ENABLED,
+        False,
+        True,
+    )
     assert machine.stop_finished() is Action.OFF
     assert (machine.state, [entry[0] for entry in log]) == (S.READY_TO_SWITCH_ON, [8])
 
@@ -190,7 +207,9 @@ def test_stronger_commands_break_into_a_shutdown_ramp():
     assert machine.state is S.SWITCH_ON_DISABLED
 
 
-@pytest.mark.requirement("C402-012", "C402-013", "C402-053", "C402-054", "C402-055", "C402-056", "C402-057", "C402-058")
+@pytest.mark.requirement(
+    "C402-012", "C402-013", "C402-053", "C402-054", "C402-055", "C402-056", "C402-057", "C402-058"
+)
 @pytest.mark.parametrize("option", range(9))
 def test_quick_stop_option(option: int):
     """605Ah: 0 coasts, 1..4 stop and leave by transition 12, 5..8 stop the same way and stay."""
@@ -388,18 +407,29 @@ def test_refused_transitions(number: int, state: S, word: int):
     assert machine.state is not state
 
 
-EVENTS = ("fault", "hard_fault", "stop_finished", "power_is_on", "disable_voltage", "quick_stop_event", "cycle")
+EVENTS = (
+    "fault",
+    "hard_fault",
+    "stop_finished",
+    "power_is_on",
+    "disable_voltage",
+    "quick_stop_event",
+    "cycle",
+)
 ALLOWED = {
     (0, None, 0), (1, 0, 1), (2, 1, 2), (3, 2, 3), (4, 3, 4), (5, 4, 3), (6, 3, 2), (7, 2, 1), (8, 4, 2),
     (9, 4, 1), (10, 3, 1), (11, 4, 5), (12, 5, 1), (14, 6, 7), (15, 7, 1), (16, 5, 4),
 }  # fmt: skip
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.one_of(st.integers(0, 0xFFFF), st.sampled_from(EVENTS)), max_size=60),
     st.tuples(st.integers(0, 8), st.integers(0, 1), st.integers(0, 1), st.integers(0, 4)),
 )
-def test_only_transitions_of_the_profile_are_ever_made(inputs: list[int | str], options: tuple[int, int, int, int]):
+def test_only_transitions_of_the_profile_are_ever_made(
+    inputs: list[int | str], options: tuple[int, int, int, int]
+):
     """Whatever words and events come in whatever order, each transition joins the states that the profile joins."""
     log: list[tuple[int, S, S]] = []
     machine = PowerStateMachine(lambda number, old, new: log.append((number, old, new)))

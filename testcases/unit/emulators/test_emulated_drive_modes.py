@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
 from emulators.drive.cia402 import DriveConfig, EncoderConfig
+from fieldbus.can import HookResult
 from fieldbus.canopen import NmtCommand, SdoAbort
 from fieldbus.cia402 import DriveState as S
 
@@ -17,9 +19,7 @@ REV = 131072
 def frictionless() -> DriveConfig:
     """Return the reference axis without friction, for slopes and delays to the step."""
     config = DriveConfig.reference()
-    return replace(
-        config, mechanics=replace(config.mechanics, coulomb_friction=0.0, viscous_friction=0.0)
-    )
+    return replace(config, mechanics=replace(config.mechanics, coulomb_friction=0.0, viscous_friction=0.0))
 
 
 def position_bench(make_bench, config: DriveConfig | None = None, **values: int):
@@ -179,6 +179,19 @@ def test_change_on_setpoint(make_bench):
     assert max(later) == pytest.approx(0.1, rel=0.01)
 
 
+@pytest.mark.requirement("C402-092")
+def test_change_on_setpoint_with_a_jerk_limit(make_bench):
+    """Bit 9 = 1 with 6086h = 3: the first target is passed without a stop too."""
+    bench = position_bench(make_bench, _6086=3)
+    bench.write(0x60A4, 60_000_000, 1)
+    setpoint(bench, 5.0)
+    setpoint(bench, 12.0, word=0x21F)
+    samples = bench.observe()
+    bench.control(0x20F, 3.0)
+    assert turns(bench) == pytest.approx(12.0, abs=1e-4)
+    assert min(velocity for _, position, velocity in samples if 0.03 < position < 0.09) > 0.15
+
+
 @pytest.mark.requirement("C402-093", "C402-035")
 @pytest.mark.parametrize(("origin", "expected"), [(0, 5.0), (2, 4.0)])
 def test_relative_setpoints(make_bench, origin, expected):
@@ -196,12 +209,14 @@ def test_relative_setpoints(make_bench, origin, expected):
 @pytest.mark.requirement("C402-095")
 def test_profile_limits(make_bench):
     """6081h above 607Fh and accelerations above 60C5h / 60C6h are limited."""
-    bench = position_bench(make_bench, frictionless(), _6081=9_000_000, _607F=1_500_000, _60C5=3_000_000, _60C6=2_000_000)
+    bench = position_bench(
+        make_bench, frictionless(), _6081=9_000_000, _607F=1_500_000, _60C5=3_000_000, _60C6=2_000_000
+    )
     samples = bench.observe()
     setpoint(bench, 40.0, wait=4.0)
     velocities = [velocity for _, _, velocity in samples]
     assert max(velocities) == pytest.approx(0.25, rel=1e-3)
-    slopes = [(b - a) / 0.00025 for a, b in zip(velocities, velocities[1:], strict=False)]
+    slopes = [(b - a) / 0.00025 for a, b in pairwise(velocities)]
     assert max(slopes) == pytest.approx(0.5, rel=0.02)
     assert min(slopes) == pytest.approx(-1.0 / 3.0, rel=0.02)
 
@@ -216,7 +231,7 @@ def test_jerk_limited_profile(make_bench):
     assert turns(bench) == pytest.approx(10.0, abs=1e-4)
     velocities = [velocity for _, _, velocity in samples]
     accelerations = [(b - a) / 0.002 for a, b in zip(velocities[::8], velocities[8::8], strict=False)]
-    jerks = [(b - a) / 0.002 for a, b in zip(accelerations, accelerations[1:], strict=False)]
+    jerks = [(b - a) / 0.002 for a, b in pairwise(accelerations)]
     assert max(jerks) < 10.0 * 1.1
     for kind in (1, 2, -1):
         with pytest.raises(SdoAbort):
@@ -427,7 +442,7 @@ def test_cyclic_velocity(make_bench):
         bench.target = step * 12_000
         bench.run(0.004)
     velocities = [velocity for _, _, velocity in samples]
-    slopes = [(b - a) / 0.00025 for a, b in zip(velocities, velocities[1:], strict=False)]
+    slopes = [(b - a) / 0.00025 for a, b in pairwise(velocities)]
     assert max(slopes[100:-50]) == pytest.approx(0.5, rel=0.02)
     assert min(slopes[100:-50]) == pytest.approx(0.5, rel=0.02)
     bench.run(0.02)
@@ -502,6 +517,47 @@ def test_cyclic_position_speed_limit(bench):
     bench.run(3.0)
     assert bench.read(0x6064) == pytest.approx(20 * REV, abs=1)
     assert bench.status & 0x1800 == 0x1000
+
+
+@pytest.mark.requirement("C402-100", "C402-256")
+def test_cyclic_position_acceleration_limits(bench):
+    """csp: after a jump 60C5h and 60C6h limit speeding up and slowing down, and the target is met without swinging."""
+    bench.configure({0x60C5: 6_000_000, 0x60C6: 3_000_000})
+    bench.start_cyclic(8)
+    bench.enable_cyclic()
+    samples = bench.observe()
+    bench.target = 5 * REV
+    bench.run(2.0)
+    velocities = [velocity for _, _, velocity in samples][::80]
+    slopes = [(b - a) / 0.020 for a, b in pairwise(velocities)]
+    assert max(slopes) == pytest.approx(1.0, rel=0.1)
+    assert min(slopes) == pytest.approx(-0.5, rel=0.25)  # the last periods before the target are coarse
+    assert max(position for _, position, _ in samples) == pytest.approx(0.05, abs=2e-4)
+    assert turns(bench) == pytest.approx(5.0, abs=1e-4)
+
+
+def test_a_late_sync_makes_no_dip(make_bench):
+    """csp: a SYNC that comes 0.4 ms late finds the axis still moving with its velocity."""
+    bench = make_bench(frictionless())
+    bench.start_cyclic(8)
+    bench.enable_cyclic()
+    for _ in range(100):
+        bench.target += 2000
+        bench.run(0.004)
+    late = iter(range(1000))
+    bench.medium.add_hook(
+        lambda frame, _sender, _time: (
+            HookResult.delay(400_000) if frame.can_id == 0x80 and next(late) % 5 == 4 else None
+        )
+    )
+    samples = bench.observe()
+    for _ in range(50):
+        bench.target += 2000
+        bench.run(0.004)
+    velocities = [velocity for _, _, velocity in samples]
+    assert min(velocities) > 0.995 * velocities[0]
+    assert max(velocities) < 1.005 * velocities[0]
+    assert bench.state is S.OPERATION_ENABLED
 
 
 @pytest.mark.requirement("C402-103", "C402-153")
@@ -620,7 +676,10 @@ def test_missing_setpoints_can_be_ignored(make_bench):
 
 
 @pytest.mark.requirement("C301-037")
-@pytest.mark.parametrize(("reaction", "state"), [("fault", S.FAULT), ("warning", S.OPERATION_ENABLED), ("none", S.OPERATION_ENABLED)])
+@pytest.mark.parametrize(
+    ("reaction", "state"),
+    [("fault", S.FAULT), ("warning", S.OPERATION_ENABLED), ("none", S.OPERATION_ENABLED)],
+)
 def test_lost_sync(make_bench, reaction, state):
     """With 1006h set a missing SYNC is fault 8700h, an EMCY only, or nothing; 2000h:1 counts."""
     bench = make_bench(replace(DriveConfig.reference(), sync_loss_reaction=reaction))
@@ -636,7 +695,7 @@ def test_lost_sync(make_bench, reaction, state):
 
 
 def test_cyclic_velocity_without_sync(bench):
-    """csv by SDO without SYNC: the target counts all the same."""
+    """Mode csv by SDO without SYNC: the target counts all the same."""
     bench.enable(9)
     bench.write(0x60FF, 120_000)
     bench.run(0.1)
@@ -667,7 +726,9 @@ def test_interpolation_period(bench):
     """60C2h: multiples of the servo cycle are accepted, others are 06090030h."""
     bench.write(0x60C2, 10, 1)
     bench.write(0x60C2, 250, 1)
-    bench.write(0x60C2, 0xFC, 2)  # 25 ms; 1 would be 100 us, exponent -6 would be 250 us * 1.0 = one servo step
+    bench.write(
+        0x60C2, 0xFC, 2
+    )  # 25 ms; 1 would be 100 us, exponent -6 would be 250 us * 1.0 = one servo step
     bench.write(0x60C2, 0xFA, 2)
     bench.write(0x60C2, 0xFC, 2)
     for value, sub in ((1, 1), (0, 1), (0xF9, 2), (0x7F, 2)):
@@ -679,7 +740,11 @@ def test_interpolation_period(bench):
 @pytest.mark.requirement("C402-153", "C402-154")
 def test_following_error_monitoring(make_bench):
     """6065h, 6066h: bit 13 and fault 8611h after the time; status only if so configured; FFFFFFFFh = off."""
-    for reaction, window, state in (("fault", 2000, S.FAULT), ("status", 2000, S.OPERATION_ENABLED), ("fault", 0xFFFFFFFF, S.OPERATION_ENABLED)):
+    for reaction, window, state in (
+        ("fault", 2000, S.FAULT),
+        ("status", 2000, S.OPERATION_ENABLED),
+        ("fault", 0xFFFFFFFF, S.OPERATION_ENABLED),
+    ):
         bench = make_bench(replace(DriveConfig.reference(), following_error_reaction=reaction))
         bench.configure({0x6065: window, 0x6066: 50, 0x6081: 600_000})
         bench.enable(1)
@@ -706,7 +771,7 @@ def test_actual_values_of_one_sync_belong_together(bench):
     bench.run(0.5)
     positions = [int.from_bytes(data[2:6], "little", signed=True) for data in frames[0x181][-20:]]
     velocities = [int.from_bytes(data[:4], "little", signed=True) for data in frames[0x281][-20:]]
-    steps = {b - a for a, b in zip(positions, positions[1:], strict=False)}
+    steps = {b - a for a, b in pairwise(positions)}
     assert all(abs(step - 600 / 60 * 0.004 * REV) <= 1 for step in steps)
     assert all(velocity == pytest.approx(600_000, abs=50) for velocity in velocities)
 

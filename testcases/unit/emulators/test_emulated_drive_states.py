@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from emulators.drive.cia402 import BrakeConfig, DriveConfig, SwitchConfig
 from fieldbus.canopen import NmtCommand, SdoAbort
 from fieldbus.cia402 import DriveState as S
+from fieldbus.errors import UnsupportedFaultError
 
 SLOW, QUICK = (0.600, 0.0900), (0.300, 0.0450)
 """Duration (s) and travel (m) of the reference axis from 1800 rpm on 6084h and 6085h."""
@@ -26,7 +29,8 @@ def assert_torque_limit_stop(samples, bench) -> None:
 
 @pytest.mark.requirement("C402-054", "C402-055", "C402-058", "STP-010", "STP-544")
 @pytest.mark.parametrize(
-    ("option", "expected"), [(1, SLOW), (2, QUICK), (3, None), (4, None), (5, SLOW), (6, QUICK), (7, None), (8, None)]
+    ("option", "expected"),
+    [(1, SLOW), (2, QUICK), (3, None), (4, None), (5, SLOW), (6, QUICK), (7, None), (8, None)],
 )
 def test_quick_stop_ramps(bench, ramp_of, option, expected):
     """605Ah 1..8: the load stops on 6084h, 6085h or the torque limit, then leaves Quick stop active or stays."""
@@ -179,7 +183,7 @@ def test_fault_reaction(bench, ramp_of, option, expected):
     assert (bench.read(0x603F), bench.read(0x1001), bench.read(0x1003, 1) & 0xFFFF) == (0x4310, 0x09, 0x4310)
 
 
-@pytest.mark.requirement("C402-016", "C402-028", "C301-109", "STP-546", "STP-537")
+@pytest.mark.requirement("C402-016", "C402-028", "C301-109", "STP-546")
 def test_fault_reset(bench):
     """Bit 7 edge resets when the cause is gone: EMCY 0000h, 603Fh and 1001h clear; not before."""
     bench.to_state(S.OPERATION_ENABLED)
@@ -216,7 +220,7 @@ def test_a_fault_of_the_power_stage_coasts(bench):
     assert (bench.state, bench.drive.core.torque) == (S.FAULT, 0.0)
 
 
-@pytest.mark.requirement("C402-030", "STP-560")
+@pytest.mark.requirement("C402-030")
 def test_safe_torque_off(bench):
     """STO: coasting, Switch on disabled without fault, warning bit; transition 2 refused until release."""
     bench.spin()
@@ -334,8 +338,6 @@ def test_power_on_delay_and_brake_opening(make_bench):
 def test_the_motor_holds_until_the_brake_has_closed(make_bench):
     """After a ramp the pulses stay on for the closing time, so that a hanging load does not drop."""
     machine = DriveConfig.reference()
-    from dataclasses import replace
-
     config = replace(
         machine,
         mechanics=replace(machine.mechanics, gravity_force=-400.0),
@@ -415,7 +417,7 @@ def test_zero_decelerations_stand_for_the_maximum(bench, ramp_of):
     assert_ramp(samples, ramp_of, (0.150, 0.0225))
 
 
-@pytest.mark.requirement("C402-168", "STP-550")
+@pytest.mark.requirement("C402-168")
 def test_inputs_follow_the_switches(make_bench):
     """60FDh bits 0, 1, 2 are the limit switches and the home switch; forced inputs win."""
     bench = make_bench(DriveConfig.reference(position_m=-0.52))
@@ -457,8 +459,6 @@ def test_limit_switch_stops_the_axis(make_bench, direction):
 
 def test_limit_switch_as_fault_or_left_to_the_controller(make_bench):
     """The other reactions: fault 8612h, or nothing at all."""
-    from dataclasses import replace
-
     reference = DriveConfig.reference(position_m=0.45)
     bench = make_bench(replace(reference, limit_switch_reaction="fault"))
     bench.spin(600)
@@ -474,10 +474,8 @@ def test_limit_switch_as_fault_or_left_to_the_controller(make_bench):
 
 def test_a_switch_that_is_not_fitted_cannot_be_forced(make_bench):
     """Forcing an input without switch is refused with a reason."""
-    from fieldbus.errors import UnsupportedFaultError
-
     bench = make_bench(DriveConfig.reference(home=None))
-    with pytest.raises(UnsupportedFaultError, match="'home'.*negative_limit, positive_limit"):
+    with pytest.raises(UnsupportedFaultError, match=r"'home'.*negative_limit, positive_limit"):
         bench.drive.force_input("home", True)
 
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emulators.encoder import AbsoluteEncoder, IncrementalEncoder
@@ -18,7 +18,13 @@ TAU = 2 * math.pi
 def test_increments_are_the_nearest_whole_number():
     """Position is the angle in increments, rounded to nearest."""
     encoder = IncrementalEncoder(counts_per_revolution=1000)
-    for angle, expected in ((0.0, 0), (TAU, 1000), (-TAU / 4, -250), (1.4 * TAU / 1000, 1), (1.6 * TAU / 1000, 2)):
+    for angle, expected in (
+        (0.0, 0),
+        (TAU, 1000),
+        (-TAU / 4, -250),
+        (1.4 * TAU / 1000, 1),
+        (1.6 * TAU / 1000, 2),
+    ):
         encoder.sample(angle)
         assert encoder.increments == expected
 
@@ -108,6 +114,7 @@ def test_noise_is_bounded_seeded_and_can_be_switched_off():
     assert first != samples(8)
 
 
+@settings(deadline=None)
 @given(
     start=st.integers(-5000, 5000),
     step=st.floats(0.01, 0.9),

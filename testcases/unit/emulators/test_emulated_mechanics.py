@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emulators.mechanics import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics, SwitchModel
@@ -76,6 +76,7 @@ def test_coasting_against_dry_friction_takes_the_time_of_the_formula():
     assert mechanics.position == rest
 
 
+@settings(deadline=None)
 @given(
     speed=st.floats(-5.0, 5.0),
     force=st.floats(-0.99, 0.99),
@@ -112,7 +113,9 @@ def test_breakaway_needs_the_static_friction():
 def test_end_stop_is_stable_at_any_stiffness(dt: float, stiffness: float):
     """An axis that runs into a stop bounces at most with its own energy and comes to rest pressed against it."""
     damping = 0.6 * math.sqrt(stiffness * 100.0)
-    mechanics = axis(inertia=100.0, upper_stop=0.5, stop_stiffness=stiffness, stop_damping=damping, viscous_friction=1e3)
+    mechanics = axis(
+        inertia=100.0, upper_stop=0.5, stop_stiffness=stiffness, stop_damping=damping, viscous_friction=1e3
+    )
     mechanics.velocity = 0.5
     fastest = 0.0
     for _ in range(round(3.0 / dt)):
@@ -134,6 +137,14 @@ def test_end_stop_can_be_removed_under_load():
     run(mechanics, 1.0, 1.0)
     assert mechanics.position > 0.2
     assert mechanics.stops == (None, None)
+
+
+def test_a_stop_pushes_a_resting_axis_out_against_friction():
+    """An axis at rest inside of a stop is pushed out although friction could hold it without the stop."""
+    mechanics = axis(coulomb_friction=50.0, position=0.5)
+    mechanics.set_stops(None, 0.49)
+    run(mechanics, 0.0, 1.0)
+    assert mechanics.position < 0.4901
 
 
 def test_lower_stop_holds_too():

@@ -16,7 +16,9 @@ DT = 0.00025
 LEAD = 0.01
 
 
-def build(*, tuning: ServoTuning | None = None, brake: dict[str, float] | None = None, **options) -> ServoCore:
+def build(
+    *, tuning: ServoTuning | None = None, brake: dict[str, float] | None = None, **options
+) -> ServoCore:
     values = {"coulomb_friction": 30.0, "viscous_friction": 30.0, **options}
     mechanics = LinearAxisMechanics(
         lead_screw_m=LEAD, motor_inertia_kgm2=2e-4, screw_inertia_kgm2=0.5e-4, load_mass_kg=40.0, **values
@@ -203,7 +205,9 @@ def test_stop_at_the_torque_limit():
     core.stop(math.inf)
     run(core, 0.005 + DT)
     assert core.torque == -6.0
-    assert speed - core.mechanics.motor_speed == pytest.approx(6.0 / core.mechanics.motor_inertia * 0.005, rel=1e-6)
+    assert speed - core.mechanics.motor_speed == pytest.approx(
+        6.0 / core.mechanics.motor_inertia * 0.005, rel=1e-6
+    )
     run(core, 0.03)
     assert done == [True]
     assert core.standing
@@ -216,7 +220,9 @@ def test_torque_control_respects_the_speed_limit():
     core.enable_pulses()
     core.command_torque(0.5)
     run(core, 0.02)
-    assert core.mechanics.motor_speed == pytest.approx(0.5 / core.mechanics.motor_inertia * (0.02 - DT), rel=1e-6)
+    assert core.mechanics.motor_speed == pytest.approx(
+        0.5 / core.mechanics.motor_inertia * (0.02 - DT), rel=1e-6
+    )
     run(core, 0.3)
     assert core.mechanics.motor_speed / RPM == pytest.approx(500.0, rel=0.01)
     assert core.speed_limited
@@ -232,7 +238,7 @@ def test_change_of_source_is_bumpless():
     for change in (
         lambda: core.ramp(600.0 * RPM, 1000.0),
         lambda: core.command_position(core.position + 600.0 * RPM * (0.1 + DT), 400),
-        lambda: core.follow_profile(),
+        core.follow_profile,
         lambda: core.command_torque(steady),
         lambda: core.command_velocity(600.0 * RPM, 1),
     ):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.modes._base import BIT_12, BIT_13, ModeOfOperation
 
@@ -32,10 +34,10 @@ class _CyclicMode(ModeOfOperation):
             self.missed = 0
             self._started = True
         elif axis.supervised and self._started:
-            # Monitoring begins with the first set-point; one missing period is bridged (C402-104).
+            # Monitoring begins with the first set-point. Velocity and torque stay as they are; a position goes on
+            # with its velocity for one more period (C402-104).
             self.missed += 1
             axis.missing_count += 1
-            self._bridge()
             return
         self._apply(axis.period_steps)
 
@@ -51,9 +53,6 @@ class _CyclicMode(ModeOfOperation):
     def stopped(self) -> None:
         """See `ModeOfOperation.stopped`."""
         self.status = 0
-
-    def _bridge(self) -> None:
-        """Go on without a new set-point."""
 
     def _apply(self, steps: int) -> None:
         """Take the set-point to be reached within a number of servo steps."""
@@ -127,7 +126,7 @@ class CyclicTorque(_CyclicMode):
 class CyclicPosition(_CyclicMode):
     """csp: 607Ah + 60B0h, reached linearly within 60C2h."""
 
-    __slots__ = ("_velocity",)
+    __slots__ = ("_last_target", "_velocity")
 
     number = 8
     target_key = 0x607A00
@@ -135,17 +134,13 @@ class CyclicPosition(_CyclicMode):
     def __init__(self, axis: ProfileAxis) -> None:
         super().__init__(axis)
         self._velocity = 0.0
+        self._last_target: float | None = None
 
     def enter(self) -> None:
         """See `ModeOfOperation.enter`."""
         super().enter()
         self._velocity = self.axis.core.precontrol_velocity
-
-    def _bridge(self) -> None:
-        axis = self.axis
-        if self.missed == 1:
-            # Go on with the last velocity for one period, then hold.
-            axis.core.extrapolate(axis.period_steps)
+        self._last_target = None
 
     def _apply(self, steps: int) -> None:
         axis = self.axis
@@ -156,16 +151,14 @@ class CyclicPosition(_CyclicMode):
         allowed = axis.within_software_limits(wanted)
         target = axis.angle_of(allowed)
         start = core.position_command
+        if axis.synchronised:
+            # A SYNC that comes early or late does not shift the grid on which set-points are reached.
+            shift = core.phase_steps
+            if -steps < 2 * shift < steps:
+                steps += shift
         duration = steps * core.period_s
         velocity = (target - start) / duration
-        limit = axis.max_speed
-        last = self._velocity
-        faster = values[0x60C500] * units.acceleration
-        slower = values[0x60C600] * units.acceleration
-        high, low = limit, -limit
-        if faster:
-            high = min(high, last + (faster if last >= 0.0 or not slower else slower) * duration)
-            low = max(low, last - (faster if last <= 0.0 or not slower else slower) * duration)
+        high, low = self._speed_range(target, target - start, duration)
         reachable = velocity
         if velocity > high:
             reachable = high
@@ -183,8 +176,33 @@ class CyclicPosition(_CyclicMode):
         # A velocity offset from the controller takes the place of the drive's own pre-control.
         offset = values[0x60B100]
         core.command_position(
-            target, steps, precontrol=offset * units.velocity * units.velocity_sign if offset else None
+            target,
+            steps,
+            precontrol=offset * units.velocity * units.velocity_sign if offset else None,
+            coast=axis.period_steps,
         )
         torque = values[0x60B200]
         if torque or core.torque_offset:
             core.torque_offset = torque * units.torque * units.torque_sign
+
+    def _speed_range(self, target: float, distance: float, duration: float) -> tuple[float, float]:
+        """Return the highest and lowest velocity of this period: 6080h, 60C5h, 60C6h, and a stop at the target."""
+        axis = self.axis
+        values = axis.values
+        last = self._velocity
+        faster = values[0x60C500] * axis.units.acceleration
+        slower = values[0x60C600] * axis.units.acceleration
+        high = axis.max_speed
+        low = -high
+        if faster and slower:
+            high = min(high, last + (faster if last >= 0.0 else slower) * duration)
+            low = max(low, last - (faster if last <= 0.0 else slower) * duration)
+            # Who catches up with a target must be able to brake down to the velocity of the target.
+            previous, self._last_target = self._last_target, target
+            moving = 0.0 if previous is None else (target - previous) / duration
+            braking = math.sqrt(2.0 * slower * abs(distance))
+            if distance >= 0.0:
+                high = min(high, max(moving, 0.0) + braking)
+            else:
+                low = max(low, min(moving, 0.0) - braking)
+        return high, max(low, -axis.max_speed) if low <= high else high
