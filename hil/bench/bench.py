@@ -121,7 +121,7 @@ class Bench:
                 )
                 self._drives[name] = drive
                 group = self.recorder.add_group(
-                    name, drive.trace_columns, drive.trace_row, enums=getattr(drive, "trace_enums", None)
+                    name, drive.trace_columns, drive.trace_row, enums=drive.trace_enums
                 )
                 # The machine is recorded whatever the drive's state on the bus; after the events of the instant.
                 self.scheduler.every(self.cycle_ns, group.sample, priority=_SAMPLE_PRIORITY)

@@ -96,7 +96,7 @@ class DriveHost:
                 self.scheduler, self.segments, config, name, history=self.history, rng=named_rng(seed, name)
             )
             group = self.recorder.add_group(
-                name, drive.trace_columns, drive.trace_row, enums=getattr(drive, "trace_enums", None)
+                name, drive.trace_columns, drive.trace_row, enums=drive.trace_enums
             )
             self.scheduler.every(config.bench.cycle_ms * MS, group.sample)
             self.drives[name] = drive

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from emulators.drive.core import RPM
+from fieldbus.canopen import NmtState
+from fieldbus.cia402 import DriveState, Mode
 
 if TYPE_CHECKING:
     from emulators.drive.cia402.device import DriveDevice
@@ -31,6 +33,13 @@ def trace_columns(position_unit: str) -> tuple[tuple[str, str], ...]:
         ("error_code", ""),
     )
 
+
+TRACE_ENUMS: Final[dict[str, dict[int, str]]] = {
+    "state": {int(state): state.text for state in DriveState},
+    "mode": {0: "none", **{int(mode): mode.short for mode in Mode}},
+    "nmt_state": {int(state): state.name for state in NmtState},
+}
+"""Texts of the columns that show a state."""
 
 _PER_RPM: Final = 1.0 / RPM
 

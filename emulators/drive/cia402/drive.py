@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from emulators.drive.cia402 import faults
-from emulators.drive.cia402._trace import trace_columns, trace_row
+from emulators.drive.cia402._trace import TRACE_ENUMS, trace_columns, trace_row
 from emulators.drive.cia402.config import DriveConfig, LinearAxisConfig
 from emulators.drive.cia402.device import DriveDevice
 from fieldbus.can.frame import CanSegment
@@ -41,6 +41,8 @@ class CiA402Drive(DriveDevice):
     """
 
     __slots__ = ("trace_columns",)
+
+    trace_enums = TRACE_ENUMS
 
     def __init__(
         self,
