@@ -20,63 +20,58 @@ if TYPE_CHECKING:
 
 
 class Job(Protocol):
-    """Outputs of one instruction instance."""
+    """One instruction instance, with the output names of the standard."""
 
-    @property
-    def busy(self) -> bool:
-        """Whether the job is being executed."""
+    name: str
+    Busy: bool
+    Error: bool
+    ErrorID: int
 
-    @property
-    def done(self) -> bool:
-        """Whether the job has reached its goal."""
+    def set(self, **inputs: Any) -> None:
+        """Assign inputs; they act at the next call."""
 
-    @property
-    def error(self) -> bool:
-        """Whether the job was refused or has failed."""
 
-    @property
-    def command_aborted(self) -> bool:
-        """Whether another job or the disabling took over."""
+class ExecuteJob(Job, Protocol):
+    """An instance that is started by an edge of `Execute`."""
 
-    @property
-    def error_id(self) -> int:
-        """Cause of `error`; 0 without."""
+    Done: bool
+    CommandAborted: bool
 
 
 class Axis(Protocol):
-    """An axis of the controller, with the conveniences that own one instruction instance each.
+    """An axis of the controller, with the instructions as methods that make one instance each.
 
-    Units: mm, mm/s, mm/s2, mm/s3 (degrees for a rotary axis).
+    Units: mm, mm/s (degrees for a rotary axis). Further inputs of an instruction may be given by their own names.
     """
 
     name: str
 
-    def power(self, enable: bool = True, *, stop_mode: int = 0) -> Job:
-        """Enable, or disable with `stop_mode` 0..3."""
+    def power(self, enable: bool = True, *, start_mode: int = 1, stop_mode: int = 0) -> Job:
+        """Set the inputs of the axis' only `MC_Power`."""
 
-    def reset(self, *, restart: bool = False) -> Job:
+    def reset(self, *, restart: bool = False) -> ExecuteJob:
         """Acknowledge alarms or restart the technology object."""
 
-    def home(self, *, mode: int = 0, position: float = 0.0) -> Job:
+    def home(self, position: float = 0.0, *, mode: int = 0) -> ExecuteJob:
         """Home the axis."""
 
-    def move_absolute(self, position: float, *, velocity: float = -1.0) -> Job:
+    def move_absolute(self, position: float, **inputs: Any) -> ExecuteJob:
         """Move to `position`."""
 
-    def move_relative(self, distance: float, *, velocity: float = -1.0) -> Job:
+    def move_relative(self, distance: float, **inputs: Any) -> ExecuteJob:
         """Move by `distance`."""
 
-    def move_velocity(self, velocity: float) -> Job:
+    def move_velocity(self, velocity: float, **inputs: Any) -> ExecuteJob:
         """Move with `velocity` until told otherwise."""
 
-    def jog(self, *, forward: bool = False, backward: bool = False, velocity: float = 100.0) -> Job:
-        """Set the two jog inputs."""
+    def jog(self, velocity: float = 100.0, *, backward: bool = False, **inputs: Any) -> Job:
+        """Jog; end it with `set(JogForward=False, JogBackward=False)`."""
 
-    def halt(self) -> Job:
+    def halt(self, **inputs: Any) -> ExecuteJob:
         """Bring the axis to rest; new jobs are allowed."""
 
-    def stop(self, *, mode: int = 0, release: bool = False) -> Job:
-        """Stop with `mode` 0, 2 or 3 and block new jobs until called again with `release`."""
+    def stop(self, mode: int = 0, **inputs: Any) -> ExecuteJob:
+        """Stop with `mode` 0, 2 or 3 and block new jobs until `set(Execute=False)`."""
 
 
 class Drive(Protocol):

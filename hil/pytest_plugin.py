@@ -35,7 +35,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the markers and, where asked for, the report."""
+    """Register the markers and what collects results."""
     config.addinivalue_line(
         "markers",
         "requirement(*identifiers): identifiers of the specification that this test would catch if broken",
@@ -43,10 +43,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers", "hil_bench(reference): bench file for this test in place of the default one"
     )
-
-
-def _is_worker(config: pytest.Config) -> bool:
-    return hasattr(config, "workerinput")
+    config.pluginmanager.register(_Session(config), "hil-session")
 
 
 def _requirements_of(item: pytest.Item) -> list[str]:

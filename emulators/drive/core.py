@@ -193,6 +193,8 @@ class ServoCore(ServoState):
             self.velocity_demand = new
         else:
             wanted, new = self._other_source(source, old, angle)
+            if not self.enabled:
+                return  # a ramp has just ended and taken the pulses away: no torque from this step on
         self._feedforward = new
         self._middle = 0.5 * (old + new)
         step = new - old

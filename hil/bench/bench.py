@@ -132,6 +132,11 @@ class Bench:
             for name, drive_section in config.drive.items():
                 if drive_section.device == "emulated":
                     self._drives[name] = self._remote.proxy(name)
+        for name, drive_section in config.drive.items():
+            for side in ("negative", "positive"):
+                stop_mm = getattr(drive_section.mechanics, f"{side}_stop_mm")
+                if drive_section.device == "emulated" and stop_mm is not None:
+                    self.recorder.set_constant(f"{name}.{side}_stop", stop_mm / 1000.0)
         for name, axis_section in config.axis.items():
             self._build_axis(name, axis_section)
         self.runtime.after_cycle.append(self._after_cycle)

@@ -21,6 +21,7 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
+from fieldbus.canopen.nmt import NmtState
 from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler
 from fieldbus.errors import HilError
 from fieldbus.history import Event, History
@@ -55,6 +56,8 @@ class DriveHost:
         channel: Channel that goes with it.
         origin_ns: Value of the monotonic clock that is time zero; None: now.
         seed: Seed of the drives' random streams.
+        record: Whether frames, signals and events are kept for `execute("fetch")`. Without a record the host may
+            run for weeks; `history` then tells its listeners and forgets.
 
     Raises:
         BusError: A bus cannot be opened.
@@ -69,11 +72,8 @@ class DriveHost:
         channel: str | None = None,
         origin_ns: int | None = None,
         seed: int = 0,
+        record: bool = True,
     ) -> None:
-        from fieldbus.can.live import LiveSegment
-        from hil.bench.bench import named_rng
-        from hil.bench.drives import build_drive
-
         self.scheduler = RealtimeScheduler(origin_ns)
         self.history = History(self.scheduler)
         self.recorder = Recorder(self.history, self.scheduler)
@@ -81,6 +81,21 @@ class DriveHost:
         self.drives: dict[str, Any] = {}
         self._groups: dict[str, Any] = {}
         self.released = False
+        try:
+            self._build(config, interface, channel, seed, record=record)
+        except BaseException:
+            self.close()
+            raise
+        for drive in self.drives.values():
+            drive.power_on()
+
+    def _build(
+        self, config: BenchConfig, interface: str | None, channel: str | None, seed: int, *, record: bool
+    ) -> None:
+        from fieldbus.can.live import LiveSegment
+        from hil.bench.bench import named_rng
+        from hil.bench.drives import build_drive
+
         for name, section in config.segment.items():
             self.segments[name] = LiveSegment.open(
                 self.scheduler,
@@ -88,21 +103,25 @@ class DriveHost:
                 channel=channel or section.channel or "vcan0",
                 name=name,
                 history=self.history,
+                keep_log=record,
+                # A drive goes on living when its bus is down, or nobody is there to acknowledge.
+                lossy=True,
             )
+        if not record:
+            self.history.listen(lambda _event: self.history.events.clear())
         for name, drive_section in config.drive.items():
             if drive_section.device != "emulated":
                 continue
             drive = build_drive(
                 self.scheduler, self.segments, config, name, history=self.history, rng=named_rng(seed, name)
             )
-            group = self.recorder.add_group(
-                name, drive.trace_columns, drive.trace_row, enums=drive.trace_enums
-            )
-            self.scheduler.every(config.bench.cycle_ms * MS, group.sample)
             self.drives[name] = drive
-            self._groups[name] = group
-        for drive in self.drives.values():
-            drive.power_on()
+            if record:
+                group = self.recorder.add_group(
+                    name, drive.trace_columns, drive.trace_row, enums=drive.trace_enums
+                )
+                self.scheduler.every(config.bench.cycle_ms * MS, group.sample)
+                self._groups[name] = group
 
     def execute(self, command: Mapping[str, Any]) -> Any:
         """Carry out one command of the pipe; returns its result.
@@ -137,6 +156,11 @@ class DriveHost:
             "events": self.history.events,
             "lateness_s": self.scheduler.worst_lateness_ns / S,
         }
+
+    @property
+    def booted(self) -> bool:
+        """Whether all drives are past their boot-up."""
+        return all(drive.slave.nmt_state != NmtState.INITIALISING for drive in self.drives.values())
 
     def run_until(self, predicate: Callable[[], object], timeout_s: float) -> bool:
         """Run the drives until `predicate` is true or `timeout_s` has passed."""

@@ -86,7 +86,10 @@ _TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
 def build_story(trace: Trace, told: Iterable[Step], checks: Iterable[Check]) -> list[Step]:
     """Return the told steps, what the log shows, and the checks, by time."""
     steps = list(told)
+    told_by_drive = {(entry.time_ns, entry.source) for entry in trace.select(kind="drive.nmt")}
     for entry in trace.events:
+        if entry.kind == "nmt.state" and (entry.time_ns, entry.source) in told_by_drive:
+            continue  # the drive tells the same under its own kind
         if entry.kind.startswith("job."):
             steps.append(Step(entry.time_ns * 1e-9, "observe", _job_text(entry), _detail(entry)))
             continue

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldbus.history import Event
 from hil.expect._words import has_torque, normal_state
 from hil.record import Signal, Trace
 from reports.model import Check, Verdict
@@ -19,6 +20,8 @@ WINDOW_S = (0.05, 0.15)
 """What counts as an earlier speed: between these times back. A rebound from an elastic stop is then no acceleration."""
 _AFTER_PUSH_S = 0.5
 """A spring that is let go or a load that swings back needs a moment to come to rest."""
+_JOLT_S = 0.02
+"""Time after an encoder fault in which the drive may still have jerked before its torque went."""
 _REST_S = 0.1
 """Time below the rest speed after which an axis is at rest."""
 
@@ -69,11 +72,14 @@ def check_motion_while_disabled(trace: Trace) -> list[Check]:
         word = trace[f"{drive}.statusword"]
         stretches = _stretches(word.time_s, ~has_torque(word.values.astype(np.int64)))
         pushed = pushed_spans(trace, drive)
+        jolts = [entry.time_ns * 1e-9 for entry in trace.select(source=drive, kind="fault.") if _jolts(entry)]
         problems = []
         for start, end in stretches:
             # A push makes the rest of its stretch a new story: it is judged from its end on.
             for begin, finish in _free_parts(start, end, pushed):
-                found = _part_problem(velocity.between(begin, finish), position.between(begin, finish))
+                jolted = any(begin - _JOLT_S <= when <= begin for when in jolts)
+                entry = _speed_before(velocity, begin) if begin == start and not jolted else None
+                found = _part_problem(velocity.between(begin, finish), position.between(begin, finish), entry)
                 if found is not None:
                     problems.append(found)
         problem = min(problems, default=None)
@@ -104,18 +110,38 @@ def _free_parts(start: float, end: float, pushed: list[tuple[float, float]]) -> 
     return parts
 
 
-def _part_problem(velocity: Signal, position: Signal) -> tuple[float, str] | None:
-    """Return time and text of the first motion that coasting does not explain."""
+def _jolts(entry: Event) -> bool:
+    return str(entry.data.get("fault", "")).startswith("encoder.") and entry.kind != "fault.armed"
+
+
+def _speed_before(velocity: Signal, time_s: float) -> float | None:
+    """Return the greatest speed with which the torque may have gone, from the two samples before."""
+    index = int(np.searchsorted(velocity.time_s, time_s - 1e-10))
+    if index < 2:
+        return None
+    last, earlier = abs(float(velocity.values[index - 1])), abs(float(velocity.values[index - 2]))
+    return last + 1.5 * abs(last - earlier)
+
+
+def _part_problem(velocity: Signal, position: Signal, entry: float | None) -> tuple[float, str] | None:
+    """Return time and text of the first motion that coasting does not explain.
+
+    Args:
+        velocity: Samples without torque.
+        position: The same.
+        entry: Greatest speed at the begin; None: that of the first sample.
+
+    """
     rest_speed = REST_SPEED.get(velocity.unit, 0.0005)
     rest_travel = REST_TRAVEL.get(position.unit, 0.0001)
     speed, times = np.abs(velocity.values), velocity.time_s
     for index in np.flatnonzero(speed > rest_speed):
         first = int(np.searchsorted(times, times[index] - WINDOW_S[1]))
-        # At the beginning there is nothing earlier than the first sample itself.
-        last = max(int(np.searchsorted(times, times[index] - WINDOW_S[0], side="right")), min(1, int(index)))
-        if last <= first:
-            continue
-        before = float(speed[first:last].max())
+        last = int(np.searchsorted(times, times[index] - WINDOW_S[0], side="right"))
+        before = float(speed[first:last].max(initial=0.0))
+        if first == 0:
+            # Soon after the begin there is nothing earlier than the begin itself.
+            before = max(before, float(speed[0]) if entry is None else entry)
         if speed[index] > before * 1.02 + rest_speed:
             text = f"{float(velocity.values[index]):.4g} {velocity.unit} after {before:.4g} {velocity.unit}"
             return float(times[index]), text
@@ -195,8 +221,10 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
 def _no_change(trace: Trace, axis: str, signal: Signal) -> NDArray[np.bool_]:
     """Return which intervals between samples hold no change of state and no start of a job, nor follow one directly."""
     free = np.ones(len(signal) - 1, dtype=bool)
-    for kind in ("axis.state", "axis.homed", "alarm.raised", "program.write"):
+    for kind in ("axis.state", "axis.homed", "alarm.raised", "program.write", "job.active"):
         for entry in trace.select(source=axis, kind=kind):
+            if kind == "job.active" and entry.data.get("instruction") != "MC_Stop":
+                continue  # of the jobs only MC_Stop may start from actual values (STP-248)
             index = int(np.searchsorted(signal.time_s, entry.time_ns * 1e-9 - 1e-10))
             free[max(index - 2, 0) : index + 2] = False
     return free

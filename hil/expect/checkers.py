@@ -163,14 +163,14 @@ def check_status_words(trace: Trace) -> list[Check]:
         rises = np.zeros(len(times), dtype=bool)
         rises[1:] = ((stw1[:-1] & 1) == 0) & ((stw1[1:] & 1) == 1) & ((zsw1[:-1] & zsw1[1:] & 0x40) != 0)
         ramping = _in_states(trace, axis, {"alarm_ramp", "disabling_ramp", "stopping", "halting"})
-        moving = np.abs(trace[f"{axis}.velocity_setpoint"].values) > 1e-9
+        braking = _until_zero(ramping, trace[f"{axis}.velocity_setpoint"].values)
         motion_bits = (word >> 12 & 1) + (word >> 13 & 1) + (word >> 14 & 1)
         has_error = (word & 2) != 0
         must, must_not = _error_spans(trace, axis, times)
         rules: list[tuple[str, str, NDArray[np.bool_], list[str]]] = [
             ("switching on", "STW1.0 does not rise while ZSW1.6 = 1 is received", rises, ["STP-510"]),
-            ("control word in a ramp", "STW1 = 16#047F until setpoint zero",
-             ramping & moving & ((stw1 & 0x04FF) != 0x047F), ["STP-511"]),
+            ("control word in a ramp", "STW1 = 16#047F until setpoint zero, acknowledging aside",
+             braking & ((stw1 & 0x047F) != 0x047F), ["STP-511"]),
             ("motion bits", "at most one of X12, X13, X14", motion_bits > 1, ["STP-512", "DIA-105"]),
             ("error bits", "X1 implies an ErrorWord bit and an alarm number",
              has_error & ((error == 0) | (number == 0)), ["DIA-103"]),
@@ -189,6 +189,18 @@ def check_status_words(trace: Trace) -> list[Check]:
                 _check(f"{name} of {axis}", expected, problems, identifiers, seen=f"{len(times)} cycles")
             )
     return checks
+
+
+def _until_zero(ramping: NDArray[np.bool_], setpoint: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return, of every run of true flags, the part before the setpoint is zero: afterwards it may follow actual values."""
+    result = ramping.copy()
+    ended = False
+    for index in np.flatnonzero(ramping):
+        if index == 0 or not ramping[index - 1]:
+            ended = False
+        ended = ended or abs(setpoint[index]) <= 1e-9
+        result[index] = not ended
+    return result
 
 
 def _error_spans(

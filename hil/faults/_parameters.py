@@ -39,10 +39,11 @@ class Parameter:
             self.type
         ]
         unit = f" {self.unit}" if self.unit else ""
+        form = ".0f" if self.type == "int" else "g"
         if self.minimum is not None and self.maximum is not None:
-            return f"{words} {self.minimum:g}..{self.maximum:g}{unit}"
+            return f"{words} {self.minimum:{form}}..{self.maximum:{form}}{unit}"
         if self.minimum is not None:
-            return f"{words} >= {self.minimum:g}{unit}"
+            return f"{words} >= {self.minimum:{form}}{unit}"
         return f"{words}{unit}"
 
     def check(self, where: str, value: Any) -> Scalar:

@@ -100,12 +100,17 @@ class NoMotionWithoutTorque(Invariant):
         self._position = _reader(bench, f"{drive}.position")
         self._stops = _EndStops(bench, drive)
         self._pushed = _Faulted(bench, ("mechanics.",), 0.5)
+        self._jolted = _Faulted(bench, ("encoder.",), 0.02)
         self._scheduler = bench.scheduler
         self._earlier: deque[tuple[int, float]] = deque()
+        self._entry: float | None = None
+        """Greatest speed at the begin of the time without torque; 0 once that is long ago, None when unknown."""
+        self._last = 0.0
 
     def event(self, entry: Event) -> None:
-        """Take note of forces from outside."""
+        """Take note of forces from outside and of jolts of the encoder."""
         self._pushed.event(entry)
+        self._jolted.event(entry)
 
     def cycle(self) -> str:
         """Compare the speed with what it was a moment ago."""
@@ -114,21 +119,33 @@ class NoMotionWithoutTorque(Invariant):
         word, velocity, position = self._word(), self._velocity(), self._position()
         if word is None or velocity is None or position is None:
             return ""
-        earlier = self._earlier
-        if self._pushed or self._stops.touched(position) or cia402_state(int(word)) in _TORQUE:
-            earlier.clear()
-            return ""
         now, speed = self._scheduler.now, abs(velocity)
-        problem = ""
-        if earlier:
-            while earlier[0][0] < now - _WINDOW_NS[1] and len(earlier) > 1:
-                earlier.popleft()
-            limit = now - _WINDOW_NS[0]
-            before = max(value for index, (when, value) in enumerate(earlier) if when <= limit or index < 1)
-            if speed > before * 1.02 + self._rest:
-                problem = f"{velocity:.4g} after {before:.4g} with statusword 16#{int(word):04X}"
+        earlier = self._earlier
+        if self._pushed or self._stops.touched(position):
+            earlier.clear()
+            self._entry = None
+            return ""
+        if cia402_state(int(word)) in _TORQUE:
+            earlier.clear()
+            # Next time the torque may be gone, and the speed may have changed once more until then.
+            self._entry = None if self._jolted else speed + 1.5 * abs(speed - self._last)
+            self._last = speed
+            return ""
+        while earlier and earlier[0][0] < now - _WINDOW_NS[1]:
+            earlier.popleft()
+            self._entry = 0.0
+        if self._entry is None or self._jolted:
+            self._entry = max(speed, self._entry or 0.0)
+        limit = now - _WINDOW_NS[0]
+        before = self._entry
+        for when, value in earlier:
+            if when > limit:
+                break
+            before = max(before, value)
         earlier.append((now, speed))
-        return problem
+        if speed > before * 1.02 + self._rest:
+            return f"{velocity:.4g} after {before:.4g} with statusword 16#{int(word):04X}"
+        return ""
 
 
 class _EndStops:
@@ -150,7 +167,7 @@ class _EndStops:
 
 
 class RestAfterAlarm(Invariant):
-    """After an alarm with a stop reaction the mechanics are at rest within the bound of that reaction."""
+    """After an alarm with a stop reaction a drive with torque stands within the bound of that reaction."""
 
     name = "rest after an alarm"
     requirements = ("STP-348", "STP-386", "STP-387", "STP-388")
@@ -159,6 +176,7 @@ class RestAfterAlarm(Invariant):
         self._scheduler = bench.scheduler
         self._axis = axis
         self._velocity = _reader(bench, f"{drive}.velocity")
+        self._word = _reader(bench, f"{drive}.statusword")
         self._rest = 4 * REST_SPEED.get(_unit(bench, f"{drive}.velocity"), 0.0005)
         self._constants = bench.trace().constants
         self._pushed = _Faulted(bench, ("mechanics.",), 0.5)
@@ -198,10 +216,15 @@ class RestAfterAlarm(Invariant):
         elif entry.kind == "alarm.cleared":
             self._due_ns.pop(entry.data.get("number"), None)
 
+    def _has_torque(self) -> bool:
+        """Whether the drive is on; an axis that coasts is the business of another invariant."""
+        word = None if self._word is None else self._word()
+        return word is None or cia402_state(int(word)) in _TORQUE
+
     def horizon_ns(self) -> int:
         """Return the last deadline while the axis still moves."""
         velocity = None if self._velocity is None else self._velocity()
-        if velocity is None or abs(velocity) <= self._rest:
+        if velocity is None or abs(velocity) <= self._rest or not self._has_torque():
             return 0
         return max(self._due_ns.values(), default=0)
 
@@ -211,7 +234,7 @@ class RestAfterAlarm(Invariant):
             return ""
         velocity = self._velocity()
         now = self._scheduler.now
-        if velocity is None or abs(velocity) <= self._rest:
+        if velocity is None or abs(velocity) <= self._rest or not self._has_torque():
             return ""
         for number, due in self._due_ns.items():
             if now > due:

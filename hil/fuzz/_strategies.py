@@ -43,7 +43,10 @@ def _jobs() -> SearchStrategy[Step]:
         st.builds(
             lambda speed, backward: Do("jog", {"velocity": speed, "backward": backward}), velocity, st.booleans()
         ),
-        st.sampled_from([Do("jog_release"), Do("halt"), Do("stop_release"), Do("remove_faults")]),
+        st.just(Do("jog_release")),
+        st.just(Do("halt")),
+        st.just(Do("stop_release")),
+        st.just(Do("remove_faults")),
         st.builds(lambda mode: Do("stop", {"mode": mode}), st.sampled_from([0, 2, 3])),
     )  # fmt: skip
 
@@ -117,6 +120,10 @@ def fault_kinds(bench: Any) -> list[str]:
     ]
 
 
+def _same(step: Step) -> Step:
+    return step
+
+
 def programs(
     kinds: Sequence[str], ids: dict[str, int], *, longest: int = 12, preamble: Sequence[Step] = PREAMBLE
 ) -> SearchStrategy[Program]:
@@ -130,5 +137,11 @@ def programs(
 
     """
     waits: SearchStrategy[Step] = _grid(1, 30, 0.02).map(Wait)
-    steps = st.one_of(_jobs(), waits, st.one_of([_fault(kind, ids) for kind in kinds]))
-    return st.lists(steps, min_size=1, max_size=longest).map(lambda body: Program((*preamble, *body)))
+    # Mapped, because nested choices would be flattened: a job, a wait and a fault are to be equally likely.
+    faults = st.one_of([_fault(kind, ids) for kind in kinds]).map(_same)
+    steps = st.one_of(_jobs().map(_same), waits, faults)
+    # Three lists in a row: one long list would nearly always be drawn short.
+    thirds = [st.lists(steps, max_size=(longest + part) // 3) for part in range(3)]
+    return st.tuples(*thirds).map(
+        lambda parts: Program((*preamble, *(step for part in parts for step in part)))
+    )

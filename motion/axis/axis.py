@@ -98,6 +98,7 @@ class TechnologyAxis:
         self.speed_output_rpm = 0.0
         self.status_word = 0
         self.status_word2 = 0
+        self._error_word_shown = 0
         self.stw1_sent = 0
         self._status = False
         self._resets: list[Reset] = []
@@ -235,6 +236,7 @@ class TechnologyAxis:
         port.write(stw1, speed)
         self.status_word = status_word(self)
         self.status_word2 = status_word2(self)
+        self._error_word_shown = self.alarms.engine.error_word
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the values of `trace_columns` for the present cycle."""
@@ -242,6 +244,10 @@ class TechnologyAxis:
         port = self.port
         engine = self.alarms.engine
         feedback = self.feedback
+        if engine.error_word != self._error_word_shown:
+            # An instruction has raised an alarm after the cycle: the words of one row belong together (DIA-110).
+            self.status_word = status_word(self)
+            self._error_word_shown = engine.error_word
         return (
             gen.s,
             gen.v,

@@ -134,3 +134,21 @@ def test_absolute_encoder_keeps_its_position_over_a_power_cycle():
         bench.run_for(1.0)
         assert axis.var("ActualPosition") == pytest.approx(before, abs=0.05)
         assert axis.var("StatusWord.X5")
+
+
+@pytest.mark.requirement("C402-013", "STP-318")
+def test_no_torque_after_the_drives_own_ramp():
+    """As soon as a quick stop has ended, the drive gives no torque any more, not even in the step that ends it."""
+    with load_bench("reference").build(seed=1) as bench:
+        axis = bench.axis()
+        power = axis.power()
+        assert bench.run_until(power.status, 2.0)
+        job = axis.move_velocity(300.0)
+        assert bench.run_until(job.in_velocity, 2.0)
+        axis.power(False, stop_mode=1)
+        drive = bench.drive()
+        assert bench.run_until(lambda: drive.core.torque != 0.0 and not axis.in_operation, 1.0)
+        assert bench.run_until(lambda: not drive.core.enabled, 1.0)
+        assert drive.core.torque == 0.0
+        bench.run_for(0.5)
+        assert drive.core.torque == 0.0

@@ -442,7 +442,6 @@ def limit_switch_bounces(ctx: CaseContext) -> None:
     stopped_for_good(ctx, ctx.now_s)
 
 
-# The machine rebounds from its end stop without torque, which the checker of the disabled axis cannot know.
 @CAMPAIGN.case(
     "limit-switch-stuck", tags=("switch", "mechanics"), requirements=("MON-040",), without=("STP-331",)
 )
@@ -518,7 +517,6 @@ def overload(ctx: CaseContext) -> None:
     title="encoder frozen from {phase}",
     tags=("encoder", "{phase}"),
     requirements=("MON-040",),
-    without=("STP-331",),  # blind, the drive lets the machine run into its end stop and rebound
 )
 def encoder_frozen(ctx: CaseContext, phase: str) -> None:
     """The encoder's value no longer changes: following error 521, and the machine comes to rest."""

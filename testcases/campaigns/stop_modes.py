@@ -223,6 +223,7 @@ def stop_case(ctx: CaseContext, stop: str, phase: str, words: str) -> None:
             time_tolerance_s=allowed.time_s,
             distance=expected.distance * factor,
             distance_tolerance=allowed.distance_mm * factor,
+            delay_s=5 * ctx.bench.cycle_ns * 1e-9 + float(ctx.bench.config.tolerance.time_s),
             made_by="drive" if by_drive else None,
             threshold=6.0 if by_drive else 1e-9,
         ).covers(*identifiers)

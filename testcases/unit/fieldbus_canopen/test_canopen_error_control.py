@@ -126,13 +126,16 @@ def test_heartbeat_time_is_kept_exactly(bench):
 
 @pytest.mark.requirement("C301-025")
 def test_unused_consumer_entries(bench):
-    """Entries with node 0, node above 127 or time 0 watch nothing."""
+    """Entries with node 0, node above 127, time 0 or a reserved bit watch nothing."""
     reasons = []
     bench.slave.on_communication_error.append(reasons.append)
     for sub, value in ((1, 0x0000_0032), (2, 0x0080_0032), (3, 0x007F_0000)):
         assert bench.write(0x1016, sub, value, 4) == 0
     for can_id in (0x700, 0x77F):
         bench.send(can_id, "05")
+    bench.run(300)
+    bench.write(0x1016, 3, 0x017F_0032, 4)
+    bench.send(0x77F, "05")
     bench.run(300)
     assert reasons == []
 

@@ -171,6 +171,15 @@ def test_end_of_an_rpdo_timeout(bench, remedy):
     assert bench.slave.errors.active == {}
 
 
+def test_one_length_error_replaces_the_other(bench):
+    """When a short frame is followed by a long one, the first error has ended."""
+    bench.nmt(NmtCommand.START)
+    bench.send(0x205, "0F")
+    bench.send(0x205, "0F 00 55")
+    bench.run()
+    assert bench.slave.errors.active == {0x8220: 0x11}
+
+
 def test_length_error_is_new_after_a_reset(bench):
     """After reset communication a wrong length is reported anew."""
     for _ in range(2):

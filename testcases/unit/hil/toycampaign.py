@@ -57,17 +57,17 @@ def chance(ctx):
 
 @FATAL.case("first")
 def first(ctx):
-    """A case before the fatal one"""
+    """A case before the fatal one."""
     ctx.run_for(0.1)
 
 
 @FATAL.case("exit")
 def fatal(ctx):
-    """A case that kills its process"""
+    """A case that kills its process."""
     os._exit(3)
 
 
 @FATAL.case("last")
 def last(ctx):
-    """A case after the fatal one"""
+    """A case after the fatal one."""
     ctx.run_for(0.1)

@@ -1,0 +1,249 @@
+"""The command line: exit codes, machine-readable output, light start."""
+
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+
+from hil._plugin_results import RequirementLog, write_results
+from hil._requirements import requirements
+from hil.cli import main
+from hil.faults import CATALOGUE
+from reports.store import load_run
+
+TOY = "testcases.unit.hil.toycampaign"
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    """Every command runs in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def call(capsys, *arguments):
+    code = main([str(argument) for argument in arguments])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_run_json_is_the_only_thing_on_standard_output(capsys, tmp_path):
+    """`hil run --json` prints one object with exactly the promised keys, whatever the cases print themselves."""
+    file = tmp_path / "loud.py"
+    file.write_text(
+        "from hil import Campaign\n"
+        "C = Campaign('loud', bench='testcases.unit.hil.toybench:BENCH')\n"
+        "@C.case('one')\ndef one(ctx):\n    print('noise')\n    ctx.run_for(0.1)\n"
+    )
+    code, out, err = call(capsys, "run", file, "--json", "--report", "rep")
+    assert code == 0
+    content = json.loads(out)
+    assert set(content) == {
+        "passed",
+        "failed",
+        "blocked",
+        "errors",
+        "report",
+        "junit",
+        "seed",
+        "trace_digest",
+    }
+    assert (content["passed"], content["failed"], content["blocked"], content["errors"]) == (1, 0, 0, 0)
+    assert len(content["trace_digest"]) == 64
+    assert (tmp_path / content["report"]).exists()
+    assert (tmp_path / content["junit"]).exists()
+    assert "noise" in err
+    assert "passed" in err
+
+
+@pytest.mark.parametrize(
+    ("select", "code"),
+    [("move", 0), ("wrong", 1), ("broken", 1), ("blocked", 2), ("toy/", 1), ("nothing like it", 2)],
+)
+def test_exit_codes_of_run(capsys, select, code):
+    """0 passed, 1 cases failed or broke, 2 nothing could run."""
+    assert call(capsys, "run", TOY, "-k", select, "-t", "toy")[0] == (
+        code if select != "nothing like it" else 2
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "no.such.module"], "no such file, directory or module"),
+        (["run", TOY, "-k", "move", "--bench", "nowhere.toml"], "nowhere.toml"),
+        (["run", TOY, "--evidence", "some"], "failed, all, none"),
+        (["replay", "HIL1-xyz"], "damaged"),
+        (["replay", "hello"], "no replay token"),
+        (["check", "nowhere.toml"], "nowhere.toml"),
+        (["frobnicate"], "No such command"),
+        (["run"], "Missing argument"),
+        (["fuzz", "--cases", "0"], "greater than or equal to 1"),
+        (["requirements"], "no test results"),
+    ],
+)
+def test_what_cannot_run_ends_with_2_and_one_message(capsys, arguments, words):
+    """A mistake of the user ends with 2 and says what is wrong, without a traceback and with nothing on stdout."""
+    code, out, err = call(capsys, *arguments)
+    assert code == 2
+    assert words in err
+    assert "Traceback" not in err
+    assert out == ""
+
+
+def test_a_case_is_replayed_from_its_token(capsys, tmp_path):
+    """`hil replay` repeats the case exactly: same verdict, same trace, a report of its own."""
+    call(capsys, "run", TOY, "-k", "wrong", "--report", "rep")
+    (original,) = load_run(tmp_path / "rep").cases
+    code, out, _ = call(capsys, "replay", original.token, "--report", "again")
+    assert code == 1
+    assert out.startswith("failed  toy/wrong\nalarm 999: failed")
+    (repeated,) = load_run(tmp_path / "again").cases
+    assert repeated.trace_digest == original.trace_digest
+    assert (tmp_path / "again" / "report.html").exists()
+    code, out, _ = call(capsys, "replay", original.token, "--report", "again", "--json")
+    assert json.loads(out)["verdict"] == "failed"
+
+
+def test_a_replay_on_a_changed_bench_is_refused(capsys):
+    """A token is bound to its bench; --force repeats the case all the same."""
+    from hil.campaign import Token
+
+    token = Token("toy/move-50", 1, f"{TOY}:CAMPAIGN", "testcases.unit.hil.toybench:BENCH", "0" * 64).encode()
+    code, _, err = call(capsys, "replay", token)
+    assert code == 2
+    assert "has changed since the token was made" in err
+    assert call(capsys, "replay", token, "--force")[0] == 0
+    gone = Token("toy/gone", 1, f"{TOY}:CAMPAIGN", "testcases.unit.hil.toybench:BENCH").encode()
+    assert "has no case 'toy/gone'" in call(capsys, "replay", gone)[2]
+
+
+def test_twice_proves_repeatability_and_names_what_differs(capsys):
+    """--twice passes a repeatable bench and fails one that is not, naming the first event that differs."""
+    assert call(capsys, "run", TOY, "-k", "move", "--twice")[0] == 0
+    code, _, err = call(
+        capsys, "run", TOY, "-k", "move-50", "--twice", "--bench", "testcases.unit.hil.toybench:NOISY"
+    )
+    assert code == 1
+    assert "first difference at 0.070000 s event bench.noise of bench" in err
+
+
+def test_interruption_leaves_a_report(capsys, tmp_path):
+    """Ctrl-C ends with 2 and leaves the report of what ran; --resume runs the rest."""
+    file = tmp_path / "stopped.py"
+    file.write_text(
+        "import pathlib\nfrom hil import Campaign\n"
+        "C = Campaign('stopped', bench='testcases.unit.hil.toybench:BENCH')\n"
+        "@C.case('one')\ndef one(ctx):\n    ctx.run_for(0.1)\n"
+        "@C.case('two')\ndef two(ctx):\n"
+        "    if not pathlib.Path('go').exists():\n        raise KeyboardInterrupt\n"
+    )
+    code, out, err = call(capsys, "run", file, "--json", "--report", "rep")
+    assert code == 2
+    assert json.loads(out)["passed"] == 1
+    assert "interrupted" in err
+    assert (tmp_path / "rep" / "report.html").exists()
+    (tmp_path / "go").touch()
+    code, out, _ = call(capsys, "run", file, "--json", "--report", "rep", "--resume")
+    assert code == 0
+    assert json.loads(out)["passed"] == 2
+
+
+def test_fuzz_finds_and_replays(capsys, tmp_path):
+    """`hil fuzz` ends with 1 on a defect, with script and token; `hil replay` meets the same violation."""
+    code, out, err = call(
+        capsys, "fuzz", "--cases", 100, "--seed", 5, "--bench", "testcases.unit.hil.toybench:DOUBLE", "--json"
+    )
+    assert code == 1
+    (failure,) = json.loads(out)["failures"]
+    assert failure["invariant"] == "one job output"
+    assert "1. power_on" in err
+    assert json.loads((tmp_path / "hil-report-fuzz" / "program.json").read_text()) == failure["program"]
+    code, out, _ = call(capsys, "replay", failure["token"], "--json")
+    assert code == 1
+    assert failure["text"] in json.loads(out)["message"]
+
+
+def test_fuzz_of_a_sound_bench_ends_with_0(capsys):
+    """No finding is success."""
+    code, out, _ = call(
+        capsys, "fuzz", "--cases", 10, "--bench", "testcases.unit.hil.toybench:BENCH", "--json"
+    )
+    assert code == 0
+    assert json.loads(out) == {"cases": 10, "seed": 0, "failures": [], "report": ""}
+
+
+def test_faults_json_is_the_catalogue(capsys):
+    """`hil faults --json` gives every kind with target kinds, parameters, seam and places."""
+    code, out, _ = call(capsys, "faults", "--json")
+    assert code == 0
+    entries = {entry["name"]: entry for entry in json.loads(out)}
+    assert set(entries) == {entry.name for entry in CATALOGUE}
+    delay = entries["frame.delay"]
+    assert delay["targets"] == ["segment"]
+    assert delay["seam"] == "CAN medium"
+    parameter = next(p for p in delay["parameters"] if p["name"] == "delay_s")
+    assert (parameter["type"], parameter["unit"], parameter["required"]) == ("float", "s", True)
+    assert entries["frame.corrupt"]["benches"]["live"]["injectable"] is False
+    assert entries["frame.corrupt"]["benches"]["live"]["reason"]
+    assert "frame.delay" in call(capsys, "faults")[1]
+
+
+def test_check_tells_what_is_on_the_bench(capsys):
+    """`hil check` builds the bench and says so."""
+    code, out, _ = call(capsys, "check", "testcases.unit.hil.toybench:BENCH", "--json")
+    assert code == 0
+    content = json.loads(out)
+    assert content["bench"] == "toy bench"
+    assert content["built"] is True
+    assert content["signals"] > 10
+
+
+def test_requirements_count_by_prefix(capsys, tmp_path):
+    """`hil requirements --json` counts what passing tests carry, by prefix, and lists the rest."""
+    log = RequirementLog()
+    log.note("test_a.py::a", ["STP-301", "STP-302"], "call", "passed")
+    log.note("test_a.py::b", ["STP-303"], "call", "failed")
+    (tmp_path / "test_a.py").touch()
+    write_results(tmp_path, log)
+    code, out, _ = call(capsys, "requirements", "--json")
+    assert code == 0
+    content = json.loads(out)
+    assert content["prefixes"]["STP"] == {"total": 609, "covered": 2}
+    assert "STP-303" in content["uncovered"]
+    assert "STP-301" not in content["uncovered"]
+    assert sum(entry["total"] for entry in content["prefixes"].values()) == len(requirements())
+    assert len(content["uncovered"]) == len(requirements()) - 2
+    assert re.search(r"^STP +2 of +609", call(capsys, "requirements")[1], re.MULTILINE)
+
+
+def test_requirement_identifiers_are_unique():
+    """The catalogue holds every identifier once, with title, section and document."""
+    entries = requirements()
+    assert len({entry.identifier for entry in entries}) == len(entries)
+    assert all(entry.title and entry.section and entry.document and entry.prefix for entry in entries)
+
+
+def test_help_loads_nothing_heavy():
+    """`hil --help` names all commands and loads none of their libraries."""
+    code = (
+        "import sys\nfrom hil.cli import main\ncode = main(['--help'])\n"
+        "heavy = {'numpy', 'canopen', 'can', 'pydantic', 'rich', 'jinja2', 'plotly', 'hypothesis', 'hil.campaign', 'reports'}\n"
+        "print(code, sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    for command in (
+        "demo",
+        "run",
+        "emulate",
+        "check",
+        "replay",
+        "fuzz",
+        "benchmark",
+        "requirements",
+        "faults",
+    ):
+        assert f"  {command} " in done.stdout
+    assert done.stdout.splitlines()[-1] == "0 []"

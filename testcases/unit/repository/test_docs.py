@@ -1,0 +1,318 @@
+"""The documentation is complete and true where that can be checked: keys, kinds, commands, links."""
+
+import inspect
+import re
+import struct
+import tomllib
+from pathlib import Path
+from types import NoneType
+from typing import get_args
+
+import pytest
+import typer
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+import hil.expect
+import hil.faults
+from hil.bench import EMBEDDED, load_bench
+from hil.bench.config import BenchConfig
+from hil.cli import app
+from hil.faults import CATALOGUE, ENVIRONMENTS, trigger_from_dict
+from hil.fuzz import default_invariants
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGES = [
+    "README.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    *sorted(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md")),
+]
+IMAGE_LIMIT = 300_000
+
+
+def page(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def section(text: str, heading: str) -> str:
+    """Return the text below a heading, up to the next one of any level."""
+    _, found, rest = text.partition(f"\n{heading}\n")
+    assert found, f"there is no heading {heading!r}"
+    return re.split(r"^#+ ", rest, maxsplit=1, flags=re.MULTILINE)[0]
+
+
+def rows(text: str) -> dict[str, list[str]]:
+    """Return the rows of the tables in a text: name in the first column -> the other columns."""
+    found = {}
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
+        if line.startswith("| `"):
+            found[cells[0].strip("`")] = cells[1:]
+    return found
+
+
+# -- bench file ------------------------------------------------------------------------------------------------------
+
+
+def sections_of(model: type[BaseModel], heading: str = "") -> dict[str, type[BaseModel]]:
+    """Return every table of the bench file: its heading, and its model."""
+    found = {}
+    for name, field in model.model_fields.items():
+        choices = [one for one in (field.annotation, *get_args(field.annotation)) if isinstance(one, type)]
+        for inner in choices:
+            if issubclass(inner, BaseModel):
+                by_name = getattr(field.annotation, "__origin__", None) is dict
+                path = f"{heading}.{name}".lstrip(".") + (".NAME" if by_name else "")
+                found |= {path: inner, **sections_of(inner, path)}
+    return found
+
+
+SECTIONS = sections_of(BenchConfig)
+
+
+def in_words(default: object) -> str:
+    if default is PydanticUndefined:
+        return "required"
+    if default is None:
+        return "none"
+    if default == {}:
+        return "empty"
+    return (
+        str(default)
+        if not isinstance(default, float) or default >= 0.0001 or default <= 0
+        else f"{default:.5f}"
+    )
+
+
+@pytest.mark.parametrize("heading", SECTIONS)
+def test_every_key_of_the_bench_file_is_documented(heading):
+    """The table of a section has exactly the keys of the model, with their defaults."""
+    fields = {
+        name: field
+        for name, field in SECTIONS[heading].model_fields.items()
+        if not (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel))
+    }
+    documented = rows(section(page("docs/bench-file.md"), f"## `[{heading}]`"))
+
+    assert list(documented) == list(fields)
+    assert {name: cells[2].strip("`") for name, cells in documented.items()} == {
+        name: in_words(field.default) for name, field in fields.items()
+    }
+
+
+@pytest.mark.parametrize("heading", SECTIONS)
+def test_words_of_the_bench_file_are_documented(heading):
+    """Where a key takes one of several words, the table names all of them."""
+    documented = rows(section(page("docs/bench-file.md"), f"## `[{heading}]`"))
+    for name, field in SECTIONS[heading].model_fields.items():
+        words = [
+            one for one in get_args(field.annotation) if not isinstance(one, type) and one is not NoneType
+        ]
+        if words and all(isinstance(word, str | int) for word in words):
+            assert [word.strip(" `") for word in documented[name][1].split(",")] == [
+                str(word) for word in words
+            ]
+
+
+def test_every_embedded_bench_is_documented():
+    """The page about bench files has a row for every bench that comes with the product."""
+    documented = rows(section(page("docs/bench-file.md"), "## Embedded benches"))
+
+    assert sorted(documented) == sorted(EMBEDDED)
+
+
+# -- faults ----------------------------------------------------------------------------------------------------------
+
+
+def number(value: float, kind: str) -> str:
+    if kind == "int":
+        return f"0x{int(value):X}" if value == 0x1FFFFFFF else str(int(value))
+    return f"{value:.6f}".rstrip("0").rstrip(".")
+
+
+def range_of(parameter) -> str:
+    if parameter.choices:
+        return ", ".join(f"`{choice}`" for choice in parameter.choices)
+    if parameter.type in {"bool", "text"}:
+        return "`true`, `false`" if parameter.type == "bool" else "text"
+    ends = f"{number(parameter.minimum, parameter.type)} to {number(parameter.maximum, parameter.type)}"
+    return ends + (", whole" if parameter.type == "int" else "")
+
+
+def default_of(parameter) -> str:
+    default = parameter.default
+    if parameter.required or default is None:
+        return "required" if parameter.required else "none"
+    if isinstance(default, bool | str):
+        return str(default).lower() or "empty"
+    return number(default, parameter.type)
+
+
+def test_every_fault_kind_is_in_the_catalogue_of_the_docs():
+    """The overview has exactly the kinds of the catalogue, with target, seam and the benches that can inject them."""
+    documented = rows(section(page("docs/faults.md"), "## The catalogue"))
+
+    assert documented == {
+        entry.name: [
+            entry.target, entry.seam, "yes" if entry.lasting else "no",
+            ", ".join(where for where in ENVIRONMENTS if not entry.injectable(where)),
+        ]
+        for entry in CATALOGUE
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.name)
+def test_every_parameter_of_a_fault_is_documented(entry):
+    """The parameters of a kind stand in its own table or in that of the choice of frames, with unit, range and default."""
+    text = page("docs/faults.md")
+    documented = rows(section(text, "### Which frames are hit")) | rows(section(text, f"### `{entry.name}`"))
+
+    assert {parameter.name: documented[parameter.name][:3] for parameter in entry.parameters} == {
+        parameter.name: [parameter.unit, range_of(parameter), default_of(parameter)]
+        for parameter in entry.parameters
+    }
+
+
+def test_every_trigger_is_documented():
+    """Every trigger has a row, and its TOML means the same as its Python."""
+    documented = {
+        re.match(r"\w+", call)[0]: (call, cells[-1].strip("`"))
+        for call, cells in rows(section(page("docs/faults.md"), "## Triggers")).items()
+    }
+    makers = {
+        name
+        for name in hil.faults.__all__
+        if inspect.isfunction(getattr(hil.faults, name)) and name not in {"fault_type", "trigger_from_dict"}
+    }
+
+    assert set(documented) == makers
+    for call, toml in documented.values():
+        made = eval(call, dict(vars(hil.faults)))
+        assert trigger_from_dict(tomllib.loads(f"trigger = {toml}")["trigger"]) == made
+
+
+@pytest.mark.parametrize("name", ["README.md", "CHANGELOG.md"])
+def test_number_of_fault_kinds_is_true(name):
+    """Where a page counts the kinds of faults, it counts right."""
+    assert set(re.findall(r"(\d+) kinds", page(name))) == {str(len(CATALOGUE))}
+
+
+# -- command line and plugin -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", sorted(typer.main.get_command(app).commands))
+def test_every_command_is_documented(name):
+    """Every command has a section that names all its long options; each option is explained there or in the common table."""
+    text = page("docs/cli.md")
+    own = section(text, f"## `hil {name}`")
+    common = text.partition("\n## ")[0]
+    options = [
+        option
+        for parameter in typer.main.get_command(app).commands[name].params
+        for option in [*parameter.opts, *parameter.secondary_opts]
+        if option.startswith("-")
+    ]
+
+    assert "--json" in options or name == "emulate"
+    assert [option for option in options if f"`{option}`" not in own + common] == []
+    assert [
+        option for option in options if option.startswith("--") and not re.search(rf"{option}\b", own)
+    ] == []
+    assert f"`{name}`" in page("CHANGELOG.md") or f"`hil {name}`" in page("CHANGELOG.md")
+
+
+def test_every_option_of_the_plugin_is_documented():
+    """Fixtures, options and settings of the pytest plugin stand in the page about writing tests."""
+    source = (ROOT / "hil" / "pytest_plugin.py").read_text(encoding="utf-8")
+    names = [
+        *re.findall(r"^@pytest\.fixture\ndef (\w+)", source, re.MULTILINE),
+        *re.findall(r'"(--hil-\w+)"', source),
+        *re.findall(r'addini\("(\w+)"', source),
+    ]
+    text = page("docs/writing-tests.md")
+
+    assert len(names) >= 11
+    assert [name for name in names if f"`{name}" not in text] == []
+
+
+def test_every_expectation_is_documented():
+    """Every function that makes an expectation stands in the page about writing tests."""
+    makers = [
+        name
+        for name in hil.expect.__all__
+        if inspect.isfunction(function := getattr(hil.expect, name))
+        and str(function.__annotations__.get("return", "")).endswith("Expectation")
+    ]
+    text = page("docs/writing-tests.md")
+
+    assert len(makers) >= 17
+    assert [name for name in makers if f"`{name}(" not in text] == []
+
+
+def test_every_recorded_column_is_documented():
+    """The columns of axis and drive in the page about writing tests are those that a bench records."""
+    with load_bench("reference").build() as bench:
+        recorded = {group.name: [name for name, _ in group.columns] for group in bench.trace().groups}
+    table = section(page("docs/writing-tests.md"), "## The trace")
+
+    for component, name in (("axis", "axis1"), ("drive", "drive1")):
+        (line,) = re.findall(
+            rf"^\| {component} \| (.*) \|$", table.partition("Events are selected")[0], re.MULTILINE
+        )
+        assert re.findall(r"`(\w+)`", line) == recorded[name]
+
+
+def test_every_event_kind_of_a_run_is_documented():
+    """The kinds of events that a move, a fault and an acknowledgement leave in the log stand in the page."""
+    with load_bench("reference").build() as bench:
+        axis = bench.axis()
+        power = axis.power()
+        assert bench.run_until(power.status, timeout=2.0)
+        axis.home(0.0)
+        axis.move_velocity(100.0)
+        bench.run_for(0.5)
+        bench.drive().raise_fault(0x2310)
+        bench.run_for(1.0)
+        axis.reset()
+        bench.run_for(0.5)
+        bench.drive().power_off()
+        bench.run_for(0.5)
+        kinds = {event.kind for event in bench.history.events}
+    text = section(page("docs/writing-tests.md"), "## The trace")
+
+    assert len(kinds) > 15
+    assert sorted(kind for kind in kinds if f"`{kind}`" not in text) == []
+
+
+def test_every_invariant_is_documented():
+    """The page about writing tests names the invariants of a fuzz search."""
+    with load_bench("reference").build() as bench:
+        names = [invariant.name for invariant in default_invariants(bench)]
+    text = page("docs/writing-tests.md").replace("\n", " ")
+
+    assert [name for name in names if name not in text] == []
+
+
+# -- links and pictures ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_links_lead_somewhere(name):
+    """Every relative link, and every file below docs/ that a page names, exists."""
+    text = page(name)
+    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in link]
+    targets = [(ROOT / name).parent / link for link in links if link]
+    targets += [ROOT / mention for mention in re.findall(r"`(docs/[\w./-]+)`", text)]
+
+    assert [str(target) for target in targets if not target.exists()] == []
+
+
+@pytest.mark.parametrize("name", ["report-list.png", "report-case.png"])
+def test_pictures_are_small_enough(name):
+    """The pictures of the README are screenshots of 1440 x 900 and small enough for a repository."""
+    content = (ROOT / "docs" / "images" / name).read_bytes()
+
+    assert struct.unpack(">II", content[16:24]) == (1440, 900)
+    assert len(content) < IMAGE_LIMIT
+    assert f"docs/images/{name}" in page("README.md")

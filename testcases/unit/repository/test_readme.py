@@ -1,0 +1,173 @@
+"""The examples in README and docs do what the text says: they are taken out of the text and run."""
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+import typer
+
+from hil.bench import load_bench
+from hil.cli import app
+from hil.faults import Injector
+from reports import summary
+from reports.model import RunResult
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGES = [
+    "README.md",
+    "CONTRIBUTING.md",
+    *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")),
+]
+
+
+class Block(NamedTuple):
+    """A code block of a page."""
+
+    page: str
+    language: str
+    text: str
+
+    @property
+    def file(self) -> str:
+        """Name of the file that the block is, from the comment in its first line; empty when it is none."""
+        match = re.match(r"# (\w+\.\w+)\n", self.text)
+        return match[1] if match else ""
+
+
+def blocks(page: str) -> list[Block]:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return [
+        Block(page, *found) for found in re.findall(r"^```(\w+)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    ]
+
+
+def lines(page: str) -> list[str]:
+    """Return the commands in the shell blocks of a page, without comments."""
+    found = [line for block in blocks(page) if block.language == "sh" for line in block.text.splitlines()]
+    return [line.partition(" # ")[0].strip() for line in found if line.strip()]
+
+
+FILES = [block for page in PAGES for block in blocks(page) if block.file]
+TESTS = [block for block in FILES if block.file.startswith("test_")]
+CAMPAIGNS = [block for block in FILES if block.language == "python" and block not in TESTS]
+BENCHES = [block for block in FILES if block.language == "toml"]
+COMMANDS = sorted({line for page in PAGES for line in lines(page) if line.startswith("hil ")})
+FAULTS = [
+    block.text
+    for block in blocks("docs/faults.md")
+    if block.text.startswith("faults.inject(") and "armed" not in block.text
+]
+
+
+def name_of(value) -> str:
+    return f"{value.page}-{value.file}" if isinstance(value, Block) else str(value)
+
+
+def run_python(folder: Path, *arguments: str) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, check=False, timeout=300
+    )
+
+
+def test_readme_sets_up_with_two_commands():
+    """The start section has exactly the two commands that do all set-up."""
+    start = (ROOT / "README.md").read_text(encoding="utf-8").partition("## Start")[2].partition("\n## ")[0]
+
+    assert re.findall(r"```sh\n(.*?)```", start, re.DOTALL) == ["./run demo\n./run tests\n"]
+
+
+def test_quick_start_of_the_readme_passes(tmp_path):
+    """Bench, test and command of the quick start, put into files as they stand, give a passed test and a report."""
+    for block in blocks("README.md"):
+        if block.file:
+            (tmp_path / block.file).write_text(block.text, encoding="utf-8")
+    (command,) = [line for line in lines("README.md") if line.startswith("pytest ")]
+
+    done = run_python(tmp_path, "-m", *shlex.split(command), "-p", "no:cacheprovider")
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "1 passed" in done.stdout
+    assert (tmp_path / "report" / "report.html").stat().st_size > 100_000
+
+
+def test_quick_start_of_the_readme_can_fail(tmp_path):
+    """The quick start sees it when the drive does not trip."""
+    for block in blocks("README.md"):
+        if block.file:
+            text = block.text.replace('faults.inject("drive.fault", drive.name, code=0x2310)', "pass")
+            (tmp_path / block.file).write_text(text, encoding="utf-8")
+
+    done = run_python(
+        tmp_path, "-m", "pytest", "--hil-bench", "bench.toml", "test_axis.py", "-p", "no:cacheprovider"
+    )
+
+    assert done.returncode == 1
+    assert "the reference event 'fault.applied' did not happen" in done.stdout
+
+
+@pytest.mark.parametrize("block", [block for block in TESTS if block.page != "README.md"], ids=name_of)
+def test_tests_in_the_docs_pass(block, tmp_path):
+    """A test that a page shows passes as it stands."""
+    (tmp_path / block.file).write_text(block.text, encoding="utf-8")
+
+    done = run_python(tmp_path, "-m", "pytest", "-q", block.file, "-p", "no:cacheprovider")
+
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("block", CAMPAIGNS, ids=name_of)
+def test_campaigns_in_the_docs_pass(block, tmp_path):
+    """A campaign that a page shows runs as it stands, and all its cases pass."""
+    (tmp_path / block.file).write_text(block.text, encoding="utf-8")
+
+    done = run_python(tmp_path, "-m", "hil.cli", "run", block.file, "--json")
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert json.loads(done.stdout)["passed"] == 4
+
+
+@pytest.mark.parametrize("block", BENCHES, ids=name_of)
+def test_bench_files_in_the_docs_come_up(block, tmp_path):
+    """A bench file that a page shows is valid, and its axes can be enabled."""
+    path = tmp_path / block.file
+    path.write_text(block.text, encoding="utf-8")
+
+    with load_bench(path).build() as bench:
+        powers = [bench.axis(name).power() for name in bench.axis_names]
+
+        assert bench.run_until(lambda: all(power.Status for power in powers), timeout=3.0)
+
+
+@pytest.mark.parametrize("example", FAULTS, ids=lambda text: text.split('"')[1])
+def test_examples_of_the_fault_catalogue_are_applied(example):
+    """The example of a fault kind can be injected into the reference bench as it stands."""
+    with load_bench("reference").build() as bench:
+        faults = Injector(bench)
+
+        exec(example, {"faults": faults, "bench": bench})
+        bench.run_for(0.02)
+
+        (armed,) = faults.armed
+        assert armed.applied_ns is not None
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_commands_in_the_docs_exist(line):
+    """Every `hil` command that a page shows is understood, with all its options."""
+    _, name, *arguments = shlex.split(line)
+    command = typer.main.get_command(app).commands[name]
+
+    with command.make_context(name, arguments) as context:
+        assert context.command is command
+
+
+def test_json_of_a_run_is_as_documented():
+    """The JSON that the command line page shows for a run has the keys that `hil run --json` prints."""
+    (block,) = [block for block in blocks("docs/cli.md") if block.language == "json"]
+
+    assert list(json.loads(block.text)) == list(summary(RunResult("", 0, "", "", {}, "")))
