@@ -130,7 +130,7 @@ def check(
 @app.command()
 def replay(
     token: Annotated[str, typer.Argument(metavar="TOKEN", help="Token of a case, from report or terminal.")],
-    report: ReportOption = Path("hil-replay"),
+    report: ReportOption = Path("hil-report-replay"),
     force: Annotated[bool, typer.Option("--force", help="Also when the bench file has changed.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -147,7 +147,7 @@ def fuzz(
     seed: SeedOption = 0,
     bench: BenchOption = "",
     steps: Annotated[int, typer.Option("--steps", min=1, max=200, help="Longest program, in steps.")] = 12,
-    report: ReportOption = Path("hil-fuzz"),
+    report: ReportOption = Path("hil-report-fuzz"),
     as_json: JsonOption = False,
 ) -> None:
     """Generate programs of jobs and faults, check invariants, shrink what breaks one."""

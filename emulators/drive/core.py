@@ -193,7 +193,7 @@ class ServoCore(ServoState):
             self.velocity_demand = new
         else:
             wanted, new = self._other_source(source, old, angle)
-            if not self.enabled:
+            if self._switched_off():
                 return  # a ramp has just ended and taken the pulses away: no torque from this step on
         self._feedforward = new
         self._middle = 0.5 * (old + new)
@@ -230,6 +230,9 @@ class ServoCore(ServoState):
             self.brake.step(self._period)
 
     # -- inside ------------------------------------------------------------------------------------------------
+
+    def _switched_off(self) -> bool:
+        return not self.enabled
 
     def _other_source(self, source: int, old: float, angle: float) -> tuple[float, float]:
         """Return the velocity that the controller wants to see now, and the pre-control for the end of the interval."""

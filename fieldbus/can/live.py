@@ -86,6 +86,8 @@ class LiveSegment:
         close_bus: Whether `close` shuts the bus down.
         echo: Whether the bus gives own frames back, as UDP multicast does and others do with
             `receive_own_messages`: they are then taken out again. Default: by the kind of bus.
+        lossy: A frame that the bus refuses is lost without an exception, as for a device that goes on living
+            while its bus is down or nobody acknowledges.
 
     Raises:
         ConfigurationError: The scheduler does not run in real time.
@@ -105,6 +107,7 @@ class LiveSegment:
         keep_log: bool = True,
         close_bus: bool = True,
         echo: bool | None = None,
+        lossy: bool = False,
     ) -> None:
         if not isinstance(scheduler, RealtimeScheduler):
             raise ConfigurationError(
@@ -120,6 +123,7 @@ class LiveSegment:
         self._bus = bus
         self._history = history
         self._keep_log = keep_log
+        self._lossy = lossy
         self._close_bus = close_bus
         self._echo = type(bus).__module__.startswith("can.interfaces.udp_multicast") if echo is None else echo
         self._awaited: deque[tuple[int, CanFrame]] = deque(maxlen=_ECHO_LIMIT)
@@ -141,6 +145,7 @@ class LiveSegment:
         name: str = "can0",
         history: History | None = None,
         keep_log: bool = True,
+        lossy: bool = False,
         **options: Any,
     ) -> Self:
         """Open a python-can bus and make it a segment, which owns it.
@@ -152,6 +157,7 @@ class LiveSegment:
             name: Name in logs.
             history: Where events go.
             keep_log: Whether `log` is written.
+            lossy: A frame that the bus refuses is lost without an exception.
             options: Further options of the interface, such as `bitrate` or `port`.
 
         Raises:
@@ -165,10 +171,10 @@ class LiveSegment:
             )
         try:
             bus = can.Bus(interface=interface, channel=channel, **options)
-        except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+        except Exception as error:  # a NameError, for example, where a vendor's library is missing
             raise BusError(f"{name}: {interface} {channel} cannot be opened: {error}") from error
         echo = True if options.get("receive_own_messages") else None
-        return cls(scheduler, bus, name=name, history=history, keep_log=keep_log, echo=echo)
+        return cls(scheduler, bus, name=name, history=history, keep_log=keep_log, echo=echo, lossy=lossy)
 
     def __repr__(self) -> str:
         state = "closed" if self._closed.is_set() else "down" if self.down else "up"
@@ -251,6 +257,8 @@ class LiveSegment:
             if self._echo:
                 self._awaited.pop()
             self._changed(down=True, reason=f"sending failed: {error}")
+            if self._lossy:
+                return
             raise BusError(f"{self.name}: {frame!r} cannot be sent: {error}") from error
         self._changed(down=False)
         time_ns = self._write(self._now(), sender, frame)

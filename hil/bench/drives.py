@@ -85,7 +85,12 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
         limit_switch_reaction="none",
         sync_loss_reaction=section.sync_loss,
         missing_setpoints=section.missing_setpoints,
+        # Velocities are in 10^-3 rpm (60A9h); so are the defaults, for controllers that leave them as they are.
         objects={(0x607F, 0): speed, (0x6080, 0): round(section.max_speed_rpm), (0x60A9, 0): 0xFDB44700,
+                 (0x6081, 0): speed // 3, (0x6083, 0): round(speed / section.off1_ramp_s),
+                 (0x6084, 0): round(speed / section.off1_ramp_s), (0x6085, 0): round(speed / section.off3_ramp_s),
+                 (0x6099, 1): speed // 15, (0x6099, 2): speed // 150, (0x609A, 0): round(speed / section.off1_ramp_s),
+                 (0x60C2, 1): config.bench.cycle_ms, (0x60C2, 2): -3,
                  (0x60C5, 0): 60_000_000, (0x60C6, 0): 60_000_000,
                  (0x6092, 1): section.increments_per_revolution, (0x6092, 2): 1},
     )  # fmt: skip

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from hil.campaign import CaseContext
+from hil.errors import BlockedError
 from hil.record import EventSelector, event
 
 VELOCITY: Final = 300.0
@@ -44,15 +45,33 @@ def grace_s(ctx: CaseContext) -> float:
     return float((bench.bench.grace_cycles + 2) * ctx.bench.cycle_ns * 1e-9 + bench.tolerance.time_s)
 
 
-def following_error_s(ctx: CaseContext) -> float:
-    """Return the time in which a blocked axis uses up its permitted following error at 300 mm/s, with a reserve, s."""
+def permitted_error_mm(ctx: CaseContext) -> float:
+    """Return the following error that the axis permits at 300 mm/s, mm."""
     read = ctx.axis.variables.read
     low, high = read("FollowingError.MinVelocity"), read("DynamicLimits.MaxVelocity")
     share = (VELOCITY - low) / (high - low)
-    permitted = read("FollowingError.MinValue") * (1.0 - share) + read("FollowingError.MaxValue") * share
+    return float(read("FollowingError.MinValue") * (1.0 - share) + read("FollowingError.MaxValue") * share)
+
+
+def need_permitted_error_below(ctx: CaseContext, limit_mm: float, reason: str) -> None:
+    """Block the case on a bench whose axis permits more following error than the case can make.
+
+    Raises:
+        BlockedError: It does.
+
+    """
+    permitted = permitted_error_mm(ctx)
+    if permitted > limit_mm:
+        raise BlockedError(
+            f"the axis permits {permitted:g} mm of following error, this case needs at most {limit_mm:g} mm: {reason}"
+        )
+
+
+def following_error_s(ctx: CaseContext) -> float:
+    """Return the time in which a blocked axis uses up its permitted following error at 300 mm/s, with a reserve, s."""
     section = ctx.bench.config.tolerance
     # Twice, because braking while blocked lets the error grow more slowly.
-    return float(2.0 * permitted / VELOCITY + 4 * ctx.bench.cycle_ns * 1e-9 + section.time_s)
+    return float(2.0 * permitted_error_mm(ctx) / VELOCITY + 4 * ctx.bench.cycle_ns * 1e-9 + section.time_s)
 
 
 def axis_name(ctx: CaseContext) -> str:

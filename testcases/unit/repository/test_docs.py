@@ -219,6 +219,9 @@ def test_every_command_is_documented(name):
     assert [
         option for option in options if option.startswith("--") and not re.search(rf"{option}\b", own)
     ] == []
+    for parameter in typer.main.get_command(app).commands[name].params:
+        if isinstance(parameter.default, Path):
+            assert f"`{parameter.default}`" in own + common, "its default folder"
     assert f"`{name}`" in page("CHANGELOG.md") or f"`hil {name}`" in page("CHANGELOG.md")
 
 
@@ -273,6 +276,7 @@ def test_every_event_kind_of_a_run_is_documented():
         axis.move_velocity(100.0)
         bench.run_for(0.5)
         bench.drive().raise_fault(0x2310)
+        bench.drive().force_input("home", True)
         bench.run_for(1.0)
         axis.reset()
         bench.run_for(0.5)

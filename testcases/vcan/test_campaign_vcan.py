@@ -1,0 +1,118 @@
+"""The shipped campaigns in real time over SocketCAN, controller and drives in processes of their own.
+
+The same cases run in virtual time elsewhere; here they meet a real bus, a real clock and a machine that is sometimes
+late. A case that fails while the machine was later than the bench file allows is repeated, and then *blocked*: it
+says nothing about what was tested. So there may be a few of those, but no failed one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from hil.bench import load_bench
+from reports.model import CaseResult, Verdict
+from reports.store import load_run
+
+pytestmark = pytest.mark.vcan
+
+PATIENCE_S = 800.0
+"""How long a whole campaign may take; it decides nothing but how long a hanging one is waited for."""
+
+FAULT_CASES = {
+    "drive fault": "drive-fault/2310/constant",
+    "encoder fault": "encoder-fault/standstill",
+    "safe torque off": "safe-torque-off/accelerating",
+    "actual values lost": "actual-values-lost/constant",
+    "set-points lost": "setpoints-lost/constant",
+    "frames corrupted": "corrupted-frames",
+    "frames delayed": "delayed-actual-values",
+    "supply lost": "node-off/constant",
+    "heartbeat of the drive lost": "heartbeat-lost/standstill",
+    "heartbeat of the controller lost": "controller-heartbeat-lost/standstill",
+    "foreign NMT command": "nmt-80/constant",
+    "limit switch": "limit-switch/constant",
+    "mechanics jammed": "jam/constant",
+    "load step": "load-step",
+    "encoder jump": "encoder-jump/131072",
+    "two reactions": "precedence/stop-3/alarm-2",
+}
+"""One case of each family of faults."""
+IMPOSSIBLE = "fault-reactions/corrupted-frames"
+"""Bit errors cannot be made through an adapter."""
+
+SELECTION = """
+from hil.campaign import Campaign
+from testcases.campaigns import fault_reactions
+
+CAMPAIGN = Campaign("one case of each family of faults")
+for name in {names!r}:
+    CAMPAIGN.add(fault_reactions.CAMPAIGN["fault-reactions/" + name])
+"""
+
+
+def bench_on(channel: str, file: Path) -> str:
+    """Return the name of the live bench, or that of a copy which uses another interface."""
+    if channel == "vcan0":
+        return "live"
+    text = load_bench("live").text
+    assert text.count('channel = "vcan0"') == 1
+    file.write_text(text.replace('channel = "vcan0"', f'channel = "{channel}"'), encoding="utf-8")
+    return str(file)
+
+
+def run_campaign(campaign: str, report: Path, channel: str) -> tuple[dict[str, object], list[CaseResult]]:
+    """Run `hil run` on the live bench; returns what it says on standard output, and the stored results."""
+    command = ["run", campaign, "--bench", bench_on(channel, report.with_suffix(".toml"))]
+    done = subprocess.run(
+        [sys.executable, "-m", "hil.cli", *command, "--json", "--report", str(report)],
+        check=False,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+    print(done.stderr)  # pytest shows it when the test fails
+    assert done.returncode == 0, f"exit code {done.returncode}"
+    summary = json.loads(done.stdout)
+    cases = load_run(report).cases
+    assert Path(summary["report"]) == report / "report.html"
+    assert len(cases) == sum(summary[key] for key in ("passed", "failed", "blocked", "errors"))
+    for case in cases:
+        assert case.title in (report / "report.html").read_text(encoding="utf-8")
+    suite = ET.parse(summary["junit"]).getroot()
+    assert len(list(suite.iter("testcase"))) == len(cases)
+    return summary, cases
+
+
+def test_stop_modes_on_a_live_bench(vcan_channel, tmp_path):
+    """All 48 combinations of stop and phase hold on the live bench; only lateness of the machine may block a few."""
+    summary, cases = run_campaign("testcases.campaigns.stop_modes", tmp_path / "stop-modes", vcan_channel)
+    assert len(cases) == 48
+    assert (summary["failed"], summary["errors"]) == (0, 0)
+    assert summary["passed"] >= 0.9 * len(cases)
+    for case in cases:
+        assert case.verdict is Verdict.PASSED or " s late, more than the bench allows" in case.message
+
+
+def test_fault_reactions_on_a_live_bench(vcan_channel, tmp_path):
+    """One case of each family of faults holds on the live bench; what cannot be injected there is blocked with a reason."""
+    file = tmp_path / "selection.py"
+    file.write_text(SELECTION.format(names=tuple(FAULT_CASES.values())), encoding="utf-8")
+    summary, cases = run_campaign(str(file), tmp_path / "faults", vcan_channel)
+    verdicts = {case.identifier: case for case in cases}
+    assert list(verdicts) == [f"fault-reactions/{name}" for name in FAULT_CASES.values()]
+    assert (summary["failed"], summary["errors"]) == (0, 0)
+    refused = verdicts.pop(IMPOSSIBLE)
+    assert refused.verdict is Verdict.BLOCKED
+    assert refused.message.startswith("frame.corrupt cannot be injected on a live bench: ")
+    late = [case for case in verdicts.values() if case.verdict is not Verdict.PASSED]
+    assert all(" s late, more than the bench allows" in case.message for case in late)
+    assert len(late) <= 0.1 * len(verdicts)
