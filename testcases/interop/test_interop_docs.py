@@ -1,0 +1,20 @@
+"""The examples of `docs/interoperation.md` run as they stand there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "interoperation.md"
+EXAMPLES = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def test_there_are_examples():
+    """The page has its two complete programs."""
+    assert len(EXAMPLES) == 2
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=["canopen", "python-can"])
+def test_example_runs(example):
+    """A complete program of the page runs, and its assertions hold."""
+    exec(compile(example, str(PAGE), "exec"), {"__name__": "__main__"})
