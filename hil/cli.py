@@ -5,11 +5,18 @@ Exit codes: 0 everything passed, 1 cases failed, 2 it could not run (or was inte
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+_CLICK_INTERRUPTED = 130
+"""What the command framework makes of Ctrl-C."""
 
 app = typer.Typer(
     name="hil",
@@ -197,13 +204,30 @@ def main(arguments: list[str] | None = None) -> int:
     command = typer.main.get_command(app)
     try:
         # Not standalone: click would end with 1 on Ctrl-C, which here means that cases failed.
-        outcome = command.main(args=arguments, prog_name="hil", standalone_mode=False)
+        with _terminable():
+            outcome = command.main(args=arguments, prog_name="hil", standalone_mode=False)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 2
     except Exception as error:  # noqa: BLE001 - sorted out below, unknown ones are raised again
         return _failure(error)
+    if outcome == _CLICK_INTERRUPTED:
+        print("interrupted", file=sys.stderr)
+        return 2
     return outcome if isinstance(outcome, int) else 0
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM end the command as Ctrl-C does: worker processes stop, and the report says what has run."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _failure(error: Exception) -> int:

@@ -15,10 +15,10 @@ from numpy.random import Generator, SeedSequence, default_rng
 
 from fieldbus.canopen.master import CanopenMaster
 from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler, VirtualScheduler, seconds_to_ns
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import BusError, ConfigurationError
 from fieldbus.history import History
 from hil.bench.config import BenchConfig
-from hil.errors import BlockedError
+from hil.errors import BlockedError, UnsupportedFaultError
 from hil.record import Recorder, Trace
 from motion.axis import PositioningAxis, SpeedAxis, TechnologyAxis
 from motion.drives.cia402 import Cia402Port, Cia402PortConfig
@@ -100,13 +100,16 @@ class Bench:
             else:
                 from fieldbus.can.live import LiveSegment
 
-                segment = LiveSegment.open(
-                    self.scheduler,
-                    interface=section.interface or "",
-                    channel=section.channel or "",
-                    name=name,
-                    history=self.history,
-                )
+                try:
+                    segment = LiveSegment.open(
+                        self.scheduler,
+                        interface=section.interface or "",
+                        channel=section.channel or "",
+                        name=name,
+                        history=self.history,
+                    )
+                except BusError as error:
+                    raise BenchNotReadyError(str(error)) from error
             self._segments[name] = segment
             self.recorder.add_bus(name, segment.log)
             self._masters[name] = CanopenMaster(
@@ -239,7 +242,7 @@ class Bench:
                 for name, port in ports.items():
                     node = network.add_node(port.node_id, object_dictionary())
                     self._wait_for_drive(name, node)
-                    port.commission(node.sdo)
+                    port.commission(node.sdo, store=self.config.drive[name].device == "emulated")
             finally:
                 network.disconnect()
 
@@ -284,9 +287,14 @@ class Bench:
         """Return a drive (or its proxy) by name, or the first one.
 
         Raises:
-            ConfigurationError: There is no such drive, or it is physical and has no fault interface.
+            ConfigurationError: There is no such drive.
+            UnsupportedFaultError: The drive is physical and has no fault interface (verdict: blocked).
 
         """
+        wanted = name or next(iter(self.config.drive))
+        section = self.config.drive.get(wanted)
+        if section is not None and section.device == "physical":
+            raise UnsupportedFaultError(f"{wanted} is a physical drive: it offers no fault interface")
         return self._part("drive", self._drives, name)
 
     def segment(self, name: str | None = None) -> Any:
@@ -385,6 +393,10 @@ class Bench:
         self._closed = True
         gc.set_threshold(*self._gc_threshold)
         self.runtime.stop()
+        if self.kind == "live":
+            for port in self._ports.values():
+                if port.link_ok:
+                    port.release()
         for master in self._masters.values():
             master.stop_sync()
         if self._remote is not None:

@@ -101,6 +101,7 @@ class TechnologyAxis:
         self._error_word_shown = 0
         self.stw1_sent = 0
         self._status = False
+        self._setpoint_due = False
         self._resets: list[Reset] = []
         self.power_owner: object | None = None
         """The `MC_Power` instance that rules this object (MC-160)."""
@@ -169,6 +170,7 @@ class TechnologyAxis:
         self.variables.latch()
         port = self.port
         port.read()
+        self._setpoint_due = True
         zsw1 = port.zsw1
         self.communication_ok = port.link_ok and zsw1 & 0x0208 == 0x0200
         self.in_operation = zsw1 & 0x0204 == 0x0204 and not zsw1 & 0x0008
@@ -182,8 +184,10 @@ class TechnologyAxis:
                 feedback.lost_reference = False
                 self.homed = False
         else:
-            self.actual_velocity = port.actual_speed_rpm / self.mechanics.rpm_per_unit
-            self.at_rest = -_AT_REST_RPM <= port.actual_speed_rpm <= _AT_REST_RPM
+            # Without a link the last value says nothing: it counts as 0, as the velocity of an encoder does.
+            rpm = port.actual_speed_rpm if port.link_ok else 0.0
+            self.actual_velocity = rpm / self.mechanics.rpm_per_unit
+            self.at_rest = -_AT_REST_RPM <= rpm <= _AT_REST_RPM
         enabling = self.enabling
         self.alarms.engine.update()
         enabling.supervise()
@@ -200,6 +204,7 @@ class TechnologyAxis:
             if has_position and motion.position_controlled:
                 self.limits.check_software()
             motion.step(self.cycle_s)
+            self._setpoint_due = False
             if has_position:
                 controller = self.controller
                 if motion.position_controlled:
@@ -237,6 +242,17 @@ class TechnologyAxis:
         self.status_word = status_word(self)
         self.status_word2 = status_word2(self)
         self._error_word_shown = self.alarms.engine.error_word
+        self._setpoint_due = False
+
+    @property
+    def setpoint_delay_s(self) -> float:
+        """Time by which a setpoint that is taken from the actual values has to be ahead of them, s.
+
+        It is the transport delay and, with velocity precontrol, the time constant of the drive. Between reading the
+        actual values and the setpoint of the same cycle it is one cycle less, because the setpoint still advances.
+        """
+        delay = self.delay_s - self.cycle_s if self._setpoint_due else self.delay_s
+        return delay + self.controller.precontrolled_lag_s if self.has_position else delay
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the values of `trace_columns` for the present cycle."""

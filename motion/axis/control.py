@@ -64,7 +64,7 @@ class PositionController:
     def reset(self, position: float, velocity: float = 0.0) -> None:
         """Start from a setpoint that has been moving with `velocity` up to `position`, without a step."""
         depth = len(self._setpoint_history)
-        lag = velocity * self._time_constant.value * min(self._kpc.value, 100.0) / 100.0
+        lag = velocity * self.precontrolled_lag_s
         self._balanced = position - velocity * self._time_constant.value
         for index in range(depth):
             past = position - velocity * self._cycle * (depth - 1 - index)
@@ -73,6 +73,12 @@ class PositionController:
         self.balanced_position = position - lag
         self.control_difference = 0.0
         self.following_error = 0.0
+
+    @property
+    def precontrolled_lag_s(self) -> float:
+        """Share of the drive's time constant that the balancing filter takes into account, s."""
+        lag: float = self._time_constant.value * min(self._kpc.value, 100.0) / 100.0
+        return lag
 
     def shift(self, offset: float) -> None:
         """Follow a shift of the coordinate system."""

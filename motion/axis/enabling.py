@@ -33,7 +33,7 @@ _AUTONOMOUS_MASK: Final = ZSW1.READY_TO_SWITCH_ON | ZSW1.READY | ZSW1.OPERATION_
 class EnableControl:
     """Owns control word 1 and every transition that waits for the drive."""
 
-    __slots__ = ("_axis", "_cause_411", "_cause_421", "_cause_431", "_idle", "_phase", "_reaction", "_start_mode",
+    __slots__ = ("_axis", "_cause_411", "_cause_421", "_cause_431", "_disable_pending", "_idle", "_phase", "_reaction", "_start_mode",
                  "_velocity_mode", "acknowledge_drive", "enable", "start_mode", "stw1", "switching_off")  # fmt: skip
 
     def __init__(self, axis: TechnologyAxis) -> None:
@@ -50,6 +50,8 @@ class EnableControl:
         """Set STW1.7 in the next telegrams (`MC_Reset`)."""
         self._idle = STW1_IDLE
         self._phase = 0
+        self._disable_pending = False
+        """`Enable` has fallen during the present ramp, which ends with the drive off even if it rises again."""
         self._reaction = axis.variables.bind("Actor.RemoveEnableReaction")
         self._velocity_mode = (
             axis.variables.bind("PositionControl.VelocityModePowerOn") if axis.has_position else None
@@ -88,6 +90,7 @@ class EnableControl:
         elif state is AxisState.ALARM_RAMP:
             # Quick stop and coast act at once; a ramp only when it brakes harder (STP-396).
             motion.abort_all()
+            self._disable_pending = True
             if stop_mode in (1, 3) or {0: 3, 2: 2}[stop_mode] > motion.severity:
                 self._start_disabling(stop_mode)
         elif state is AxisState.ALARM_DRIVE_STOP:
@@ -103,6 +106,7 @@ class EnableControl:
         axis = self._axis
         self._phase = 0
         self.switching_off = False
+        self._disable_pending = True
         if stop_mode == 1:
             self.stw1 = STW1_OFF3
             axis.set_state(AxisState.DISABLING_QUICK)
@@ -124,14 +128,21 @@ class EnableControl:
     def alarm_ramp_ended(self) -> None:
         """The setpoint of an alarm ramp is zero: switch off, or stay enabled where the alarm allows it."""
         axis = self._axis
-        if axis.alarms.disabling or not self.enable:
+        if axis.alarms.disabling or self.will_disable:
             self.switch_off()  # an Enable that fell during the ramp disables whatever the alarm allows (STP-396)
         elif axis.alarms.blocking:
             axis.set_state(AxisState.ALARM_STANDSTILL)
         else:
-            axis.motion.severity = 0
-            axis.motion.job = None
-            axis.set_state(AxisState.STANDSTILL)
+            axis.motion.come_to_rest()
+
+    @property
+    def will_disable(self) -> bool:
+        """Whether the ramp in progress ends with the drive switched off: `Enable` is FALSE, or has been since."""
+        return self.switching_off or self._disable_pending or not self.enable
+
+    def quick_stop(self) -> None:
+        """Let the drive stop on its own ramp and switch off (OFF3)."""
+        self._start_disabling(1)
 
     def switch_off(self) -> None:
         """Withdraw ON after a ramp of the axis; the state is left when the drive is off (STP-289, STP-290)."""
@@ -141,7 +152,7 @@ class EnableControl:
     def _rest(self, idle: int) -> None:
         """Arrive in the disabled states with control word `idle`."""
         axis = self._axis
-        self.switching_off = False
+        self.switching_off = self._disable_pending = False
         self._idle = self.stw1 = idle
         axis.motion.severity = 0
         axis.motion.abort_all()
@@ -169,11 +180,13 @@ class EnableControl:
             if faulty is not self._cause_411:
                 self._cause_411 = faulty
                 alarms.set_cause(ALARM_ENCODER, faulty)
-        fault = zsw1 & ZSW1.FAULT != 0
+        refused = expected and port.link_ok and not zsw1 & ZSW1.CONTROL_REQUESTED
+        fault = refused or zsw1 & ZSW1.FAULT != 0
         if self._cause_421 or (fault and (expected or state is AxisState.ENABLING)):
             if fault is not self._cause_421:
                 self._cause_421 = fault
-                alarms.set_cause(ALARM_DRIVE, fault, text=f"drive fault {port.drive_fault_code:04X}h")
+                text = "control request withdrawn" if refused else f"drive fault {port.drive_fault_code:04X}h"
+                alarms.set_cause(ALARM_DRIVE, fault, text=text)
         elif expected and port.link_ok and not zsw1 & ZSW1.OPERATION_ENABLED and not self.switching_off:
             if zsw1 & _AUTONOMOUS_MASK == ZSW1.READY_TO_SWITCH_ON | ZSW1.READY:
                 if state is not AxisState.TRACKING:
@@ -229,11 +242,12 @@ class EnableControl:
             self._step_drive_stop(off)
         elif state is AxisState.ALARM_STANDSTILL:
             if not axis.alarms.blocking:
-                axis.motion.severity = 0
-                axis.motion.job = None
-                axis.set_state(AxisState.STANDSTILL)
-        elif state is AxisState.TRACKING and not axis.alarms.blocking and axis.in_operation:
-            self._arrive()
+                axis.motion.come_to_rest()
+        elif state is AxisState.TRACKING:
+            if not self.enable:
+                self.quick_stop()
+            elif not axis.alarms.blocking and axis.in_operation:
+                self._arrive()
 
     def _step_drive_stop(self, off: bool) -> None:
         axis = self._axis
@@ -250,7 +264,7 @@ class EnableControl:
         axis = self._axis
         motion = axis.motion
         self.stw1 = STW1_OPERATE
-        self.switching_off = False
+        self.switching_off = self._disable_pending = False
         motion.severity = 0
         motion.abort_all()
         motion.position_controlled = axis.has_position and self._start_mode == 1

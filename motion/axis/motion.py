@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import copysign, sqrt
 from typing import TYPE_CHECKING, Final
 
 from motion.axis.jobs import (
@@ -82,9 +83,11 @@ class MotionControl:
             return ERROR_ALARM
         if state not in ACCEPTS_MOTION and state is not AxisState.ALARM_RAMP:
             return ERROR_LOCKED
-        if state is AxisState.ALARM_RAMP and axis.enabling.switching_off:
-            return ERROR_LOCKED
+        if state is AxisState.ALARM_RAMP and axis.enabling.will_disable:
+            return ERROR_LOCKED  # the ramp ends with the drive switched off (STP-396)
         active = self.job
+        if active is not None and active.job_class is JobClass.STOP:
+            return ERROR_LOCKED  # acknowledged before its end, the ramp still belongs to the stop (STP-415)
         if job.append and active is not None:
             if len(self.queue) >= QUEUE_DEPTH:
                 return ERROR_JOB_MEMORY
@@ -177,6 +180,22 @@ class MotionControl:
             self._axis.alarms.warn(ALARM_JERK_LIMITED)
         return acceleration, deceleration, jerk
 
+    def _bound_acceleration(self, jerk: float) -> None:
+        """Let a present acceleration that `jerk` cannot end in time end at once, as far as needed (STP-119).
+
+        What is carried over neither accelerates beyond the maximum velocity nor brakes through zero. This matters only
+        after a ramp with a higher jerk or without jerk limit, an emergency ramp for example.
+        """
+        gen = self.gen
+        a = gen.a
+        if a == 0.0 or jerk <= 0.0:
+            return
+        v = gen.v
+        room = abs(v) if v * a < 0.0 else max(0.0, self._max_velocity.value - abs(v))
+        bound = sqrt(2.0 * jerk * room)
+        if abs(a) > bound:
+            gen.a = copysign(bound, a)
+
     def _effective_velocity(self, job: Job) -> float:
         """Return the job's velocity after override, then limits (MC-094)."""
         velocity: float = job.velocity * self._override.value * 0.01
@@ -227,12 +246,14 @@ class MotionControl:
             axis.set_state(AxisState.MOTION)
         else:
             _, deceleration, jerk = self._limits(job)
+            self._bound_acceleration(jerk)
             gen.start_stop(deceleration, jerk, abort_acceleration=job.abort_acceleration)
             axis.set_state(AxisState.HALTING)
 
     def _plan_position(self, job: Job) -> None:
         velocity = self._planned_velocity = self._effective_velocity(job)
         acceleration, deceleration, jerk = self._limits(job)
+        self._bound_acceleration(jerk)
         if velocity > 0.0:
             self.gen.start_position(job.target, velocity, acceleration, deceleration, jerk)
         else:
@@ -242,6 +263,7 @@ class MotionControl:
     def _plan_velocity(self, job: Job) -> None:
         velocity = self._planned_velocity = 0.0 if job.released else self._effective_velocity(job)
         acceleration, deceleration, jerk = self._limits(job)
+        self._bound_acceleration(jerk)
         self.gen.start_velocity(velocity, acceleration, deceleration, jerk)
 
     def replan(self) -> None:
@@ -260,7 +282,7 @@ class MotionControl:
         if on and not self.position_controlled:
             axis = self._axis
             velocity = self.gen.v
-            position = axis.feedback.position + velocity * axis.delay_s
+            position = axis.feedback.position + velocity * axis.setpoint_delay_s
             self.gen.set_state(position, velocity, self.gen.a)
             axis.controller.reset(position, velocity)
         self.position_controlled = on
@@ -274,9 +296,11 @@ class MotionControl:
         self.severity = severity
         self._settling = False
         maximum = self._max_jerk.value
+        jerk = min(jerk, maximum) if maximum > 0.0 else jerk
+        self._bound_acceleration(jerk)
         self.gen.start_stop(
             min(deceleration, self._max_deceleration.value) or self._emergency.value or _LAST_RESORT,
-            min(jerk, maximum) if maximum > 0.0 else jerk,
+            jerk,
             abort_acceleration=abort_acceleration,
         )
 
@@ -303,7 +327,7 @@ class MotionControl:
         """Let the setpoint start from the actual values, moved on by the transport delay (STP-123, STP-054)."""
         axis = self._axis
         velocity = axis.actual_velocity
-        position = axis.feedback.position + velocity * axis.delay_s
+        position = axis.feedback.position + velocity * axis.setpoint_delay_s
         self.gen.set_state(position, velocity)
         if axis.has_position:
             axis.controller.reset(position, velocity)
@@ -376,7 +400,7 @@ class MotionControl:
         if job is not None:
             job.finish()
         if state is AxisState.STOPPING:
-            self._end_of_stop(job)
+            self._end_of_stop()
             return
         self.job = None
         for waiting in [one for one in self.queue if one.job_class is JobClass.HALT_BASIC]:
@@ -394,19 +418,25 @@ class MotionControl:
             monitor.start_positioning()
         return monitor.positioned()
 
-    def _end_of_stop(self, job: Job | None) -> None:
+    def _end_of_stop(self) -> None:
         axis = self._axis
         if axis.alarms.disabling:
             axis.set_state(AxisState.ALARM_RAMP)
             axis.enabling.alarm_ramp_ended()
         elif axis.alarms.blocking:
             axis.set_state(AxisState.ALARM_STANDSTILL)
-        elif job is not None and not job.released:
-            axis.set_state(AxisState.STOP_HOLD)
+        else:
+            self.come_to_rest()
+
+    def come_to_rest(self) -> None:
+        """Go to standstill, held as long as `Execute` of the `MC_Stop` in control is TRUE (STP-415)."""
+        job = self.job
+        if job is not None and job.job_class is JobClass.STOP and not job.released:
+            self._axis.set_state(AxisState.STOP_HOLD)
         else:
             self.job = None
             self.severity = 0
-            axis.set_state(AxisState.STANDSTILL)
+            self._axis.set_state(AxisState.STANDSTILL)
 
     def _next(self) -> None:
         self.severity = 0

@@ -121,8 +121,12 @@ class AxisAlarms:
         axis = self._axis
         axis.motion.fail_all()
         self._abort_stop_job()
-        if state is not AxisState.ALARM_DRIVE_STOP and not axis.enabling.disabling:
+        if state is AxisState.ALARM_DRIVE_STOP or axis.enabling.disabling:
+            return
+        if axis.enabling.enable:
             axis.set_state(AxisState.TRACKING)
+        else:
+            axis.enabling.quick_stop()  # the ramp of a disabling was in progress: its end is not given up (STP-396)
 
     def _stop(self, state: AxisState, reaction: int) -> None:
         axis = self._axis
@@ -130,8 +134,9 @@ class AxisAlarms:
         if state in (AxisState.STOPPING, AxisState.STOP_HOLD):
             motion.fail_all()
             if state is AxisState.STOP_HOLD:
-                self._abort_stop_job()
-                motion.severity = reaction
+                if self.disabling:
+                    self._abort_stop_job()
+                    motion.severity = reaction
                 axis.set_state(AxisState.ALARM_RAMP)
                 axis.enabling.alarm_ramp_ended()
             elif reaction > motion.severity:

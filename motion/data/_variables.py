@@ -83,7 +83,12 @@ class Variable:
         kind = self.data_type
         if kind == "LREAL":
             if isinstance(value, int | float) and not isinstance(value, bool):
-                return float(value)
+                try:
+                    return float(value)
+                except OverflowError:
+                    raise VariableError(
+                        f"{path}: an integer of this size is outside the range of LREAL"
+                    ) from None
         elif not isinstance(value, float | str):
             try:
                 number = index(value)  # type: ignore[arg-type]

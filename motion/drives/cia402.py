@@ -32,6 +32,7 @@ MODE_CSV: Final = 9
 _VELOCITY_UNIT_MILLI_RPM: Final = 0xFDB44700
 _SAVE: Final = 0x65766173
 _NMT_START: Final = 0x01
+_SYNC_ID: Final = 0x080
 _OPERATIONAL: Final = 0x05
 _PRE_OPERATIONAL: Final = 0x7F
 
@@ -223,19 +224,28 @@ class Cia402Port(DrivePort):
             ]
         return writes
 
-    def commission(self, sdo: Any) -> None:
-        """Write the parameters through `sdo` (a `canopen` SDO client), store them and start the node.
+    def commission(self, sdo: Any, *, store: bool = True) -> None:
+        """Disable the drive, write the parameters through `sdo` (a `canopen` SDO client) and start the node.
+
+        With `store` the drive keeps the parameters (1010h), so that it comes back ready after it was switched off.
 
         Must be called from outside of callbacks: the SDO client waits.
         """
         from canopen.sdo.exceptions import SdoError
 
-        for index, sub, value in [*self.parameters(), (0x1010, 1, _SAVE)]:
+        writes = [(0x6040, 0, 0), *self.parameters()]
+        if store:
+            writes.append((0x1010, 1, _SAVE))
+        for index, sub, value in writes:
             entry = sdo[index]
             target = entry if hasattr(type(entry), "raw") else entry[sub]
             try:
                 target.raw = value
-            except SdoError as error:
+            except (
+                SdoError,
+                ValueError,
+                OverflowError,
+            ) as error:  # the last two: outside the object's data type
                 raise CommissioningError(self.name, index, sub, value, str(error)) from None
         self._starting = True
         self._master.nmt(_NMT_START, self.node_id)
@@ -342,6 +352,14 @@ class Cia402Port(DrivePort):
         elif milli_rpm < -0x7FFFFFFF:
             milli_rpm = -0x7FFFFFFF
         self._master.send(self._rpdo1_id, _RPDO1.pack(control, milli_rpm, MODE_CSV))
+
+    def release(self) -> None:
+        """Disable the drive with a last telegram, and the SYNC that makes it act: nobody will lead it any more."""
+        try:
+            self._master.send(self._rpdo1_id, _RPDO1.pack(0, 0, MODE_CSV))
+            self._master.send(_SYNC_ID, b"")
+        except HilError:
+            return  # the bus is gone already
 
 
 PortFactory = Callable[[], DrivePort]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from math import isfinite
-from typing import TYPE_CHECKING, Any
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Any, Final
 
 from motion.axis.jobs import ERROR_ACCELERATION, ERROR_DECELERATION, ERROR_JERK, ERROR_VELOCITY, NO_ERROR, Job
 
@@ -11,16 +11,35 @@ if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
 
 
-def _value(axis: TechnologyAxis, given: float, default: str, *, zero: bool) -> float | None:
+POSITION_LIMIT: Final = 1e12
+"""Greatest magnitude of a position or distance; the range of the position variables."""
+
+_SMALLEST: Final = 1e-12
+"""Smallest dynamic value other than 0; less cannot be planned with."""
+
+
+def is_number(value: object, limit: float = inf) -> bool:
+    """Return whether an input is a finite number of at most the magnitude `limit`."""
+    if isinstance(value, bool | str):
+        return False
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return isfinite(number) and abs(number) <= limit
+
+
+def _value(axis: TechnologyAxis, given: Any, default: str, *, zero: bool) -> float | None:
     """Return the resolved value, or None where it is not allowed."""
-    if not isfinite(given):
+    if not is_number(given):
         return None
-    if given < 0.0:
-        given = float(axis.variables.read(f"DynamicDefaults.{default}"))
-        return given if given > 0.0 or zero else None
-    if given == 0.0 and not zero:
+    value = float(given)
+    if value < 0.0:
+        value = float(axis.variables.read(f"DynamicDefaults.{default}"))
+        return value if value > 0.0 or zero else None
+    if value < _SMALLEST and not (value == 0.0 and zero):
         return None
-    return given
+    return value
 
 
 def resolve(instance: Any, job: Job, *, velocity: bool, acceleration: bool = True) -> int:
@@ -32,20 +51,20 @@ def resolve(instance: Any, job: Job, *, velocity: bool, acceleration: bool = Tru
     """
     axis = instance.axis
     if velocity:
-        value = _value(axis, float(instance.Velocity), "Velocity", zero=False)
+        value = _value(axis, instance.Velocity, "Velocity", zero=False)
         if value is None:
             return ERROR_VELOCITY
         job.velocity = value
     if acceleration:
-        value = _value(axis, float(instance.Acceleration), "Acceleration", zero=False)
+        value = _value(axis, instance.Acceleration, "Acceleration", zero=False)
         if value is None:
             return ERROR_ACCELERATION
         job.acceleration = value
-    value = _value(axis, float(instance.Deceleration), "Deceleration", zero=False)
+    value = _value(axis, instance.Deceleration, "Deceleration", zero=False)
     if value is None:
         return ERROR_DECELERATION
     job.deceleration = value
-    value = _value(axis, float(instance.Jerk), "Jerk", zero=True)
+    value = _value(axis, instance.Jerk, "Jerk", zero=True)
     if value is None:
         return ERROR_JERK
     job.jerk = value

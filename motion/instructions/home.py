@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from motion.axis.jobs import ERROR_ACTUAL_VALUE, ERROR_MODE, ERROR_POSITION, ERROR_STATE, Job, JobClass
 from motion.axis.state import AxisState
 from motion.instructions.base import ExecuteInstruction
+from motion.instructions.dynamics import POSITION_LIMIT, is_number
 
 if TYPE_CHECKING:
     from motion.axis.axis import PositioningAxis
@@ -42,7 +42,7 @@ class MC_Home(ExecuteInstruction):
             return ERROR_STATE
         if self.Mode not in _DIRECT:
             return ERROR_MODE
-        if not isfinite(self.Position):
+        if not is_number(self.Position, POSITION_LIMIT):
             return ERROR_POSITION
         if not axis.sensor_valid:
             return ERROR_ACTUAL_VALUE

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import Any, ClassVar
 
 from motion.axis.jobs import (
@@ -15,7 +14,7 @@ from motion.axis.jobs import (
     JobState,
 )
 from motion.instructions.base import DEFAULT, Instruction
-from motion.instructions.dynamics import resolve
+from motion.instructions.dynamics import is_number, resolve
 
 
 class MC_MoveJog(Instruction):
@@ -44,6 +43,8 @@ class MC_MoveJog(Instruction):
         self._job: Job | None = None
         self._latched = False
         """An error or an abort is shown until both inputs are FALSE."""
+        self._inputs_fell = False
+        """Both inputs were FALSE when the job ended: the next TRUE is a new command."""
         self._given: tuple[Any, ...] = ()
         super().__init__(axis, name=name, **inputs)
 
@@ -60,11 +61,13 @@ class MC_MoveJog(Instruction):
     def _call(self) -> None:
         wanted = self.JogForward or self.JogBackward
         if self._latched:
+            if wanted and not self._inputs_fell:
+                return
+            self._latched = False
+            self.Error = self.CommandAborted = False
+            self.ErrorID = NO_ERROR
             if not wanted:
-                self._latched = False
-                self.Error = self.CommandAborted = False
-                self.ErrorID = NO_ERROR
-            return
+                return
         if self.JogForward and self.JogBackward:
             self._fail(ERROR_DIRECTION)
             return
@@ -80,7 +83,7 @@ class MC_MoveJog(Instruction):
         self._show(job, wanted=wanted)
 
     def _fill(self, job: Job) -> int:
-        if not isfinite(self.Velocity):
+        if not is_number(self.Velocity):
             return ERROR_VELOCITY
         error = resolve(self, job, velocity=False)
         if error:
@@ -132,6 +135,7 @@ class MC_MoveJog(Instruction):
         self.Error = True
         self.ErrorID = error_id
         self._latched = True
+        self._inputs_fell = False
         if self.axis.history is not None:
             self.axis.history.emit(
                 self.axis.name, "job.error", job=self.name, instruction=self.instruction, error_id=error_id
@@ -151,6 +155,7 @@ class MC_MoveJog(Instruction):
             self.CommandAborted = True
         # Shown for one call, or until the inputs are reset (MC-333).
         self._latched = wanted or state is not JobState.DONE
+        self._inputs_fell = not wanted
 
     def in_velocity(self) -> bool:
         """Return `InVelocity`."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import Any, ClassVar, Final
 
 from motion.axis.jobs import (
@@ -18,7 +17,7 @@ from motion.axis.jobs import (
 )
 from motion.axis.state import ACCEPTS_MOTION
 from motion.instructions.base import DEFAULT, ExecuteInstruction
-from motion.instructions.dynamics import resolve
+from motion.instructions.dynamics import POSITION_LIMIT, is_number, resolve
 
 _DYNAMICS: Final = {"Acceleration": DEFAULT, "Deceleration": DEFAULT, "Jerk": DEFAULT}
 
@@ -79,7 +78,7 @@ class MC_MoveAbsolute(_Positioning):
 
     def _start(self) -> Job | int:
         axis = self.axis
-        if not isfinite(self.Position):
+        if not is_number(self.Position, POSITION_LIMIT):
             return ERROR_POSITION
         job = self._prepare(target=float(self.Position))
         if isinstance(job, int):
@@ -103,7 +102,7 @@ class MC_MoveRelative(_Positioning):
     Distance: float
 
     def _start(self) -> Job | int:
-        if not isfinite(self.Distance):
+        if not is_number(self.Distance, POSITION_LIMIT):
             return ERROR_DISTANCE
         job = self._prepare(relative=True, distance=float(self.Distance))
         if isinstance(job, int):
@@ -134,7 +133,7 @@ class MC_MoveVelocity(ExecuteInstruction):
         super().__init__(axis, name=name, **inputs)
 
     def _start(self) -> Job | int:
-        if not isfinite(self.Velocity):
+        if not is_number(self.Velocity):
             return ERROR_VELOCITY
         if self.Direction not in (0, 1, 2):
             return ERROR_DIRECTION

@@ -36,18 +36,25 @@ class MC_Power(Instruction):
                 return
             axis.power_owner = self
         enabling = axis.enabling
-        if self.StopMode not in (0, 1, 2, 3):
-            self._fail(ERROR_STOP_MODE)
-            return
-        if self.StartMode not in (0, 1) and axis.has_position:
-            self._fail(ERROR_MODE)
-            return
-        enabling.call(enable=bool(self.Enable), start_mode=self.StartMode, stop_mode=self.StopMode)
+        enable = bool(self.Enable)
+        rising = enable and not enabling.enable
+        wrong_stop = self.StopMode not in (0, 1, 2, 3)
+        wrong_start = self.StartMode not in (0, 1) and axis.has_position
+        # A wrong mode prevents the enabling, never the disabling; the start mode matters only at the rising edge.
+        wrong = ERROR_STOP_MODE if wrong_stop else ERROR_MODE if wrong_start and rising else NO_ERROR
+        if not (wrong and rising):
+            enabling.call(
+                enable=enable,
+                start_mode=enabling.start_mode if wrong_start else self.StartMode,
+                stop_mode=0 if wrong_stop else self.StopMode,
+            )
         self.Status = axis.facts.enabled
         self.Busy = enabling.busy
         alarmed = axis.alarms.blocking and enabling.enable and axis.state in _ALARMED
         self.Error = alarmed
         self.ErrorID = ERROR_ALARM if alarmed else NO_ERROR
+        if wrong:
+            self._fail(wrong)
 
     def _fail(self, error_id: int) -> None:
         self.Error = True

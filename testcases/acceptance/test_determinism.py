@@ -50,7 +50,12 @@ def test_another_process_leaves_the_same_trace(hash_seed):
 
 
 @pytest.mark.parametrize(
-    "identifier", ["fault-reactions/node-off/constant", "fault-reactions/corrupted-frames", "fault-reactions/jam/accelerating"]
+    "identifier",
+    [
+        "fault-reactions/node-off/constant",
+        "fault-reactions/corrupted-frames",
+        "fault-reactions/jam/accelerating",
+    ],
 )
 def test_faults_are_repeatable(identifier):
     """Power loss, bit errors and blocked mechanics leave the same trace twice."""

@@ -66,8 +66,12 @@ def test_drive_fault_on_a_speed_axis(bench):
 def test_gear_and_lead_screw():
     """With a gear of 4:1 and a screw of 10 mm, 100 mm/s need 2400 rpm at the motor, and the machine really moves so."""
     source, text = read("reference")
-    text = text.replace('"Mechanics.LeadScrew" = 10.0', '"Mechanics.LeadScrew" = 10.0\n"LoadGear.Numerator" = 4')
-    text = text.replace("off3_ramp_s = 0.5\n", "off3_ramp_s = 0.5\n[drive.drive1.mechanics]\ngear_numerator = 4\n")
+    text = text.replace(
+        '"Mechanics.LeadScrew" = 10.0', '"Mechanics.LeadScrew" = 10.0\n"LoadGear.Numerator" = 4'
+    )
+    text = text.replace(
+        "off3_ramp_s = 0.5\n", "off3_ramp_s = 0.5\n[drive.drive1.mechanics]\ngear_numerator = 4\n"
+    )
     with BenchFile(source, text).build(seed=1) as bench:
         axis = bench.axis()
         power = axis.power()
@@ -102,7 +106,9 @@ def test_both_directions_inverted():
 def test_one_direction_inverted_runs_away_until_521():
     """With one direction wrong the loop has positive feedback: alarm 521 stops it."""
     source, text = read("reference")
-    text = text.replace('"Mechanics.LeadScrew" = 10.0', '"Mechanics.LeadScrew" = 10.0\n"Sensor[1].InverseDirection" = true')
+    text = text.replace(
+        '"Mechanics.LeadScrew" = 10.0', '"Mechanics.LeadScrew" = 10.0\n"Sensor[1].InverseDirection" = true'
+    )
     with BenchFile(source, text).build(seed=1) as bench:
         axis = bench.axis()
         power = axis.power()

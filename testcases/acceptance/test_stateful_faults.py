@@ -56,7 +56,10 @@ class MotionUnderFaults(RuleBasedStateMachine):
     def move_velocity(self, velocity):
         self.add(Do("move_velocity", {"velocity": velocity}))
 
-    @rule(distance=st.sampled_from([-60.0, -1.0, 0.0, 1.0, 60.0]), velocity=st.sampled_from([10.0, 100.0, 500.0]))
+    @rule(
+        distance=st.sampled_from([-60.0, -1.0, 0.0, 1.0, 60.0]),
+        velocity=st.sampled_from([10.0, 100.0, 500.0]),
+    )
     def move_relative(self, distance, velocity):
         self.add(Do("move_relative", {"distance": distance, "velocity": velocity}))
 
@@ -131,8 +134,12 @@ class MotionUnderFaults(RuleBasedStateMachine):
         program = Program(tuple(self.steps))
         outcome = run_program(program, BENCH, seed=1)
         token = program_token(program, seed=1, bench="reference", bench_digest=BENCH.digest)
-        assert outcome.violation is None, f"{outcome.violation}\n{program}\nrepeat it with: hil replay {token}"
+        assert outcome.violation is None, (
+            f"{outcome.violation}\n{program}\nrepeat it with: hil replay {token}"
+        )
 
 
 MotionUnderFaults.TestCase.settings = settings(max_examples=120, stateful_step_count=12)
-TestMotionUnderFaults = pytest.mark.requirement("STP-514", "MC-071", "STP-331", "STP-346")(MotionUnderFaults.TestCase)
+TestMotionUnderFaults = pytest.mark.requirement("STP-514", "MC-071", "STP-331", "STP-346")(
+    MotionUnderFaults.TestCase
+)
