@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hil._requirements import catalogue_for
+from hil._requirements import complete
 from hil.campaign import environment_facts
 from hil.campaign._evidence import build_alarms, build_faults, build_messages, build_signals, build_story
 from hil.campaign._runner import clear_run
@@ -138,7 +138,7 @@ def finish_report(config: pytest.Config, report: PluginReport | None, *, worker:
     if not (directory / RUN_FILE).exists():
         return
     run = load_run(directory)
-    run.requirements = catalogue_for(run)
+    complete(run)
     written = write_report(run, directory)
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if reporter is not None:

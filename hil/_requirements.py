@@ -1,4 +1,4 @@
-"""The catalogue of requirements: identifiers, short titles, sections; data that ships with the package."""
+"""Catalogues of a report: requirements (data that ships with the package) and fault kinds."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import cache
 from importlib.resources import files
 from typing import NamedTuple
 
+from hil.faults import CATALOGUE
 from reports.model import RequirementInfo, RunResult
 
 
@@ -34,6 +35,12 @@ def requirements() -> tuple[Requirement, ...]:
         for section, entries in sections
         for identifier, title in entries
     )
+
+
+def complete(run: RunResult) -> None:
+    """Give a run the catalogues against which its report shows coverage: requirements and fault kinds."""
+    run.requirements = catalogue_for(run)
+    run.fault_catalogue = [entry.name for entry in CATALOGUE]
 
 
 def catalogue_for(run: RunResult) -> list[RequirementInfo]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, cast
 
 from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
-from hil._requirements import catalogue_for
+from hil._requirements import complete
 from hil.campaign import Runner, RunOptions, Selected, find_campaigns, load_bench_file, select_cases
 from hil.campaign._files import Keep
 from hil.errors import CannotRunError
@@ -77,7 +77,7 @@ def _refuse_live(cases: list[Selected], bench: str) -> None:
 
 def finish(run: RunResult, directory: Path) -> ReportPaths:
     """Write the report of a run."""
-    run.requirements = catalogue_for(run)
+    complete(run)
     return write_report(run, directory)
 
 

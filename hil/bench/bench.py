@@ -394,9 +394,7 @@ class Bench:
         gc.set_threshold(*self._gc_threshold)
         self.runtime.stop()
         if self.kind == "live":
-            for port in self._ports.values():
-                if port.link_ok:
-                    port.release()
+            self.release_drives()
         for master in self._masters.values():
             master.stop_sync()
         if self._remote is not None:
@@ -405,6 +403,15 @@ class Bench:
             close = getattr(segment, "close", None)
             if close is not None:
                 close()
+
+    def release_drives(self) -> None:
+        """Stop the controller and disable every drive that it leads; two cycles of SYNC make it act."""
+        self.runtime.stop()
+        leading = [port for port in self._ports.values() if port.link_ok]
+        for port in leading:
+            port.release()
+        if leading:
+            self.scheduler.run_for(2 * self.cycle_ns)
 
     def __enter__(self) -> Self:
         return self

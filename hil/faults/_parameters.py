@@ -62,8 +62,11 @@ class Parameter:
         if good and self.choices:
             good = value in self.choices
         if good and self.type == "float":
-            value = float(value)
-            good = math.isfinite(value)
+            try:
+                value = float(value)
+                good = math.isfinite(value)
+            except OverflowError:
+                good = False
         if good and self.type in {"float", "int"}:
             good = (self.minimum is None or value >= self.minimum) and (
                 self.maximum is None or value <= self.maximum

@@ -32,7 +32,6 @@ MODE_CSV: Final = 9
 _VELOCITY_UNIT_MILLI_RPM: Final = 0xFDB44700
 _SAVE: Final = 0x65766173
 _NMT_START: Final = 0x01
-_SYNC_ID: Final = 0x080
 _OPERATIONAL: Final = 0x05
 _PRE_OPERATIONAL: Final = 0x7F
 
@@ -354,10 +353,9 @@ class Cia402Port(DrivePort):
         self._master.send(self._rpdo1_id, _RPDO1.pack(control, milli_rpm, MODE_CSV))
 
     def release(self) -> None:
-        """Disable the drive with a last telegram, and the SYNC that makes it act: nobody will lead it any more."""
+        """Disable the drive with a last telegram, which acts at the next SYNC: nobody will lead it any more."""
         try:
             self._master.send(self._rpdo1_id, _RPDO1.pack(0, 0, MODE_CSV))
-            self._master.send(_SYNC_ID, b"")
         except HilError:
             return  # the bus is gone already
 

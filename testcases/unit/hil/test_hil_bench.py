@@ -1,0 +1,81 @@
+"""The bench as a whole: names, what a physical drive offers, buses that are not there."""
+
+from __future__ import annotations
+
+import pytest
+
+from fieldbus.clock import MS, S
+from hil.bench import BenchFile, BenchFileError, load_bench
+from hil.errors import BlockedError, UnsupportedFaultError
+
+LIVE = """
+[bench]
+name = "own"
+kind = "live"
+
+[segment.can0]
+interface = "{interface}"
+channel = "{channel}"
+
+[drive.drive1]
+segment = "can0"
+node_id = 5
+device = "physical"
+
+[axis.axis1]
+drive = "drive1"
+"""
+
+VIRTUAL = """
+[bench]
+name = "own"
+
+[segment.can0]
+
+[drive.{drive}]
+segment = "can0"
+node_id = 5
+
+[axis.{axis}]
+drive = {drive}
+"""
+
+
+@pytest.mark.parametrize(
+    ("drive", "axis", "part"),
+    [('"x"', '"x"', "axis.x"), ('"a.b"', '"x"', "a.b"), ('"x"', '"a.b"', "a.b"), ('" "', '"x"', "not empty")],
+)
+def test_names_that_signals_cannot_carry(drive, axis, part):
+    """A name with a dot, an empty one, or one for two parts is refused with its key when the file is read."""
+    with pytest.raises(BenchFileError, match=part.replace(".", r"\.")):
+        BenchFile("own.toml", VIRTUAL.format(drive=drive, axis=axis))
+
+
+def test_bus_that_is_not_there_blocks():
+    """The interface of a live bench that cannot be opened is a reason to block, not an error of the case."""
+    bench = BenchFile("own.toml", LIVE.format(interface="socketcan", channel="nocan7"))
+    with pytest.raises(BlockedError, match="nocan7"):
+        bench.build()
+
+
+def test_released_drive_switches_off():
+    """What a live bench sends last disables the drive within two cycles."""
+    with load_bench("reference").build() as bench:
+        power = bench.axis().power()
+        assert bench.scheduler.run_until(power.status, 2 * S)
+        bench.release_drives()
+        bench.scheduler.run_for(5 * MS)
+        assert bench.trace()["drive1.state"].text_at(bench.scheduler.now / S) == "Switch on disabled"
+
+
+def test_physical_drive_has_no_fault_interface():
+    """Asking for the drive of a bench on which it is physical ends a case as blocked."""
+    from hil.bench.bench import Bench
+
+    config = BenchFile("own.toml", LIVE.format(interface="virtual", channel="any")).config
+    bench = Bench.__new__(Bench)
+    bench.config = config
+    bench._drives = {}
+    for name in (None, "drive1"):
+        with pytest.raises(UnsupportedFaultError, match="physical"):
+            bench.drive(name)
