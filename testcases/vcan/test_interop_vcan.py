@@ -296,7 +296,7 @@ def utils(emulation, vcan_channel):
     utils = CanUtils(vcan_channel)
     yield utils
     utils.dump.kill()
-    print("\n".join(utils.dump.lines))
+    print("\n".join(utils.dump.lines))  # pytest shows it when the test fails
 
 
 def sdo(request: str) -> str:
