@@ -169,7 +169,7 @@ def fuzz(
 def benchmark(
     as_json: JsonOption = False,
     seconds: Annotated[
-        float, typer.Option("--seconds", min=0.1, help="Simulated time of each measurement.")
+        float, typer.Option("--seconds", min=0.1, max=3600.0, help="Simulated time of each measurement.")
     ] = 5.0,
 ) -> None:
     """Measure the speed of this machine with the embedded benches."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from fieldbus.errors import ConfigurationError
 from hil.record import EventSelector
@@ -179,29 +179,49 @@ def immediately() -> Immediately:
     return Immediately()
 
 
+_LONGEST_S: Final = 1e9
+"""Longest time of a trigger, s; the clock counts nanoseconds in 64 bits."""
+
+
+def _number(name: str, value: object, limit: float = math.inf) -> float:
+    """Return `value` as a finite number, or say which argument of a trigger is none."""
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if isinstance(value, str) or not math.isfinite(number) or abs(number) > limit:
+        allowed = "a finite number" if limit == math.inf else f"a number of at most {limit:g}"
+        raise ConfigurationError(f"trigger.{name}", value, allowed)
+    return number
+
+
 def at(time_s: float) -> AtTime:
     """At `time_s` seconds from the start of the bench."""
-    return AtTime(float(time_s))
+    return AtTime(_number("at", time_s, _LONGEST_S))
 
 
 def after(delay_s: float) -> AtTime:
     """`delay_s` seconds after arming."""
-    return AtTime(float(delay_s), relative=True)
+    return AtTime(_number("after", delay_s, _LONGEST_S), relative=True)
 
 
 def signal(name: str, value: float, *, direction: Direction = "any") -> SignalCrossing:
     """When the recorded signal `component.column` passes `value`."""
-    return SignalCrossing(name, float(value), direction)
+    return SignalCrossing(name, _number("signal", value), direction)
 
 
 def position(value: float, *, axis: str = "", direction: Direction = "any") -> SignalCrossing:
     """When the actual position of an axis passes `value` [mm or degrees]."""
-    return SignalCrossing(f"{axis}.actual_position" if axis else "actual_position", float(value), direction)
+    return SignalCrossing(
+        f"{axis}.actual_position" if axis else "actual_position", _number("position", value), direction
+    )
 
 
 def velocity(value: float, *, axis: str = "", direction: Direction = "any") -> SignalCrossing:
     """When the actual velocity of an axis passes `value` [mm/s or degrees/s]."""
-    return SignalCrossing(f"{axis}.actual_velocity" if axis else "actual_velocity", float(value), direction)
+    return SignalCrossing(
+        f"{axis}.actual_velocity" if axis else "actual_velocity", _number("velocity", value), direction
+    )
 
 
 def state(component: str, text: str, *, kind: str = "") -> InState:

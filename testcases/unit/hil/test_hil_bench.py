@@ -6,7 +6,8 @@ import pytest
 
 from fieldbus.clock import MS, S
 from hil.bench import BenchFile, BenchFileError, load_bench
-from hil.errors import BlockedError, UnsupportedFaultError
+from hil.errors import BlockedError, ConfigurationError, UnsupportedFaultError
+from hil.faults import after, at, position, velocity
 
 LIVE = """
 [bench]
@@ -79,3 +80,11 @@ def test_physical_drive_has_no_fault_interface():
     for name in (None, "drive1"):
         with pytest.raises(UnsupportedFaultError, match="physical"):
             bench.drive(name)
+
+
+@pytest.mark.parametrize("value", [None, "", "5", [], float("inf"), float("nan"), 10**400])
+@pytest.mark.parametrize("make", [at, after, position, velocity])
+def test_trigger_argument_that_is_no_usable_number(make, value):
+    """A trigger says at once which argument is wrong and what is allowed."""
+    with pytest.raises(ConfigurationError, match=make.__name__):
+        make(value)
