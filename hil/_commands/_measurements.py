@@ -61,10 +61,11 @@ class MovingBench:
 
     def advance(self, seconds: float) -> None:
         """Let `seconds` of bench time pass, with the axes always in motion."""
-        passed = 0.0
-        while passed < seconds:
-            self.bench.run_for(0.25)
-            passed += 0.25
+        left = seconds
+        while left > 1e-9:
+            step = min(left, 0.25)
+            self.bench.run_for(step)
+            left -= step
             if all(job.Done for job in self._jobs):
                 self._start()
             elif any(job.Error for job in self._jobs):
