@@ -207,10 +207,11 @@ def main(arguments: list[str] | None = None) -> int:
         with _terminable():
             outcome = command.main(args=arguments, prog_name="hil", standalone_mode=False)
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return 2
+        outcome = _CLICK_INTERRUPTED
     except Exception as error:  # noqa: BLE001 - sorted out below, unknown ones are raised again
-        return _failure(error)
+        if type(error).__name__ != "Abort":
+            return _failure(error)
+        outcome = _CLICK_INTERRUPTED
     if outcome == _CLICK_INTERRUPTED:
         print("interrupted", file=sys.stderr)
         return 2
@@ -236,9 +237,6 @@ def _failure(error: Exception) -> int:
     if callable(show):
         show()
         return int(getattr(error, "exit_code", 2)) or 2
-    if type(error).__name__ == "Abort":
-        print("interrupted", file=sys.stderr)
-        return 2
     from fieldbus.errors import HilError
 
     if not isinstance(error, HilError):

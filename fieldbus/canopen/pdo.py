@@ -111,38 +111,36 @@ class ReceivePdo(Pdo):
 
     def on_event_frame(self, frame: CanFrame, time_ns: int) -> None:
         """Take a frame of types 254 and 255: effective at once (length: C301-054)."""
-        data = frame.data
-        if len(data) != self.size:
-            if len(data) < self.size:
-                self.engine.length_wrong(self, EMCY_TOO_SHORT)
-                return
-            self.engine.length_wrong(self, EMCY_TOO_LONG)
-            data = data[: self.size]
-        elif self.engine.length_errors:
-            self.engine.length_correct(self)
-        if self._deadline_ns:
-            self._fed(time_ns)
+        data = self._accepted(frame.data, time_ns)
+        if data is None:
+            return
         self._apply(data)
         if self.watchers:
             self.engine.mark(self.watchers)
 
     def on_sync_frame(self, frame: CanFrame, time_ns: int) -> None:
         """Take a frame of types 0 to 240: effective with the next SYNC, unless it comes after the window."""
-        data = frame.data
+        data = self._accepted(frame.data, time_ns)
+        if data is None:
+            return
+        engine = self.engine
+        if engine.window_ns and engine.sync_ns >= 0 and time_ns - engine.sync_ns > engine.window_ns:
+            return
+        self.pending = data
+
+    def _accepted(self, data: bytes, time_ns: int) -> bytes | None:
+        """Return the mapped part of a frame that has come, None when it is too short (C301-054)."""
         if len(data) != self.size:
             if len(data) < self.size:
                 self.engine.length_wrong(self, EMCY_TOO_SHORT)
-                return
+                return None
             self.engine.length_wrong(self, EMCY_TOO_LONG)
             data = data[: self.size]
         elif self.engine.length_errors:
             self.engine.length_correct(self)
         if self._deadline_ns:
             self._fed(time_ns)
-        engine = self.engine
-        if engine.window_ns and engine.sync_ns >= 0 and time_ns - engine.sync_ns > engine.window_ns:
-            return
-        self.pending = data
+        return data
 
     def latch(self, data: bytes) -> None:
         """Make `data` effective."""

@@ -393,8 +393,14 @@ class Bench:
         self._closed = True
         gc.set_threshold(*self._gc_threshold)
         self.runtime.stop()
-        if self.kind == "live":
-            self.release_drives()
+        try:
+            if self.kind == "live":
+                self.release_drives()
+        finally:
+            self._let_go()
+
+    def _let_go(self) -> None:
+        """Stop what is still sending, and give processes and buses back."""
         for master in self._masters.values():
             master.stop_sync()
         if self._remote is not None:

@@ -44,6 +44,11 @@ def words_of(reference: Reference) -> str:
     return str(reference) if isinstance(reference, EventSelector) else f"{reference:g} s"
 
 
+def words_of_span(since: Reference, until: Reference | None) -> str:
+    """Return a period in words; without `until` it goes to the end of the trace."""
+    return f"from {words_of(since)} to {'the end' if until is None else words_of(until)}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expectation(ABC):
     """Base of all expectations. They are made by the functions of `hil.expect`."""

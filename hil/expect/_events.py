@@ -8,7 +8,7 @@ from typing import Final
 
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import Event
-from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of
+from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of, words_of_span
 from hil.record import EventSelector, Trace
 from hil.record import event as select_event
 from reports.model import Check
@@ -101,8 +101,7 @@ class NoAlarmExpectation(Expectation):
     @property
     def wanted(self) -> str:
         """What is expected, in words."""
-        until = "the end" if self.until is None else words_of(self.until)
-        return f"{self.title} from {words_of(self.since)} to {until}"
+        return f"{self.title} {words_of_span(self.since, self.until)}"
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""

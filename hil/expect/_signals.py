@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldbus.errors import ConfigurationError
-from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of
+from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of, words_of_span
 from hil.record import Signal, Trace
 from reports.model import Check
 
@@ -39,8 +39,7 @@ class AlwaysExpectation(Expectation):
     @property
     def wanted(self) -> str:
         """What is expected, in words."""
-        until = "the end" if self.until is None else words_of(self.until)
-        return f"{self.title} from {words_of(self.since)} to {until}"
+        return f"{self.title} {words_of_span(self.since, self.until)}"
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on the samples of the first signal; the others hold their last value."""
@@ -136,8 +135,7 @@ class RangeExpectation(Expectation):
         """What is expected, in words."""
         low = "" if self.low is None else f">= {self.low:g}"
         high = "" if self.high is None else f"<= {self.high:g}"
-        until = "the end" if self.until is None else words_of(self.until)
-        return f"{' and '.join(filter(None, (low, high)))} from {words_of(self.since)} to {until}"
+        return f"{' and '.join(filter(None, (low, high)))} {words_of_span(self.since, self.until)}"
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace; the measurement is the value that comes nearest to, or goes farthest over, a limit."""

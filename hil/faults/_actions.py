@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from fieldbus.clock import seconds_to_ns
-from fieldbus.errors import ConfigurationError, UnsupportedFaultError
+from fieldbus.errors import UnsupportedFaultError
 from hil.faults._fault import Fault
 from hil.faults._parameters import Environment
 from hil.protocols import Bench
@@ -48,18 +48,6 @@ def refuse_unless_supported(bench: Bench, fault: Fault, part: Any) -> None:
         raise UnsupportedFaultError(f"{fault.kind} cannot be injected on a {where} bench: {reason}")
 
 
-def _drive_of(bench: Bench, fault: Fault) -> Any:
-    """Return the drive; a physical one without fault interface is a reason to refuse, an unknown one a mistake."""
-    try:
-        return bench.drive(fault.target or None)
-    except ConfigurationError:
-        section = getattr(getattr(bench, "config", None), "drive", {}).get(fault.target)
-        if section is None or getattr(section, "device", "") != "physical":
-            raise
-        reason = fault.entry.injectable("hardware")
-        raise UnsupportedFaultError(f"{fault.kind} cannot be injected at {fault.target}: {reason}") from None
-
-
 def _method(part: Any, name: str, fault: Fault) -> Callable[..., Any]:
     method = getattr(part, name, None)
     if not callable(method):
@@ -78,7 +66,7 @@ def drive_action(bench: Bench, fault: Fault, stream: str) -> Action:
         stream: Name of the random stream of this fault.
 
     """
-    drive = _drive_of(bench, fault)
+    drive = bench.drive(fault.target or None)
     refuse_unless_supported(bench, fault, drive)
     name = str(drive.name)
     value = fault.value

@@ -280,11 +280,7 @@ class MotionControl:
     def set_position_control(self, on: bool) -> None:
         """Close or open position control without a step of the speed setpoint."""
         if on and not self.position_controlled:
-            axis = self._axis
-            velocity = self.gen.v
-            position = axis.feedback.position + velocity * axis.setpoint_delay_s
-            self.gen.set_state(position, velocity, self.gen.a)
-            axis.controller.reset(position, velocity)
+            self._start_from_actual_position(self.gen.v, self.gen.a)
         self.position_controlled = on
 
     # -- stops ------------------------------------------------------------------------------------------------
@@ -325,10 +321,13 @@ class MotionControl:
 
     def take_actual_values(self) -> None:
         """Let the setpoint start from the actual values, moved on by the transport delay (STP-123, STP-054)."""
+        self._start_from_actual_position(self._axis.actual_velocity)
+
+    def _start_from_actual_position(self, velocity: float, acceleration: float = 0.0) -> None:
+        """Put the setpoint as far ahead of the actual position as `velocity` carries it during the delay."""
         axis = self._axis
-        velocity = axis.actual_velocity
         position = axis.feedback.position + velocity * axis.setpoint_delay_s
-        self.gen.set_state(position, velocity)
+        self.gen.set_state(position, velocity, acceleration)
         if axis.has_position:
             axis.controller.reset(position, velocity)
 
@@ -400,7 +399,9 @@ class MotionControl:
         if job is not None:
             job.finish()
         if state is AxisState.STOPPING:
-            self._end_of_stop()
+            if axis.alarms.disabling:
+                axis.set_state(AxisState.ALARM_RAMP)
+            axis.enabling.alarm_ramp_ended()
             return
         self.job = None
         for waiting in [one for one in self.queue if one.job_class is JobClass.HALT_BASIC]:
@@ -417,16 +418,6 @@ class MotionControl:
             self._settling = True
             monitor.start_positioning()
         return monitor.positioned()
-
-    def _end_of_stop(self) -> None:
-        axis = self._axis
-        if axis.alarms.disabling:
-            axis.set_state(AxisState.ALARM_RAMP)
-            axis.enabling.alarm_ramp_ended()
-        elif axis.alarms.blocking:
-            axis.set_state(AxisState.ALARM_STANDSTILL)
-        else:
-            self.come_to_rest()
 
     def come_to_rest(self) -> None:
         """Go to standstill, held as long as `Execute` of the `MC_Stop` in control is TRUE (STP-415)."""

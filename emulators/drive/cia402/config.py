@@ -94,12 +94,11 @@ class LinearAxisConfig:
     switches: Mapping[str, SwitchConfig] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _check_switch_names(self.switches)
         self.build()
 
     def build(self) -> tuple[AxisMechanics, dict[str, SwitchModel]]:
         """Return a new plant and its switches by input name."""
-        switches = {name: self.switches[name].build() for name in SWITCH_NAMES if name in self.switches}
+        switches = _built_switches(self.switches)
         mechanics = LinearAxisMechanics(
             lead_screw_m=self.lead_screw_m,
             gear_ratio=self.gear_ratio,
@@ -150,12 +149,11 @@ class RotaryAxisConfig:
     switches: Mapping[str, SwitchConfig] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _check_switch_names(self.switches)
         self.build()
 
     def build(self) -> tuple[AxisMechanics, dict[str, SwitchModel]]:
         """Return a new plant and its switches by input name."""
-        switches = {name: self.switches[name].build() for name in SWITCH_NAMES if name in self.switches}
+        switches = _built_switches(self.switches)
         mechanics = RotaryAxisMechanics(
             gear_ratio=self.gear_ratio,
             motor_inertia_kgm2=self.motor_inertia_kgm2,
@@ -172,10 +170,12 @@ class RotaryAxisConfig:
         return mechanics, switches
 
 
-def _check_switch_names(switches: Mapping[str, SwitchConfig]) -> None:
+def _built_switches(switches: Mapping[str, SwitchConfig]) -> dict[str, SwitchModel]:
+    """Return new switches by input name, in the order of the inputs."""
     for name in switches:
         if name not in SWITCH_NAMES:
             raise ConfigurationError("switches", name, ", ".join(SWITCH_NAMES))
+    return {name: switches[name].build() for name in SWITCH_NAMES if name in switches}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
