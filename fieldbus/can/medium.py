@@ -212,6 +212,11 @@ class CanMedium(ErrorHandling):
 
     # --------------------------------------------------------------------------------------------- load
 
+    @property
+    def busy_bits(self) -> int:
+        """Bit times for which the bus was occupied since the segment exists, counted when a frame has ended."""
+        return self._busy_bits
+
     def bus_load(self, window_ns: int | None = None) -> float:
         """Return which part of the time the bus was occupied, 0..1; a frame in progress does not count (CANP-069).
 

@@ -131,13 +131,11 @@ class PumpedNetwork(canopen.Network):
         if isinstance(owner, (SdoClient, LssMaster)):
             if not isinstance(thing.responses, PumpedQueue):
                 thing.responses = PumpedQueue(self.scheduler)
-                # These sleep between their messages, the SDO client only if it is told to.
-                for name in (
-                    "fast_scan",
-                    "send_switch_state_selective",
-                    "send_identify_remote_slave",
-                    "send_request",
-                ):
+                if isinstance(owner, SdoClient):
+                    thing.send_request = self._unhurried(owner)
+                    return
+                # These sleep between their messages.
+                for name in ("fast_scan", "send_switch_state_selective", "send_identify_remote_slave"):
                     if hasattr(owner, name):
                         setattr(thing, name, self._in_virtual_time(getattr(owner, name)))
         elif isinstance(owner, NmtMaster):
@@ -150,6 +148,19 @@ class PumpedNetwork(canopen.Network):
                 thing.wait = self._in_virtual_time(owner.wait)
         elif isinstance(owner, PdoMap) and not isinstance(thing.receive_condition, PumpedCondition):
             thing.receive_condition = PumpedCondition(self.scheduler)
+
+    def _unhurried(self, client: SdoClient) -> Callable[[Any], None]:
+        """Wrap the sending of an SDO client, which sleeps before it only if it is told to."""
+        send: Callable[[Any], None] = client.send_request
+        send_late = self._in_virtual_time(send)
+
+        def call(request: Any) -> None:
+            if client.PAUSE_BEFORE_SEND:
+                send_late(request)
+            else:
+                send(request)
+
+        return call
 
     def _in_virtual_time(self, method: Callable[..., Any]) -> Callable[..., Any]:
         """Wrap a method of the library that calculates its time-out from the wall clock."""

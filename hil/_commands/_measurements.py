@@ -28,14 +28,15 @@ class Figure(NamedTuple):
     unit: str
 
 
-def with_axes(config: Any, count: int) -> Any:
-    """Return a bench configuration with `count` copies of its only drive and axis."""
+def with_axes(config: Any, count: int, *, cycle_ms: int | None = None) -> Any:
+    """Return a bench configuration with `count` copies of its only drive and axis, and another bus cycle if given."""
     drive, axis = next(iter(config.drive.values())), next(iter(config.axis.values()))
     drives = {
         f"drive{i}": drive.model_copy(update={"node_id": drive.node_id + i - 1}) for i in range(1, count + 1)
     }
     axes = {f"axis{i}": axis.model_copy(update={"drive": f"drive{i}"}) for i in range(1, count + 1)}
-    return config.model_copy(update={"drive": drives, "axis": axes})
+    bench = config.bench if cycle_ms is None else config.bench.model_copy(update={"cycle_ms": cycle_ms})
+    return config.model_copy(update={"bench": bench, "drive": drives, "axis": axes})
 
 
 class MovingBench:
@@ -72,17 +73,20 @@ class MovingBench:
                 raise CannotRunError("an axis of the benchmark stopped with an alarm")
 
 
-def speed(config: Any, seconds: float, rounds: int = 5) -> float:
-    """Return simulated seconds per wall second: the median of `rounds`."""
+def speed(config: Any, seconds: float, rounds: int = 5) -> tuple[float, float]:
+    """Return simulated seconds per wall second, the median of `rounds`, and the load of the bus meanwhile, %."""
     moving = MovingBench(config)
     with moving.bench:
         moving.advance(0.5)
+        segment = moving.bench.segment()
+        begun, busy = moving.bench.now_s, segment.busy_bits
         factors = []
         for _ in range(rounds):
             started = time.perf_counter()
             moving.advance(seconds / rounds)
             factors.append(seconds / rounds / (time.perf_counter() - started))
-    return statistics.median(factors)
+        load = 100.0 * (segment.busy_bits - busy) / segment.bitrate / (moving.bench.now_s - begun)
+    return statistics.median(factors), load
 
 
 def alternately(ours: Callable[[], int], peer: Callable[[], int], rounds: int = 7) -> tuple[float, float]:
@@ -157,6 +161,7 @@ def sdo_uploads() -> list[Figure]:
     scheduler.run_for(S)
     network = PumpedNetwork(medium, name="client")
     entry = network.add_node(5, dictionary).sdo[0x1000]
+    scheduler.run_for(S)  # nobody was there to acknowledge the boot-up
 
     def ours() -> int:
         for _ in range(UPLOADS):

@@ -44,21 +44,24 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
     from hil.bench import load_bench
 
     figures: list[Figure] = []
-    with quiet_stdout(as_json), CaseProgress(7, "benchmark") as progress:
+    with quiet_stdout(as_json), CaseProgress(8, "benchmark") as progress:
         fast, reference = load_bench("fast").config, load_bench("reference")
         benches = [
             ("sim_factor_1axis_cia402_1ms", fast),
             ("sim_factor_1axis_cia402_4ms", reference.config),
             ("sim_factor_4axes_cia402_4ms", with_axes(reference.config, 4)),
+            ("sim_factor_4axes_cia402_2ms", with_axes(reference.config, 4, cycle_ms=2)),
         ]
         for number, (name, config) in enumerate(benches):
             progress.step(number, name)
             gc.collect()
-            figures.append(Figure(name, speed(config, seconds), "simulated s / wall s"))
-        progress.step(3, "fault cases")
+            factor, load = speed(config, seconds)
+            figures.append(Figure(name, factor, "simulated s / wall s"))
+        figures.append(Figure("bus_load_4axes_cia402_2ms", load, "%"))
+        progress.step(4, "fault cases")
         figures.append(Figure("fault_cases_per_minute", _cases_per_minute(reference), "cases/min"))
         for number, (name, compare) in enumerate(
-            (("CAN frames", can_frames), ("SDO uploads", sdo_uploads), ("position plans", position_plans)), 4
+            (("CAN frames", can_frames), ("SDO uploads", sdo_uploads), ("position plans", position_plans)), 5
         ):
             progress.step(number, name)
             figures.extend(compare())

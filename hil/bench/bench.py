@@ -17,6 +17,7 @@ from fieldbus.canopen.master import CanopenMaster
 from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler, VirtualScheduler, seconds_to_ns
 from fieldbus.errors import BusError, ConfigurationError
 from fieldbus.history import History
+from hil.bench._load import LOAD_COLUMNS, LoadMeter
 from hil.bench.config import BenchConfig
 from hil.errors import BlockedError, UnsupportedFaultError
 from hil.record import Recorder, Trace
@@ -112,6 +113,10 @@ class Bench:
                     raise BenchNotReadyError(str(error)) from error
             self._segments[name] = segment
             self.recorder.add_bus(name, segment.log)
+            if self.kind == "virtual":
+                meter = LoadMeter(segment, bitrate=section.bitrate, cycle_ns=self.cycle_ns)
+                load = self.recorder.add_group(name, LOAD_COLUMNS, meter.row)
+                self.runtime.after_cycle.append(load.sample)
             self._masters[name] = CanopenMaster(
                 self.scheduler, segment, name="controller", node_id=_MASTER_NODE, history=self.history
             )

@@ -145,16 +145,18 @@ class BenchConfig(_Model):
 
     @model_validator(mode="after")
     def _references(self) -> BenchConfig:
-        for kind, names in (("drive", self.drive), ("axis", self.axis)):
+        taken: dict[str, str] = {}
+        for kind, names in (("segment", self.segment), ("drive", self.drive), ("axis", self.axis)):
             for name in names:
                 if "." in name or not name.strip():
                     raise ValueError(
                         f"{kind}.{name!r}: a name is not empty and has no dot; signals are NAME.COLUMN"
                     )
-                if kind == "axis" and name in self.drive:
+                if name in taken:
                     raise ValueError(
-                        f"axis.{name}: a drive has this name already; signals are told apart by it"
+                        f"{kind}.{name}: a {taken[name]} has this name already; signals are told apart by it"
                     )
+                taken[name] = kind
         nodes: dict[tuple[str, int], str] = {}
         for name, drive in self.drive.items():
             if drive.segment not in self.segment:

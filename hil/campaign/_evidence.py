@@ -19,7 +19,7 @@ USUAL_SIGNALS: Final = frozenset(
     {
         "position_setpoint", "velocity_setpoint", "actual_position", "actual_velocity", "following_error",
         "actual_torque", "speed_output", "status_word", "alarm_number", "state", "stw1", "zsw1",
-        "position", "velocity", "torque", "controlword", "statusword", "inputs", "error_code",
+        "position", "velocity", "torque", "controlword", "statusword", "inputs", "error_code", "load",
     }
 )  # fmt: skip
 """Columns kept in the report unless a case says otherwise."""

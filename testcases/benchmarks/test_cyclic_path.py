@@ -11,10 +11,13 @@ from hil.bench import load_bench
 from motion.setpoint import SetpointGenerator, plan_position
 
 
-@pytest.mark.parametrize(("bench", "axes"), [("fast", 1), ("reference", 1), ("reference", 4)])
-def test_simulated_second(benchmark, bench, axes):
+@pytest.mark.parametrize(
+    ("bench", "axes", "cycle_ms"),
+    [("fast", 1, 1), ("reference", 1, 4), ("reference", 4, 4), ("reference", 4, 2)],
+)
+def test_simulated_second(benchmark, bench, axes, cycle_ms):
     """One simulated second of a bench with all axes moving and everything recorded."""
-    moving = MovingBench(with_axes(load_bench(bench).config, axes))
+    moving = MovingBench(with_axes(load_bench(bench).config, axes, cycle_ms=cycle_ms))
     with moving.bench:
         before = moving.bench.now_s
         benchmark.pedantic(moving.advance, args=(1.0,), rounds=5, warmup_rounds=1)
