@@ -65,6 +65,7 @@ class Entry:
     """One entry: an object or sub-object with its type and rights. Values live in the store, not here."""
 
     __slots__ = (
+        "base",
         "bits",
         "data_type",
         "default",
@@ -113,6 +114,8 @@ class Entry:
             self.size = self.bits // 8
         elif self.data_type in OPAQUE_SIZES:
             self.size = OPAQUE_SIZES[self.data_type]
+        self.base: int | None = None
+        """What the default adds to the node-ID; None = the default has nothing to do with the node-ID."""
         self.low, self.high = self._limits(variable)
         self.default = self._default(variable, node_id)
         location = str(getattr(variable, "storage_location", None) or "").upper()
@@ -227,7 +230,8 @@ class Entry:
             raw, value = getattr(variable, "default_raw", None), variable.default
         if isinstance(raw, str) and "$NODEID" in raw.upper() and self.integer:
             rest = re.sub(r"\+?\$NODEID\+?", "", raw.replace(" ", "").upper())
-            value = int(rest or "0", 0) + node_id
+            self.base = int(rest or "0", 0)
+            value = self.base + node_id
         return self.coerce(value)
 
     def coerce(self, value: Any) -> Value:
@@ -246,6 +250,8 @@ class Entry:
             return "" if value is None else str(value)
         if isinstance(value, str):
             value = value.encode("latin-1", errors="replace")
+        if isinstance(value, int):
+            value = (value & (1 << 8 * self.size) - 1).to_bytes(self.size, "little")
         content = bytes(value or b"")
         return content.ljust(self.size, b"\0")[: self.size] if self.size else content
 

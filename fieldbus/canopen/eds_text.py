@@ -81,7 +81,7 @@ def _lines(rows: Sequence[ObjectRow], info: EdsInfo) -> Iterator[str]:
         "GroupMessaging=0",
         f"NrOfRXPDO={sum(0x1400 <= row.index < 0x1600 for row in rows)}",
         f"NrOfTXPDO={sum(0x1800 <= row.index < 0x1A00 for row in rows)}",
-        "LSS_Supported=0",
+        "LSS_Supported=1",
         "",
         "[DummyUsage]",
         *(f"Dummy{code:04X}={int(code > 1)}" for code in range(1, 8)),

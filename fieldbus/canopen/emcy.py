@@ -104,6 +104,12 @@ class EmcyProducer:
         for sub in range(1, self._capacity + 1):
             store.read_hooks[_FIELD | sub] = self._reader(sub)
 
+    def set_node_id(self, node_id: int) -> None:
+        """Speak as another node; matters only without a 1014h that says more."""
+        if _COB_ID not in self._store.entries:
+            self._store.values[_COB_ID] = COB_EMCY + node_id
+        self._node_id = node_id
+
     @property
     def register(self) -> int:
         """Present error register 1001h."""

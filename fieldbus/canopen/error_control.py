@@ -86,6 +86,10 @@ class ErrorControl:
             store.applied[key] = self._restart_life
         store.applied[_PRODUCER_TIME] = self._restart_producer
 
+    def set_node_id(self, node_id: int) -> None:
+        """Speak as another node from now on."""
+        self._can_id = COB_ERROR_CONTROL + node_id
+
     @property
     def anyone_lost(self) -> bool:
         """Whether a watched node or the guarding master is missing."""

@@ -28,11 +28,15 @@ class NmtCommand(IntEnum):
 COB_NMT: Final = 0x000
 COB_SYNC: Final = 0x080
 COB_EMCY: Final = 0x080
+COB_TIME: Final = 0x100
 COB_TPDO: Final = (0x180, 0x280, 0x380, 0x480)
 COB_RPDO: Final = (0x200, 0x300, 0x400, 0x500)
 COB_SDO_SERVER: Final = 0x580
 COB_SDO_CLIENT: Final = 0x600
 COB_ERROR_CONTROL: Final = 0x700
+
+UNCONFIGURED: Final = 0xFF
+"""Node-ID of a node that has none and waits for LSS (C301-163)."""
 
 STATE_OF_COMMAND: Final[dict[int, NmtState]] = {
     NmtCommand.START: NmtState.OPERATIONAL,
@@ -63,6 +67,7 @@ def predefined_identifiers(node_id: int) -> dict[int, int]:
     """
     result = {
         0x100500: COB_SYNC,
+        0x101200: COB_TIME,
         0x101400: COB_EMCY + node_id,
         0x120001: COB_SDO_CLIENT + node_id,
         0x120002: COB_SDO_SERVER + node_id,

@@ -1,4 +1,4 @@
-"""A CANopen slave: dictionary, NMT, SDO server, PDOs, EMCY, heartbeat and SYNC in one device (CiA 301).
+"""A CANopen slave: dictionary, NMT, SDO server, PDOs, EMCY, heartbeat, SYNC, TIME and LSS in one device (CiA 301).
 
 The device that owns it - a drive, an encoder, an I/O station - sets and reads values, registers callbacks, and is told
 what the bus does. See `CanopenSlave`.
@@ -6,6 +6,7 @@ what the bus does. See `CanopenSlave`.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from enum import Enum
 from typing import TYPE_CHECKING, Any, Final
@@ -15,18 +16,21 @@ from fieldbus.canopen.communication_errors import CommunicationErrors
 from fieldbus.canopen.dispatch import Dispatcher, Route
 from fieldbus.canopen.emcy import EmcyProducer
 from fieldbus.canopen.error_control import ErrorControl
+from fieldbus.canopen.lss import COB_LSS_MASTER, LssSlave
 from fieldbus.canopen.nmt import (
     COB_ERROR_CONTROL,
     COB_NMT,
     STATE_OF_COMMAND,
+    UNCONFIGURED,
     NmtCommand,
     NmtState,
-    predefined_identifiers,
 )
+from fieldbus.canopen.node_settings import NodeSettings
 from fieldbus.canopen.pdo_engine import PdoEngine
 from fieldbus.canopen.sdo_channels import SdoChannels
 from fieldbus.canopen.store import ObjectStore, ReadHook, WriteHook
 from fieldbus.canopen.sync import SyncService
+from fieldbus.canopen.time_stamp import TimeService
 from fieldbus.clock import S, Scheduler, Timer
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
@@ -48,15 +52,17 @@ class CanopenSlave:
         segment: CAN segment to attach to.
         dictionary: Object dictionary, for example from an EDS file; defaults relative to the node-ID are
             calculated for `node_id`, whatever the file was read for.
-        node_id: 1..127.
+        node_id: 1..127, or 255: the node has none and waits for LSS (C301-163). One that LSS has stored goes first.
         name: Name of the port on the segment and in the history.
-        history: Log for `nmt.state`, `emcy.raised`, `emcy.cleared`, `heartbeat.lost`, `life_guarding.lost` and
-            `rpdo.timeout`; None for none.
+        history: Log for `nmt.state`, `emcy.raised`, `emcy.cleared`, `heartbeat.lost`, `life_guarding.lost`,
+            `rpdo.timeout`, `lss.node_id`, `lss.bitrate` and `storage.failed`; None for none.
         boot_time_ns: Time from power-on or reset to the boot-up frame.
         sdo_timeout_ns: Silence of the client that ends a transfer (C301-072).
+        bitrate: Bit rate that the node is set to, bit/s; None = that of the segment.
+        storage: File in which stored parameters outlive the process; None = they do not.
 
     Raises:
-        ConfigurationError: `node_id` or a time is out of range, or the dictionary is empty.
+        ConfigurationError: `node_id` or a time is out of range, the dictionary is empty, or `storage` cannot be used.
 
     """
 
@@ -81,7 +87,9 @@ class CanopenSlave:
         "on_sync",
         "pdos",
         "scheduler",
+        "settings",
         "sync",
+        "time",
         "values",
     )
 
@@ -96,9 +104,11 @@ class CanopenSlave:
         history: History | None = None,
         boot_time_ns: int = 0,
         sdo_timeout_ns: int = S,
+        bitrate: int | None = None,
+        storage: str | os.PathLike[str] | None = None,
     ) -> None:
-        if not 1 <= node_id <= 127:
-            raise ConfigurationError(f"{name}: node_id", node_id, "1..127")
+        if not 1 <= node_id <= 127 and node_id != UNCONFIGURED:
+            raise ConfigurationError(f"{name}: node_id", node_id, "1..127, or 255 for a node without one")
         if boot_time_ns < 0:
             raise ConfigurationError(f"{name}: boot_time_ns", boot_time_ns, "0 or more")
         if sdo_timeout_ns <= 0:
@@ -117,7 +127,7 @@ class CanopenSlave:
         """Called on NMT reset when the values have been restored; True = reset node, the application too."""
 
         self._store = store = ObjectStore(dictionary, node_id)
-        store.predefine(predefined_identifiers(node_id))
+        store.predefine(node_id)
         self.values: dict[int, Any] = store.values
         """Present values, keyed `index << 8 | sub-index`; what PDOs send and SDO reads."""
         self._dispatcher = Dispatcher()
@@ -169,7 +179,24 @@ class CanopenSlave:
             on_lost=communication.peer_lost,
             on_found=communication.peers_found,
         )
+        self.time = TimeService(scheduler, store, send, on_change=self._rebuild)
+        """Clock of the device, set and told by TIME (C301-004)."""
         self._sdo = SdoChannels(scheduler, store, send, timeout_ns=sdo_timeout_ns)
+        self.settings = NodeSettings(
+            scheduler,
+            store,
+            send,
+            self._port,
+            node_id=node_id,
+            bitrate=bitrate,
+            bitrates=dictionary.device_information.allowed_baudrates,
+            storage=storage,
+            on_node_id=self._named,
+            source=name,
+            history=history,
+        )
+        # A device whose EDS says nothing about LSS has it.
+        self.settings.lss.enabled = dictionary.device_information.LSS_supported is not False
         store.changed = self.pdos.touch
         for key in store.entries:
             if key >> 8 == 0x1016 and key & 0xFF:
@@ -268,6 +295,11 @@ class CanopenSlave:
         return self._powered
 
     @property
+    def lss(self) -> LssSlave:
+        """LSS slave: pending and stored node-ID and bit rate."""
+        return self.settings.lss
+
+    @property
     def store(self) -> ObjectStore:
         """Entries, access rules and non-volatile memory."""
         return self._store
@@ -289,6 +321,7 @@ class CanopenSlave:
             return
         self._port.online = True
         self._powered = True
+        self._renumber(self.settings.start(application=True))
         self._restore(application=True)
         self._boot()
 
@@ -306,7 +339,9 @@ class CanopenSlave:
             self._communication.controller_state(old, new)
 
     def _boot(self) -> None:
-        if self.boot_time_ns:
+        if self.node_id == UNCONFIGURED:
+            self._rebuild()  # LSS alone, until it has named the node (C301-163)
+        elif self.boot_time_ns:
             self._boot_timer = self.scheduler.after(self.boot_time_ns, self._booted)
         else:
             self._booted()
@@ -318,6 +353,21 @@ class CanopenSlave:
         if startup is not None and not startup & 0x04:
             self._enter(NmtState.OPERATIONAL)  # starts by itself (C301-021)
 
+    def _named(self) -> None:
+        """Come to life with the node-ID that LSS has given."""
+        self._renumber(self.settings.start(application=False))
+        self._restore(application=False)
+        self._boot()
+
+    def _renumber(self, node_id: int) -> None:
+        if node_id == self.node_id:
+            return
+        self._store.renumber(self.node_id, node_id)
+        self.errors.set_node_id(node_id)
+        self.error_control.set_node_id(node_id)
+        self.node_id = node_id
+        self.settings.told(node_id)
+
     def _silence(self) -> None:
         """Stop every timer and forget every transfer."""
         if self._boot_timer is not None:
@@ -326,6 +376,8 @@ class CanopenSlave:
         self._sdo.reset()
         self.error_control.stop()
         self.sync.stop()
+        self.time.stop()
+        self.lss.stop()
         flush = getattr(self._port, "flush", None)
         if flush is not None:
             flush()  # a controller that starts anew does not send what the old life has queued
@@ -340,6 +392,7 @@ class CanopenSlave:
     def _reset(self, *, application: bool) -> None:
         self._silence()
         self._enter(NmtState.INITIALISING)
+        self._renumber(self.settings.start(application=application))
         self._restore(application=application)
         for callback in self.on_reset:
             callback(application)
@@ -368,7 +421,7 @@ class CanopenSlave:
         old = self._state
         if state == old:
             return
-        self._state = state
+        self._state = self.time.state = state
         if old == NmtState.OPERATIONAL:
             self.pdos.leave_operational()
         if state not in _EVERYWHERE:
@@ -395,7 +448,10 @@ class CanopenSlave:
         if state != NmtState.INITIALISING:
             data.append((COB_NMT, False, self._on_nmt))
             remote.append((COB_ERROR_CONTROL + self.node_id, False, self.error_control.guard))
+        if self.lss.enabled and (state != NmtState.INITIALISING or self.node_id == UNCONFIGURED):
+            data.append((COB_LSS_MASTER, False, self.lss.receive))
         if state in _EVERYWHERE:
+            data += [(*place, self.time.receive) for place in self.time.listening()]
             data += [(can_id, False, handler) for can_id, handler in self._sdo.handlers(self.node_id)]
             data.append((self.sync.can_id, self.sync.extended, self.sync.receive))
         data += [

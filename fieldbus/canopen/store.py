@@ -6,11 +6,14 @@ SDO server and the RPDOs go through the checks here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.dictionary import Entry, Value, entries_of
+from fieldbus.canopen.nmt import predefined_identifiers
+from fieldbus.errors import HilError
 
 if TYPE_CHECKING:
     import canopen
@@ -42,13 +45,14 @@ class ObjectStore:
 
     __slots__ = (
         "_indices",
-        "_restore",
         "applied",
         "changed",
         "commands",
         "entries",
         "guards",
+        "persist",
         "read_hooks",
+        "restoring",
         "stored",
         "values",
         "volatile",
@@ -71,10 +75,13 @@ class ObjectStore:
         self.changed: Callable[[int], object] = _nobody
         """Called with the key of every value stored by SDO or `assign`."""
         self.stored: dict[int, Value] = {}
-        """Non-volatile memory: what 1010h has saved; survives power-off."""
+        """Non-volatile memory: what 1010h has saved; survives power-off, and with `persist` the process."""
         self.volatile: set[int] = set()
         """Keys that 1010h does not save although they are writable, such as setpoints."""
-        self._restore: dict[int, bool] = {}  # area -> whether reset communication is enough
+        self.restoring: dict[int, bool] = {}
+        """Areas that get their defaults with the next reset -> whether reset communication is enough."""
+        self.persist: Callable[[], object] = _nothing
+        """Writes the memory to where it lasts; raises `HilError` when it cannot."""
         for sub in range(1, 0x80):
             if 0x101000 | sub in self.entries:
                 self.commands[0x101000 | sub] = self._saver(sub)
@@ -82,13 +89,23 @@ class ObjectStore:
                 self.commands[0x101100 | sub] = self._loader(sub)
         self.load(application=True)
 
-    def predefine(self, identifiers: Mapping[int, int]) -> None:
-        """Give entries without a default of their own, or with 0, one; 0 is no identifier."""
-        for key, cob_id in identifiers.items():
+    def predefine(self, node_id: int) -> None:
+        """Give COB-IDs without a default of their own, or with 0, that of the predefined set; 0 is no identifier."""
+        base = predefined_identifiers(0)
+        for key, cob_id in predefined_identifiers(node_id).items():
             entry = self.entries.get(key)
             if entry is not None and not entry.default:
                 entry.default = cob_id
+                entry.base = base[key] if base[key] != cob_id else None
         self.load(application=True)
+
+    def renumber(self, old: int, new: int) -> None:
+        """Move what is relative to the node-ID from one to another: defaults, and values that still are the default."""
+        for key, entry in self.entries.items():
+            if entry.base is not None and entry.default == entry.base + old:
+                if self.values[key] == entry.default:
+                    self.values[key] = entry.base + new
+                entry.default = entry.base + new
 
     # -- access by the bus ------------------------------------------------------------------------------------
 
@@ -198,10 +215,14 @@ class ObjectStore:
 
     def load(self, *, application: bool) -> None:
         """Take stored or default values, as after reset communication or, with `application`, reset node."""
-        for area, soon in list(self._restore.items()):
-            if application or soon:
-                self.stored = {key: value for key, value in self.stored.items() if not _in_group(key, area)}
-                del self._restore[area]
+        due = [area for area, soon in self.restoring.items() if application or soon]
+        for area in due:
+            self.stored = {key: value for key, value in self.stored.items() if not _in_group(key, area)}
+            del self.restoring[area]
+        if due:
+            # A file that cannot be written keeps the order to restore: it is carried out again at the next start.
+            with suppress(HilError):
+                self.persist()
         stored, values = self.stored, self.values
         for key, entry in self.entries.items():
             if application or entry.index < 0x2000:
@@ -214,26 +235,41 @@ class ObjectStore:
         def save(signature: Any) -> None:
             if signature != SAVE:
                 raise SdoAbort(AbortCode.CANNOT_STORE)
-            for area in _areas(group):
-                self._restore.pop(area, None)
+            stored, restoring = self.stored, self.restoring
+            self.stored = dict(stored)
+            self.restoring = {area: soon for area, soon in restoring.items() if area not in _areas(group)}
             for key, entry in self.entries.items():
                 if (
-                    entry.storable
-                    and _in_group(key, group)
-                    and key not in self.volatile
-                    and entry.index not in _NOT_STORED
-                    and key not in self.commands
+                    not entry.storable
+                    or not _in_group(key, group)
+                    or key in self.volatile
+                    or entry.index in _NOT_STORED
+                    or key in self.commands
                 ):
+                    continue
+                if entry.base is not None and self.values[key] == entry.default:
+                    self.stored.pop(key, None)  # follows the node-ID, also when LSS changes it
+                else:
                     self.stored[key] = self.values[key]
+            self._keep(stored, restoring)
 
         return save
+
+    def _keep(self, stored: dict[int, Value], restoring: dict[int, bool]) -> None:
+        """Write the memory; go back to what it was and refuse the command when that fails."""
+        try:
+            self.persist()
+        except HilError:
+            self.stored, self.restoring = stored, restoring
+            raise SdoAbort(AbortCode.HARDWARE) from None
 
     def _loader(self, group: int) -> WriteHook:
         def load(signature: Any) -> None:
             if signature != LOAD:
                 raise SdoAbort(AbortCode.CANNOT_STORE)
-            for area in _areas(group):
-                self._restore[area] = group == _COMMUNICATION
+            stored, restoring = self.stored, self.restoring
+            self.restoring = {**restoring, **dict.fromkeys(_areas(group), group == _COMMUNICATION)}
+            self._keep(stored, restoring)
 
         return load
 
@@ -253,4 +289,8 @@ def _in_group(key: int, group: int) -> bool:
 
 
 def _nobody(_key: int) -> None:
+    pass
+
+
+def _nothing() -> None:
     pass

@@ -59,6 +59,7 @@ OBJECTS = """
 1011 1 Restore_all U32 rw 0 1 - -
 1011 2 Restore_communication U32 rw 0 1 - -
 1011 3 Restore_application U32 rw 0 1 - -
+1012 0 COB-ID_TIME U32 rw 0 0x100 - -
 1014 0 COB-ID_EMCY U32 rw 0 $NODEID+0x80 - -
 1015 0 Inhibit_EMCY U16 rw 0 0 - -
 1016 0 Highest U8 const 0 3 - -
@@ -192,13 +193,15 @@ def _shared_dictionary() -> canopen.ObjectDictionary:
 class Bench:
     """One slave on a segment, and a tester that speaks raw frames."""
 
-    def __init__(self, od: canopen.ObjectDictionary | None = None, **options: Any) -> None:
+    def __init__(
+        self, od: canopen.ObjectDictionary | None = None, *, node_id: int = NODE, **options: Any
+    ) -> None:
         self.scheduler = VirtualScheduler()
         self.history = History(self.scheduler)
         self.segment = CanMedium(self.scheduler)
         od = _shared_dictionary() if od is None else od
         self.slave = CanopenSlave(
-            self.scheduler, self.segment, od, NODE, name="drive1", history=self.history, **options
+            self.scheduler, self.segment, od, node_id, name="drive1", history=self.history, **options
         )
         self.received: list[tuple[int, CanFrame]] = []
         self.port = self.segment.attach(

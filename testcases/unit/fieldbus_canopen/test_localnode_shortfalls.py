@@ -193,9 +193,9 @@ def test_12_emcy_identifier_register_and_history(bench, node):
     assert (node.sdo[0x1003][0].raw, node.sdo[0x1003][1].raw) == (1, 0x2310)
 
 
-@pytest.mark.requirement("C301-026", "C301-140", "C301-141")
-def test_13_heartbeat_consumer_store_and_restore(bench, node):
-    """13: 1016h watches a heartbeat; 1010h stores and 1011h restores; LSS and TIME are not part of the slave."""
+@pytest.mark.requirement("C301-004", "C301-026", "C301-140", "C301-141", "C301-155")
+def test_13_heartbeat_consumer_store_restore_time_and_lss(bench, node):
+    """13: 1016h watches a heartbeat; 1010h stores and 1011h restores; TIME sets the clock; LSS gives the node-ID."""
     reasons = []
     bench.slave.on_communication_error.append(reasons.append)
     node.sdo[0x1016][1].raw = 127 << 16 | 50
@@ -211,6 +211,15 @@ def test_13_heartbeat_consumer_store_and_restore(bench, node):
     node.restore()
     bench.nmt(NmtCommand.RESET_NODE)
     assert node.sdo[0x6083].raw == 1000
+    node.sdo[0x1012].raw = 0x80000100
+    node.network.time.transmit(441763200 + 86400)
+    bench.run(1)
+    assert bench.slave.time.time_of_day() == (0, 1)
+    lss = node.network.lss
+    assert lss.send_switch_state_selective(0x1234, 0x5678, 0x00010000, 42)
+    lss.configure_node_id(9)
+    bench.nmt(NmtCommand.RESET_COMMUNICATION)
+    assert node.network.add_node(9, node.object_dictionary).sdo[0x1000].raw == 0x20192
 
 
 def test_14_no_threads_and_no_wall_clock(bench, node):
