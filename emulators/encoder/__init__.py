@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from emulators.encoder._encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
+from emulators.encoder._encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder, ZeroMarkListener
 
-__all__ = ["AbsoluteEncoder", "IncrementalEncoder", "RotaryEncoder"]
+__all__ = ["AbsoluteEncoder", "IncrementalEncoder", "RotaryEncoder", "ZeroMarkListener"]

@@ -7,6 +7,7 @@ that is reported. The integer is derived from the undisturbed angle plus an inte
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
     import numpy as np
 
 _TAU: Final = 2.0 * math.pi
+
+ZeroMarkListener = Callable[[int, float, float, float], None]
+"""Gets the position of a zero mark, increments, and the shaft angles before it, at it and after it, rad."""
 
 
 class RotaryEncoder:
@@ -39,6 +43,7 @@ class RotaryEncoder:
         "_frozen",
         "_inc_per_rad",
         "_interpolated",
+        "_listeners",
         "_noise",
         "_noise_now",
         "_offset",
@@ -81,6 +86,7 @@ class RotaryEncoder:
         self._frozen = False
         self._armed = False
         self._plain = interpolated
+        self._listeners: tuple[ZeroMarkListener, ...] = ()
         self.zero_mark_present = True
         """False: the zero mark never comes (a dirty disc, a broken wire)."""
         self.latched_increments: int | None = None
@@ -131,6 +137,22 @@ class RotaryEncoder:
         if armed:
             self.latched_increments = None
         self._settle()
+
+    def watch_zero_mark(self, listener: ZeroMarkListener) -> None:
+        """Call `listener` at every zero mark from now on, within the sample that finds it; once is enough to ask."""
+        if listener not in self._listeners:
+            self._listeners = (*self._listeners, listener)
+            self._settle()
+
+    def unwatch_zero_mark(self, listener: ZeroMarkListener) -> None:
+        """Call `listener` no more; harmless when it was not called anyway."""
+        self._listeners = tuple(one for one in self._listeners if one != listener)
+        self._settle()
+
+    def increments_at(self, shaft_angle: float) -> int:
+        """Return what a latch holds that is triggered while the shaft stands at an angle (rad), increments."""
+        raw = self._raw if self._frozen else shaft_angle * self._sign
+        return math.floor(raw * self._inc_per_rad + 0.5) + self._offset_increments + self._noise_now
 
     # -- faults ----------------------------------------------------------------------------------------------
 
@@ -185,13 +207,15 @@ class RotaryEncoder:
         self._offset = increments * self._rad_per_inc
 
     def _settle(self) -> None:
-        self._plain = self._interpolated and not (self._frozen or self._armed or self._noise)
+        self._plain = self._interpolated and not (
+            self._frozen or self._armed or self._noise or self._listeners
+        )
 
     def _sample_special(self, shaft_angle: float) -> float:
         if not self._frozen:
             before = self._raw
             self._raw = raw = shaft_angle * self._sign
-            if self._armed and self.zero_mark_present and raw != before:
+            if (self._armed or self._listeners) and self.zero_mark_present and raw != before:
                 self._look_for_zero_mark(before, raw)
         if self._noise and self._rng is not None:
             self._noise_now = int(self._rng.integers(-self._noise, self._noise, endpoint=True))
@@ -205,9 +229,14 @@ class RotaryEncoder:
         if turn_before == turn_after:
             return
         turn = turn_before + 1 if after > before else turn_before
-        self.latched_increments = turn * self._counts + self._zero_mark + self._offset_increments
-        self._armed = False
-        self._settle()
+        mark = turn * self._counts + self._zero_mark
+        latched = mark + self._offset_increments
+        for listener in self._listeners:
+            listener(latched, before * self._sign, mark * self._rad_per_inc * self._sign, after * self._sign)
+        if self._armed:
+            self.latched_increments = latched
+            self._armed = False
+            self._settle()
 
 
 class IncrementalEncoder(RotaryEncoder):

@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from emulators.mechanics._axis import AxisMechanics
+from emulators.mechanics._crossing import passing_time, position_within
 from emulators.mechanics._machines import LinearAxisMechanics, RotaryAxisMechanics
 from emulators.mechanics._switch import SwitchModel
 
-__all__ = ["AxisMechanics", "LinearAxisMechanics", "RotaryAxisMechanics", "SwitchModel"]
+__all__ = [
+    "AxisMechanics",
+    "LinearAxisMechanics",
+    "RotaryAxisMechanics",
+    "SwitchModel",
+    "passing_time",
+    "position_within",
+]

@@ -85,6 +85,7 @@ class AxisMechanics:
         "motor_angle",
         "position",
         "ratio",
+        "step_start",
         "switches",
         "velocity",
     )
@@ -127,6 +128,8 @@ class AxisMechanics:
         """Angle of the motor shaft, rad; zero where the load is at zero."""
         self.in_contact = False
         """Whether the load presses against an end stop."""
+        self.step_start = self.position
+        """While a switch reports an edge: where the step of the load began, m or rad."""
         self.switches: tuple[SwitchModel, ...] = tuple(switches)
         self._external = 0.0
         self._brake = 0.0
@@ -254,10 +257,11 @@ class AxisMechanics:
         velocity = free_velocity
         if position > self._upper_stop or position < self._lower_stop:
             position, velocity = self._contact(force, free_velocity, free_position)
+        self.step_start = self.position
         self.velocity = velocity
         self.position = position
         self.motor_angle = position * self._angle_per_unit
-        self._settle()
+        self._settle(moving=True)
 
     def _contact(self, force: float, free_velocity: float, free_position: float) -> tuple[float, float]:
         """Return position and velocity after an implicit Euler step against the spring-damper of a stop."""
@@ -301,13 +305,13 @@ class AxisMechanics:
         self._friction_step = (self._coulomb + self._brake) * self._gain
         self._breakaway = -1.0 if self.in_contact else self._static + self._brake
 
-    def _settle(self) -> None:
+    def _settle(self, *, moving: bool = False) -> None:
         """Evaluate switches and contact at the present position and find the new quiet range."""
         position = self.position
         low = self._lower_stop
         high = self._upper_stop
         for switch in self.switches:
-            switch.update(position)
+            switch.update(position, moving=moving)
             quiet_low, quiet_high = switch.quiet_range(position)
             low = max(low, quiet_low)
             high = min(high, quiet_high)

@@ -11,6 +11,9 @@ from fieldbus.errors import ConfigurationError
 class SwitchModel:
     """A switch that is actuated while the load stands inside a range of positions.
 
+    A load that passes the whole range within one step operates the switch all the same: both edges come, one after the
+    other. While `on_change` is called, `edge` says where the load has made the edge.
+
     Args:
         low: Lower end of the actuated range, load unit (m or rad); -inf: actuated for everything below `high`.
         high: Upper end of the actuated range, load unit; +inf: actuated for everything above `low`.
@@ -23,7 +26,18 @@ class SwitchModel:
 
     """
 
-    __slots__ = ("_actuated", "_forced", "_inverted", "high", "hysteresis", "low", "on_change", "state")
+    __slots__ = (
+        "_above",
+        "_actuated",
+        "_forced",
+        "_inverted",
+        "edge",
+        "high",
+        "hysteresis",
+        "low",
+        "on_change",
+        "state",
+    )
 
     def __init__(
         self,
@@ -33,9 +47,9 @@ class SwitchModel:
         hysteresis: float = 0.0,
         inverted: bool = False,
     ) -> None:
-        if not low < high:
+        if not low < high and not (low == high == math.inf):
             raise ConfigurationError("switch range", (low, high), "low < high")
-        if math.isinf(low) and math.isinf(high):
+        if low == -math.inf and high == math.inf:
             raise ConfigurationError("switch range", (low, high), "at least one finite end")
         if not (math.isfinite(hysteresis) and hysteresis >= 0.0):
             raise ConfigurationError("switch hysteresis", hysteresis, "a finite number >= 0")
@@ -45,6 +59,9 @@ class SwitchModel:
         self._inverted = inverted
         self._forced: bool | None = None
         self._actuated = False
+        self._above = False
+        self.edge: float | None = None
+        """Place of the edge that `on_change` reports, load unit; None: the load had no part in it."""
         self.state = inverted
         """Signal of the switch as the drive's input sees it: True = active."""
         self.on_change: Callable[[], None] | None = None
@@ -59,6 +76,11 @@ class SwitchModel:
     def below(cls, position: float, *, hysteresis: float = 0.0, inverted: bool = False) -> SwitchModel:
         """Return a switch that is actuated at and below `position` (load unit)."""
         return cls(high=position, hysteresis=hysteresis, inverted=inverted)
+
+    @classmethod
+    def unreached(cls) -> SwitchModel:
+        """Return a switch that the load never operates, only `forced` does: a probe, a hand."""
+        return cls(low=math.inf, high=math.inf)
 
     @property
     def actuated(self) -> bool:
@@ -85,16 +107,21 @@ class SwitchModel:
         self._inverted = value
         self._settle()
 
-    def update(self, position: float) -> None:
-        """Evaluate the switch at `position` (load unit)."""
-        if self._actuated:
-            hysteresis = self.hysteresis
-            actuated = self.low - hysteresis <= position <= self.high + hysteresis
-        else:
-            actuated = self.low <= position <= self.high
-        if actuated is not self._actuated:
-            self._actuated = actuated
-            self._settle()
+    def update(self, position: float, *, moving: bool = False) -> None:
+        """Evaluate the switch at `position` (load unit); `moving`: the load has come there by itself."""
+        low, high = self.low, self.high
+        above = position > high
+        if not self._actuated:
+            passed = moving and above is not self._above
+            if not (passed or low <= position <= high):
+                self._above = above
+                return
+            came_from_above = self._above
+            self._set_actuated(True, (high if came_from_above else low) if moving else None)
+        hysteresis = self.hysteresis
+        if not low - hysteresis <= position <= high + hysteresis:
+            self._above = above
+            self._set_actuated(False, (high + hysteresis if above else low - hysteresis) if moving else None)
 
     def quiet_range(self, position: float) -> tuple[float, float]:
         """Return the largest open interval around `position` in which the switch keeps its actuation."""
@@ -103,6 +130,12 @@ class SwitchModel:
         if position < self.low:
             return -math.inf, self.low
         return self.high, math.inf
+
+    def _set_actuated(self, actuated: bool, edge: float | None) -> None:
+        self._actuated = actuated
+        self.edge = edge
+        self._settle()
+        self.edge = None
 
     def _settle(self) -> None:
         state = self._actuated is not self._inverted if self._forced is None else self._forced

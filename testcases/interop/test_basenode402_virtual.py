@@ -131,7 +131,7 @@ def test_refusals_reach_the_library(ready):
     """The library refuses a mode by 6502h; the drive itself refuses mode and homing method with an abort code."""
     with pytest.raises(TypeError, match="PROFILED TORQUE"):
         ready.node.op_mode = "PROFILED TORQUE"
-    for index, value in ((0x6060, 4), (0x6098, 17)):
+    for index, value in ((0x6060, 4), (0x6098, 16)):
         with pytest.raises(canopen.SdoAbortedError) as refusal:
             ready.node.sdo[index].raw = value
         assert refusal.value.code == 0x06090030
@@ -295,6 +295,47 @@ def test_homing_on_the_present_position(station, ready, method):
     assert ready.node.is_homed()
     station.run(0.2)
     assert station.drive.mechanics.position == pytest.approx(place, abs=1e-7)
+
+
+@pytest.mark.requirement("C402-105", "C402-120", "C402-121", "C402-126", "C402-134", "C402-135", "C402-138")
+@pytest.mark.parametrize(
+    ("method", "start_mm", "home_mm"),
+    [
+        (1, -540.0, -540.0),
+        (17, -548.0, -549.5),
+        (21, -503.0, -499.5),
+        (33, 3.0, 0.0),
+        (34, 3.0, 10.0),
+    ],
+)
+def test_homing_with_motion(station, ready, method, start_mm, home_mm):
+    """The library's `homing` finds limit switch, home switch and index of the reference axis, and is told so at the end."""
+    station.drive.power_off()
+    station.drive.mechanics.place(start_mm / 1000)
+    station.drive.power_on()
+    station.run(0.1)
+    ready.commission()
+    ready.enable("HOMING")
+    ready.node.sdo[0x6099][1].raw = 60 * RPM
+    ready.node.sdo[0x6099][2].raw = 12 * RPM
+    ready.node.sdo[0x609A].raw = 3000 * RPM
+    assert ready.home(method, offset=-REVOLUTION)
+    assert ready.node.is_homed()
+    station.run(0.2)
+    place_mm = home_mm + 10.0 * (ready.position - REVOLUTION) / REVOLUTION
+    assert 1000 * station.drive.mechanics.position == pytest.approx(place_mm, abs=0.003)
+
+
+@pytest.mark.requirement("C402-136", "C402-137")
+def test_homing_that_finds_nothing(station, ready):
+    """The library reports a failure when the home switch is dead and the limit switch comes; it hears 8612h."""
+    station.drive.force_input("home", False)
+    station.drive.force_input("negative_limit", True)
+    ready.enable("HOMING")
+    assert not ready.home(5)
+    assert not ready.node.is_homed()
+    station.run(0.05)
+    assert [error.code for error in ready.node.emcy.log] == [0x8612]
 
 
 @pytest.mark.requirement("C402-130", "C402-135")

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from emulators.drive.cia402._objects_communication import DEVICE_TYPE
+from emulators.drive.cia402.homing_methods import DEFAULT_STOP_METHODS, supported_methods
 from emulators.drive.cia402.objects import (
     I8,
     I16,
@@ -26,8 +27,8 @@ from emulators.drive.cia402.objects import (
 
 SUPPORTED_MODES: Final = 1 << 0 | 1 << 2 | 1 << 5 | 1 << 7 | 1 << 8 | 1 << 9
 """6502h: pp, pv, hm, csp, csv, cst."""
-SUPPORTED_HOMING: Final = (35, 37)
-"""60E3h."""
+SUPPORTED_HOMING: Final = tuple(supported_methods(DEFAULT_STOP_METHODS))
+"""60E3h of a drive with the hard-stop methods of the specification."""
 _LOWEST: Final = -0x80000000
 _HIGHEST: Final = 0x7FFFFFFF
 _OFF: Final = 0xFFFFFFFF
@@ -55,6 +56,15 @@ def _manufacturer() -> tuple[ObjectRow, ...]:
             "Synchronisation diagnostics",
             Item("Lost SYNC messages", U32, "ro", "T"),
             Item("Missing set-points", U32, "ro", "T"),
+        ),
+        record(
+            0x2010,
+            "Homing parameters",
+            Item("Hard stop torque threshold", U16, "rw", "R", 500),
+            Item("Hard stop detection time", U16, "rw", "R", 50),
+            Item("Hard stop retraction distance", U32, "rw", "R"),
+            Item("Homing time-out", U32, "rw", "R", 60_000),
+            Item("Homing search distance", U32, "rw", "R"),
         ),
     )
 

@@ -36,10 +36,12 @@ class ProfileAxis:
         "control_steps",
         "core",
         "demand_excess",
+        "fitted_inputs",
         "fresh",
         "halted",
         "home_shift",
         "homed",
+        "inputs",
         "lower_speed",
         "max_speed",
         "missing_count",
@@ -49,6 +51,7 @@ class ProfileAxis:
         "software_limits",
         "supervised",
         "synchronised",
+        "torque_cap",
         "units",
         "upper_speed",
         "values",
@@ -73,6 +76,12 @@ class ProfileAxis:
         self.blocked_positive = False
         """The positive limit switch forbids motion in positive direction."""
         self.blocked_negative = False
+        self.inputs = 0
+        """60FDh."""
+        self.fitted_inputs = 0
+        """Bits of 60FDh that a switch is wired to."""
+        self.torque_cap: float | None = None
+        """Torque limit of the mode in force, Nm; `refresh` puts it into effect."""
         self.demand_excess = 0.0
         """Part of the commanded position that a limit holds back, rad."""
         self.synchronised = False
@@ -114,6 +123,8 @@ class ProfileAxis:
         negative = min(torque, values[0x60E100]) * units.torque
         if units.torque_sign < 0:
             positive, negative = negative, positive
+        if self.torque_cap is not None:
+            positive, negative = min(positive, self.torque_cap), min(negative, self.torque_cap)
         self.core.set_torque_limits(positive, negative)
         motor_speed = values[0x608000] * RPM
         self.core.set_speed_limit(motor_speed)
@@ -170,9 +181,9 @@ class ProfileAxis:
             increments -= round(distance / span) * span
         return increments * self._rad_per_inc
 
-    def set_actual_position(self, position: int) -> None:
-        """Shift the coordinate system so that the present position becomes `position`, position units."""
-        self.home_shift = round(self.units.to_increments(position)) - self.core.encoder.increments
+    def set_home(self, increments: int, position: int) -> None:
+        """Shift the coordinate system so that a reading of the encoder, increments, becomes `position`, position units."""
+        self.home_shift = round(self.units.to_increments(position)) - increments
 
     def within_software_limits(self, position: int) -> int:
         """Return the position clamped to 607Dh, where the limits are in force (C402-140, C402-162)."""
@@ -219,6 +230,16 @@ class ProfileAxis:
         if limit:
             value = min(value, limit)
         return value * self.units.acceleration if value else math.inf
+
+    def profile_jerk(self) -> float:
+        """Return the jerk of the motion profile, rad/s^3; 0 = not limited (6086h, 60A3h, 60A4h)."""
+        values = self.values
+        if values[0x608600] != 3:
+            return 0.0
+        jerk = values[0x60A401]
+        if values[0x60A300] == 2 and values[0x60A402]:
+            jerk = min(jerk, values[0x60A402])
+        return float(jerk * self.units.acceleration)
 
     def stop_slope(self, option: int) -> float:
         """Return the deceleration of a stop option 1 to 4, rad/s^2; inf = at the torque limit."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
+from emulators.drive.cia402.homing_methods import DEFAULT_STOP_METHODS, supported_methods
 from emulators.drive.core import ServoTuning
 from emulators.encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
 from emulators.mechanics import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics, SwitchModel
@@ -17,8 +18,16 @@ from fieldbus.errors import ConfigurationError
 if TYPE_CHECKING:
     import numpy as np
 
-SWITCH_NAMES: Final = ("negative_limit", "positive_limit", "home")
-"""Inputs of a drive that a switch can be wired to."""
+INPUT_BITS: Final[Mapping[str, int]] = {
+    "negative_limit": 0,
+    "positive_limit": 1,
+    "home": 2,
+    "probe1": 16,
+    "probe2": 17,
+}
+"""Inputs of a drive that a switch can be wired to, with their bits in 60FDh (C402-168)."""
+PROBE_INPUTS: Final = ("probe1", "probe2")
+"""Inputs that are always there: something that touches is not always part of the machine."""
 
 COASTING_FAULTS: Final = frozenset(
     (0x2130, 0x2230, 0x2250, 0x2320, 0x2330, 0x2340, 0x3210, 0x3220, 0x5400, 0x5410, *range(0x7300, 0x7308))
@@ -74,7 +83,7 @@ class LinearAxisConfig:
         stop_stiffness: N/m.
         stop_damping: Ns/m.
         position_m: Start position, m.
-        switches: Switches by input name: `negative_limit`, `positive_limit`, `home`.
+        switches: Switches by input name: `negative_limit`, `positive_limit`, `home`, `probe1`, `probe2`.
 
     """
 
@@ -173,9 +182,13 @@ class RotaryAxisConfig:
 def _built_switches(switches: Mapping[str, SwitchConfig]) -> dict[str, SwitchModel]:
     """Return new switches by input name, in the order of the inputs."""
     for name in switches:
-        if name not in SWITCH_NAMES:
-            raise ConfigurationError("switches", name, ", ".join(SWITCH_NAMES))
-    return {name: switches[name].build() for name in SWITCH_NAMES if name in switches}
+        if name not in INPUT_BITS:
+            raise ConfigurationError("switches", name, ", ".join(INPUT_BITS))
+    return {
+        name: switches[name].build() if name in switches else SwitchModel.unreached()
+        for name in INPUT_BITS
+        if name in switches or name in PROBE_INPUTS
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,6 +282,10 @@ class DriveConfig:
         sync_loss_reaction: `fault` 8700h, `warning` or `none` (C301-037).
         missing_setpoints: Reaction 6007h after this many periods without set-point; 0 = never (C402-104).
         home_offset: `profile` (6064h = -607Ch at the home point) or `vendor` (+607Ch) (C402-138).
+        homing_move: After the home position is known: `none` = come to rest, `zero` = move to position 0 (C402-138).
+        hard_stop_methods: Manufacturer's homing methods by number -4..-1: `positive`, `negative`, `positive_index`,
+            `negative_index` (C402-131, C402-132).
+        input_filter_s: A limit or home switch counts when it has been stable for this long, s.
         csv_interpolation: Whether csv reaches the target linearly within 60C2h, or at once.
         coasting_faults: EMCY codes after which the drive cannot brake.
         eds: EDS file to present on the bus; None = that of this drive.
@@ -295,6 +312,9 @@ class DriveConfig:
     sync_loss_reaction: Literal["fault", "warning", "none"] = "fault"
     missing_setpoints: int = 2
     home_offset: Literal["profile", "vendor"] = "profile"
+    homing_move: Literal["none", "zero"] = "none"
+    hard_stop_methods: Mapping[int, str] = field(default_factory=lambda: dict(DEFAULT_STOP_METHODS))
+    input_filter_s: float = 0.0
     csv_interpolation: bool = True
     coasting_faults: frozenset[int] = COASTING_FAULTS
     eds: Path | None = None
@@ -311,7 +331,7 @@ class DriveConfig:
             )
         for name in ("rated_current_A", "rated_torque_Nm", "thermal_time_constant_s"):
             _check(name, getattr(self, name), positive=True)
-        for name in ("boot_time_s", "power_on_delay_s", "blocked_time_s"):
+        for name in ("boot_time_s", "power_on_delay_s", "blocked_time_s", "input_filter_s"):
             _check(name, getattr(self, name))
         for name, allowed in (
             ("limit_switch_reaction", ("stop", "fault", "none")),
@@ -319,9 +339,11 @@ class DriveConfig:
             ("sto_reaction", ("inhibit", "fault")),
             ("sync_loss_reaction", ("fault", "warning", "none")),
             ("home_offset", ("profile", "vendor")),
+            ("homing_move", ("none", "zero")),
         ):
             if getattr(self, name) not in allowed:
                 raise ConfigurationError(name, getattr(self, name), ", ".join(allowed))
+        supported_methods(self.hard_stop_methods)
         if self.missing_setpoints < 0:
             raise ConfigurationError("missing_setpoints", self.missing_setpoints, ">= 0")
 

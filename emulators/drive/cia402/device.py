@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING, Any, Final
 from emulators.drive.brake import HoldingBrake
 from emulators.drive.cia402 import _object_rules, faults
 from emulators.drive.cia402._eds import drive_dictionary
+from emulators.drive.cia402._inputs import DigitalInputs
+from emulators.drive.cia402._objects_profile import SUPPORTED_HOMING
 from emulators.drive.cia402.axis import ProfileAxis
-from emulators.drive.cia402.config import SWITCH_NAMES, DriveConfig
+from emulators.drive.cia402.config import DriveConfig
 from emulators.drive.cia402.faults import FaultMemory, Monitors
 from emulators.drive.cia402.function import DriveFunction
+from emulators.drive.cia402.homing_methods import supported_methods
 from emulators.drive.cia402.modes import Homing, ModeOfOperation
 from emulators.drive.cia402.statemachine import PowerStateMachine
 from emulators.drive.core import ServoCore
@@ -54,10 +57,11 @@ class DriveDevice:
         "config",
         "core",
         "dc_link",
+        "digital_inputs",
         "encoder",
         "faults",
         "function",
-        "inputs",
+        "homing",
         "machine",
         "mechanics",
         "monitors",
@@ -117,17 +121,16 @@ class DriveDevice:
         self.function.on_fault_reset = self._on_fault_reset
         self.function.on_following = self._on_following
         self.function.on_change = self._refresh_status
-        homing = self.function.modes[Homing.number]
-        if isinstance(homing, Homing):
-            homing.on_homed = self._on_homed
+        self.homing = self._homing_mode()
         self.faults = FaultMemory(self.slave, name=name, history=history)
         self.monitors = Monitors(self)
         self.dc_link = DcLink()
         self.sto_active = False
         self.status_frozen = False
         """The status word does not change: a fault to inject."""
-        self.inputs = 0
-        """60FDh: bit 0 negative limit switch, 1 positive limit switch, 2 home switch."""
+        self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=config.input_filter_s)
+        self.digital_inputs.on_change = self._on_inputs
+        self.axis.fitted_inputs = self.digital_inputs.fitted
         self.parameters_changed = False
         """An object that the drive keeps converted has been written."""
         self._mode_refused = False
@@ -138,10 +141,15 @@ class DriveDevice:
         self.slave.on_communication_error.append(self._on_communication_error)
         self.slave.on_reset.append(self._on_reset)
         self.slave.sync.on_lost.append(self._on_sync_lost)
-        for switch in self.switches.values():
-            switch.on_change = self._on_switch
         scheduler.every(config.servo_period_ns, self.core.step)
         scheduler.every(config.control_period_ns, self._control_cycle, priority=_CONTROL_PRIORITY)
+
+    def _homing_mode(self) -> Homing:
+        homing = self.function.modes[Homing.number]
+        assert isinstance(homing, Homing)
+        homing.on_homed = self._on_homed
+        homing.on_search_failed = self._on_search_failed
+        return homing
 
     def _set_defaults(self) -> None:
         config = self.config
@@ -152,6 +160,11 @@ class DriveDevice:
             (0x6076, 0): round(config.rated_torque_Nm * 1000.0),
             (0x6510, 1): config.servo_period_ns // 1000,
         }
+        if config.eds is None:
+            listed = list(supported_methods(config.hard_stop_methods))
+            derived[0x60E3, 0] = len(listed)
+            listed += [0] * (len(SUPPORTED_HOMING) - len(listed))
+            derived.update({(0x60E3, sub): method for sub, method in enumerate(listed, 1)})
         _object_rules.prepare_values(self)
         for (index, sub), value in {**derived, **config.objects}.items():
             entry = store.entries.get(index << 8 | sub)
@@ -217,7 +230,7 @@ class DriveDevice:
             self.axis.synchronised = False
         if new is NmtState.PRE_OPERATIONAL and self.machine.state is DriveState.NOT_READY_TO_SWITCH_ON:
             self.refresh_parameters()
-            self._read_switches()
+            self.digital_inputs.read()
             self.function.execute(self.machine.initialised())
             self.slave.set(0x6061, 0, self.mode.number)
             self._refresh_status()
@@ -410,27 +423,35 @@ class DriveDevice:
                 self.name, "drive.homing", success=success, position_pu=self.axis.actual_position
             )
 
-    def _read_switches(self) -> None:
-        inputs = 0
-        for bit, name in enumerate(SWITCH_NAMES):
-            switch = self.switches.get(name)
-            if switch is not None and switch.state:
-                inputs |= 1 << bit
-        self.inputs = inputs
+    def _on_search_failed(self, failed: bool) -> None:
+        if failed:
+            self.slave.emcy(faults.LIMIT_SWITCH)
+        else:
+            self.slave.emcy_clear(faults.LIMIT_SWITCH)
+
+    @property
+    def inputs(self) -> int:
+        """60FDh: bit 0 negative limit switch, 1 positive limit switch, 2 home switch, 16 probe 1, 17 probe 2."""
+        return self.digital_inputs.value
+
+    def _on_inputs(self, before: int) -> None:
+        inputs = self.digital_inputs.value
+        axis = self.axis
+        axis.inputs = inputs
         self.slave.set(0x60FD, 0, inputs)
         guarded = self.config.limit_switch_reaction != "none"
-        self.axis.blocked_negative = guarded and bool(inputs & 1)
-        self.axis.blocked_positive = guarded and bool(inputs & 2)
-
-    def _on_switch(self) -> None:
-        before = self.inputs
-        self._read_switches()
+        axis.blocked_negative = guarded and bool(inputs & 1)
+        axis.blocked_positive = guarded and bool(inputs & 2)
         if self._history is not None:
-            self._history.emit(self.name, "drive.inputs", inputs=self.inputs)
-        core = self.core
-        if not self.function.following or self.mode.number == Homing.number:
+            self._history.emit(self.name, "drive.inputs", inputs=inputs)
+        if not self.function.following:
             return
-        rising = self.inputs & ~before
+        if self.mode is self.homing:
+            # A switch changes while the machine moves; the encoder shows the position of the edge after that.
+            self._scheduler.at(self._scheduler.now, self._inputs_for_homing)
+            return
+        core = self.core
+        rising = inputs & ~before
         threshold = core.standstill_speed
         into_positive = core.velocity_demand > 0.0 or core.velocity > threshold
         into_negative = core.velocity_demand < 0.0 or core.velocity < -threshold
@@ -440,6 +461,10 @@ class DriveDevice:
             self.raise_fault(faults.LIMIT_SWITCH)
         elif self.config.limit_switch_reaction == "stop":
             self.function.stop_at_limit_switch()
+
+    def _inputs_for_homing(self) -> None:
+        if self.function.following:
+            self.homing.inputs_changed()
 
     def peek(self, index: int, sub: int = 0) -> Any:
         """Return what an SDO upload of an entry would yield, without the bus and its delay."""

@@ -135,6 +135,10 @@ class CiA402Drive(DriveDevice):
         """Set the counting direction of the encoder; with the wrong one the control loop runs away."""
         self.encoder.reverse(reversed_direction)
 
+    def miss_index(self, missing: bool) -> None:
+        """Let the zero mark of the encoder never come, or come again."""
+        self.encoder.zero_mark_present = not missing
+
     # -- machine -----------------------------------------------------------------------------------------------------
 
     def jam(self, jammed: bool) -> None:
@@ -150,7 +154,7 @@ class CiA402Drive(DriveDevice):
         self.mechanics.set_stops(lower, upper)
 
     def force_input(self, name: str, state: bool | None) -> None:
-        """Force an input: `negative_limit`, `positive_limit` or `home`; None = the switch works again.
+        """Force an input: `negative_limit`, `positive_limit`, `home`, `probe1`, `probe2`; None = the switch works again.
 
         Raises:
             UnsupportedFaultError: The machine has no such switch.

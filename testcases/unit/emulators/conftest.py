@@ -211,6 +211,12 @@ def make_bench() -> Callable[..., DriveBench]:
     return make
 
 
+@pytest.fixture(scope="session")
+def make_bench_factory() -> Callable[[DriveConfig], DriveBench]:
+    """Return `DriveBench`, for tests that make a bench per example."""
+    return DriveBench
+
+
 @pytest.fixture
 def bench(make_bench: Callable[..., DriveBench]) -> DriveBench:
     """Return the reference axis, powered on, in Switch on disabled."""

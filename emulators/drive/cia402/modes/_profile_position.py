@@ -130,18 +130,13 @@ class ProfilePosition(ModeOfOperation):
             )
         position = axis.within_software_limits(wanted)
         self.limited = position != wanted
-        jerk = 0.0
-        if values[0x608600] == 3:
-            jerk = values[0x60A401] * units.acceleration
-            if values[0x60A300] == 2 and values[0x60A402]:
-                jerk = min(jerk, values[0x60A402] * units.acceleration)
         return _SetPoint(
             position=position,
             angle=axis.angle_of(position),
             velocity=min(values[0x608100] * units.velocity, axis.max_speed),
             acceleration=min(axis.acceleration(0x6083, 0x60C5), _STEEPEST),
             deceleration=min(axis.acceleration(0x6084, 0x60C6), _STEEPEST),
-            jerk=jerk,
+            jerk=axis.profile_jerk(),
             end_velocity=values[0x608200] * units.velocity,
         )
 

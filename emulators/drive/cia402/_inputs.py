@@ -1,0 +1,91 @@
+"""Digital inputs of the drive: the switches as 60FDh shows them (C402-139, C402-168)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from emulators.drive.cia402.config import INPUT_BITS, PROBE_INPUTS
+from emulators.mechanics import SwitchModel
+from fieldbus.clock import Scheduler, Timer, seconds_to_ns
+
+
+class DigitalInputs:
+    """Reads switches, filtered, into the bits of 60FDh.
+
+    A change shows at the servo instant behind it, or when it has lasted for the filter time. Probe inputs have no filter:
+    every edge of theirs goes to `on_probe` at once.
+
+    Args:
+        scheduler: Time of the filter.
+        switches: Switches by input name.
+        filter_s: Filter time of limit and home switches, s; 0 = none.
+
+    """
+
+    __slots__ = (
+        "_filter_ns",
+        "_scheduler",
+        "_switches",
+        "_timers",
+        "fitted",
+        "on_change",
+        "on_probe",
+        "value",
+    )
+
+    def __init__(self, scheduler: Scheduler, switches: Mapping[str, SwitchModel], *, filter_s: float) -> None:
+        self._scheduler = scheduler
+        self._filter_ns = seconds_to_ns(filter_s)
+        self._switches = {1 << INPUT_BITS[name]: switch for name, switch in switches.items()}
+        self._timers: dict[int, Timer] = {}
+        self.fitted = sum(self._switches)
+        """Bits that a switch is wired to."""
+        self.value = 0
+        """60FDh; what is not wired is 0."""
+        self.on_change: Callable[[int], None] = _nothing
+        """Called with the value before, after every change."""
+        self.on_probe: Callable[[int, SwitchModel], None] = _no_probe
+        """Called with the number of the probe, 1 or 2, at every edge of its input, within the step of the machine."""
+        for bit, switch in self._switches.items():
+            switch.on_change = partial(self._changed, bit)
+        for number, name in enumerate(PROBE_INPUTS, 1):
+            if name in switches:
+                switches[name].on_change = partial(self._probe_changed, 1 << INPUT_BITS[name], number)
+
+    def read(self) -> None:
+        """Take the present states over, unfiltered, as at power-on."""
+        for timer in self._timers.values():
+            timer.cancel()
+        self._set(sum(bit for bit, switch in self._switches.items() if switch.state))
+
+    def _changed(self, bit: int) -> None:
+        if not self._filter_ns:
+            self._take(bit)
+            return
+        timer = self._timers.get(bit)
+        if timer is not None:
+            timer.cancel()
+        if self._switches[bit].state is not bool(self.value & bit):
+            self._timers[bit] = self._scheduler.after(self._filter_ns, partial(self._take, bit))
+
+    def _probe_changed(self, bit: int, number: int) -> None:
+        self.on_probe(number, self._switches[bit])
+        self._take(bit)
+
+    def _take(self, bit: int) -> None:
+        self._set(self.value | bit if self._switches[bit].state else self.value & ~bit)
+
+    def _set(self, value: int) -> None:
+        before = self.value
+        if value != before:
+            self.value = value
+            self.on_change(before)
+
+
+def _nothing(_before: int) -> None:
+    pass
+
+
+def _no_probe(_number: int, _switch: SwitchModel) -> None:
+    pass
