@@ -44,6 +44,9 @@ class RotaryEncoder:
         "_inc_per_rad",
         "_interpolated",
         "_listeners",
+        "_loss_every",
+        "_loss_start",
+        "_lost",
         "_noise",
         "_noise_now",
         "_offset",
@@ -85,6 +88,9 @@ class RotaryEncoder:
         self._noise_now = 0
         self._frozen = False
         self._armed = False
+        self._loss_every = 0
+        self._loss_start = 0
+        self._lost = 0
         self._plain = interpolated
         self._listeners: tuple[ZeroMarkListener, ...] = ()
         self.zero_mark_present = True
@@ -197,6 +203,22 @@ class RotaryEncoder:
             self._raw = -self._raw
             self._set_offset(self._offset_increments + before - self.increments)
 
+    def lose_steps(self, every: int) -> None:
+        """Miss one of `every` increments that the shaft moves from now on (a dirty disc); 0 = count all again.
+
+        What was missed stays missed.
+
+        Raises:
+            ConfigurationError: `every` is 1 or negative.
+
+        """
+        if every != 0 and every < 2:
+            raise ConfigurationError("every", every, "0, or 2 and more")
+        self._loss_every = int(every)
+        self._loss_start = math.floor(self._raw * self._inc_per_rad + 0.5)
+        self._lost = 0
+        self._settle()
+
     # -- inside ----------------------------------------------------------------------------------------------
 
     def _initial_offset(self, raw_increments: int) -> int:
@@ -208,18 +230,27 @@ class RotaryEncoder:
 
     def _settle(self) -> None:
         self._plain = self._interpolated and not (
-            self._frozen or self._armed or self._noise or self._listeners
+            self._frozen or self._armed or self._noise or self._loss_every or self._listeners
         )
 
     def _sample_special(self, shaft_angle: float) -> float:
         if not self._frozen:
             before = self._raw
             self._raw = raw = shaft_angle * self._sign
+            if self._loss_every:
+                self._miss_steps()
             if (self._armed or self._listeners) and self.zero_mark_present and raw != before:
                 self._look_for_zero_mark(before, raw)
         if self._noise and self._rng is not None:
             self._noise_now = int(self._rng.integers(-self._noise, self._noise, endpoint=True))
         return self.angle
+
+    def _miss_steps(self) -> None:
+        moved = math.floor(self._raw * self._inc_per_rad + 0.5) - self._loss_start
+        lost = int(moved / self._loss_every)
+        if lost != self._lost:
+            self._set_offset(self._offset_increments - lost + self._lost)
+            self._lost = lost
 
     def _look_for_zero_mark(self, before: float, after: float) -> None:
         start = before * self._inc_per_rad - self._zero_mark

@@ -5,10 +5,12 @@ from __future__ import annotations
 from emulators.mechanics._axis import AxisMechanics
 from emulators.mechanics._crossing import passing_time, position_within
 from emulators.mechanics._machines import LinearAxisMechanics, RotaryAxisMechanics
+from emulators.mechanics._shaft import DrivenShaft
 from emulators.mechanics._switch import SwitchModel
 
 __all__ = [
     "AxisMechanics",
+    "DrivenShaft",
     "LinearAxisMechanics",
     "RotaryAxisMechanics",
     "SwitchModel",
