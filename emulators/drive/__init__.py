@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from emulators.drive.brake import HoldingBrake
 from emulators.drive.core import ServoCore, ServoTuning
-from emulators.drive.protection import DcLink, ThermalModel, WindowTimer
+from emulators.drive.protection import WindowTimer
 from emulators.drive.ramp import PositionProfile
+from emulators.drive.supply import DcLink, SupplyConfig
+from emulators.drive.thermal import ThermalConfig, ThermalModel, ThermalNode
 
 __all__ = [
     "DcLink",
@@ -13,6 +15,9 @@ __all__ = [
     "PositionProfile",
     "ServoCore",
     "ServoTuning",
+    "SupplyConfig",
+    "ThermalConfig",
     "ThermalModel",
+    "ThermalNode",
     "WindowTimer",
 ]

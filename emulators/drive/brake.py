@@ -22,6 +22,8 @@ class HoldingBrake:
         "_elapsed_s",
         "_forced_open",
         "_mechanics",
+        "_slip_share",
+        "_stuck",
         "busy",
         "closed",
         "closing_time_s",
@@ -52,7 +54,9 @@ class HoldingBrake:
         self._forced_open = False
         self._elapsed_s = 0.0
         self.closed = torque_Nm > 0.0
-        """Whether the brake holds the shaft."""
+        """Whether the drive takes the brake for closed; a brake that is stuck does not tell."""
+        self._stuck: bool | None = None
+        self._slip_share = 1.0
         self.busy = False
         """Whether the brake is on its way."""
         mechanics.set_brake_torque(torque_Nm)
@@ -71,6 +75,24 @@ class HoldingBrake:
     def forced_open(self, value: bool) -> None:
         self._forced_open = value
         self._settle()
+
+    @property
+    def holding_torque_Nm(self) -> float:
+        """Torque with which the brake really holds the shaft now, Nm."""
+        closed = self.closed if self._stuck is None else self._stuck
+        return self.torque_Nm * self._slip_share if closed else 0.0
+
+    def stick(self, closed: bool | None) -> None:
+        """Let the brake be stuck closed or open whatever is commanded, or let it work again (None)."""
+        self._stuck = closed
+        self._mechanics.set_brake_torque(self.holding_torque_Nm)
+
+    def slip(self, share: float) -> None:
+        """Let the closed brake hold with a share 0..1 of its torque only; 1 = as new."""
+        if not 0.0 <= share <= 1.0:
+            raise ConfigurationError("brake slip share", share, "0..1")
+        self._slip_share = share
+        self._mechanics.set_brake_torque(self.holding_torque_Nm)
 
     def open(self) -> None:
         """Release the shaft after the opening time."""
@@ -106,4 +128,4 @@ class HoldingBrake:
         if self._elapsed_s + 1e-9 >= time_s:
             self.busy = False
             self.closed = not self.closed
-            self._mechanics.set_brake_torque(self.torque_Nm if self.closed else 0.0)
+            self._mechanics.set_brake_torque(self.holding_torque_Nm)

@@ -344,5 +344,8 @@ class TransmitPdo(Pdo):
             self.transmit()
 
     def _send(self, payload: bytes) -> None:
+        muted = self.engine.muted
+        if muted and not muted.isdisjoint(self.layout.keys):
+            return
         self.last = payload
         self.engine.send(CanFrame(self.can_id, payload, extended=self.extended))

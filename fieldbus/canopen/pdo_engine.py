@@ -46,6 +46,7 @@ class PdoEngine:
         "_sync_receive",
         "_watchers",
         "length_errors",
+        "muted",
         "operational",
         "problems",
         "receive",
@@ -81,6 +82,8 @@ class PdoEngine:
         """Time of the last SYNC in Operational, ns; -1 before the first."""
         self.window_ns = 0
         """Synchronous window 1007h, ns; 0 = whole cycle."""
+        self.muted: frozenset[int] = frozenset()
+        """Keys of objects that no TPDO may carry at present; a TPDO that maps one is not sent."""
         self.length_errors: dict[ReceivePdo, int] = {}
         """RPDOs whose last frame had a wrong length, with the EMCY code."""
         self.timed_out: set[int] = set()
@@ -134,6 +137,12 @@ class PdoEngine:
             pdo.stop()
         self.refresh()
 
+    def mute(self, keys: frozenset[int]) -> None:
+        """Keep back every TPDO that maps one of these objects; an empty set lets them go again."""
+        self.muted = keys
+        self.refresh()
+        self.touch_all()
+
     def recompile(self) -> None:
         """Build the code of all PDOs anew, because the device has registered a hook."""
         for rpdo in self.receive:
@@ -145,6 +154,8 @@ class PdoEngine:
         """Sort the PDOs in force by what drives them."""
         self.window_ns = self.store.values.get(0x100700, 0) * 1000
         valid = [pdo for pdo in self.transmit if pdo.valid and pdo.layout.fields] if self.operational else []
+        if self.muted:
+            valid = [pdo for pdo in valid if self.muted.isdisjoint(pdo.layout.keys)]
         self._each_sync = tuple(pdo for pdo in valid if pdo.every_sync)
         self._other_sync = tuple(
             pdo for pdo in valid if (pdo.synchronous and not pdo.every_sync) or pdo.kind == 252

@@ -17,32 +17,40 @@ Delays, all in terms of the frame end of a SYNC (default servo period 0.25 ms, S
 from __future__ import annotations
 
 from emulators.drive.cia402._eds import EDS_PATH, drive_dictionary, eds_text
+from emulators.drive.cia402._machine_config import LinearAxisConfig, RotaryAxisConfig, SwitchConfig
 from emulators.drive.cia402.config import (
-    COASTING_FAULTS,
     BrakeConfig,
     DriveConfig,
     EncoderConfig,
-    LinearAxisConfig,
-    RotaryAxisConfig,
-    SwitchConfig,
+    SafetyConfig,
 )
 from emulators.drive.cia402.drive import CiA402Drive
+from emulators.drive.cia402.fault_rules import COASTING_FAULTS, RULES, FaultRule, fault_rule
+from emulators.drive.cia402.protection import DriveWarning
+from emulators.drive.cia402.quirks import EmcyCode, Quirks
 from emulators.drive.cia402.statemachine import Action, OptionCodes, PowerStateMachine, StopOption
 
 __all__ = [
     "COASTING_FAULTS",
     "EDS_PATH",
+    "RULES",
     "Action",
     "BrakeConfig",
     "CiA402Drive",
     "DriveConfig",
+    "DriveWarning",
+    "EmcyCode",
     "EncoderConfig",
+    "FaultRule",
     "LinearAxisConfig",
     "OptionCodes",
     "PowerStateMachine",
+    "Quirks",
     "RotaryAxisConfig",
+    "SafetyConfig",
     "StopOption",
     "SwitchConfig",
     "drive_dictionary",
     "eds_text",
+    "fault_rule",
 ]

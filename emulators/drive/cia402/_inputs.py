@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from emulators.drive.cia402.config import INPUT_BITS, PROBE_INPUTS
+from emulators.drive.cia402._machine_config import INPUT_BITS, PROBE_INPUTS
 from emulators.mechanics import SwitchModel
 from fieldbus.clock import Scheduler, Timer, seconds_to_ns
 
@@ -25,6 +25,7 @@ class DigitalInputs:
 
     __slots__ = (
         "_filter_ns",
+        "_levels",
         "_scheduler",
         "_switches",
         "_timers",
@@ -39,6 +40,7 @@ class DigitalInputs:
         self._filter_ns = seconds_to_ns(filter_s)
         self._switches = {1 << INPUT_BITS[name]: switch for name, switch in switches.items()}
         self._timers: dict[int, Timer] = {}
+        self._levels = 0
         self.fitted = sum(self._switches)
         """Bits that a switch is wired to."""
         self.value = 0
@@ -57,7 +59,12 @@ class DigitalInputs:
         """Take the present states over, unfiltered, as at power-on."""
         for timer in self._timers.values():
             timer.cancel()
-        self._set(sum(bit for bit, switch in self._switches.items() if switch.state))
+        self._set(self._levels + sum(bit for bit, switch in self._switches.items() if switch.state))
+
+    def set_level(self, bit: int, active: bool) -> None:
+        """Set an input that is no switch on the travel, `bit` as it shows in 60FDh."""
+        self._levels = self._levels | bit if active else self._levels & ~bit
+        self._set(self.value | bit if active else self.value & ~bit)
 
     def _changed(self, bit: int) -> None:
         if not self._filter_ns:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Final
 
+from emulators.drive.cia402._objects_protection import clear_history, protection_readers
 from emulators.drive.cia402.axis import interpolation_period_s
 from emulators.drive.cia402.objects import STRING, all_objects
 from emulators.drive.cia402.units import velocity_unit_rad_s, wrap32
@@ -73,9 +74,10 @@ def _readers(drive: DriveDevice) -> dict[int, Callable[[], Any]]:
     axis = drive.axis
     core = drive.core
     return {
+        **protection_readers(drive),
         0x200001: lambda: drive.slave.sync.lost,
         0x200002: lambda: axis.missing_count,
-        0x604100: drive.read_statusword,
+        0x604100: drive.status_word.read,
         0x604300: lambda: round(core.velocity_demand / RPM),
         0x604400: lambda: round(core.velocity / RPM),
         0x606200: lambda: axis.demand_position,
@@ -103,6 +105,7 @@ def _checks(drive: DriveDevice) -> dict[int, Callable[[Any], object]]:
     checks: dict[int, Callable[[Any], object]] = {
         0x604000: drive.on_controlword,
         0x606000: drive.on_mode_request,
+        0x210700: lambda value: clear_history(drive, value),
     }
 
     def changed(_value: Any) -> None:
@@ -202,5 +205,9 @@ def _checks(drive: DriveDevice) -> dict[int, Callable[[Any], object]]:
     def fresh(_value: Any) -> None:
         axis.fresh = True
 
-    add((0x607A00, 0x60FF00, 0x607100), fresh)
+    def primed(_value: Any) -> None:
+        axis.fresh = axis.primed = True
+
+    checks[0x607A00] = primed
+    add((0x60FF00, 0x607100), fresh)
     return checks

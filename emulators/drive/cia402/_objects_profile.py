@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from emulators.drive.cia402._objects_communication import DEVICE_TYPE
+from emulators.drive.cia402._objects_protection import protection_objects
 from emulators.drive.cia402.homing_methods import DEFAULT_STOP_METHODS, supported_methods
 from emulators.drive.cia402.objects import (
     I8,
@@ -40,6 +41,7 @@ def profile_objects() -> tuple[ObjectRow, ...]:
     """Return the rows from 2000h on."""
     return (
         *_manufacturer(),
+        *protection_objects(),
         *_control(),
         *_velocity_mode(),
         *_values(),

@@ -64,6 +64,6 @@ def trace_row(drive: DriveDevice) -> tuple[float, ...]:
         drive.mode.number,
         drive.slave.nmt_state,
         drive.inputs,
-        core.brake.closed,
+        core.brake.holding_torque_Nm > 0.0,
         values[0x603F00],
     )

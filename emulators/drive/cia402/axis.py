@@ -36,6 +36,7 @@ class ProfileAxis:
         "control_steps",
         "core",
         "demand_excess",
+        "derated",
         "fitted_inputs",
         "fresh",
         "halted",
@@ -48,6 +49,9 @@ class ProfileAxis:
         "options",
         "period_s",
         "period_steps",
+        "primed",
+        "protection_cap",
+        "ramp_scale",
         "software_limits",
         "supervised",
         "synchronised",
@@ -88,6 +92,14 @@ class ProfileAxis:
         """SYNC drives the set-points."""
         self.fresh = False
         """A cyclic set-point has been written since the last SYNC."""
+        self.primed = False
+        """607Ah has been written since power-on."""
+        self.ramp_scale = 1.0
+        """All ramps of the drive are made with this share of their slope: a fault to inject."""
+        self.protection_cap = math.inf
+        """Torque limit because of overload or temperature, Nm, besides those of the objects."""
+        self.derated = False
+        """`protection_cap` is in force."""
         self.supervised = False
         """A missing cyclic set-point counts."""
         self.missing_count = 0
@@ -125,6 +137,9 @@ class ProfileAxis:
             positive, negative = negative, positive
         if self.torque_cap is not None:
             positive, negative = min(positive, self.torque_cap), min(negative, self.torque_cap)
+        cap = self.protection_cap
+        self.derated = cap < max(positive, negative)
+        positive, negative = min(positive, cap), min(negative, cap)
         self.core.set_torque_limits(positive, negative)
         motor_speed = values[0x608000] * RPM
         self.core.set_speed_limit(motor_speed)
@@ -229,7 +244,7 @@ class ProfileAxis:
         value = self.values[index << 8] or limit
         if limit:
             value = min(value, limit)
-        return value * self.units.acceleration if value else math.inf
+        return value * self.units.acceleration * self.ramp_scale if value else math.inf
 
     def profile_jerk(self) -> float:
         """Return the jerk of the motion profile, rad/s^3; 0 = not limited (6086h, 60A3h, 60A4h)."""
@@ -249,7 +264,7 @@ class ProfileAxis:
             value = self.values[0x608500] or self.values[0x60C600]
         else:
             return math.inf
-        return value * self.units.acceleration if value else math.inf
+        return value * self.units.acceleration * self.ramp_scale if value else math.inf
 
 
 def interpolation_period_s(units: int, exponent: int) -> float:

@@ -8,187 +8,31 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
+from emulators.drive.cia402._machine_config import (
+    LinearAxisConfig,
+    RotaryAxisConfig,
+    SwitchConfig,
+)
+from emulators.drive.cia402.fault_rules import COASTING_FAULTS
 from emulators.drive.cia402.homing_methods import DEFAULT_STOP_METHODS, supported_methods
+from emulators.drive.cia402.quirks import EmcyCode, Quirks
 from emulators.drive.core import ServoTuning
+from emulators.drive.supply import SupplyConfig
+from emulators.drive.thermal import ThermalConfig
 from emulators.encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
-from emulators.mechanics import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics, SwitchModel
 from fieldbus.clock import MS, US
 from fieldbus.errors import ConfigurationError
 
 if TYPE_CHECKING:
     import numpy as np
 
-INPUT_BITS: Final[Mapping[str, int]] = {
-    "negative_limit": 0,
-    "positive_limit": 1,
-    "home": 2,
-    "probe1": 16,
-    "probe2": 17,
-}
-"""Inputs of a drive that a switch can be wired to, with their bits in 60FDh (C402-168)."""
-PROBE_INPUTS: Final = ("probe1", "probe2")
-"""Inputs that are always there: something that touches is not always part of the machine."""
 
-COASTING_FAULTS: Final = frozenset(
-    (0x2130, 0x2230, 0x2250, 0x2320, 0x2330, 0x2340, 0x3210, 0x3220, 0x5400, 0x5410, *range(0x7300, 0x7308))
-)
-"""EMCY codes after which there is no torque to brake with: power stage, DC link or motor sensor gone."""
+_HOME_SWITCH: Final = SwitchConfig(high=-0.5, hysteresis=0.0005)
 
 
 def _check(where: str, value: float, *, positive: bool = False) -> None:
     if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
         raise ConfigurationError(where, value, "a finite number " + ("> 0" if positive else ">= 0"))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SwitchConfig:
-    """A switch on the travel.
-
-    Args:
-        low: Lower end of the actuated range, m or rad; -inf = everything below `high`.
-        high: Upper end of the actuated range, m or rad; inf = everything above `low`.
-        hysteresis: m or rad, >= 0.
-        inverted: The signal is the opposite of the actuation.
-
-    """
-
-    low: float = -math.inf
-    high: float = math.inf
-    hysteresis: float = 0.0
-    inverted: bool = False
-
-    def __post_init__(self) -> None:
-        self.build()
-
-    def build(self) -> SwitchModel:
-        """Return a new switch."""
-        return SwitchModel(low=self.low, high=self.high, hysteresis=self.hysteresis, inverted=self.inverted)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinearAxisConfig:
-    """Motor, gear and lead screw with a slide; see `emulators.mechanics.LinearAxisMechanics` for the units.
-
-    Args:
-        lead_screw_m: Travel per screw revolution, m.
-        gear_ratio: Motor revolutions per screw revolution.
-        motor_inertia_kgm2: kg m^2.
-        screw_inertia_kgm2: kg m^2.
-        load_mass_kg: kg.
-        viscous_friction: N per m/s.
-        coulomb_friction: N.
-        static_friction: N; None = as `coulomb_friction`.
-        gravity_force: N.
-        stops_m: Lower and upper end stop, m; None = none on that side.
-        stop_stiffness: N/m.
-        stop_damping: Ns/m.
-        position_m: Start position, m.
-        switches: Switches by input name: `negative_limit`, `positive_limit`, `home`, `probe1`, `probe2`.
-
-    """
-
-    lead_screw_m: float = 0.010
-    gear_ratio: float = 1.0
-    motor_inertia_kgm2: float = 2.0e-4
-    screw_inertia_kgm2: float = 0.5e-4
-    load_mass_kg: float = 40.0
-    viscous_friction: float = 30.0
-    coulomb_friction: float = 30.0
-    static_friction: float | None = None
-    gravity_force: float = 0.0
-    stops_m: tuple[float | None, float | None] = (-0.6, 0.6)
-    stop_stiffness: float = 1e7
-    stop_damping: float = 2e4
-    position_m: float = 0.0
-    switches: Mapping[str, SwitchConfig] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self.build()
-
-    def build(self) -> tuple[AxisMechanics, dict[str, SwitchModel]]:
-        """Return a new plant and its switches by input name."""
-        switches = _built_switches(self.switches)
-        mechanics = LinearAxisMechanics(
-            lead_screw_m=self.lead_screw_m,
-            gear_ratio=self.gear_ratio,
-            motor_inertia_kgm2=self.motor_inertia_kgm2,
-            screw_inertia_kgm2=self.screw_inertia_kgm2,
-            load_mass_kg=self.load_mass_kg,
-            viscous_friction=self.viscous_friction,
-            coulomb_friction=self.coulomb_friction,
-            static_friction=self.static_friction,
-            gravity_force=self.gravity_force,
-            lower_stop_m=self.stops_m[0],
-            upper_stop_m=self.stops_m[1],
-            stop_stiffness=self.stop_stiffness,
-            stop_damping=self.stop_damping,
-            position_m=self.position_m,
-            switches=switches.values(),
-        )
-        return mechanics, switches
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RotaryAxisConfig:
-    """Motor and gear with a turning load; see `emulators.mechanics.RotaryAxisMechanics` for the units.
-
-    Args:
-        gear_ratio: Motor revolutions per load revolution.
-        motor_inertia_kgm2: kg m^2.
-        load_inertia_kgm2: kg m^2.
-        viscous_friction: Nm per rad/s.
-        coulomb_friction: Nm.
-        static_friction: Nm; None = as `coulomb_friction`.
-        load_torque: Nm.
-        stops_rad: Lower and upper end stop, rad; None = none on that side.
-        position_rad: Start position, rad.
-        switches: Switches by input name.
-
-    """
-
-    gear_ratio: float = 1.0
-    motor_inertia_kgm2: float = 2.0e-4
-    load_inertia_kgm2: float = 2.0e-4
-    viscous_friction: float = 1e-4
-    coulomb_friction: float = 0.05
-    static_friction: float | None = None
-    load_torque: float = 0.0
-    stops_rad: tuple[float | None, float | None] = (None, None)
-    position_rad: float = 0.0
-    switches: Mapping[str, SwitchConfig] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self.build()
-
-    def build(self) -> tuple[AxisMechanics, dict[str, SwitchModel]]:
-        """Return a new plant and its switches by input name."""
-        switches = _built_switches(self.switches)
-        mechanics = RotaryAxisMechanics(
-            gear_ratio=self.gear_ratio,
-            motor_inertia_kgm2=self.motor_inertia_kgm2,
-            load_inertia_kgm2=self.load_inertia_kgm2,
-            viscous_friction=self.viscous_friction,
-            coulomb_friction=self.coulomb_friction,
-            static_friction=self.static_friction,
-            load_torque=self.load_torque,
-            lower_stop_rad=self.stops_rad[0],
-            upper_stop_rad=self.stops_rad[1],
-            position_rad=self.position_rad,
-            switches=switches.values(),
-        )
-        return mechanics, switches
-
-
-def _built_switches(switches: Mapping[str, SwitchConfig]) -> dict[str, SwitchModel]:
-    """Return new switches by input name, in the order of the inputs."""
-    for name in switches:
-        if name not in INPUT_BITS:
-            raise ConfigurationError("switches", name, ", ".join(INPUT_BITS))
-    return {
-        name: switches[name].build() if name in switches else SwitchModel.unreached()
-        for name in INPUT_BITS
-        if name in switches or name in PROBE_INPUTS
-    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -259,6 +103,33 @@ class BrakeConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SafetyConfig:
+    """Safety inputs of the drive (C402-030, C402-168).
+
+    Args:
+        sto: Safe torque off leads to `inhibit` (Switch on disabled with warning) or to the `fault` FF80h.
+        ss1_time_s: Safe stop 1: from the input to safe torque off, s.
+        ss1_monitored: The ramp of safe stop 1 is watched: torque off at standstill, and fault FF81h when the speed does not fall
+            as it has to; False: torque off when the time has passed.
+        interlock: Input 60FDh bit 3: `none` is wired; or what opening it does: `inhibit` (torque off), `quick_stop`, `fault` 9000h.
+
+    """
+
+    sto: Literal["inhibit", "fault"] = "inhibit"
+    ss1_time_s: float = 0.5
+    ss1_monitored: bool = True
+    interlock: Literal["none", "inhibit", "quick_stop", "fault"] = "none"
+
+    def __post_init__(self) -> None:
+        _check("ss1_time_s", self.ss1_time_s, positive=True)
+        for name, allowed in (
+            ("sto", ("inhibit", "fault")), ("interlock", ("none", "inhibit", "quick_stop", "fault")),
+        ):  # fmt: skip
+            if getattr(self, name) not in allowed:
+                raise ConfigurationError(name, getattr(self, name), ", ".join(allowed))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DriveConfig:
     """An emulated drive.
 
@@ -273,12 +144,15 @@ class DriveConfig:
         rated_current_A: What 1000 permille of 6078h are, A.
         rated_torque_Nm: What 1000 permille of 6077h are, Nm.
         thermal_time_constant_s: i2t model of the motor, s.
+        supply: DC link and mains.
+        thermal: Temperatures and overload.
+        safety: Safety inputs.
+        self_test_s: From the boot-up frame to Switch on disabled, s; Not ready to switch on is visible for so long.
         boot_time_s: From power-on or reset to the boot-up frame, s.
         power_on_delay_s: Transition 3 takes this long, s (C402-173: 0 to 0.5).
         blocked_time_s: Torque limit at standstill for this long is the fault 7121h, s; 0 = not watched.
         limit_switch_reaction: `stop` with 6085h, `fault` 8612h, or `none`: the controller watches alone (C402-161).
         following_error_reaction: `fault` 8611h or `status` bit 13 only (C402-153).
-        sto_reaction: `inhibit` (Switch on disabled with warning) or `fault` FF80h (C402-030).
         sync_loss_reaction: `fault` 8700h, `warning` or `none` (C301-037).
         missing_setpoints: Reaction 6007h after this many periods without set-point; 0 = never (C402-104).
         home_offset: `profile` (6064h = -607Ch at the home point) or `vendor` (+607Ch) (C402-138).
@@ -290,6 +164,9 @@ class DriveConfig:
         coasting_faults: EMCY codes after which the drive cannot brake.
         eds: EDS file to present on the bus; None = that of this drive.
         objects: Values that replace defaults of the EDS, by (index, sub-index).
+        personality: Name of the manufacturer personality that has been applied.
+        quirks: Where the drive differs from the profile.
+        emcy: What is sent instead of an EMCY code of the profile.
 
     """
 
@@ -303,12 +180,15 @@ class DriveConfig:
     rated_current_A: float = 5.0
     rated_torque_Nm: float = 2.0
     thermal_time_constant_s: float = 40.0
+    supply: SupplyConfig = field(default_factory=SupplyConfig)
+    thermal: ThermalConfig = field(default_factory=ThermalConfig)
+    safety: SafetyConfig = field(default_factory=SafetyConfig)
+    self_test_s: float = 0.0
     boot_time_s: float = 0.0
     power_on_delay_s: float = 0.0
     blocked_time_s: float = 0.0
     limit_switch_reaction: Literal["stop", "fault", "none"] = "stop"
     following_error_reaction: Literal["fault", "status"] = "fault"
-    sto_reaction: Literal["inhibit", "fault"] = "inhibit"
     sync_loss_reaction: Literal["fault", "warning", "none"] = "fault"
     missing_setpoints: int = 2
     home_offset: Literal["profile", "vendor"] = "profile"
@@ -319,6 +199,9 @@ class DriveConfig:
     coasting_faults: frozenset[int] = COASTING_FAULTS
     eds: Path | None = None
     objects: Mapping[tuple[int, int], int] = field(default_factory=dict)
+    personality: str = "standard"
+    quirks: Quirks = field(default_factory=Quirks)
+    emcy: Mapping[int, EmcyCode] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not 1 <= self.node_id <= 127:
@@ -331,12 +214,11 @@ class DriveConfig:
             )
         for name in ("rated_current_A", "rated_torque_Nm", "thermal_time_constant_s"):
             _check(name, getattr(self, name), positive=True)
-        for name in ("boot_time_s", "power_on_delay_s", "blocked_time_s", "input_filter_s"):
+        for name in ("boot_time_s", "self_test_s", "power_on_delay_s", "blocked_time_s"):
             _check(name, getattr(self, name))
         for name, allowed in (
             ("limit_switch_reaction", ("stop", "fault", "none")),
             ("following_error_reaction", ("fault", "status")),
-            ("sto_reaction", ("inhibit", "fault")),
             ("sync_loss_reaction", ("fault", "warning", "none")),
             ("home_offset", ("profile", "vendor")),
             ("homing_move", ("none", "zero")),
@@ -356,7 +238,7 @@ class DriveConfig:
         max_speed_rpm: int = 3000,
         ramp_down_s: float = 1.0,
         quick_stop_s: float = 0.5,
-        home: SwitchConfig | None = SwitchConfig(high=-0.5, hysteresis=0.0005),
+        home: SwitchConfig | None = _HOME_SWITCH,
         position_m: float = 0.0,
     ) -> DriveConfig:
         """Return the reference axis of the worked numbers (STP-008 to STP-014).

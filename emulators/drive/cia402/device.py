@@ -7,24 +7,29 @@ from typing import TYPE_CHECKING, Any, Final
 from emulators.drive.brake import HoldingBrake
 from emulators.drive.cia402 import _object_rules, faults
 from emulators.drive.cia402._eds import drive_dictionary
+from emulators.drive.cia402._fault_log import FaultLog
+from emulators.drive.cia402._fault_reactions import FaultReactions
 from emulators.drive.cia402._inputs import DigitalInputs
 from emulators.drive.cia402._objects_profile import SUPPORTED_HOMING
+from emulators.drive.cia402._safety import SafetyFunctions
+from emulators.drive.cia402._status_word import StatusWord
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.config import DriveConfig
 from emulators.drive.cia402.faults import FaultMemory, Monitors
 from emulators.drive.cia402.function import DriveFunction
 from emulators.drive.cia402.homing_methods import supported_methods
 from emulators.drive.cia402.modes import Homing, ModeOfOperation
+from emulators.drive.cia402.protection import DriveWarning, Protection
 from emulators.drive.cia402.statemachine import PowerStateMachine
 from emulators.drive.core import ServoCore
-from emulators.drive.protection import DcLink
+from emulators.drive.supply import DcLink
 from emulators.encoder import AbsoluteEncoder
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.cia402 import DriveState
-from fieldbus.clock import MS, Scheduler, seconds_to_ns
+from fieldbus.clock import MS, Scheduler, Timer, seconds_to_ns
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 
@@ -33,12 +38,8 @@ if TYPE_CHECKING:
 
 _CONTROL_PRIORITY: Final = 1
 """The control cycle follows the servo step of the same instant."""
+_STATUSWORD: Final = 0x604100
 _SYNC_PAUSE_NS: Final = 100 * MS
-_VOLTAGE_ENABLED: Final = 1 << 4
-_WARNING: Final = 1 << 7
-_REMOTE: Final = 1 << 9
-_TARGET_REACHED: Final = 1 << 10
-_INTERNAL_LIMIT: Final = 1 << 11
 
 
 class DriveDevice:
@@ -50,13 +51,10 @@ class DriveDevice:
     __slots__ = (
         "_control_period_s",
         "_history",
-        "_mode_refused",
-        "_scheduler",
-        "_status",
+        "_self_test",
         "axis",
         "config",
         "core",
-        "dc_link",
         "digital_inputs",
         "encoder",
         "faults",
@@ -67,9 +65,13 @@ class DriveDevice:
         "monitors",
         "name",
         "parameters_changed",
+        "protection",
+        "reactions",
+        "refresh_status",
+        "safety",
+        "scheduler",
         "slave",
-        "status_frozen",
-        "sto_active",
+        "status_word",
         "switches",
     )
 
@@ -83,7 +85,7 @@ class DriveDevice:
         history: History | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        self._scheduler = scheduler
+        self.scheduler = scheduler
         self._history = history
         self.name = name
         self.config = config
@@ -112,35 +114,44 @@ class DriveDevice:
         )
         self._set_defaults()
         self.machine = PowerStateMachine(self._on_transition)
+        self.machine.tolerates_no_power = config.quirks.falls_back_without_power_s > 0.0
+        self.machine.skips_switched_on = config.quirks.skips_switched_on
         self.axis = ProfileAxis(
             config=config, core=self.core, values=self.slave.values, options=self.machine.options
         )
         self.axis.refresh()
         self._control_period_s = self.axis.control_period_s
         self.function = DriveFunction(scheduler, machine=self.machine, axis=self.axis)
-        self.function.on_fault_reset = self._on_fault_reset
         self.function.on_following = self._on_following
-        self.function.on_change = self._refresh_status
         self.homing = self._homing_mode()
-        self.faults = FaultMemory(self.slave, name=name, history=history)
-        self.monitors = Monitors(self)
-        self.dc_link = DcLink()
-        self.sto_active = False
-        self.status_frozen = False
-        """The status word does not change: a fault to inject."""
+        self.faults = FaultMemory(
+            self.slave, name=name, history=history, codes=config.emcy, log=FaultLog(scheduler)
+        )
+        self.function.on_fault_reset = self.faults.acknowledge
         self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=config.input_filter_s)
         self.digital_inputs.on_change = self._on_inputs
         self.axis.fitted_inputs = self.digital_inputs.fitted
+        self.protection = Protection(self)
+        """Overload, temperatures, DC link, warnings."""
+        self.safety = SafetyFunctions(self)
+        """Safe torque off, safe stop 1, interlock."""
+        self.monitors = Monitors(self)
+        self.reactions = FaultReactions(self)
+        """Fault reaction, reset, lost communication."""
+        self.status_word = StatusWord(self)
+        self.refresh_status = self.status_word.refresh
+        """Forms 6041h anew."""
+        self.function.on_change = self.refresh_status
+        self._self_test: Timer | None = None
+        self.safety.show_interlock()
         self.parameters_changed = False
         """An object that the drive keeps converted has been written."""
-        self._mode_refused = False
-        self._status = 0
         _object_rules.install(self)
         self.slave.on_sync.append(self._on_sync)
         self.slave.on_nmt_state.append(self._on_nmt_state)
-        self.slave.on_communication_error.append(self._on_communication_error)
+        self.slave.on_communication_error.append(self.reactions.communication_lost)
         self.slave.on_reset.append(self._on_reset)
-        self.slave.sync.on_lost.append(self._on_sync_lost)
+        self.slave.sync.on_lost.append(self.reactions.sync_lost)
         scheduler.every(config.servo_period_ns, self.core.step)
         scheduler.every(config.control_period_ns, self._control_cycle, priority=_CONTROL_PRIORITY)
 
@@ -188,17 +199,35 @@ class DriveDevice:
         """Mode in force (6061h)."""
         return self.function.mode
 
+    @property
+    def now_ns(self) -> int:
+        """Present time, ns."""
+        return self.scheduler.now
+
+    @property
+    def dc_link(self) -> DcLink:
+        """DC link with mains and chopper."""
+        return self.protection.dc_link
+
+    @property
+    def sto_active(self) -> bool:
+        """Whether safe torque off is in force."""
+        return self.safety.torque_off
+
     # -- life ------------------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the control supply on: self-test, boot-up, Switch on disabled."""
         if not self.slave.powered:
+            self.faults.log.power(True)
             self._restart_application()
             self.slave.power_on()
 
     def power_off(self) -> None:
         """Switch everything off at once: the motor coasts, all but the non-volatile memory is lost."""
         if self.slave.powered:
+            self.faults.log.power(False)
+            self._cancel_self_test()
             self.slave.power_off()
             self.function.start()
 
@@ -211,12 +240,18 @@ class DriveDevice:
             self.axis.home_shift = 0
         self.axis.synchronised = False
         self.axis.missing_count = 0
+        self.axis.primed = False
         self.faults.clear()
         self.monitors.reset()
-        self._mode_refused = False
+        self.reactions.forget()
+        self.status_word.forget()
         self.parameters_changed = True
-        self._status = -1
         self.function.start()
+        self._cancel_self_test()
+        self.protection.warn(DriveWarning.MODE_REFUSED, False)
+        self.protection.restart()
+        if self.config.quirks.silent_until_ready:
+            self.slave.pdos.mute(frozenset((_STATUSWORD,)))
 
     def _on_reset(self, application: bool) -> None:
         self.parameters_changed = True
@@ -224,23 +259,41 @@ class DriveDevice:
             self._restart_application()
 
     def _on_nmt_state(self, old: NmtState, new: NmtState) -> None:
-        if self._history is not None:
-            self._history.emit(self.name, "drive.nmt", **{"from": old.name, "to": new.name})
+        self.emit("drive.nmt", **{"from": old.name, "to": new.name})
         if old is NmtState.OPERATIONAL:
             self.axis.synchronised = False
         if new is NmtState.PRE_OPERATIONAL and self.machine.state is DriveState.NOT_READY_TO_SWITCH_ON:
             self.refresh_parameters()
             self.digital_inputs.read()
-            self.function.execute(self.machine.initialised())
-            self.slave.set(0x6061, 0, self.mode.number)
-            self._refresh_status()
+            if self.config.self_test_s and self._self_test is None:
+                self._self_test = self.scheduler.after(
+                    seconds_to_ns(self.config.self_test_s), self._self_test_passed
+                )
+            elif not self.config.self_test_s:
+                self._self_test_passed()
+
+    def _self_test_passed(self) -> None:
+        """Leave Not ready to switch on: transition 1 (C402-002)."""
+        self._self_test = None
+        self.function.execute(self.machine.initialised())
+        self.status_word.show_mode()
+        if self.config.quirks.silent_until_ready:
+            self.slave.pdos.mute(frozenset())
+        self.refresh_status()
+
+    def _cancel_self_test(self) -> None:
+        if self._self_test is not None:
+            self._self_test.cancel()
+            self._self_test = None
 
     def _on_transition(self, number: int, old: DriveState, new: DriveState) -> None:
         self.machine.status_seen = False
-        if self._history is not None and old is not new:
-            self._history.emit(
-                self.name, "drive.state", **{"from": old.text, "to": new.text}, transition=number
-            )
+        if new is DriveState.SWITCHED_ON:
+            self.protection.on_switched_on()
+        elif new is DriveState.FAULT and self.config.quirks.auto_reset_s:
+            self.reactions.arm_auto_reset()
+        if old is not new:
+            self.emit("drive.state", **{"from": old.text, "to": new.text}, transition=number)
 
     # -- commands --------------------------------------------------------------------------------------------------
 
@@ -252,9 +305,11 @@ class DriveDevice:
         if self.parameters_changed:
             self.refresh_parameters()
         if machine.state is DriveState.FAULT:
-            machine.fault_present = self._fault_present()
+            machine.fault_present = self.reactions.present()
+            if word & 0x80:
+                self.reactions.reset_commanded()
         self.function.control(word)
-        self._refresh_status()
+        self.refresh_status()
 
     def on_mode_request(self, number: int) -> None:
         """Check 6060h; the mode changes in the next control cycle (C402-089, C402-090).
@@ -264,9 +319,15 @@ class DriveDevice:
 
         """
         if number and not (number in self.function.modes and self.slave.values[0x650200] >> (number - 1) & 1):
-            self._mode_refused = True
+            self.protection.warn(DriveWarning.MODE_REFUSED, True)
             raise SdoAbort(AbortCode.VALUE)
-        self._mode_refused = False
+        if self.protection.warnings:
+            self.protection.warn(DriveWarning.MODE_REFUSED, False)
+
+    def take_parameters(self) -> None:
+        """Take written parameters over if there are any, before something acts on them."""
+        if self.parameters_changed:
+            self.refresh_parameters()
 
     def refresh_parameters(self) -> None:
         """Take written parameters over."""
@@ -286,7 +347,7 @@ class DriveDevice:
             mode = function.mode
             mode.sync()
             if mode.missed and mode.missed == self.config.missing_setpoints:
-                self._on_communication_error("setpoint")
+                self.reactions.communication_lost("setpoint")
 
     def _control_cycle(self) -> None:
         slave = self.slave
@@ -298,14 +359,17 @@ class DriveDevice:
         wanted = slave.values[0x606000]
         if wanted and wanted != function.mode.number:
             function.change_mode(wanted)
-            slave.set(0x6061, 0, function.mode.number)
+            self.status_word.show_mode()
         axis = self.axis
-        if axis.synchronised and self._scheduler.now - slave.sync.time_ns > _SYNC_PAUSE_NS:
+        if axis.synchronised and self.scheduler.now - slave.sync.time_ns > _SYNC_PAUSE_NS:
             # Nobody sends SYNC any more: set-points come by SDO or event-driven PDOs, if at all.
-            axis.synchronised = self._scheduler.now - slave.sync.time_ns < 10e9 * axis.period_s
+            axis.synchronised = self.scheduler.now - slave.sync.time_ns < 10e9 * axis.period_s
         function.cycle()
         self.monitors.update(self._control_period_s)
-        self._refresh_status()
+        self.protection.update()
+        if self.safety.monitoring:
+            self.safety.watch()
+        self.refresh_status()
 
     def _on_following(self) -> None:
         key = self.mode.target_key
@@ -313,48 +377,15 @@ class DriveDevice:
             pdo.valid and pdo.synchronous and key in pdo.layout.keys for pdo in self.slave.pdos.receive
         )
 
-    # -- status word -----------------------------------------------------------------------------------------------
+    # -- warnings and faults ---------------------------------------------------------------------------------------
 
-    def read_statusword(self) -> int:
-        """Return 6041h for a reader on the bus."""
-        self.machine.status_seen = True
-        return max(self._status, 0)
-
-    def _refresh_status(self) -> None:
-        if self.status_frozen:
-            return
-        machine = self.machine
-        function = self.function
-        state = machine.state
-        status = state.bits
-        if not self.dc_link.low:
-            status |= _VOLTAGE_ENABLED
-        if self.sto_active or self._mode_refused or self.monitors.warning:
-            status |= _WARNING
-        if not function.local_control:
-            status |= _REMOTE
-        if state is DriveState.OPERATION_ENABLED:
-            mode = function.mode
-            if machine.follows_commands:
-                status |= mode.status
-            core = self.core
-            axis = self.axis
-            if (
-                mode.limited
-                or core.torque_limited
-                or core.speed_limited
-                or function.limit_stop
-                or axis.blocked_positive
-                or axis.blocked_negative
-            ):
-                status |= _INTERNAL_LIMIT
-        elif state is DriveState.QUICK_STOP_ACTIVE and not self.core.stopping and not function.mode.cyclic:
-            status |= _TARGET_REACHED
-        if status != self._status:
-            self._status = status
-            self.slave.set(0x6041, 0, status)
-
-    # -- faults ----------------------------------------------------------------------------------------------------
+    def show_warnings(self, warnings: DriveWarning) -> None:
+        """Show the causes of bit 7 in 1002h and 2100h, and log them."""
+        for index in (0x1002, 0x2100):
+            if index << 8 in self.slave.values:
+                self.slave.set(index, 0, int(warnings))
+        self.emit("drive.warning", warnings=int(warnings), text=warnings.text)
+        self.refresh_status()
 
     def raise_fault(self, emcy_code: int, *, persistent: bool = False) -> None:
         """Raise a fault: EMCY, 603Fh, transition 13 with the reaction of 605Eh. Without effect while off.
@@ -364,64 +395,18 @@ class DriveDevice:
             persistent: The cause stays until `clear_fault_cause`; before that the fault cannot be reset.
 
         """
-        if not 1 <= emcy_code <= 0xFFFF:
-            raise ConfigurationError("emcy_code", emcy_code, "1..65535")
-        state = self.machine.state
-        if not self.slave.powered or state is DriveState.NOT_READY_TO_SWITCH_ON:
-            return
-        known = emcy_code in self.faults.causes
-        self.faults.enter(emcy_code, persistent=persistent)
-        if known and state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE):
-            return
-        if self.parameters_changed:
-            self.refresh_parameters()
-        self.function.execute(self.machine.fault(can_brake=emcy_code not in self.config.coasting_faults))
-        self._refresh_status()
+        self.reactions.raise_fault(emcy_code, persistent=persistent)
 
-    def _on_fault_reset(self) -> None:
-        self.faults.acknowledge()
-
-    def _fault_present(self) -> bool:
-        causes = self.faults.causes
-        return (
-            self.faults.persistent
-            or self.dc_link.high
-            or (faults.UNDERVOLTAGE in causes and self.dc_link.low)
-            or (faults.SAFE_TORQUE_OFF in causes and self.sto_active)
-            or (faults.COMMUNICATION in causes and self.slave.error_control.anyone_lost)
-        )
-
-    def _on_communication_error(self, reason: str) -> None:
-        """React to lost communication as 6007h says (C402-077)."""
-        if self.parameters_changed:
-            self.refresh_parameters()
+    def emit(self, kind: str, **data: str | float | bool) -> None:
+        """Write an event of this drive into the log, if there is one."""
         if self._history is not None:
-            self._history.emit(self.name, "drive.connection_lost", reason=reason)
-        option = self.machine.options.abort_connection
-        if option == 1:
-            self.raise_fault(_CODES.get(reason, faults.COMMUNICATION))
-        elif option == 2:
-            self.function.execute(self.machine.disable_voltage())
-        elif option == 3:
-            self.function.execute(self.machine.quick_stop())
-        self._refresh_status()
-
-    def _on_sync_lost(self) -> None:
-        if not self.mode.cyclic or self.machine.state is not DriveState.OPERATION_ENABLED:
-            return
-        if self.config.sync_loss_reaction == "fault":
-            self.raise_fault(faults.SYNC_LOST)
-        elif self.config.sync_loss_reaction == "warning":
-            self.slave.emcy(faults.SYNC_LOST)
-            self.slave.emcy_clear(faults.SYNC_LOST)
+            self._history.emit(self.name, kind, **data)
 
     # -- machine ---------------------------------------------------------------------------------------------------
 
     def _on_homed(self, success: bool) -> None:
-        if self._history is not None:
-            self._history.emit(
-                self.name, "drive.homing", success=success, position_pu=self.axis.actual_position
-            )
+        self.status_word.homing_refused = not success
+        self.emit("drive.homing", success=success, position_pu=self.axis.actual_position)
 
     def _on_search_failed(self, failed: bool) -> None:
         if failed:
@@ -431,7 +416,7 @@ class DriveDevice:
 
     @property
     def inputs(self) -> int:
-        """60FDh: bit 0 negative limit switch, 1 positive limit switch, 2 home switch, 16 probe 1, 17 probe 2."""
+        """60FDh: bit 0 negative limit switch, 1 positive limit switch, 2 home switch, 3 interlock closed, 16 probe 1, 17 probe 2."""
         return self.digital_inputs.value
 
     def _on_inputs(self, before: int) -> None:
@@ -442,13 +427,12 @@ class DriveDevice:
         guarded = self.config.limit_switch_reaction != "none"
         axis.blocked_negative = guarded and bool(inputs & 1)
         axis.blocked_positive = guarded and bool(inputs & 2)
-        if self._history is not None:
-            self._history.emit(self.name, "drive.inputs", inputs=inputs)
+        self.emit("drive.inputs", inputs=inputs)
         if not self.function.following:
             return
         if self.mode is self.homing:
             # A switch changes while the machine moves; the encoder shows the position of the edge after that.
-            self._scheduler.at(self._scheduler.now, self._inputs_for_homing)
+            self.scheduler.at(self.scheduler.now, self._inputs_for_homing)
             return
         core = self.core
         rising = inputs & ~before
@@ -470,10 +454,3 @@ class DriveDevice:
         """Return what an SDO upload of an entry would yield, without the bus and its delay."""
         hook = self.slave.store.read_hooks.get(index << 8 | sub)
         return self.slave.values[index << 8 | sub] if hook is None else hook()
-
-
-_CODES: Final = {
-    "bus_off": faults.BUS_OFF,
-    "rpdo_timeout": faults.RPDO_TIMEOUT,
-    "setpoint": faults.RPDO_TIMEOUT,
-}

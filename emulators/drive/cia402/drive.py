@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from emulators.drive.cia402 import faults
+from emulators.drive.cia402._machine_config import LinearAxisConfig
 from emulators.drive.cia402._trace import TRACE_ENUMS, trace_columns, trace_row
-from emulators.drive.cia402.config import DriveConfig, LinearAxisConfig
+from emulators.drive.cia402.config import DriveConfig
 from emulators.drive.cia402.device import DriveDevice
 from fieldbus.can.frame import CanSegment
-from fieldbus.cia402 import DriveState
 from fieldbus.clock import Scheduler
 from fieldbus.errors import UnsupportedFaultError
 from fieldbus.history import History
@@ -70,44 +69,50 @@ class CiA402Drive(DriveDevice):
 
     def set_sto(self, active: bool) -> None:
         """Activate or release safe torque off (C402-030)."""
-        if active is self.sto_active:
-            return
-        self.sto_active = active
-        machine = self.machine
-        machine.inhibited = active
-        if active:
-            if self.config.sto_reaction == "fault" and machine.state in (
-                DriveState.OPERATION_ENABLED,
-                DriveState.QUICK_STOP_ACTIVE,
-            ):
-                self.faults.enter(faults.SAFE_TORQUE_OFF, persistent=False)
-                self.function.execute(machine.fault(can_brake=False))
-            else:
-                self.function.execute(machine.disable_voltage())
-        else:
-            self.function.evaluate_again()
-        self._refresh_status()
+        self.safety.set_sto(active)
+
+    def set_ss1(self, active: bool) -> None:
+        """Demand safe stop 1, or release it: quick stop, then safe torque off."""
+        self.safety.set_ss1(active)
+
+    def open_interlock(self, opened: bool) -> None:
+        """Open or close the interlock input (60FDh bit 3).
+
+        Raises:
+            UnsupportedFaultError: No interlock is wired.
+
+        """
+        if self.config.safety.interlock == "none":
+            raise UnsupportedFaultError(f"{self.name}: no interlock is wired (safety.interlock)")
+        self.safety.set_interlock(opened)
 
     def set_dc_link_voltage(self, voltage_V: float) -> None:
-        """Set the DC link voltage, V; below and above its thresholds the drive reacts (C402-029)."""
-        link = self.dc_link
-        link.voltage_V = voltage_V
-        machine = self.machine
-        machine.power_available = not link.low
-        if link.high:
-            self.raise_fault(faults.OVERVOLTAGE)
-        elif link.low:
-            if machine.state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
-                self.raise_fault(faults.UNDERVOLTAGE)
-            elif machine.state is DriveState.SWITCHED_ON:
-                self.function.execute(machine.disable_voltage())
-        else:
-            self.function.evaluate_again()
-        self._refresh_status()
+        """Hold the DC link voltage, V; below and above its thresholds the drive reacts (C402-029)."""
+        self.dc_link.force(voltage_V)
+        self._link_changed()
 
     def restore_dc_link(self) -> None:
-        """Set the DC link voltage to its nominal value."""
-        self.set_dc_link_voltage(self.dc_link.nominal_V)
+        """Let the DC link be what the mains make of it."""
+        self.dc_link.force(None)
+        self._link_changed()
+
+    def cut_mains(self, missing: bool) -> None:
+        """Take the mains away, or give them back; the DC link lives on its charge and on braking energy."""
+        self.dc_link.mains_on = not missing
+        self._link_changed()
+
+    def cut_phase(self, missing: bool) -> None:
+        """Take one phase of the mains away, or give it back."""
+        self.dc_link.phase_missing = missing
+        self._link_changed()
+
+    def break_chopper(self, broken: bool) -> None:
+        """Let the brake chopper conduct no more, or work again."""
+        self.dc_link.chopper_failed = broken
+
+    def _link_changed(self) -> None:
+        self.protection.look_at_link()
+        self.refresh_status()
 
     def set_local_control(self, active: bool) -> None:
         """Take the control away from the bus: bit 9 of the status word 0, control words are ignored."""
@@ -115,7 +120,7 @@ class CiA402Drive(DriveDevice):
         self.machine.remote = not active
         if not active:
             self.function.evaluate_again()
-        self._refresh_status()
+        self.refresh_status()
 
     # -- encoder -----------------------------------------------------------------------------------------------------
 
@@ -186,8 +191,8 @@ class CiA402Drive(DriveDevice):
 
     def freeze_statusword(self, frozen: bool) -> None:
         """Let 6041h show what it shows now, whatever happens."""
-        self.status_frozen = frozen
-        self._refresh_status()
+        self.status_word.frozen = frozen
+        self.refresh_status()
 
     def refuse_transitions(self, *numbers: int) -> None:
         """Ignore the commands of these transitions (of 2, 3, 4, 15, 16); without numbers none."""

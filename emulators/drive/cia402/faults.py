@@ -1,11 +1,14 @@
-"""Fault memory of the drive and its monitors."""
+"""Fault memory of the drive and the monitors of its motion."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
+from emulators.drive.cia402._fault_log import FaultLog
 from emulators.drive.cia402.axis import UNLIMITED
-from emulators.drive.protection import ThermalModel, WindowTimer
+from emulators.drive.cia402.quirks import EmcyCode
+from emulators.drive.protection import WindowTimer
 from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.cia402 import emcy_text
 from fieldbus.history import History
@@ -16,14 +19,23 @@ if TYPE_CHECKING:
 FOLLOWING_ERROR: Final = 0x8611
 LIMIT_SWITCH: Final = 0x8612
 OVERLOAD: Final = 0x2310
-BLOCKED: Final = 0x7121
-UNDERVOLTAGE: Final = 0x3220
+STAGE_OVERLOAD: Final = 0x2350
+PHASE_LOSS: Final = 0x3130
 OVERVOLTAGE: Final = 0x3210
+UNDERVOLTAGE: Final = 0x3220
+STAGE_TEMPERATURE: Final = 0x4210
+MOTOR_TEMPERATURE: Final = 0x4310
+CHOPPER_OVERLOAD: Final = 0x7112
+BLOCKED: Final = 0x7121
+INCREMENTAL_SENSOR: Final = 0x7305
+POSITION_SENSOR: Final = 0x7320
 COMMUNICATION: Final = 0x8130
 BUS_OFF: Final = 0x8140
 RPDO_TIMEOUT: Final = 0x8250
 SYNC_LOST: Final = 0x8700
+EXTERNAL: Final = 0x9000
 SAFE_TORQUE_OFF: Final = 0xFF80
+SAFE_STOP: Final = 0xFF81
 
 
 class FaultMemory:
@@ -33,17 +45,30 @@ class FaultMemory:
         slave: Sends the EMCYs and holds 603Fh.
         name: Source in the history.
         history: Log; None for none.
+        codes: What is sent instead of a code of the profile.
+        log: Faults of the past.
 
     """
 
-    __slots__ = ("_history", "_name", "_slave", "causes")
+    __slots__ = ("_codes", "_history", "_name", "_slave", "causes", "log")
 
-    def __init__(self, slave: CanopenSlave, *, name: str, history: History | None) -> None:
+    def __init__(
+        self,
+        slave: CanopenSlave,
+        *,
+        name: str,
+        history: History | None,
+        codes: Mapping[int, EmcyCode],
+        log: FaultLog,
+    ) -> None:
         self._slave = slave
         self._name = name
         self._history = history
+        self._codes = codes
         self.causes: dict[int, bool] = {}
-        """Latched EMCY codes, oldest first, each with whether its cause is still there."""
+        """Latched EMCY codes of the profile, oldest first, each with whether its cause is still there."""
+        self.log = log
+        """Faults of the past; kept over power-off."""
 
     @property
     def persistent(self) -> bool:
@@ -55,13 +80,21 @@ class FaultMemory:
         """EMCY code of the latest fault, 0 = none."""
         return next(reversed(self.causes), 0)
 
-    def enter(self, code: int, *, persistent: bool) -> None:
-        """Latch a fault."""
+    def enter(self, code: int, *, persistent: bool, state: int, mode: int) -> None:
+        """Latch a fault that strikes in `state` and `mode`."""
         known = code in self.causes
         self.causes[code] = persistent or self.causes.get(code, False)
-        self._slave.emcy(code)
-        self._slave.set(0x603F, 0, code)
-        if self._history is not None and not known:
+        sent = self._codes.get(code)
+        shown = code if sent is None else sent.code
+        if sent is None:
+            self._slave.emcy(code)
+        else:
+            self._slave.emcy(shown, sent.register, sent.data)
+        self._slave.set(0x603F, 0, shown)
+        if known:
+            return
+        self.log.add(shown, state, mode)
+        if self._history is not None:
             self._history.emit(
                 self._name, "drive.fault", code=code, text=emcy_text(code), persistent=persistent
             )
@@ -78,7 +111,8 @@ class FaultMemory:
         self.causes.clear()
         self._slave.set(0x603F, 0, 0)
         for code in codes:
-            self._slave.emcy_clear(code)
+            sent = self._codes.get(code)
+            self._slave.emcy_clear(code if sent is None else sent.code)
         if self._history is not None:
             self._history.emit(
                 self._name, "drive.fault_cleared", codes=", ".join(f"{code:04X}h" for code in codes)
@@ -97,25 +131,16 @@ class Monitors:
 
     """
 
-    __slots__ = ("_blocked", "_drive", "_following", "thermal")
+    __slots__ = ("_blocked", "_drive", "_following")
 
     def __init__(self, drive: DriveDevice) -> None:
         config = drive.config
         self._drive = drive
         self._following = WindowTimer()
         self._blocked = WindowTimer(config.blocked_time_s)
-        self.thermal = ThermalModel(
-            rated_torque_Nm=config.rated_torque_Nm, time_constant_s=config.thermal_time_constant_s
-        )
-
-    @property
-    def warning(self) -> bool:
-        """Whether the motor is near its thermal limit."""
-        return self.thermal.utilisation > 0.95 * self.thermal.trip
 
     def reset(self) -> None:
-        """Start anew with a cold motor."""
-        self.thermal.utilisation = 0.0
+        """Start anew."""
         self._following.reset()
         self._blocked.reset()
 
@@ -123,8 +148,6 @@ class Monitors:
         """Watch for `dt_s`; faults go to the drive."""
         drive = self._drive
         core = drive.core
-        if self.thermal.update(core.torque, dt_s):
-            drive.raise_fault(OVERLOAD)
         if not core.enabled:
             self._following.reset()
             self._blocked.reset()

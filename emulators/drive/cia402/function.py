@@ -152,7 +152,7 @@ class DriveFunction:
                 _cancel(self._power_timer)
                 self._power_timer = self._scheduler.after(delay_ns, self._power_is_on)
             else:
-                machine.power_is_on()
+                self.execute(machine.power_is_on())
         elif action is Action.ENABLE:
             core.enable_pulses()
             self.axis.halted = bool(self.word & _HALT)
@@ -212,7 +212,7 @@ class DriveFunction:
 
     def _power_is_on(self) -> None:
         self._power_timer = None
-        self.machine.power_is_on()
+        self.execute(self.machine.power_is_on())
         self.on_change()
 
     def _release(self) -> None:

@@ -75,9 +75,11 @@ class PowerStateMachine:
         "refused",
         "remote",
         "settled",
+        "skips_switched_on",
         "state",
         "status_seen",
         "stop_option",
+        "tolerates_no_power",
     )
 
     def __init__(self, on_transition: Callable[[int, DriveState, DriveState], None] | None = None) -> None:
@@ -90,6 +92,10 @@ class PowerStateMachine:
         """Transition 2 is refused (safe torque off; C402-030)."""
         self.power_available = True
         """High-level power can be switched on (DC link; C402-004)."""
+        self.tolerates_no_power = False
+        """Transition 3 is made without high-level power too: a quirk."""
+        self.skips_switched_on = False
+        """Transition 4 follows 3 before Switched on can be seen: a quirk."""
         self.fault_present = False
         """The cause of the fault is still there: no reset (C402-016)."""
         self.remote = True
@@ -184,7 +190,7 @@ class PowerStateMachine:
         elif state is DriveState.READY_TO_SWITCH_ON:
             if command is Command.SHUTDOWN:
                 self._waits_for_power = False
-            elif self.power_available and 3 not in self.refused:
+            elif (self.power_available or self.tolerates_no_power) and 3 not in self.refused:
                 self.enable_follows = command is Command.ENABLE_OPERATION
                 if not self._waits_for_power:
                     self._waits_for_power = True
@@ -199,6 +205,7 @@ class PowerStateMachine:
             state is DriveState.QUICK_STOP_ACTIVE
             and command is Command.ENABLE_OPERATION
             and self._quick_stopped
+            and not self.inhibited
             and 16 not in self.refused
         ):
             self._go(16, DriveState.OPERATION_ENABLED)
@@ -256,7 +263,7 @@ class PowerStateMachine:
         return Action.STOP
 
     def _enable(self) -> Action:
-        if 4 in self.refused:
+        if 4 in self.refused or not self.power_available:
             return Action.NOTHING
         self._go(4, DriveState.OPERATION_ENABLED)
         return Action.ENABLE
@@ -266,11 +273,13 @@ class PowerStateMachine:
     def power_is_on(self) -> Action:
         """High-level power is on: transition 3."""
         if self.state is DriveState.READY_TO_SWITCH_ON and self._waits_for_power:
-            if not self.power_available:
+            if not (self.power_available or self.tolerates_no_power):
                 self._waits_for_power = False
                 return Action.NOTHING
             follows = self.enable_follows
             self._go(3, DriveState.SWITCHED_ON)
+            if follows and self.skips_switched_on:
+                return self._enable()
             self.enable_follows = follows
             self.status_seen = False
         return Action.NOTHING
@@ -324,6 +333,13 @@ class PowerStateMachine:
         if self.state is DriveState.FAULT_REACTION_ACTIVE:
             return self.stop_finished()
         return self._withdraw(Command.DISABLE_VOLTAGE)
+
+    def reset_itself(self) -> Action:
+        """Leave Fault by an internal event: transition 15 without a command."""
+        if self.state is not DriveState.FAULT:
+            return Action.NOTHING
+        self._go(15, DriveState.SWITCH_ON_DISABLED)
+        return Action.FAULT_RESET
 
     def quick_stop(self) -> Action:
         """Execute the command Quick stop by an internal event (6007h = 3)."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from emulators.drive.cia402 import BrakeConfig, DriveConfig, SwitchConfig
+from emulators.drive.cia402 import BrakeConfig, DriveConfig, SafetyConfig, SwitchConfig
 from fieldbus.canopen import NmtCommand, SdoAbort
 from fieldbus.cia402 import DriveState as S
 from fieldbus.errors import UnsupportedFaultError
@@ -239,7 +239,7 @@ def test_safe_torque_off(bench):
 @pytest.mark.requirement("C402-030")
 def test_safe_torque_off_as_fault(make_bench):
     """The other configuration: STO in operation is fault FF80h, which needs STO gone and a reset."""
-    bench = make_bench(DriveConfig(sto_reaction="fault"))
+    bench = make_bench(DriveConfig(safety=SafetyConfig(sto="fault")))
     bench.enable(3)
     bench.drive.set_sto(True)
     bench.run(0.002)

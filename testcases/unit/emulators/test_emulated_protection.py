@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from emulators.drive import DcLink, ThermalModel, WindowTimer
+from emulators.drive import DcLink, SupplyConfig, ThermalModel, WindowTimer
 from fieldbus.errors import ConfigurationError
 
 
@@ -46,4 +46,4 @@ def test_impossible_values_are_refused():
     with pytest.raises(ConfigurationError):
         ThermalModel(rated_torque_Nm=1.0, time_constant_s=0.0)
     with pytest.raises(ConfigurationError):
-        DcLink(undervoltage_V=600.0)
+        SupplyConfig(undervoltage_V=600.0)

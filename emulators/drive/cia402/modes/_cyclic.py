@@ -144,6 +144,8 @@ class CyclicPosition(_CyclicMode):
 
     def _apply(self, steps: int) -> None:
         axis = self.axis
+        if not axis.primed and not axis.config.quirks.csp_jumps_unprimed:
+            return  # nobody has given a target since power-on: stay where `enter` holds
         values = axis.values
         core = axis.core
         units = axis.units

@@ -33,6 +33,7 @@ class ProfilePosition(ModeOfOperation):
         "_acknowledge",
         "_arrived",
         "_current",
+        "_held",
         "_next",
         "_passes",
         "_target",
@@ -50,6 +51,7 @@ class ProfilePosition(ModeOfOperation):
         self._current: _SetPoint | None = None
         self._next: _SetPoint | None = None
         self._passes = False
+        self._held = False
         self._target = 0
         self._word = 0
 
@@ -57,7 +59,7 @@ class ProfilePosition(ModeOfOperation):
         """See `ModeOfOperation.enter`."""
         super().enter()
         self._current = self._next = None
-        self._acknowledge = False
+        self._acknowledge = self._held = False
         self._arrived = True
         self._target = self.axis.actual_position
 
@@ -65,7 +67,10 @@ class ProfilePosition(ModeOfOperation):
         """Take a set-point with a rising edge of bit 4."""
         self._word = word
         if word & changed & _NEW_SETPOINT:
-            self._take(word)
+            if self.axis.halted and self.axis.config.quirks.halt_blocks_acknowledge:
+                self._held = True
+            else:
+                self._take(word)
         elif not word & _NEW_SETPOINT and self._next is None:
             self._acknowledge = False
         self._update_status()
@@ -97,6 +102,12 @@ class ProfilePosition(ModeOfOperation):
 
     def resume(self) -> None:
         """Go on to the interrupted set-point (C402-076)."""
+        if self._held:
+            self._held = False
+            if self._word & _NEW_SETPOINT:
+                self._current = self._next = None
+                self._take(self._word)
+                return
         if self._current is None:
             self.axis.core.hold_position()
         else:
@@ -105,6 +116,11 @@ class ProfilePosition(ModeOfOperation):
     # -- set-points --------------------------------------------------------------------------------------------
 
     def _take(self, word: int) -> None:
+        quirks = self.axis.config.quirks
+        if not word & _IMMEDIATELY and (
+            quirks.setpoint_needs_bit_5 or (quirks.single_setpoint and self._current is not None)
+        ):
+            return
         if self._next is not None:
             return  # the buffer is full: bit 12 has stayed 1, the edge is ignored
         set_point = self._read(word)

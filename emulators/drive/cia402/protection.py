@@ -1,0 +1,319 @@
+"""Overload, temperatures, DC link and warnings of the drive (C402-029, C402-041, C402-160).
+
+In every control cycle only two sums are kept. The models are advanced by their mean every `_CYCLES` control cycles: thermal time
+constants are seconds, that of the rectifier is some milliseconds and solved in closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntFlag
+from typing import TYPE_CHECKING, Final
+
+from emulators.drive.cia402 import faults
+from emulators.drive.supply import DcLink
+from emulators.drive.thermal import ThermalModel, ThermalNode
+from fieldbus.cia402 import DriveState
+from fieldbus.clock import S, Timer, seconds_to_ns
+
+if TYPE_CHECKING:
+    from emulators.drive.cia402.device import DriveDevice
+
+_CYCLES: Final = 8
+_WITH_TORQUE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+
+
+class DriveWarning(IntFlag):
+    """Causes of bit 7 of the status word: 1002h and 2100h."""
+
+    MOTOR_OVERLOAD = 1 << 0
+    """i2t of the motor within 5 % of its end."""
+    STAGE_OVERLOAD = 1 << 1
+    MOTOR_TEMPERATURE = 1 << 2
+    STAGE_TEMPERATURE = 1 << 3
+    CHOPPER_LOAD = 1 << 4
+    """Brake resistor above 80 % of what it bears for ever, or switched off."""
+    MAINS_MISSING = 1 << 5
+    PHASE_MISSING = 1 << 6
+    DC_LINK_LOW = 1 << 7
+    TORQUE_OFF = 1 << 8
+    """Safe torque off is in force."""
+    SAFE_STOP = 1 << 9
+    """Safe stop 1 is under way."""
+    INTERLOCK_OPEN = 1 << 10
+    DERATED = 1 << 11
+    """The torque is limited because of overload or temperature."""
+    MODE_REFUSED = 1 << 12
+    """6060h asks for a mode that the drive does not have (C402-090)."""
+    INJECTED = 1 << 31
+    """Set by a test."""
+
+    @property
+    def text(self) -> str:
+        """The causes in words."""
+        return ", ".join((one.name or "").lower().replace("_", " ") for one in type(self) if one in self)
+
+
+class Protection:
+    """Models of heat and supply, and what the drive does about them.
+
+    Args:
+        drive: The drive.
+
+    """
+
+    __slots__ = (
+        "_core",
+        "_drive",
+        "_left",
+        "_link_state",
+        "_mechanics",
+        "_motor_cap",
+        "_phase_s",
+        "_power_timer",
+        "_since_ns",
+        "_square",
+        "_work",
+        "cap_Nm",
+        "dc_link",
+        "injected_cap_Nm",
+        "motor",
+        "motor_overload",
+        "stage",
+        "stage_overload",
+        "warnings",
+    )  # fmt: skip
+
+    def __init__(self, drive: DriveDevice) -> None:
+        config = drive.config
+        thermal = config.thermal
+        self._drive = drive
+        self._core = drive.core
+        self._mechanics = drive.mechanics
+        self._square = 0.0
+        self._work = 0.0
+        self._left = _CYCLES
+        self._since_ns = 0
+        self._phase_s = 0.0
+        self._motor_cap = math.inf
+        self._link_state = ""
+        self._power_timer: Timer | None = None
+        self.dc_link = DcLink(config.supply)
+        self.motor_overload = ThermalModel(
+            rated_torque_Nm=config.rated_torque_Nm, time_constant_s=config.thermal_time_constant_s
+        )
+        self.stage_overload = ThermalModel(
+            rated_torque_Nm=config.rated_torque_Nm * thermal.stage_overload,
+            time_constant_s=thermal.stage_overload_time_s,
+        )
+        self.motor = ThermalNode(
+            rise_K=thermal.motor_rise_K,
+            time_constant_s=thermal.motor_time_constant_s,
+            ambient_C=thermal.ambient_C,
+            warning_C=thermal.motor_warning_C,
+            fault_C=thermal.motor_fault_C,
+        )
+        self.stage = ThermalNode(
+            rise_K=thermal.stage_rise_K,
+            time_constant_s=thermal.stage_time_constant_s,
+            ambient_C=thermal.ambient_C,
+            warning_C=thermal.stage_warning_C,
+            fault_C=thermal.stage_fault_C,
+        )
+        self.injected_cap_Nm = math.inf
+        """Torque limit set by a test, Nm."""
+        self.cap_Nm = math.inf
+        """Torque limit in force because of overload, temperature or a test, Nm."""
+        self.warnings = DriveWarning(0)
+        """Present warnings."""
+
+    # -- life ------------------------------------------------------------------------------------------------------
+
+    def restart(self) -> None:
+        """Start after power-on or reset: i2t forgets, what is hot has cooled meanwhile, the DC link is charged if mains are there."""
+        self._advance_heat(0.0, (self._drive.now_ns - self._since_ns) / S)
+        self._since_ns = self._drive.now_ns
+        self.motor_overload.utilisation = self.stage_overload.utilisation = 0.0
+        self._square = self._work = 0.0
+        self._left = _CYCLES
+        self._phase_s = 0.0
+        self._motor_cap = math.inf
+        self.dc_link.restart()
+        self._cancel_power_timer()
+        self._limit_torque()
+        self.look_at_link()
+
+    def update(self) -> None:
+        """Note the torque of a control cycle; every few cycles advance the models."""
+        torque = self._core.torque
+        if torque:
+            self._square += torque * torque
+            self._work += torque * self._mechanics.velocity
+        self._left -= 1
+        if not self._left:
+            self._advance()
+
+    # -- models ----------------------------------------------------------------------------------------------------
+
+    def _advance(self) -> None:
+        drive = self._drive
+        now_ns = drive.now_ns
+        dt_s = (now_ns - self._since_ns) / S
+        self._since_ns = now_ns
+        square = self._square / _CYCLES
+        work = self._work / _CYCLES
+        self._square = self._work = 0.0
+        self._left = _CYCLES
+        self._advance_heat(square, dt_s)
+        link = self.dc_link
+        if square or not link.settled:
+            rated = drive.config.rated_torque_Nm
+            losses = drive.config.thermal.motor_loss_W * square / (rated * rated)
+            link.update(work / self._mechanics.ratio + losses, dt_s)
+        self.look_at_link()
+        self._look_at_phase(dt_s)
+        self._look_at_heat()
+
+    def _advance_heat(self, square: float, dt_s: float) -> None:
+        rated = self._drive.config.rated_torque_Nm
+        load = square / (rated * rated)
+        self.motor_overload.advance(square, dt_s)
+        self.stage_overload.advance(square, dt_s)
+        self.motor.advance(load, dt_s)
+        self.stage.advance(load, dt_s)
+
+    def _look_at_heat(self) -> None:
+        drive = self._drive
+        motor, stage = self.motor_overload, self.stage_overload
+        thermal = drive.config.thermal
+        if thermal.overload == "limit":
+            rated = drive.config.rated_torque_Nm
+            if motor.utilisation >= 1.0 or stage.utilisation >= 1.0:
+                self._motor_cap = rated if motor.utilisation >= 1.0 else rated * thermal.stage_overload
+            elif motor.utilisation < 0.9 and stage.utilisation < 0.9:
+                self._motor_cap = math.inf
+            self._limit_torque()
+        else:
+            if motor.tripped:
+                drive.raise_fault(faults.OVERLOAD)
+            if stage.tripped:
+                drive.raise_fault(faults.STAGE_OVERLOAD)
+        if self.motor.hot:
+            drive.raise_fault(faults.MOTOR_TEMPERATURE)
+        if self.stage.hot:
+            drive.raise_fault(faults.STAGE_TEMPERATURE)
+        warnings = self.warnings
+        for bit, present in (
+            (DriveWarning.MOTOR_OVERLOAD, motor.near),
+            (DriveWarning.STAGE_OVERLOAD, stage.near),
+            (DriveWarning.MOTOR_TEMPERATURE, self.motor.warm),
+            (DriveWarning.STAGE_TEMPERATURE, self.stage.warm),
+        ):
+            if present is not bool(warnings & bit):
+                self.warn(bit, present)
+
+    def _look_at_phase(self, dt_s: float) -> None:
+        link = self.dc_link
+        if not link.phase_missing or not self._core.enabled:
+            self._phase_s = 0.0
+            return
+        self._phase_s += dt_s
+        if self._phase_s >= link.config.phase_loss_time_s:
+            self._drive.raise_fault(faults.PHASE_LOSS)
+
+    # -- supply ----------------------------------------------------------------------------------------------------
+
+    def look_at_link(self) -> None:
+        """React to the voltage of the DC link and to the mains (C402-029)."""
+        link = self.dc_link
+        drive = self._drive
+        machine = drive.machine
+        machine.power_available = not link.low
+        if link.chopper_overloaded:
+            drive.raise_fault(faults.CHOPPER_OVERLOAD)
+        for bit, present in (
+            (DriveWarning.CHOPPER_LOAD, link.chopper_overloaded or link.chopper_load > 0.8),
+            (DriveWarning.MAINS_MISSING, not link.mains_on),
+            (DriveWarning.PHASE_MISSING, link.phase_missing),
+            (DriveWarning.DC_LINK_LOW, link.low),
+        ):
+            if present is not bool(self.warnings & bit):
+                self.warn(bit, present)
+        state = "high" if link.high else "low" if link.low else ""
+        before, self._link_state = self._link_state, state
+        if state == "high":
+            drive.raise_fault(faults.OVERVOLTAGE)
+        elif state == "low":
+            if machine.state in _WITH_TORQUE:
+                drive.raise_fault(faults.UNDERVOLTAGE)
+            elif machine.state is DriveState.SWITCHED_ON:
+                self._fall_back()
+        elif before:
+            self._cancel_power_timer()
+            drive.function.evaluate_again()
+
+    def on_switched_on(self) -> None:
+        """Note that Switched on has been entered, perhaps without power."""
+        if self.dc_link.low:
+            self._fall_back()
+
+    def _fall_back(self) -> None:
+        delay_s = self._drive.config.quirks.falls_back_without_power_s
+        if not delay_s:
+            self._drive.function.execute(self._drive.machine.disable_voltage())
+        elif self._power_timer is None:
+            self._power_timer = self._drive.scheduler.after(seconds_to_ns(delay_s), self._power_missed)
+
+    def _power_missed(self) -> None:
+        self._power_timer = None
+        drive = self._drive
+        if drive.machine.state is DriveState.SWITCHED_ON and self.dc_link.low:
+            drive.function.execute(drive.machine.disable_voltage())
+            drive.refresh_status()
+
+    def _cancel_power_timer(self) -> None:
+        if self._power_timer is not None:
+            self._power_timer.cancel()
+            self._power_timer = None
+
+    # -- torque and warnings ---------------------------------------------------------------------------------------
+
+    def cap_torque(self, torque_Nm: float) -> None:
+        """Limit the torque from outside, Nm; inf = not."""
+        self.injected_cap_Nm = torque_Nm
+        self._limit_torque()
+
+    def _limit_torque(self) -> None:
+        cap = min(self._motor_cap, self.injected_cap_Nm)
+        if cap != self.cap_Nm:
+            self.cap_Nm = cap
+            drive = self._drive
+            drive.axis.protection_cap = cap
+            drive.refresh_parameters()
+            self.warn(DriveWarning.DERATED, self._motor_cap < math.inf)
+
+    def warn(self, bit: DriveWarning, present: bool) -> None:
+        """Show a warning, or take it back: bit 7 of the status word, 1002h, 2100h."""
+        before = self.warnings
+        self.warnings = now = before | bit if present else before & ~bit
+        if now != before:
+            self._drive.show_warnings(now)
+
+    # -- faults ----------------------------------------------------------------------------------------------------
+
+    def holds(self, code: int) -> bool:
+        """Return whether the cause of a latched fault is still there (C402-016)."""
+        link = self.dc_link
+        if code == faults.OVERLOAD:
+            return not self.motor_overload.recovered
+        if code == faults.STAGE_OVERLOAD:
+            return not self.stage_overload.recovered
+        if code == faults.MOTOR_TEMPERATURE:
+            return self.motor.warm
+        if code == faults.STAGE_TEMPERATURE:
+            return self.stage.warm
+        if code == faults.UNDERVOLTAGE:
+            return link.low
+        if code == faults.PHASE_LOSS:
+            return link.phase_missing
+        return code == faults.CHOPPER_OVERLOAD and link.chopper_overloaded

@@ -1,0 +1,200 @@
+"""DC link of a drive: mains rectifier, capacitor, braking energy and brake chopper.
+
+The capacitor is an energy store. Mains keep it at the rectified voltage; the motor takes energy out and, while it brakes, puts it
+back. The rectifier lets nothing back into the mains, so that braking raises the voltage until the chopper burns it. The model is
+advanced in steps of some milliseconds with closed formulas, so that it is stable at any step.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fieldbus.errors import ConfigurationError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SupplyConfig:
+    """High-level power of a drive.
+
+    Args:
+        nominal_V: Rectified mains voltage, V.
+        undervoltage_V: Below this the power stage cannot run, V.
+        overvoltage_V: Above this the power stage has to be switched off, V.
+        capacitance_F: Capacitance of the DC link, F.
+        charging_time_s: Time constant with which the rectifier charges the capacitor, s.
+        standby_W: What the drive itself takes out of the DC link, W.
+        chopper_on_V: The brake chopper begins to conduct here, V; inf = there is no chopper.
+        chopper_off_V: It ceases here, V.
+        chopper_ohm: Brake resistor, ohm.
+        chopper_rated_W: Power that the brake resistor bears for ever, W.
+        chopper_time_constant_s: Thermal time constant of the brake resistor, s.
+        phase_loss_time_s: A missing phase becomes a fault after this time in operation, s.
+
+    Raises:
+        ConfigurationError: A value is not positive, or the voltages are not in order.
+
+    """
+
+    nominal_V: float = 560.0
+    undervoltage_V: float = 400.0
+    overvoltage_V: float = 780.0
+    capacitance_F: float = 500e-6
+    charging_time_s: float = 0.005
+    standby_W: float = 15.0
+    chopper_on_V: float = 720.0
+    chopper_off_V: float = 700.0
+    chopper_ohm: float = 30.0
+    chopper_rated_W: float = 200.0
+    chopper_time_constant_s: float = 20.0
+    phase_loss_time_s: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.undervoltage_V < self.nominal_V < self.overvoltage_V < math.inf:
+            raise ConfigurationError(
+                "DC link",
+                (self.undervoltage_V, self.nominal_V, self.overvoltage_V),
+                "0 < undervoltage < nominal < overvoltage",
+            )
+        for name in (
+            "capacitance_F", "charging_time_s", "chopper_ohm", "chopper_rated_W", "chopper_time_constant_s",
+        ):  # fmt: skip
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ConfigurationError(name, getattr(self, name), "a finite number > 0")
+        for name in ("standby_W", "phase_loss_time_s"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ConfigurationError(name, getattr(self, name), "a finite number >= 0")
+        if self.chopper_on_V < math.inf and not (
+            self.nominal_V <= self.chopper_off_V < self.chopper_on_V <= self.overvoltage_V
+        ):
+            raise ConfigurationError(
+                "chopper", (self.chopper_off_V, self.chopper_on_V),
+                "nominal <= chopper off < chopper on <= overvoltage",
+            )  # fmt: skip
+
+
+class DcLink:
+    """Voltage of the DC link.
+
+    Args:
+        config: The supply.
+
+    """
+
+    __slots__ = (
+        "chopper_failed",
+        "chopper_load",
+        "chopper_overloaded",
+        "chopper_power_W",
+        "chopping",
+        "config",
+        "forced_V",
+        "mains_on",
+        "phase_missing",
+        "voltage_V",
+    )
+
+    def __init__(self, config: SupplyConfig | None = None) -> None:
+        self.config = SupplyConfig() if config is None else config
+        self.voltage_V = self.config.nominal_V
+        """Present voltage, V."""
+        self.mains_on = True
+        self.phase_missing = False
+        """One phase of the mains is missing: the rectifier charges at half the pace."""
+        self.forced_V: float | None = None
+        """Voltage held from outside, V; None: the model runs."""
+        self.chopper_failed = False
+        """The chopper does not conduct any more."""
+        self.chopper_load = 0.0
+        """Thermal utilisation of the brake resistor, 1 = what it bears for ever."""
+        self.chopper_overloaded = False
+        """The resistor got too hot: the chopper is switched off until the utilisation is below 0.8."""
+        self.chopper_power_W = 0.0
+        """Mean power in the brake resistor in the last step, W."""
+        self.chopping = False
+
+    @property
+    def low(self) -> bool:
+        """Whether there is too little voltage."""
+        return self.voltage_V < self.config.undervoltage_V
+
+    @property
+    def high(self) -> bool:
+        """Whether there is too much voltage."""
+        return self.voltage_V > self.config.overvoltage_V
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing changes as long as the motor takes no power."""
+        return (
+            self.mains_on
+            and self.forced_V is None
+            and self.voltage_V == self.config.nominal_V
+            and not self.chopper_load
+        )
+
+    def restart(self) -> None:
+        """Be charged or empty, as after switching on; the brake resistor keeps its heat."""
+        self.voltage_V = self._resting_voltage()
+        self.chopping = False
+
+    def force(self, voltage_V: float | None) -> None:
+        """Hold the voltage at a value, V, or let it go: it is then what the mains make of it."""
+        self.forced_V = voltage_V
+        self.voltage_V = self._resting_voltage() if voltage_V is None else voltage_V
+
+    def update(self, power_W: float, dt_s: float) -> None:
+        """Advance by `dt_s`.
+
+        Args:
+            power_W: Mean electrical power of the motor, W; negative while it brakes.
+            dt_s: s, > 0.
+
+        """
+        config = self.config
+        if self.forced_V is not None:
+            self._cool(0.0, dt_s)
+            return
+        voltage = self.voltage_V
+        nominal = config.nominal_V
+        if self.mains_on and voltage <= nominal and power_W >= 0.0:
+            # Under load the rectifier lags behind; at rest it ends exactly at its voltage.
+            charging = config.charging_time_s * (2.0 if self.phase_missing else 1.0)
+            target = max(nominal - power_W * charging / (config.capacitance_F * nominal), 0.0)
+            voltage = target + (voltage - target) * math.exp(-dt_s / charging)
+            if abs(voltage - target) < 1e-3:
+                voltage = target
+        else:
+            energy = 0.5 * config.capacitance_F * voltage * voltage - (power_W + config.standby_W) * dt_s
+            voltage = math.sqrt(max(2.0 * energy / config.capacitance_F, 0.0))
+            if self.mains_on and voltage < nominal:
+                voltage = nominal
+        burnt = 0.0
+        if voltage >= config.chopper_on_V:
+            self.chopping = True
+        if self.chopping:
+            if self.chopper_failed or self.chopper_overloaded or voltage <= config.chopper_off_V:
+                self.chopping = False
+            else:
+                after = voltage * math.exp(-dt_s / (config.chopper_ohm * config.capacitance_F))
+                if after <= config.chopper_off_V:
+                    after = config.chopper_off_V
+                    self.chopping = False
+                burnt = 0.5 * config.capacitance_F * (voltage * voltage - after * after) / dt_s
+                voltage = after
+        self.voltage_V = voltage
+        self._cool(burnt, dt_s)
+
+    def _cool(self, burnt: float, dt_s: float) -> None:
+        config = self.config
+        self.chopper_power_W = burnt
+        load = burnt / config.chopper_rated_W
+        utilisation = load + (self.chopper_load - load) * math.exp(-dt_s / config.chopper_time_constant_s)
+        self.chopper_load = utilisation if utilisation > 1e-6 else 0.0
+        if utilisation > 1.0:
+            self.chopper_overloaded = True
+        elif utilisation < 0.8:
+            self.chopper_overloaded = False
+
+    def _resting_voltage(self) -> float:
+        return self.config.nominal_V if self.mains_on else 0.0
