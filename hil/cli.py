@@ -5,15 +5,13 @@ Exit codes: 0 everything passed, 1 cases failed, 2 it could not run (or was inte
 
 from __future__ import annotations
 
-import signal
 import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from hil._interrupt import interruptible
 
 _CLICK_INTERRUPTED = 130
 """What the command framework makes of Ctrl-C."""
@@ -103,20 +101,55 @@ def run(
 @app.command()
 def emulate(
     bench: Annotated[str, typer.Argument(metavar="BENCH", help="Bench file or embedded name.")],
+    *,
     interface: Annotated[
-        str, typer.Option("--interface", "-i", metavar="I", help="python-can interface.")
-    ] = "socketcan",
-    channel: Annotated[str, typer.Option("--channel", "-c", metavar="C", help="Channel of it.")] = "vcan0",
+        str,
+        typer.Option(
+            "--interface",
+            "-i",
+            metavar="I",
+            help="python-can interface; default: the bench file's, else socketcan.",
+        ),
+    ] = "",
+    channel: Annotated[
+        str,
+        typer.Option(
+            "--channel", "-c", metavar="C", help="Channel of it; default: the bench file's, else vcan0."
+        ),
+    ] = "",
+    option: Annotated[
+        list[str] | None,
+        typer.Option("--option", "-o", metavar="KEY=VALUE", help="Option of the interface; may be repeated."),
+    ] = None,
+    adapter: Annotated[
+        str,
+        typer.Option(
+            "--adapter",
+            "-a",
+            metavar="A",
+            help="slcan: bring a serial-line adapter on a pseudo-terminal too.",
+        ),
+    ] = "",
+    link: Annotated[
+        str, typer.Option("--link", metavar="PATH", help="Symbolic link to the adapter's device file.")
+    ] = "",
     seed: SeedOption = 0,
     duration: Annotated[
         float, typer.Option("--for", metavar="S", help="End after S seconds; 0: with Ctrl-C.")
     ] = 0.0,
 ) -> None:
     """Run the emulated drives of a bench on a live bus, for a controller of your own."""
-    from hil._commands.emulate import emulate_bench
+    from hil._commands.emulate import Place, emulate_bench
 
     raise typer.Exit(
-        emulate_bench(bench, interface=interface, channel=channel, seed=seed, duration_s=duration)
+        emulate_bench(
+            bench,
+            Place(interface, channel, tuple(option or ())),
+            adapter=adapter,
+            link=link,
+            seed=seed,
+            duration_s=duration,
+        )
     )
 
 
@@ -204,7 +237,7 @@ def main(arguments: list[str] | None = None) -> int:
     command = typer.main.get_command(app)
     try:
         # Not standalone: click would end with 1 on Ctrl-C, which here means that cases failed.
-        with _terminable():
+        with interruptible(last=arguments is None):
             outcome = command.main(args=arguments, prog_name="hil", standalone_mode=False)
     except KeyboardInterrupt:
         outcome = _CLICK_INTERRUPTED
@@ -216,19 +249,6 @@ def main(arguments: list[str] | None = None) -> int:
         print("interrupted", file=sys.stderr)
         return 2
     return outcome if isinstance(outcome, int) else 0
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """Let SIGTERM end the command as Ctrl-C does: worker processes stop, and the report says what has run."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _failure(error: Exception) -> int:

@@ -6,6 +6,7 @@ runs unchanged, and faster. Time-outs and periods are then simulated seconds, an
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -148,10 +149,13 @@ class HilBus(can.BusABC):
             can.CanOperationError: The bus is shut down; or without a time-out nothing can ever arrive, because the
                 simulation has no event left; or it would have to wait inside of a callback, or on a virtual
                 segment in a thread that the bus does not belong to.
+            ValueError: The time-out is no number.
 
         """
         self._check_open()
-        rest_ns = None if timeout is None else seconds_to_ns(timeout)
+        if timeout is not None and math.isnan(timeout):
+            raise ValueError("timeout nan s is not a number of seconds")
+        rest_ns = None if timeout is None or timeout == math.inf else seconds_to_ns(max(timeout, -1.0))
         while True:
             message, rest_ns = self._next(rest_ns)
             if message is None or self._matches_filters(message):
@@ -328,8 +332,10 @@ class CyclicTask(LimitedDurationCyclicSendTaskABC, ModifiableCyclicTaskABC, Rest
         autostart: bool,
         modifier_callback: Callable[[can.Message], None] | None,
     ) -> None:
-        if seconds_to_ns(period) <= 0:
-            raise ValueError(f"period {period} s is not positive")
+        if not math.isfinite(period) or seconds_to_ns(period) <= 0:
+            raise ValueError(f"period {period} s is not a positive number of seconds")
+        if duration is not None and not 0.0 <= duration < math.inf:
+            raise ValueError(f"duration {duration} s is not a number of seconds, 0 or more")
         super().__init__(messages, period, duration)
         for message in self.messages:
             try:

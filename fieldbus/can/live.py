@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections import deque
-from collections.abc import Callable
-from threading import Event, Thread
+from collections.abc import Callable, Mapping
+from functools import partial
+from threading import Event
 from types import TracebackType
 from typing import Any, Final, Self
 
@@ -14,61 +14,17 @@ import can
 from fieldbus.can.arbitration import LogEntry
 from fieldbus.can.frame import CanFrame, FrameReceiver
 from fieldbus.can.hooks import FrameHook, Verdict, ask_hooks
-from fieldbus.can.message import read_error, to_frame, to_message
+from fieldbus.can.live_port import LivePort
+from fieldbus.can.message import read_error
 from fieldbus.can.registry import register_segment
+from fieldbus.can.side import FD_REASON, BusSide, echoes, open_bus
 from fieldbus.can.timing import frame_bits
-from fieldbus.clock import MS, RealtimeScheduler, Scheduler
+from fieldbus.clock import RealtimeScheduler, Scheduler
 from fieldbus.errors import BusError, ConfigurationError, UnsupportedFaultError
 from fieldbus.history import History
 
 BUS: Final = "bus"
-"""Name of the sender of everything that comes from outside."""
-
-_POLL_S: Final = 0.1
-_ECHO_LIMIT: Final = 4096
-_ECHO_NS: Final = 500 * MS  # an echo that has not come by then was lost
-
-
-class LivePort:
-    """A local node's connection to a live segment; made by `LiveSegment.attach`."""
-
-    __slots__ = ("confirm", "detached", "listen_only", "name", "online", "receive", "segment")
-
-    def __init__(
-        self,
-        segment: LiveSegment,
-        name: str,
-        receive: FrameReceiver,
-        *,
-        listen_only: bool,
-        confirm: FrameReceiver | None,
-    ) -> None:
-        self.segment = segment
-        self.name = name
-        self.receive = receive
-        self.listen_only = listen_only
-        self.confirm = confirm
-        self.online = True
-        """False: the node neither sends nor receives. The adapter goes on acknowledging what is on the bus."""
-        self.detached = False
-
-    def send(self, frame: CanFrame) -> None:
-        """Hand `frame` to the bus and to the other local nodes.
-
-        Raises:
-            BusError: The port is detached or listens only, the segment is closed, the bus refuses, or the frame is
-                no classical CAN frame.
-
-        """
-        self.segment.submit(self, frame)
-
-    def detach(self) -> None:
-        """Leave the segment for good; harmless to repeat."""
-        self.segment.detach(self)
-
-    def __repr__(self) -> str:
-        where = "detached" if self.detached else "online" if self.online else "offline"
-        return f"<LivePort {self.name} on {self.segment.name}: {where}>"
+"""Name of the sender of everything that comes from outside, where there is no bridge."""
 
 
 class LiveSegment:
@@ -77,13 +33,20 @@ class LiveSegment:
     A thread waits for frames and hands them to the scheduler; everything else runs there. A bus that fails or comes
     back is told in the history (`can.status` with status DOWN or UP) and makes `send` raise.
 
+    With a bridge the segment is two buses made one: what comes from either side goes to the other, and can be hooked
+    on the way, although neither its sender nor its receivers are in this process. While nobody hooks, a frame is
+    passed on at once by the thread that has received it, also when the scheduler stands still.
+
     Args:
         scheduler: A realtime scheduler.
         bus: An open bus, to be received by nobody else.
         name: Name in logs; also registered for `can.Bus(interface="hil", channel=name)`.
+        bridge: A second open bus.
+        side_names: Senders of what comes from `bus` and `bridge`, for hooks and the log; default "bus", and with a
+            bridge "near" and "far".
         history: Where `can.status` and `can.bus_error` events go.
         keep_log: Whether `log` is written.
-        close_bus: Whether `close` shuts the bus down.
+        close_bus: Whether `close` shuts the buses down.
         echo: Whether the bus gives own frames back, as UDP multicast does and others do with
             `receive_own_messages`: they are then taken out again. Default: by the kind of bus.
         lossy: A frame that the bus refuses is lost without an exception, as for a device that goes on living
@@ -103,37 +66,44 @@ class LiveSegment:
         bus: can.BusABC,
         *,
         name: str = "can0",
+        bridge: can.BusABC | None = None,
+        side_names: tuple[str, str] | None = None,
         history: History | None = None,
         keep_log: bool = True,
         close_bus: bool = True,
         echo: bool | None = None,
         lossy: bool = False,
     ) -> None:
-        if not isinstance(scheduler, RealtimeScheduler):
-            raise ConfigurationError(
-                "scheduler", type(scheduler).__name__, "a RealtimeScheduler for a live bus"
-            )
+        self._realtime = _realtime(scheduler)
         self.scheduler: Scheduler = scheduler
         self.name = name
         self.log: list[LogEntry] = []
         """Every frame in the order in which it was sent or came; grows, is never replaced."""
-        self.down = False
-        """Whether the last attempt to send or receive failed."""
-        self._realtime = scheduler
-        self._bus = bus
+        self.ignored = {"fd": 0, "garbled": 0}
+        """What came and was no classical frame: CAN FD frames, and what the driver could not read. One event each."""
         self._history = history
         self._keep_log = keep_log
         self._lossy = lossy
-        self._close_bus = close_bus
-        self._echo = type(bus).__module__.startswith("can.interfaces.udp_multicast") if echo is None else echo
-        self._awaited: deque[tuple[int, CanFrame]] = deque(maxlen=_ECHO_LIMIT)
         self._ports: tuple[LivePort, ...] = ()
         self._hooks: tuple[tuple[FrameHook], ...] = ()
         self._last_ns = scheduler.now
         self._closed = Event()
-        self._reader = Thread(target=self._read, name=f"reader of {name}", daemon=True)
+        names = side_names or ((BUS, BUS) if bridge is None else ("near", "far"))
+        self.sides: tuple[BusSide, ...] = tuple(
+            BusSide(
+                one,
+                name=side_name,
+                owner=self,
+                clock=self._now,
+                echo=echoes(one) if echo is None else echo,
+                close_bus=close_bus,
+            )
+            for one, side_name in zip((bus,) if bridge is None else (bus, bridge), names, strict=False)
+        )
+        """The bus, and the other one of a bridge."""
         register_segment(self)
-        self._reader.start()
+        for side in self.sides:
+            side.start()
 
     @classmethod
     def open(
@@ -146,6 +116,7 @@ class LiveSegment:
         history: History | None = None,
         keep_log: bool = True,
         lossy: bool = False,
+        bridge: Mapping[str, Any] | None = None,
         **options: Any,
     ) -> Self:
         """Open a python-can bus and make it a segment, which owns it.
@@ -158,29 +129,49 @@ class LiveSegment:
             history: Where events go.
             keep_log: Whether `log` is written.
             lossy: A frame that the bus refuses is lost without an exception.
+            bridge: `channel` of the second bus of a bridge, its `interface` if it is another one, and its options.
+                The channels are the names of the sides then.
             options: Further options of the interface, such as `bitrate` or `port`.
 
         Raises:
-            BusError: The bus cannot be opened.
+            BusError: A bus cannot be opened.
             ConfigurationError: The scheduler does not run in real time.
 
         """
-        if not isinstance(scheduler, RealtimeScheduler):
-            raise ConfigurationError(
-                "scheduler", type(scheduler).__name__, "a RealtimeScheduler for a live bus"
-            )
-        try:
-            bus = can.Bus(interface=interface, channel=channel, **options)
-        except Exception as error:  # a NameError, for example, where a vendor's library is missing
-            raise BusError(f"{name}: {interface} {channel} cannot be opened: {error}") from error
+        _realtime(scheduler)
         echo = True if options.get("receive_own_messages") else None
-        return cls(scheduler, bus, name=name, history=history, keep_log=keep_log, echo=echo, lossy=lossy)
+        bus = open_bus(name, interface, channel, options)
+        if bridge is None:
+            return cls(scheduler, bus, name=name, history=history, keep_log=keep_log, echo=echo, lossy=lossy)
+        further = dict(bridge)
+        far_channel, far_interface = further.pop("channel"), further.pop("interface", interface)
+        try:
+            far = open_bus(name, far_interface, far_channel, further)
+        except BusError:
+            bus.shutdown()
+            raise
+        names = (str(channel), str(far_channel))
+        if names[0] == names[1]:  # the same name on two kinds of interface
+            names = (f"{interface} {channel}", f"{far_interface} {far_channel}")
+        return cls(
+            scheduler, bus, name=name, bridge=far, side_names=names, history=history, keep_log=keep_log,
+            echo=echo, lossy=lossy,
+        )  # fmt: skip
+
+    @property
+    def down(self) -> bool:
+        """Whether the bus, or one of those of a bridge, is known to fail."""
+        return any(side.down for side in self.sides)
+
+    @property
+    def bridged(self) -> bool:
+        """Whether the segment is made of two buses."""
+        return len(self.sides) > 1
 
     def __repr__(self) -> str:
         state = "closed" if self._closed.is_set() else "down" if self.down else "up"
-        return (
-            f"<LiveSegment {self.name} on {self._bus.channel_info}, {state}, {len(self._ports)} local nodes>"
-        )
+        where = " and ".join(str(side.bus.channel_info) for side in self.sides)
+        return f"<LiveSegment {self.name} on {where}, {state}, {len(self._ports)} local nodes>"
 
     # --------------------------------------------------------------------------------------------- nodes
 
@@ -249,18 +240,11 @@ class LiveSegment:
             raise BusError(f"{self.name} is closed")
         if port is not None and not port.online:  # went offline while its frame was delayed
             return
-        if self._echo:
-            self._awaited.append((self._now(), frame))
-        try:
-            self._bus.send(to_message(frame))
-        except (can.CanError, OSError, ValueError) as error:
-            if self._echo:
-                self._awaited.pop()
-            self._changed(down=True, reason=f"sending failed: {error}")
+        refusals = [reason for side in self.sides if (reason := self._hand_over(side, frame))]
+        if len(refusals) == len(self.sides):
             if self._lossy:
                 return
-            raise BusError(f"{self.name}: {frame!r} cannot be sent: {error}") from error
-        self._changed(down=False)
+            raise BusError(f"{self.name}: {frame!r} cannot be sent: {refusals[0]}")
         time_ns = self._write(self._now(), sender, frame)
         if port is not None and port.confirm is not None:
             confirm = port.confirm
@@ -268,70 +252,93 @@ class LiveSegment:
         if len(self._ports) > (port is not None):
             self.scheduler.post(lambda: self._deliver(frame, time_ns, port))
 
+    def _hand_over(self, side: BusSide, frame: CanFrame) -> str:
+        """Give `frame` to one bus; returns why it was refused, empty when it was not."""
+        try:
+            side.send(frame)
+        except BusError as error:
+            self._changed(side, reason=f"sending failed: {error}", send_failed=True)
+            return str(error)
+        if side.down:
+            self._changed(side, send_failed=False)
+        return ""
+
     # --------------------------------------------------------------------------------------------- receiving
 
-    def _read(self) -> None:
-        """Wait for messages; runs in a thread of its own and touches nothing but the scheduler's queue."""
-        bus, closed, post = self._bus, self._closed, self.scheduler.post
-        failed = False
-        while not closed.is_set():
-            try:
-                message = bus.recv(_POLL_S)
-            except Exception as error:  # noqa: BLE001 - drivers raise what they like, and this thread must not die
-                if closed.is_set():
-                    break
-                if not failed:
-                    failed = True
-                    reason = f"receiving failed: {error}"
-                    post(lambda reason=reason: self._changed(down=True, reason=reason))  # type: ignore[misc]
-                closed.wait(_POLL_S)
+    def arrived(self, side: BusSide, frame: CanFrame, time_ns: int) -> None:
+        """See `SideOwner`; in the reader's thread.
+
+        A frame of a bridge that nobody hooks overtakes nothing when it is passed on here: as long as an earlier one of
+        its side waits for the scheduler, it waits too.
+        """
+        passed = False
+        if self.bridged:
+            with side.order:
+                if self._hooks or side.pending:
+                    side.pending += 1
+                else:
+                    passed = True
+                    self._pass_on(side, frame)
+        self.scheduler.post(partial(self._received, side, frame, time_ns, passed=passed))
+
+    def _pass_on(self, side: BusSide, frame: CanFrame) -> None:
+        """Give a frame of one side to the other; nobody here could do anything about it if that fails."""
+        for other in self.sides:
+            if other is side:
                 continue
-            if failed:
-                failed = False
-                post(lambda: self._changed(down=False))
-            if message is not None:  # `is_rx` is false also for other programs on this machine
-                time_ns = time.monotonic_ns() - self._realtime.origin_ns
-                post(lambda message=message, time_ns=time_ns: self._received(message, time_ns))  # type: ignore[misc]
+            try:
+                other.send(frame)
+            except BusError as error:
+                reason = f"sending failed: {error}"
+                self.scheduler.post(partial(self._changed, other, reason=reason, send_failed=True))
+            else:
+                if other.send_failed:
+                    self.scheduler.post(partial(self._changed, other, send_failed=False))
 
-    def _received(self, message: can.Message, time_ns: int) -> None:
-        if self._closed.is_set():
-            return
-        if message.is_error_frame:
-            self._received_error(message, time_ns)
-            return
-        try:
-            frame = to_frame(message)
-        except BusError as error:
-            if self._history is not None:
-                self._history.emit(self.name, "can.ignored", reason=str(error), can_id=message.arbitration_id)
-            return
-        if self._awaited and self._is_echo(frame):
-            return
-        self._treat(frame, BUS, time_ns, lambda treated: self._take(treated, time_ns))
+    def _received(self, side: BusSide, frame: CanFrame, time_ns: int, *, passed: bool) -> None:
+        if not self._closed.is_set():
+            if passed:
+                self._take(side, frame, time_ns)
+            else:
+                self._treat(frame, side.name, time_ns, partial(self._go_on, side, time_ns))
+        if not passed and self.bridged:
+            with side.order:
+                side.pending -= 1
 
-    def _take(self, frame: CanFrame, time_ns: int) -> None:
-        self._deliver(frame, self._write(time_ns, BUS, frame), None)
+    def _go_on(self, side: BusSide, time_ns: int, frame: CanFrame) -> None:
+        if self.bridged:
+            self._pass_on(side, frame)
+        self._take(side, frame, time_ns)
 
-    def _received_error(self, message: can.Message, time_ns: int) -> None:
+    def _take(self, side: BusSide, frame: CanFrame, time_ns: int) -> None:
+        self._deliver(frame, self._write(time_ns, side.name, frame), None)
+
+    def arrived_error(self, side: BusSide, message: can.Message, time_ns: int) -> None:
+        """See `SideOwner`."""
+        self.scheduler.post(partial(self._received_error, side, message, time_ns))
+
+    def _received_error(self, side: BusSide, message: can.Message, time_ns: int) -> None:
         code, state = read_error(message)
         if code or state is None:
             code = code or "UNKNOWN"
-            self._write(time_ns, BUS, CanFrame(0), code)
+            self._write(time_ns, side.name, CanFrame(0), code)
             if self._history is not None:
-                self._history.emit(self.name, "can.bus_error", port="", code=code, can_id=0)
+                self._history.emit(self.name, "can.bus_error", port=self._label(side), code=code, can_id=0)
         if state is not None and self._history is not None:
-            self._history.emit(self.name, "can.status", port="", status=state.value)
+            self._history.emit(self.name, "can.status", port=self._label(side), status=state.value)
 
-    def _is_echo(self, frame: CanFrame) -> bool:
-        """Return whether `frame` is one of our own that comes back."""
-        now = self._now()
-        while self._awaited and now - self._awaited[0][0] > _ECHO_NS:
-            self._awaited.popleft()
-        for index, (_, awaited) in enumerate(self._awaited):
-            if awaited == frame:
-                del self._awaited[index]
-                return True
-        return False
+    def arrived_rubbish(self, side: BusSide, reason: str, can_id: int | None) -> None:
+        """See `SideOwner`."""
+        self.scheduler.post(partial(self._ignore, side, reason, can_id))
+
+    def _ignore(self, side: BusSide, reason: str, can_id: int | None) -> None:
+        """Count what came and is no frame, and tell of the first of its kind: there may be thousands."""
+        kind = "fd" if reason == FD_REASON else "garbled"
+        self.ignored[kind] += 1
+        if self.ignored[kind] == 1 and self._history is not None:
+            more: dict[str, Any] = {} if can_id is None else {"can_id": can_id}
+            reason = f"{reason}; further ones are counted only"
+            self._history.emit(self.name, "can.ignored", port=self._label(side), reason=reason, **more)
 
     def _deliver(self, frame: CanFrame, time_ns: int, sender: LivePort | None) -> None:
         for port in self._ports:
@@ -393,22 +400,45 @@ class LiveSegment:
             self.log.append((time_ns, sender, frame, error))
         return time_ns
 
-    def _changed(self, *, down: bool, reason: str = "") -> None:
-        if down == self.down:
+    def receiving(self, side: BusSide, *, works: bool, reason: str) -> None:
+        """See `SideOwner`."""
+        self.scheduler.post(partial(self._changed, side, reason=reason, receive_failed=not works))
+
+    def _changed(
+        self,
+        side: BusSide,
+        *,
+        reason: str = "",
+        receive_failed: bool | None = None,
+        send_failed: bool | None = None,
+    ) -> None:
+        """Note what became known of a bus, and tell whether it is down.
+
+        A frame that can be sent does not prove that receiving works; a bus that receives again after a failure will
+        also take frames again, until the next attempt says otherwise.
+        """
+        before = side.down
+        if receive_failed is not None:
+            side.receive_failed = receive_failed
+            side.send_failed = side.send_failed and receive_failed
+        if send_failed is not None:
+            side.send_failed = send_failed
+        if side.down == before or self._history is None:
             return
-        self.down = down
-        if self._history is not None:
-            status = "DOWN" if down else "UP"
-            self._history.emit(self.name, "can.status", port="", status=status, reason=reason)
+        status = "DOWN" if side.down else "UP"
+        self._history.emit(self.name, "can.status", port=self._label(side), status=status, reason=reason)
+
+    def _label(self, side: BusSide) -> str:
+        """Return what events call a bus: nothing, where there is one only."""
+        return side.name if self.bridged else ""
 
     def close(self) -> None:
-        """End the reader and shut the bus down; harmless to repeat."""
+        """End the readers and shut the buses down; harmless to repeat."""
         if self._closed.is_set():
             return
         self._closed.set()
-        self._reader.join(10 * _POLL_S)
-        if self._close_bus:
-            self._bus.shutdown()
+        for side in self.sides:
+            side.close()
 
     def __enter__(self) -> Self:
         return self
@@ -417,3 +447,9 @@ class LiveSegment:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _realtime(scheduler: Scheduler) -> RealtimeScheduler:
+    if not isinstance(scheduler, RealtimeScheduler):
+        raise ConfigurationError("scheduler", type(scheduler).__name__, "a RealtimeScheduler for a live bus")
+    return scheduler

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import math
+import os
 import signal
 import sys
 from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.errors import ConfigurationError
 from hil._commands.terminal import console
+from hil._interrupt import note
+from hil.bench.config import RESERVED_OPTIONS
 from hil.campaign import load_bench_file
 from hil.errors import CannotRunError
 
 if TYPE_CHECKING:
     from fieldbus.history import Event
-    from hil.bench.config import DriveSection
+    from hil.bench.config import BenchConfig, DriveSection
+    from hil.bench.remote import DriveHost
 
 _BOOT_TIMEOUT_S: Final = 10.0
 _SLICE_S: Final = 0.2
@@ -29,11 +36,25 @@ _TOLD: Final = (
     "drive.fault_cleared",
     "drive.connection_lost",
     "can.status",
+    "adapter.state",
+    "adapter.overrun",
 )
 """Events that are of interest to somebody who watches."""
 
 
-def emulate_bench(reference: str, *, interface: str, channel: str, seed: int, duration_s: float) -> int:
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the drives go, as the user says it; empty is for not said."""
+
+    interface: str = ""
+    channel: str = ""
+    options: tuple[str, ...] = ()
+    """KEY=VALUE each."""
+
+
+def emulate_bench(
+    reference: str, place: Place, *, adapter: str = "", link: str = "", seed: int, duration_s: float
+) -> int:
     """Run the emulated drives until Ctrl-C, SIGTERM or the end of `duration_s`; returns the exit code.
 
     What is of interest goes to standard error, a line each; the line that begins with "ready" comes when the
@@ -41,56 +62,130 @@ def emulate_bench(reference: str, *, interface: str, channel: str, seed: int, du
 
     Args:
         reference: Bench file or embedded name; a live bench or a virtual one.
-        interface: python-can interface for all segments.
-        channel: Its channel.
+        place: The bus for all segments; without one that of a live bench file, else SocketCAN vcan0.
+        adapter: "slcan": an emulated serial-line adapter is on the bus too, and the bus, if none is named, exists in
+            this process only.
+        link: Symbolic link to make to the adapter's device file; one that is there already is replaced.
         seed: Seed of the drives' random streams.
         duration_s: 0: until the end is asked for.
 
     Raises:
-        CannotRunError: The bench has no emulated drive, or drives that cannot share one bus.
-        ConfigurationError: The bench file or the duration is wrong.
+        CannotRunError: The bench has no emulated drive, or drives that cannot share one bus; or no pseudo-terminal or
+            link can be made.
+        ConfigurationError: The bench file, an option or the duration is wrong.
         BusError: The bus cannot be opened.
 
     """
     if not 0.0 <= duration_s < math.inf:
         raise ConfigurationError("--for", duration_s, "a number of seconds, 0 or more")
+    if adapter not in ("", "slcan"):
+        raise ConfigurationError("--adapter", adapter, "slcan")
+    if link and not adapter:
+        raise ConfigurationError("--link", link, "a path, together with --adapter")
     config = _config_of(reference)
     emulated = {name: section for name, section in config.drive.items() if section.device == "emulated"}
     if not emulated:
         raise CannotRunError(f"the bench {config.bench.name!r} has no emulated drive")
-    _check_nodes(emulated, f"{interface} {channel}")
+    opening = _opening(place, live=config.bench.kind == "live", adapter=adapter)
+    if opening is not None:
+        _check_nodes(emulated, f"{opening['interface']} {opening['channel']}")
     ended = False
 
     def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - signature of a signal handler
         nonlocal ended
         ended = True
+        note()
 
     handlers = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         from hil.bench.remote import DriveHost
 
-        host = DriveHost(config, interface=interface, channel=channel, seed=seed, record=False)
-        try:
+        host = DriveHost(config, place=opening, seed=seed, record=False)
+        with ExitStack() as stack:
+            stack.callback(host.close)
+            device = _bring_adapter(host, config, link, stack) if adapter else ""
             host.run_until(lambda: ended or host.booted, _BOOT_TIMEOUT_S)
             out = console()
             for name, section in emulated.items():
+                where = opening or config.segment[section.segment].opening_for_drives()
                 out.print(
-                    f"{name}: {section.profile}, node {section.node_id}, on {interface} {channel}",
+                    f"{name}: {section.profile}, node {section.node_id}, on {where['interface']} {where['channel']}",
                     markup=False,
+                    soft_wrap=True,
                 )
+            if device:
+                out.print(f"adapter: {adapter} on {device}", markup=False, soft_wrap=True)
             out.print("ready; end with Ctrl-C", style="dim", markup=False)
-            silence = host.history.listen(_tell)
+            stack.callback(host.history.listen(_tell))
             left_s = duration_s or math.inf
             while left_s > 0.0 and not ended:
                 host.run_until(lambda: ended, min(left_s, _SLICE_S))
                 left_s -= _SLICE_S
-            silence()
-        finally:
-            host.close()
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
     return 0
+
+
+def _opening(place: Place, *, live: bool, adapter: str) -> dict[str, Any] | None:
+    """Return the arguments that open the one bus for all segments; None: every segment has its own.
+
+    Raises:
+        ConfigurationError: An option is no KEY=VALUE, or there is no interface for it.
+
+    """
+    options: dict[str, Any] = {}
+    for text in place.options:
+        key, sign, value = text.partition("=")
+        if not sign or not key.isidentifier() or key in RESERVED_OPTIONS:
+            raise ConfigurationError(
+                "--option", text, "KEY=VALUE with the name of an option of the interface"
+            )
+        options[key] = _value(value)
+    if not place.interface and not place.channel:
+        if options:
+            raise ConfigurationError("--option", place.options[0], "together with --interface or --channel")
+        if adapter:
+            return {"interface": "virtual", "channel": f"adapter of {os.getpid()}"}
+        if live:
+            return None
+    return {"interface": place.interface or "socketcan", "channel": place.channel or "vcan0", **options}
+
+
+def _value(text: str) -> bool | int | float | str:
+    """Return an option's value as TOML would: true, false, a number, or else text."""
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _bring_adapter(host: DriveHost, config: BenchConfig, link: str, stack: ExitStack) -> str:
+    """Put an adapter on the bus and return its device file, or the link to it.
+
+    Raises:
+        CannotRunError: No pseudo-terminal is left, or the link cannot be made.
+
+    """
+    from emulators.adapter import SlcanDevice
+
+    name, segment = next(iter(host.segments.items()))
+    try:
+        device = SlcanDevice(segment, bitrate=config.segment[name].bitrate, history=host.history)
+        stack.callback(device.close)
+        if link:
+            path = Path(link)
+            if path.is_symlink():
+                path.unlink()
+            path.symlink_to(device.path)
+            stack.callback(path.unlink, missing_ok=True)
+    except OSError as error:
+        raise CannotRunError(f"--adapter {link}: {error.strerror or error}") from error
+    return link or device.path
 
 
 def _config_of(reference: str) -> Any:

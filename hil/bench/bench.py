@@ -103,11 +103,7 @@ class Bench:
 
                 try:
                     segment = LiveSegment.open(
-                        self.scheduler,
-                        interface=section.interface or "",
-                        channel=section.channel or "",
-                        name=name,
-                        history=self.history,
+                        self.scheduler, name=name, history=self.history, **section.opening()
                     )
                 except BusError as error:
                     raise BenchNotReadyError(str(error)) from error
@@ -200,14 +196,14 @@ class Bench:
             for drive in self._drives.values():
                 drive.power_on()
         self._commission()
+        led = [self.config.drive[section.drive] for section in self.config.axis.values()]
         for name, master in self._masters.items():
-            if any(section.segment == name for section in self.config.drive.values()):
+            # Where there is no axis the controller is somebody else: the bench listens, and talks only as a fault.
+            heartbeats = [drive.heartbeat_ms for drive in led if drive.segment == name]
+            if heartbeats:
                 master.start_sync(self.cycle_ns, 0)
-                heartbeats = [
-                    d.heartbeat_ms for d in self.config.drive.values() if d.segment == name and d.heartbeat_ms
-                ]
-                if heartbeats:
-                    master.produce_heartbeat(min(heartbeats) * MS)
+            if any(heartbeats):
+                master.produce_heartbeat(min(filter(None, heartbeats)) * MS)
         self.runtime.start()
         if not self.scheduler.run_until(self._linked, _LINK_TIMEOUT_NS):
             missing = [name for name, port in self._ports.items() if not port.link_ok]

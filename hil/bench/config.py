@@ -19,6 +19,19 @@ EMBEDDED: Final = ("reference", "speed", "fast", "live")
 """Benches that ship with the product, usable by name."""
 
 
+RESERVED_OPTIONS: Final = (
+    "interface",
+    "channel",
+    "name",
+    "scheduler",
+    "history",
+    "keep_log",
+    "lossy",
+    "bridge",
+)
+"""What `LiveSegment.open` takes by itself, and is no option of an interface."""
+
+
 class _Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -59,6 +72,19 @@ class ToleranceSection(_Model):
     """Millimetres on top of distances."""
 
 
+Option = bool | int | float | str
+"""Value of an option that python-can hands to its interface."""
+
+
+class BridgeSection(_Model):
+    """`[segment.NAME.bridge]`: the other side of a live segment that is made of two buses."""
+
+    channel: str
+    interface: str | None = None
+    """None: that of the segment."""
+    options: dict[str, Option] = {}
+
+
 class SegmentSection(_Model):
     """`[segment.NAME]`: a CAN segment."""
 
@@ -66,6 +92,28 @@ class SegmentSection(_Model):
     interface: str | None = None
     """python-can interface of a live bench, for example `socketcan`; None on a virtual bench."""
     channel: str | None = None
+    options: dict[str, Option] = {}
+    """Further options of the python-can interface."""
+    bridge: BridgeSection | None = None
+    """The bus with the drives, when the controller is on `channel` and this bench stands between the two."""
+
+    def opening(self) -> dict[str, Any]:
+        """Return the arguments that open a live segment."""
+        result: dict[str, Any] = {
+            "interface": self.interface or "",
+            "channel": self.channel or "",
+            **self.options,
+        }
+        if self.bridge is not None:
+            own = {} if self.bridge.interface is None else {"interface": self.bridge.interface}
+            result["bridge"] = {"channel": self.bridge.channel, **own, **self.bridge.options}
+        return result
+
+    def opening_for_drives(self) -> dict[str, Any]:
+        """Return the arguments that open the bus on which the drives are: the far side of a bridge."""
+        result = self.opening()
+        far = result.pop("bridge", None)
+        return result if far is None else {"interface": self.interface or "", **far}
 
 
 class SwitchSection(_Model):
@@ -192,9 +240,29 @@ class BenchConfig(_Model):
                 raise ValueError(
                     f'segment.{name}.interface: a virtual bench has no interface; set bench.kind = "live"'
                 )
+            if self.bench.kind == "virtual" and (segment.options or segment.bridge is not None):
+                raise ValueError(
+                    f'segment.{name}: options and bridge belong to a live bench; set bench.kind = "live"'
+                )
+            _check_options(name, segment)
         if self.bench.kind == "virtual" and any(d.device == "physical" for d in self.drive.values()):
             raise ValueError('a virtual bench cannot hold a physical drive; set bench.kind = "live"')
         return self
+
+
+def _check_options(name: str, segment: SegmentSection) -> None:
+    """Refuse options that are keys of their own, and a bridge that leads to where it comes from."""
+    far = segment.bridge
+    for where, options in (("", segment.options), (".bridge", far.options if far is not None else {})):
+        for key in options:
+            if key in RESERVED_OPTIONS:
+                raise ValueError(f"segment.{name}{where}.options.{key}: this is no option of an interface")
+    if far is not None and (far.channel, far.interface or segment.interface, far.options) == (
+        segment.channel,
+        segment.interface,
+        segment.options,
+    ):
+        raise ValueError(f"segment.{name}.bridge: both sides are {segment.interface} {segment.channel}")
 
 
 def _message(source: str, data: dict[str, Any], error: ValidationError) -> str:
@@ -228,6 +296,8 @@ def _known_keys(location: tuple[int | str, ...]) -> list[str]:
         annotation = field.annotation
         arguments: tuple[Any, ...] = getattr(annotation, "__args__", ())
         model = arguments[1] if getattr(annotation, "__origin__", None) is dict else annotation
+        if arguments and model is annotation:  # a table that may be absent
+            model = next(one for one in arguments if one is not type(None))
     return list(getattr(model, "model_fields", {}))
 
 

@@ -16,6 +16,7 @@ import queue
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 _READY_TIMEOUT_NS: Final = 60 * S
 _REPLY_TIMEOUT_NS: Final = 10 * S
+_ORPHAN_S: Final = 3.0
+"""How long a drive process may take to end by itself when its bench is gone."""
 
 FAULT_METHODS: Final = frozenset((
     "raise_fault", "clear_fault_cause", "set_sto", "freeze_encoder", "jump_encoder", "jam", "load_force",
@@ -52,8 +55,8 @@ class DriveHost:
 
     Args:
         config: Validated bench file.
-        interface: python-can interface that replaces that of every segment; None keeps the bench file's.
-        channel: Channel that goes with it.
+        place: Arguments of `LiveSegment.open` (`interface`, `channel`, options) that replace those of every segment;
+            None keeps the bench file's. The drives of a segment with a bridge are on its far side.
         origin_ns: Value of the monotonic clock that is time zero; None: now.
         seed: Seed of the drives' random streams.
         record: Whether frames, signals and events are kept for `execute("fetch")`. Without a record the host may
@@ -68,8 +71,7 @@ class DriveHost:
         self,
         config: BenchConfig,
         *,
-        interface: str | None = None,
-        channel: str | None = None,
+        place: Mapping[str, Any] | None = None,
         origin_ns: int | None = None,
         seed: int = 0,
         record: bool = True,
@@ -82,7 +84,7 @@ class DriveHost:
         self._groups: dict[str, Any] = {}
         self.released = False
         try:
-            self._build(config, interface, channel, seed, record=record)
+            self._build(config, place, seed, record=record)
         except BaseException:
             self.close()
             raise
@@ -90,7 +92,7 @@ class DriveHost:
             drive.power_on()
 
     def _build(
-        self, config: BenchConfig, interface: str | None, channel: str | None, seed: int, *, record: bool
+        self, config: BenchConfig, place: Mapping[str, Any] | None, seed: int, *, record: bool
     ) -> None:
         from fieldbus.can.live import LiveSegment
         from hil.bench.bench import named_rng
@@ -99,8 +101,7 @@ class DriveHost:
         for name, section in config.segment.items():
             self.segments[name] = LiveSegment.open(
                 self.scheduler,
-                interface=interface or section.interface or "socketcan",
-                channel=channel or section.channel or "vcan0",
+                **(section.opening_for_drives() if place is None else place),
                 name=name,
                 history=self.history,
                 keep_log=record,
@@ -208,6 +209,8 @@ class DriveProcess:
             text=True,
             bufsize=1,
             env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            # Ctrl-C in the terminal is our business; the end of the pipe is what ends the drives.
+            start_new_session=True,
         )
         self._reader = threading.Thread(target=self._read, name="drive process", daemon=True)
         self._reader.start()
@@ -370,7 +373,8 @@ def main() -> int:
             text = json.dumps({"id": command.get("id", -1), "result": act()})
         except Exception as error:  # noqa: BLE001 - whatever it was, the bench must hear of it
             text = json.dumps({"id": command.get("id", -1), "error": f"{type(error).__name__}: {error}"})
-        print(text, flush=True)  # noqa: T201 - the pipe
+        with suppress(BrokenPipeError):  # the end of the input says it too
+            print(text, flush=True)  # noqa: T201 - the pipe
 
     def read() -> None:
         for line in sys.stdin:
@@ -381,10 +385,13 @@ def main() -> int:
                     waiting.put(command)
                     continue
             host.scheduler.post(partial(serve, host, command))
+        # Nobody is at the other end any more, killed perhaps: the drives leave the bus, whatever they are doing.
         waiting.put(None)
         with lock:
             if active:
                 active[0].scheduler.post(active[0].release)
+        time.sleep(_ORPHAN_S)
+        os._exit(1)
 
     def serve(host: DriveHost, command: Mapping[str, Any]) -> None:
         if command.get("call") == "release":
@@ -418,6 +425,11 @@ def main() -> int:
             host = active[0] if active else None
         while host is not None and not host.released:
             host.run_until(lambda host=host: host.released, 3600.0)  # type: ignore[misc]
+        with lock:
+            orphaned = host is not None and host in active
+        if host is not None and orphaned:
+            host.close()
+            return 1
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
+from hil._interrupt import held
 from hil.campaign._discover import Selected
 from hil.campaign._files import FOLDER, Keep
 from hil.campaign._worker import Order, bench_of, prepare_worker, run_order
@@ -215,7 +216,8 @@ def _run_pool(orders: list[Order], jobs: int, lost: Callable[[Order], CaseResult
                 while waiting and len(running) < jobs:
                     order = waiting.pop()
                     suspects = [order]
-                    running[pool.submit(run_order, order)] = order
+                    with held():  # submitting may start a worker, for which Ctrl-C is not meant
+                        running[pool.submit(run_order, order)] = order
                     suspects = []
                 done, _ = wait(running, return_when=FIRST_COMPLETED)
                 for future in sorted(done, key=lambda one: orders.index(running[one])):
@@ -242,6 +244,8 @@ def _run_pool(orders: list[Order], jobs: int, lost: Callable[[Order], CaseResult
 def _run_alone(order: Order, lost: Callable[[Order], CaseResult]) -> CaseResult:
     with _new_pool(1) as pool:
         try:
-            return pool.submit(run_order, order).result()
+            with held():
+                future = pool.submit(run_order, order)
+            return future.result()
         except BrokenProcessPool:
             return lost(order)

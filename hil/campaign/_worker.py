@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import signal
 import sys
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,9 +47,21 @@ def bench_of(reference: str) -> Any:
 
 
 def prepare_worker(path: list[str]) -> None:
-    """Set up a fresh worker process: Ctrl-C is the parent's business, modules are found where the parent finds them."""
+    """Set up a fresh worker process: it leaves Ctrl-C to the parent, ends with it, and finds modules where it does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, name="parent's death", daemon=True).start()
     sys.path[:] = path
+
+
+def _end_with_parent() -> None:
+    """End this process when its parent is gone, killed perhaps.
+
+    The pool's own queues do not tell: every worker holds both of their ends.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def run_order(order: Order, case: Case | None = None) -> CaseResult:

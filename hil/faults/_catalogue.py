@@ -19,7 +19,9 @@ _SELECTION: Final = (
     Parameter("probability", "float", "Chance that a frame so chosen is hit, drawn from the seeded stream", minimum=0.0, maximum=1.0, default=1.0),
 )  # fmt: skip
 
-_LOCAL: Final = "on a live bus only frames that a local port sends or receives can be touched"
+_LOCAL: Final = (
+    "on a live bus only frames that a local port sends or receives, or that pass a bridge, can be touched"
+)
 _NO_WIRE: Final = "bit errors need access to the bits of the wire, which a bus adapter does not give"
 _NO_HAND: Final = (
     "a physical drive has no seam for this; it would need switched I/O or a test adapter on the machine"

@@ -1,7 +1,9 @@
 """What every CAN segment does, whatever carries it: one suite over all backends.
 
 The backends: the virtual medium; a live segment over python-can's `virtual` bus, over `udp_multicast` on the loopback,
-and over a SocketCAN interface, which the environment variable HIL_VCAN names (`testcases/vcan/run.py` makes one).
+through a serial-line adapter (`slcan`) on a pseudo-terminal, and over a SocketCAN interface, which the environment
+variable HIL_VCAN names (`testcases/vcan/run.py` makes one); and a bridge between two live buses, seen from its own
+process and from either side.
 """
 
 import os
@@ -10,7 +12,9 @@ from collections.abc import Callable
 
 import pytest
 
+from emulators.adapter import ChannelState, SlcanDevice
 from fieldbus.can import CanFrame, CanMedium, CanPort, CanSegment, HookResult
+from fieldbus.can.live import LiveSegment
 from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler, VirtualScheduler
 from fieldbus.errors import BusError
 
@@ -43,13 +47,22 @@ class Node:
 class Backend:
     """Segments of one kind: `near` and `far` are the same bus, seen through different segment objects where it can be."""
 
-    def __init__(self, scheduler: Scheduler, open_segment: Callable[[str], CanSegment], *, separate: bool):
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        open_segment: Callable[[str], CanSegment],
+        *,
+        separate: bool,
+        between: tuple[object, ...] = (),
+    ):
         self.scheduler = scheduler
         self.near = open_segment("near")
         self.far = open_segment("far") if separate else self.near
+        self.between = between
 
     def close(self):
-        for segment in {id(segment): segment for segment in (self.near, self.far)}.values():
+        parts = (self.near, self.far, *self.between)
+        for segment in {id(segment): segment for segment in parts}.values():
             close = getattr(segment, "close", None)
             if close is not None:
                 close()
@@ -61,8 +74,6 @@ def virtual_medium(_channel):
 
 
 def live(interface, channel, **options):
-    from fieldbus.can.live import LiveSegment
-
     scheduler = RealtimeScheduler()
     return Backend(
         scheduler,
@@ -76,7 +87,6 @@ def python_can_virtual(channel):
 
 
 def udp_multicast(_channel):
-    pytest.importorskip("msgpack", reason="the udp_multicast bus of python-can needs msgpack")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             membership = socket.inet_aton(MULTICAST) + socket.inet_aton("0.0.0.0")
@@ -86,6 +96,55 @@ def udp_multicast(_channel):
         except OSError as error:
             pytest.skip(f"no multicast here: {error}")
     return live("udp_multicast", MULTICAST, port=port, hop_limit=0)
+
+
+def slcan(channel):
+    """The near segment behind an emulated adapter, whose bus the far one shares."""
+    scheduler = RealtimeScheduler()
+    hub = LiveSegment.open(scheduler, interface="virtual", channel=channel, name="hub")
+    device = SlcanDevice(hub, bitrate=500_000)
+    where = {
+        "near": {"interface": "slcan", "channel": device.path, "bitrate": 500_000, "sleep_after_open": 0.0},
+        "far": {"interface": "virtual", "channel": channel},
+    }
+    backend = Backend(
+        scheduler,
+        lambda name: LiveSegment.open(scheduler, name=name, **where[name]),
+        separate=True,
+        between=(device, hub),
+    )
+    # A real adapter has long been opened when a test begins; here it has not seen the command yet.
+    assert scheduler.run_until(lambda: device.adapter.state is ChannelState.OPEN, WAIT)
+    return backend
+
+
+def bridge_from_within(channel):
+    """The near segment is the bridge itself, the far one a bus on its other side."""
+    scheduler = RealtimeScheduler()
+    where = {
+        "near": {"channel": f"{channel} A", "bridge": {"channel": f"{channel} B"}},
+        "far": {"channel": f"{channel} B"},
+    }
+    return Backend(
+        scheduler,
+        lambda name: LiveSegment.open(scheduler, interface="virtual", name=name, **where[name]),
+        separate=True,
+    )
+
+
+def bridge_from_outside(channel):
+    """Both segments are outside of the bridge, on its two sides."""
+    scheduler = RealtimeScheduler()
+    side = {"near": f"{channel} A", "far": f"{channel} B"}
+    bridge = LiveSegment.open(
+        scheduler, interface="virtual", name="bridge", channel=side["near"], bridge={"channel": side["far"]}
+    )
+    return Backend(
+        scheduler,
+        lambda name: LiveSegment.open(scheduler, interface="virtual", channel=side[name], name=name),
+        separate=True,
+        between=(bridge,),
+    )
 
 
 def socketcan(_channel):
@@ -100,6 +159,9 @@ def socketcan(_channel):
         pytest.param(virtual_medium, id="medium"),
         pytest.param(python_can_virtual, id="python-can-virtual"),
         pytest.param(udp_multicast, id="udp_multicast"),
+        pytest.param(slcan, id="slcan"),
+        pytest.param(bridge_from_within, id="bridge"),
+        pytest.param(bridge_from_outside, id="through-a-bridge"),
         pytest.param(socketcan, id="socketcan", marks=pytest.mark.vcan),
     ]
 )
@@ -275,7 +337,8 @@ def test_log_holds_every_frame(backend, near, far):
         (CanFrame(0x101, b"b"), ""),
     ]
     assert entries[0][1] == "near"
-    assert entries[1][1] == ("far" if backend.far is backend.near else "bus")
+    side = backend.near.sides[-1].name if isinstance(backend.near, LiveSegment) else "far"
+    assert entries[1][1] == side
     assert entries[1][0] == near.received[0][0]
 
 

@@ -134,9 +134,8 @@ def test_without_a_record_nothing_grows(request, record):
     """The host of `hil emulate` keeps neither frames nor events nor signals, that of a bench keeps them all."""
     told = []
     with can.Bus(interface="virtual", channel=request.node.name) as controller:
-        host = DriveHost(
-            load_bench("live").config, interface="virtual", channel=request.node.name, record=record
-        )
+        place = {"interface": "virtual", "channel": request.node.name}
+        host = DriveHost(load_bench("live").config, place=place, record=record)
         try:
             host.history.listen(lambda event: told.append(event.data.get("to")))
             assert host.run_until(lambda: host.booted, PATIENCE_S)
@@ -153,7 +152,8 @@ def test_without_a_record_nothing_grows(request, record):
 def test_defaults_of_the_drive_fit_its_bench_file(request):
     """A controller that writes no parameters gets the ramps of the bench file: OFF1, OFF3 and the cycle."""
     config = load_bench("live").config
-    host = DriveHost(config, interface="virtual", channel=request.node.name, record=False)
+    place = {"interface": "virtual", "channel": request.node.name}
+    host = DriveHost(config, place=place, record=False)
     try:
         section = config.drive["drive1"]
         get = host.drives["drive1"].slave.get

@@ -1,6 +1,7 @@
 """python-can programs on a segment: `can.Bus(interface="hil")`."""
 
 import gc
+import math
 import threading
 import time
 from types import SimpleNamespace
@@ -238,12 +239,33 @@ def test_periodic_message_without_autostart(scheduler, node, bus):
     assert len(node.frames) == 1
 
 
+@pytest.mark.parametrize("period", [0, -1.0, 1e-12, math.nan, math.inf], ids=str)
+def test_periodic_message_needs_a_period(bus, period):
+    """A period that is no positive number is refused with what is allowed."""
+    with pytest.raises(ValueError, match=rf"period {period} s is not a positive number of seconds"):
+        bus.send_periodic(message(), period)
+
+
+@pytest.mark.parametrize("duration", [-1.0, math.nan, math.inf], ids=str)
+def test_periodic_message_needs_a_duration_that_ends(bus, duration):
+    """A duration that is no number of seconds is refused; for ever is None."""
+    with pytest.raises(ValueError, match=rf"duration {duration} s is not a number of seconds"):
+        bus.send_periodic(message(), 0.01, duration=duration)
+
+
 def test_periodic_message_is_checked(bus):
-    """Period and messages are checked when the task is made."""
-    with pytest.raises(ValueError, match="period 0 s is not positive"):
-        bus.send_periodic(message(), 0)
+    """A message that cannot be sent is refused before anything is sent."""
     with pytest.raises(ValueError, match=r"outside 0\.\.7FFh"):
         bus.send_periodic(message(0x900), 0.1)
+
+
+def test_time_out_is_checked(bus, node):
+    """A time-out that is no number is refused; an infinite one waits for what comes, a negative one not at all."""
+    with pytest.raises(ValueError, match="timeout nan s is not a number of seconds"):
+        bus.recv(math.nan)
+    assert bus.recv(-math.inf) is None
+    node.port.send(CanFrame(0x123))
+    assert bus.recv(math.inf).arbitration_id == 0x123
 
 
 def test_periodic_message_outlives_a_full_queue(scheduler, medium):

@@ -222,13 +222,18 @@ def test_error_frames_become_events(bench):
     assert [error for *_, error in bench.segment.log] == ["BIT_STUFFING_ERROR", "UNKNOWN", ""]
 
 
-def test_fd_messages_are_ignored_with_an_event(bench):
-    """A CAN FD message is not passed on, but told."""
-    bench.foreign.send(can.Message(arbitration_id=0x100, data=bytes(64), is_fd=True))
+def test_fd_messages_are_counted_and_told_once(bench):
+    """CAN FD messages are not passed on but counted; the first one is an event that says what they are."""
+    for _ in range(5):
+        bench.foreign.send(can.Message(arbitration_id=0x100, data=bytes(64), is_fd=True))
     bench.foreign.send(message(0x101))
     bench.until(1)
     assert bench.received[0][1].can_id == 0x101
-    assert [event.kind for event in bench.history.events] == ["can.ignored"]
+    [event] = bench.history.events
+    assert (event.kind, event.data["can_id"]) == ("can.ignored", 0x100)
+    assert event.data["reason"].startswith("CAN FD messages are not supported")
+    assert bench.segment.ignored == {"fd": 5, "garbled": 0}
+    assert not bench.segment.down
 
 
 def test_echo_of_own_frames_is_taken_out():
@@ -253,59 +258,172 @@ def test_frames_of_other_programs_on_this_machine_count(bench):
     """SocketCAN marks what another program of the same machine sends as not received; it is taken all the same."""
     local = message(0x100)
     local.is_rx = False
-    sent = bench.segment._bus.queue
-    sent.put(local)
+    bench.segment.sides[0].bus.queue.put(local)
     bench.until(1)
     assert bench.received[0][1] == CanFrame(0x100)
 
 
 class FailingBus(can.BusABC):
-    """A bus whose cable can be pulled."""
+    """A bus whose cable can be pulled; `complaints` says how often it tells so while it receives."""
 
-    def __init__(self):
+    def __init__(self, complaints=10**9):
         self.broken = threading.Event()
+        self.complaints = complaints
+        self.left = 0
+        self.frames = []
         super().__init__(channel="failing")
+
+    def pull(self):
+        self.left = self.complaints
+        self.broken.set()
 
     def send(self, msg, timeout=None):
         if self.broken.is_set():
             raise can.CanOperationError("Network is down", 100)
 
     def _recv_internal(self, timeout):
-        if self.broken.is_set():
+        if self.broken.is_set() and self.left:
+            self.left -= 1
             raise can.CanOperationError("Network is down", 100)
+        if self.frames:
+            return self.frames.pop(0), True
         time.sleep(min(timeout, 0.01))
         return None, True
 
 
-def test_bus_that_goes_down_and_comes_back():
-    """A failing bus is one event down and one up, and makes every send an error that says why."""
+def watched(bus):
+    """Return a scheduler, a segment on `bus`, and a function that gives the states it has told."""
     scheduler = RealtimeScheduler()
     history = History(scheduler)
+    segment = LiveSegment(scheduler, bus, name="live0", history=history)
+    return scheduler, segment, lambda: [event.data["status"] for event in history.select(kind="can.status")]
+
+
+def test_bus_that_goes_down_and_comes_back():
+    """A failing bus is one event down and one up, and makes every send an error that says why."""
     bus = FailingBus()
-    with LiveSegment(scheduler, bus, name="live0", history=history) as segment:
+    scheduler, segment, told = watched(bus)
+    with segment:
         port = segment.attach("a", lambda frame, time_ns: None)
         port.send(CanFrame(0x100))
-        bus.broken.set()
+        bus.pull()
         assert scheduler.run_until(lambda: segment.down, WAIT)
         for _ in range(3):
             with pytest.raises(BusError, match=r"live0: <CanFrame 100#> cannot be sent: Network is down"):
                 port.send(CanFrame(0x100))
+        scheduler.every(10 * MS, lambda: None)  # conditions are looked at after events
+        assert scheduler.run_until(lambda: bus.complaints - bus.left > 2, WAIT)
         bus.broken.clear()
         assert scheduler.run_until(lambda: not segment.down, WAIT)
         port.send(CanFrame(0x100))
-        assert [(event.kind, event.data["status"]) for event in history.events] == [
-            ("can.status", "DOWN"),
-            ("can.status", "UP"),
-        ]
-        assert "Network is down" in history.events[0].data["reason"]
+        assert told() == ["DOWN", "UP"]
         assert len(segment.log) == 2
+
+
+@pytest.mark.parametrize("proof", ["sent", "received"])
+def test_silence_does_not_mean_that_the_bus_is_back(proof):
+    """A driver that complains once and is silent then is taken for down until a frame goes through."""
+    bus = FailingBus(complaints=1)
+    scheduler, segment, told = watched(bus)
+    with segment:
+        port = segment.attach("a", lambda frame, time_ns: None)
+        bus.pull()
+        assert scheduler.run_until(lambda: segment.down, WAIT)
+        for _ in range(3):
+            scheduler.run_for(150 * MS)
+            with pytest.raises(BusError):
+                port.send(CanFrame(0x100))
+        assert told() == ["DOWN"]
+        bus.broken.clear()
+        if proof == "sent":
+            port.send(CanFrame(0x100))
+        else:
+            bus.frames.append(message(0x100))
+        assert scheduler.run_until(lambda: not segment.down, WAIT)
+        assert told() == ["DOWN", "UP"]
+
+
+def test_a_send_that_fails_alone_is_down_until_one_succeeds():
+    """A full transmit queue is a bus that takes no frames: silence on the receiving side does not end it."""
+    bus = FailingBus(complaints=0)
+    scheduler, segment, told = watched(bus)
+    with segment:
+        port = segment.attach("a", lambda frame, time_ns: None)
+        bus.pull()
+        with pytest.raises(BusError):
+            port.send(CanFrame(0x100))
+        bus.frames.append(message(0x100))
+        scheduler.run_for(300 * MS)
+        assert told() == ["DOWN"]
+        bus.broken.clear()
+        port.send(CanFrame(0x100))
+        assert told() == ["DOWN", "UP"]
+
+
+class GarbledBus(FailingBus):
+    """A bus whose driver chokes on what comes, as python-can's driver for serial adapters does."""
+
+    def __init__(self, error):
+        super().__init__()
+        self.error = error
+        self.rubbish = 3
+        self.flushed = 0
+
+    def flush(self):
+        self.flushed += 1
+
+    def _recv_internal(self, timeout):
+        if self.rubbish:
+            self.rubbish -= 1
+            raise self.error
+        return super()._recv_internal(timeout)
+
+
+@pytest.mark.parametrize(
+    ("error", "flushed"),
+    [
+        (ValueError("invalid literal"), 0),
+        (IndexError("string index out of range"), 0),
+        (UnicodeDecodeError("utf-8", b"\xff", 0, 1, "bad"), 3),
+    ],
+)
+def test_what_the_driver_cannot_read_is_counted(error, flushed):
+    """Rubbish on the line of an adapter is no failure of the bus: it is counted, told once, and the next frame arrives."""
+    bus = GarbledBus(error)
+    bus.frames.append(message(0x123))
+    scheduler = RealtimeScheduler()
+    history = History(scheduler)
+    received = []
+    with LiveSegment(scheduler, bus, name="live0", history=history) as segment:
+        segment.attach("a", lambda frame, time_ns: received.append(frame))
+        assert scheduler.run_until(lambda: received, WAIT)
+        assert received == [CanFrame(0x123)]
+        assert segment.ignored == {"fd": 0, "garbled": 3}
+        [event] = history.events
+        assert event.kind == "can.ignored"
+        assert str(error) in event.data["reason"]
+        assert bus.flushed == flushed
+        assert not segment.down
+
+
+def test_a_driver_that_reads_nothing_any_more_is_down():
+    """Rubbish without end is a bus that fails: the reader does not spin on it."""
+    bus = GarbledBus(ValueError("file descriptor cannot be a negative integer"))
+    bus.rubbish = 10**9
+    scheduler, segment, told = watched(bus)
+    with segment:
+        assert scheduler.run_until(lambda: segment.down, WAIT)
+        spent = 10**9 - bus.rubbish
+        scheduler.run_for(300 * MS)
+        assert 10**9 - bus.rubbish - spent < 10
+        assert told() == ["DOWN"]
 
 
 def test_close_ends_thread_and_bus(bench):
     """After close no thread is left, nothing arrives, and sending says that the segment is closed."""
     bench.segment.close()
     bench.segment.close()
-    assert not any(thread.name == "reader of live0" for thread in threading.enumerate())
+    assert not any(thread.name == "reader of bus" for thread in threading.enumerate())
     bench.foreign.send(message(0x100))
     bench.quiet()
     assert bench.received == []

@@ -1,0 +1,231 @@
+"""One python-can bus behind a live segment: the thread that waits for its messages, its echoes, and whether it works."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from threading import Event, Lock, Thread
+from typing import Final, Protocol
+
+import can
+
+from fieldbus.can.frame import CanFrame
+from fieldbus.can.message import to_frame, to_message
+from fieldbus.clock import MS
+from fieldbus.errors import BusError
+
+_POLL_S: Final = 0.1
+_ECHO_LIMIT: Final = 4096
+_ECHO_NS: Final = 500 * MS  # an echo that has not come by then was lost
+_RUBBISH_LIMIT: Final = 100
+"""Messages in a row that a driver cannot read, from which on it counts as broken."""
+_IFF_UP: Final = 1
+_INTERFACES: Final = Path("/sys/class/net")
+
+FD_REASON: Final = "CAN FD messages are not supported: this is a classical CAN segment"
+
+_GARBLED: Final = (ValueError, IndexError, KeyError, TypeError)
+"""What python-can's drivers raise when they cannot make a message of what came, where others raise a `CanError`."""
+
+
+class SideOwner(Protocol):
+    """What a side tells, each in the reader's thread."""
+
+    def arrived(self, side: BusSide, frame: CanFrame, time_ns: int) -> None:
+        """A frame of somebody else has come."""
+
+    def arrived_error(self, side: BusSide, message: can.Message, time_ns: int) -> None:
+        """The adapter reports an error on the bus."""
+
+    def arrived_rubbish(self, side: BusSide, reason: str, can_id: int | None) -> None:
+        """Something has come that is no classical frame."""
+
+    def receiving(self, side: BusSide, *, works: bool, reason: str) -> None:
+        """Receiving began to fail, or works again."""
+
+
+class BusSide:
+    """A python-can bus and the thread that waits for its messages.
+
+    Args:
+        bus: An open bus, to be received by nobody else.
+        name: Sender of what comes from it, in logs and for hooks.
+        owner: Told of everything that comes.
+        clock: Time of the segment, ns; may be asked in any thread.
+        echo: Whether own frames come back and are to be taken out again.
+        close_bus: Whether `close` shuts the bus down.
+
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        *,
+        name: str,
+        owner: SideOwner,
+        clock: Callable[[], int],
+        echo: bool,
+        close_bus: bool,
+    ) -> None:
+        self.bus = bus
+        self.name = name
+        self.receive_failed = False
+        """Receiving has failed and has not been seen to work since."""
+        self.send_failed = False
+        """The last attempt to send has failed."""
+        self.order = Lock()
+        """Held while it is decided whether a frame may overtake the scheduler's work; see `LiveSegment.arrived`."""
+        self.pending = 0
+        """Frames that wait for the scheduler."""
+        self._owner = owner
+        self._clock = clock
+        self._echo = echo
+        self._close_bus = close_bus
+        self._awaited: deque[tuple[int, CanFrame]] = deque(maxlen=_ECHO_LIMIT)
+        self._sending = Lock()
+        self._sent_since_failure = False
+        self._closed = Event()
+        self._flags = _flags_file(bus)
+        self._reader = Thread(target=self._read, name=f"reader of {name}", daemon=True)
+
+    @property
+    def down(self) -> bool:
+        """Whether the bus fails."""
+        return self.receive_failed or self.send_failed
+
+    def start(self) -> None:
+        """Begin to receive."""
+        self._reader.start()
+
+    def send(self, frame: CanFrame) -> None:
+        """Hand a frame to the bus; callable from any thread.
+
+        Raises:
+            BusError: The bus refuses.
+
+        """
+        with self._sending:
+            if self._echo:
+                self._awaited.append((self._clock(), frame))
+            try:
+                self.bus.send(to_message(frame))
+            except (can.CanError, OSError, ValueError) as error:
+                if self._echo:
+                    self._awaited.pop()
+                raise BusError(str(error)) from error
+        self._sent_since_failure = True
+
+    # --------------------------------------------------------------------------------------------- reader's thread
+
+    def _read(self) -> None:
+        """Wait for messages until the end."""
+        bus, closed = self.bus, self._closed
+        failures = rubbish = 0  # in a row
+        while not closed.is_set():
+            try:
+                message = bus.recv(_POLL_S)
+            except Exception as error:  # noqa: BLE001 - drivers raise what they like, and this thread must not die
+                if closed.is_set():
+                    break
+                cause = error.__cause__ or error  # some wrap it, as if the device had failed
+                if isinstance(cause, _GARBLED) and rubbish < _RUBBISH_LIMIT:
+                    rubbish += 1
+                    self._garbled(cause)
+                    continue
+                failures += 1
+                if failures == 1:
+                    self._sent_since_failure = False
+                    self._owner.receiving(self, works=False, reason=f"receiving failed: {error}")
+                closed.wait(_POLL_S)
+                continue
+            rubbish = 0
+            if failures and self._works_again(message, failures):
+                failures = 0
+                self._owner.receiving(self, works=True, reason="")
+            if message is not None:  # `is_rx` is false also for other programs on this machine
+                self._sort(message)
+
+    def _works_again(self, message: can.Message | None, failures: int) -> bool:
+        """Return whether a quiet `recv` after `failures` of them means that the bus is back.
+
+        SocketCAN tells once that its interface is down and is silent from then on, up or down; frames that had come
+        before may still be read. So the interface itself is asked. Where there is none to ask, silence is proof after a
+        driver that has complained again and again, or after a frame that could be sent.
+        """
+        if self._flags is not None:
+            try:
+                return bool(int(self._flags.read_text(), 0) & _IFF_UP)
+            except (OSError, ValueError):
+                return False  # unplugged
+        return message is not None or failures > 1 or self._sent_since_failure
+
+    def _garbled(self, error: BaseException) -> None:
+        self._owner.arrived_rubbish(self, f"the driver cannot read what came: {error}", None)
+        if isinstance(error, UnicodeDecodeError):  # the driver for serial adapters would choke on it for ever
+            flush = getattr(self.bus, "flush", None)
+            if callable(flush):
+                flush()
+
+    def _sort(self, message: can.Message) -> None:
+        time_ns = self._clock()
+        if message.is_error_frame:
+            self._owner.arrived_error(self, message, time_ns)
+            return
+        try:
+            frame = to_frame(message)
+        except BusError as error:
+            reason = FD_REASON if message.is_fd else str(error)
+            self._owner.arrived_rubbish(self, reason, message.arbitration_id)
+            return
+        if not (self._awaited and self._is_echo(frame)):
+            self._owner.arrived(self, frame, time_ns)
+
+    def _is_echo(self, frame: CanFrame) -> bool:
+        """Return whether `frame` is one of our own that comes back."""
+        now = self._clock()
+        with self._sending:
+            while self._awaited and now - self._awaited[0][0] > _ECHO_NS:
+                self._awaited.popleft()
+            for index, (_, awaited) in enumerate(self._awaited):
+                if awaited == frame:
+                    del self._awaited[index]
+                    return True
+        return False
+
+    # --------------------------------------------------------------------------------------------- end
+
+    def close(self) -> None:
+        """End the reader and shut the bus down."""
+        self._closed.set()
+        if self._reader.ident is not None:
+            self._reader.join(10 * _POLL_S)
+        if self._close_bus:
+            self.bus.shutdown()
+
+
+def _flags_file(bus: can.BusABC) -> Path | None:
+    """Return where the kernel tells whether the interface of a SocketCAN bus is up."""
+    if not type(bus).__module__.startswith("can.interfaces.socketcan"):
+        return None
+    return _INTERFACES / str(getattr(bus, "channel", "")) / "flags"
+
+
+def echoes(bus: can.BusABC) -> bool:
+    """Return whether a bus gives own frames back unasked, as UDP multicast does."""
+    return type(bus).__module__.startswith("can.interfaces.udp_multicast")
+
+
+def open_bus(name: str, interface: str, channel: object, options: dict[str, object]) -> can.BusABC:
+    """Open a python-can bus; on SocketCAN so that CAN FD frames are seen, to be told of.
+
+    Raises:
+        BusError: It cannot be opened.
+
+    """
+    if interface == "socketcan":
+        options = {"fd": True, **options}
+    try:
+        return can.Bus(interface=interface, channel=channel, **options)  # type: ignore[arg-type]
+    except Exception as error:  # a NameError, for example, where a vendor's library is missing
+        raise BusError(f"{name}: {interface} {channel} cannot be opened: {error}") from error

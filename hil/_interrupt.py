@@ -1,0 +1,74 @@
+"""Ctrl-C and SIGTERM: the first one ends a command in order, and those that follow at once do not disturb that."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Final
+
+ORDERLY_S: Final = 10.0
+"""How long further signals are ignored after the first: drives are disabled, processes end, the report is written."""
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+_asked_s: float | None = None
+
+
+def note() -> None:
+    """Remember that the end has been asked for; from now on further signals are ignored for `ORDERLY_S`."""
+    global _asked_s  # noqa: PLW0603 - signals belong to the process
+    if _asked_s is None:
+        _asked_s = time.monotonic()
+
+
+def asked() -> bool:
+    """Return whether the end of the present command has been asked for."""
+    return _asked_s is not None
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    if _asked_s is not None and time.monotonic() - _asked_s < ORDERLY_S:
+        sys.stderr.write("ending\n")
+        return
+    note()
+    signal.default_int_handler(number, frame)
+
+
+@contextmanager
+def interruptible(*, last: bool = False) -> Iterator[None]:
+    """Turn the first Ctrl-C or SIGTERM into `KeyboardInterrupt`, once.
+
+    Args:
+        last: Nothing comes after the command but the end of the process: signals stay ignored when one has come.
+
+    """
+    global _asked_s  # noqa: PLW0603 - signals belong to the process
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    _asked_s = None
+    # A process that was started with a signal ignored, by nohup for example, goes on ignoring it.
+    wanted = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, _interrupt) for number in wanted}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_IGN if last and asked() else handler)
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """Hold Ctrl-C back; a process that is started meanwhile never gets it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
