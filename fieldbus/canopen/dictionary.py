@@ -59,6 +59,38 @@ MAX_DOMAIN_BYTES: Final = 1 << 20
 """Longest domain that a device accepts."""
 
 _STORED_IN_RAM: Final = ("RAM", "ROM")
+_NODE_ID: Final = re.compile(r"\+?\$NODEID\+?")
+
+
+def integer(text: str) -> int:
+    """Return a number as an EDS writes it: decimal, hexadecimal with 0x, octal with a leading 0.
+
+    Raises:
+        ValueError: It is none.
+
+    """
+    body = text.strip()
+    sign = -1 if body.startswith("-") else 1
+    digits = body.lstrip("+-")
+    if digits[:2].lower() == "0x":
+        return sign * int(digits, 0)
+    if len(digits) > 1 and digits.startswith("0") and digits.isdigit():
+        return sign * int(digits, 8)
+    return sign * int(digits, 10)
+
+
+def relative(text: str) -> int | None:
+    """Return what a value adds to the node-ID ("$NODEID+0x200"); None when the node-ID is not part of it.
+
+    Raises:
+        ValueError: What is beside $NODEID is no number.
+
+    """
+    squeezed = text.replace(" ", "").upper()
+    if "$NODEID" not in squeezed:
+        return None
+    rest = _NODE_ID.sub("", squeezed, count=1)
+    return integer(rest) if rest else 0
 
 
 class Entry:
@@ -210,13 +242,15 @@ class Entry:
         if low is not None and value < low:
             raise SdoAbort(AbortCode.VALUE_LOW)
 
-    def _limits(self, variable: Any) -> tuple[int | None, int | None]:
+    def _limits(self, variable: Any) -> tuple[float | None, float | None]:
+        minimum, maximum = variable.min, variable.max
         if self.data_type == BOOLEAN:
             return None, 1
+        if self.real is not None:
+            return minimum, maximum
         if not self.integer:
             return None, None
         low, high = self.type_range
-        minimum, maximum = variable.min, variable.max
         # A limit at the end of the type checks nothing and would only cost time in the cycle.
         return (
             None if minimum is None or minimum <= low else int(minimum),
@@ -228,10 +262,10 @@ class Entry:
             raw, value = getattr(variable, "value_raw", None), variable.value
         else:
             raw, value = getattr(variable, "default_raw", None), variable.default
-        if isinstance(raw, str) and "$NODEID" in raw.upper() and self.integer:
-            rest = re.sub(r"\+?\$NODEID\+?", "", raw.replace(" ", "").upper())
-            self.base = int(rest or "0", 0)
-            value = self.base + node_id
+        if isinstance(raw, str) and self.integer:
+            self.base = relative(raw)
+            if self.base is not None:
+                value = self.base + node_id
         return self.coerce(value)
 
     def coerce(self, value: Any) -> Value:

@@ -1,71 +1,242 @@
-"""Object dictionaries from EDS and DCF files."""
+"""Object dictionaries from EDS and DCF files (CiA 306)."""
 
 from __future__ import annotations
 
-from configparser import Error as ParserError
-from configparser import RawConfigParser
+import re
 from copy import copy
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
+from fieldbus.canopen.dictionary import (
+    DOMAIN,
+    INTEGERS,
+    OCTET_STRING,
+    OPAQUE_SIZES,
+    REALS,
+    UNICODE_STRING,
+    VISIBLE_STRING,
+    relative,
+)
+from fieldbus.canopen.eds_file import EdsFile, EdsSection
 from fieldbus.errors import ConfigurationError
 
 if TYPE_CHECKING:
     import canopen
 
+_OBJECT: Final = re.compile(r"[0-9a-f]{4}")
+_MEMBER: Final = re.compile(r"([0-9a-f]{4})\s*sub\s*([0-9a-f]{1,2})")
+
+_NULL: Final = 0
+_DOMAIN: Final = 2
+_DEFINITIONS: Final = (5, 6)
+_VAR: Final = 7
+_ARRAY: Final = 8
+_RECORD: Final = 9
+
+_ACCESS: Final = ("ro", "wo", "rw", "rwr", "rww", "const")
+_KNOWN_TYPES: Final = frozenset(
+    (*INTEGERS, *REALS, *OPAQUE_SIZES, VISIBLE_STRING, OCTET_STRING, UNICODE_STRING, DOMAIN)
+)
+_FIRST_OBJECT: Final = 0x1000
+
+_DEVICE_INFO: Final[tuple[tuple[str, str, type], ...]] = (
+    ("VendorName", "vendor_name", str),
+    ("VendorNumber", "vendor_number", int),
+    ("ProductName", "product_name", str),
+    ("ProductNumber", "product_number", int),
+    ("RevisionNumber", "revision_number", int),
+    ("OrderCode", "order_code", str),
+    ("SimpleBootUpMaster", "simple_boot_up_master", bool),
+    ("SimpleBootUpSlave", "simple_boot_up_slave", bool),
+    ("Granularity", "granularity", int),
+    ("DynamicChannelsSupported", "dynamic_channels_supported", bool),
+    ("GroupMessaging", "group_messaging", bool),
+    ("NrOfRXPDO", "nr_of_RXPDO", int),
+    ("NrOfTXPDO", "nr_of_TXPDO", int),
+    ("LSS_Supported", "LSS_supported", bool),
+)
+_BITRATES_K: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
+
 
 def load_dictionary(path: str | PathLike[str], node_id: int | None = None) -> canopen.ObjectDictionary:
-    """Read an EDS or DCF file.
+    """Read an EDS or DCF file into an object dictionary of the `canopen` library.
 
-    The parser is that of the `canopen` library; arrays in compact form (`CompactSubObj`), of which the library
-    keeps the first element only, are completed here.
+    Encodings (UTF-8, UTF-16, Windows), upper and lower case of keys, arrays in compact form and data types that nobody
+    knows (taken for domains) are dealt with. Everything that cannot be understood is an error: the library would skip a
+    number that it cannot read.
 
     Args:
         path: File with the ending .eds or .dcf.
         node_id: Node-ID for defaults relative to it; default: the one that the file names, if any.
 
     Raises:
-        ConfigurationError: The file cannot be read, is no EDS, or describes no object.
+        ConfigurationError: The file cannot be read, is no EDS, or describes no object; the message names section and key.
 
     """
-    from canopen.objectdictionary import ObjectDictionaryError, import_od
-
     where = fspath(path)
     if Path(where).suffix.lower() not in (".eds", ".dcf"):
         raise ConfigurationError("object dictionary", where, "a file with the ending .eds or .dcf")
-    try:
-        with Path(where).open(encoding="utf-8", errors="replace") as file:
-            dictionary = import_od(file, node_id)
-        _complete_compact_arrays(dictionary, Path(where))
-    except OSError as reason:
-        raise ConfigurationError(
-            "object dictionary", where, f"a readable file ({reason.strerror})"
-        ) from reason
-    except (ParserError, ObjectDictionaryError, KeyError, ValueError) as reason:
-        raise ConfigurationError("object dictionary", where, f"a well-formed EDS ({reason})") from reason
-    if not any(index >= 0x1000 for index in dictionary.indices):
+    dictionary: canopen.ObjectDictionary = _Reader(EdsFile(path), node_id).dictionary
+    if not any(index >= _FIRST_OBJECT for index in dictionary.indices):
         raise ConfigurationError("object dictionary", where, "an EDS that describes objects from 1000h on")
     return dictionary
 
 
-def _complete_compact_arrays(dictionary: canopen.ObjectDictionary, path: Path) -> None:
-    parser = RawConfigParser(inline_comment_prefixes=(";",))
-    parser.optionxform = str  # type: ignore[assignment,method-assign]  # the documented way to keep upper case
-    parser.read_string(path.read_text(encoding="utf-8", errors="replace"))
-    for section in parser.sections():
-        count = int(parser.get(section, "CompactSubObj", fallback="0") or "0", 0)
-        if not count or len(section) != 4:
-            continue
-        array = dictionary.indices.get(int(section, 16))
-        if array is None or 1 not in getattr(array, "subindices", {}):
-            continue
-        array.subindices[0].default = count
-        array.subindices[0].access_type = "ro"
-        template = array.subindices[1]
-        for sub in range(2, count + 1):
-            if sub not in array.subindices:
-                element = copy(template)
-                element.subindex = sub
-                element.name = f"{template.name} {sub}"
-                array.add_member(element)
+class _Reader:
+    """Builds the dictionary of one file."""
+
+    def __init__(self, file: EdsFile, node_id: int | None) -> None:
+        from canopen import objectdictionary
+
+        library: Any = objectdictionary
+        self._library = library
+        self._file = file
+        self.dictionary: Any = library.ObjectDictionary()
+        self._node_id = node_id
+        self._read_device()
+        self._read_dummies()
+        for name, section in file.sections.items():
+            if _OBJECT.fullmatch(name):
+                self._read_object(section, int(name, 16))
+        for name, section in file.sections.items():
+            match = _MEMBER.fullmatch(name)
+            if match is not None:
+                self._read_member(section, int(match[1], 16), int(match[2], 16))
+
+    # -- the device -------------------------------------------------------------------------------------------
+
+    def _read_device(self) -> None:
+        device = self._file.section("DeviceInfo")
+        if device.number("CompactPDO", 0):
+            device.refuse("CompactPDO", device.text("CompactPDO"), "0; PDO records have to be written out")
+        information = self.dictionary.device_information
+        for key, attribute, kind in _DEVICE_INFO:
+            if kind is str:
+                if key.lower() in device.items():
+                    setattr(information, attribute, device.text(key))
+            elif device.text(key):
+                setattr(information, attribute, kind(device.number(key, 0)))
+        for rate in _BITRATES_K:
+            if device.number(f"BaudRate_{rate}", 0):
+                information.allowed_baudrates.add(rate * 1000)
+        # The specification spells it with one m; tools know both.
+        for name in ("DeviceComissioning", "DeviceCommissioning"):
+            commissioning = self._file.section(name)
+            rate = commissioning.number("Baudrate", 0)
+            if rate:
+                self.dictionary.bitrate = rate * 1000
+            if self._node_id is None and commissioning.text("NodeID"):
+                self._node_id = commissioning.number("NodeID", 1, low=1, high=255)
+        self.dictionary.node_id = self._node_id
+        comments = self._file.section("Comments")
+        lines = range(1, comments.number("Lines", 0, high=9999) + 1)
+        self.dictionary.comments = "\n".join(comments.text(f"Line{line}") for line in lines)
+
+    def _read_dummies(self) -> None:
+        usage = self._file.section("DummyUsage")
+        for code in range(1, 8):
+            key = f"Dummy{code:04d}"
+            if usage.number(key, 0):
+                variable = self._library.ODVariable(key, code, 0)
+                variable.data_type = code
+                variable.access_type = "const"
+                self.dictionary.add_object(variable)
+
+    # -- objects ----------------------------------------------------------------------------------------------
+
+    def _read_object(self, section: EdsSection, index: int) -> None:
+        name = section.required("ParameterName")
+        kind = section.number("ObjectType", _VAR)
+        thing: Any
+        if kind in (_NULL, *_DEFINITIONS):
+            return
+        if kind in (_VAR, _DOMAIN):
+            thing = self._variable(section, index, 0, domain=kind == _DOMAIN)
+        elif kind == _ARRAY:
+            thing = self._library.ODArray(name, index)
+        elif kind == _RECORD:
+            thing = self._library.ODRecord(name, index)
+        else:
+            section.refuse("ObjectType", section.text("ObjectType"), "2, 5, 6, 7, 8 or 9")
+        if kind in (_ARRAY, _RECORD):
+            thing.storage_location = section.text("StorageLocation") or None
+            count = section.number("CompactSubObj", 0, high=254)
+            if count:
+                self._fill(thing, section, count)
+        self.dictionary.add_object(thing)
+
+    def _fill(self, array: Any, section: EdsSection, count: int) -> None:
+        """Write out an array in compact form, with the names and values of its elements."""
+        index = array.index
+        highest = self._library.ODVariable("Number of entries", index, 0)
+        highest.data_type = 0x05
+        highest.access_type = "ro"
+        highest.default, highest.default_raw = count, str(count)
+        array.add_member(highest)
+        names = self._file.section(f"{index:04X}Name")
+        values = self._file.section(f"{index:04X}Value")
+        template = self._variable(section, index, 1)
+        for sub in range(1, count + 1):
+            element = copy(template)
+            element.subindex = sub
+            element.name = names.text(str(sub)) or (template.name if sub == 1 else f"{template.name} {sub}")
+            if values.text(str(sub)):
+                self._set_value(element, "default", values, str(sub))
+            array.add_member(element)
+
+    def _read_member(self, section: EdsSection, index: int, sub: int) -> None:
+        thing = self.dictionary.indices.get(index)
+        if thing is None:
+            if f"{index:04x}" in self._file.sections:
+                return  # member of a definition
+            section.refuse("", section.name, f"a member of an object; there is no [{index:04X}]")
+        if not hasattr(thing, "subindices"):
+            section.refuse("", section.name, f"a member of an array or record; [{index:04X}] is a variable")
+        if section.number("ObjectType", _VAR) != _NULL:
+            thing.add_member(self._variable(section, index, sub))
+
+    def _variable(self, section: EdsSection, index: int, sub: int, *, domain: bool = False) -> Any:
+        variable = self._library.ODVariable(section.required("ParameterName"), index, sub)
+        variable.storage_location = section.text("StorageLocation") or None
+        # DataType and AccessType of a domain may be left out.
+        if not (domain and not section.text("DataType")):
+            section.required("DataType")
+        variable.data_type = self._data_type(section, section.number("DataType", DOMAIN, high=0xFFFF))
+        access = section.text("AccessType").lower() if domain else section.required("AccessType").lower()
+        variable.access_type = access or "rw"
+        if variable.access_type not in _ACCESS:
+            section.refuse("AccessType", section.text("AccessType"), ", ".join(_ACCESS))
+        variable.pdo_mappable = bool(section.number("PDOMapping", 0))
+        if variable.data_type in INTEGERS or variable.data_type in REALS:
+            variable.min = section.value("LowLimit", variable.data_type, self._node_id)
+            variable.max = section.value("HighLimit", variable.data_type, self._node_id)
+        self._set_value(variable, "default", section, "DefaultValue")
+        self._set_value(variable, "value", section, "ParameterValue")
+        # Not of the standard, but the library knows them.
+        if section.text("Factor"):
+            variable.factor = section.value("Factor", 0x11, None)
+        variable.description = section.text("Description")
+        variable.unit = section.text("Unit")
+        return variable
+
+    def _data_type(self, section: EdsSection, code: int) -> int:
+        """Return the type; one of the manufacturer's own stands for what its definition says, or for a domain."""
+        if code in _KNOWN_TYPES:
+            return code
+        definition = self._file.section(f"{code:X}sub1")
+        if definition.text("DefaultValue"):
+            return definition.number("DefaultValue", DOMAIN, high=0xFFFF)
+        if not code:
+            section.refuse("DataType", section.text("DataType"), "a data type")
+        return DOMAIN
+
+    def _set_value(self, variable: Any, attribute: str, section: EdsSection, key: str) -> None:
+        text = section.text(key)
+        value = section.value(key, variable.data_type, self._node_id)
+        if value is None and not text:
+            return
+        setattr(variable, attribute, value)
+        setattr(variable, f"{attribute}_raw", text)
+        if attribute == "default" and variable.data_type in INTEGERS and relative(text) is not None:
+            variable.relative = True

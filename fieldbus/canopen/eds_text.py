@@ -12,6 +12,7 @@ from fieldbus.canopen.dictionary import INTEGERS
 from fieldbus.canopen.object_table import STRING, VAR, Item, ObjectRow
 
 _MANDATORY: Final = (0x1000, 0x1001, 0x1018)
+_BITRATES_K: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,7 +24,13 @@ class EdsInfo:
         description: A few words.
         product_name: Name of the device.
         product_number: Product code of 1018h:2.
-        comment: One line for `[Comments]`.
+        comment: Lines for `[Comments]`.
+        vendor_name: Name of the vendor.
+        vendor_number: Vendor-ID of 1018h:1.
+        revision_number: 1018h:3.
+        order_code: Order code.
+        bitrates_k: Bit rates that the device supports, kbit/s.
+        lss: Whether it has LSS.
 
     """
 
@@ -32,6 +39,12 @@ class EdsInfo:
     product_name: str
     product_number: int
     comment: str
+    vendor_name: str = "motion-hil"
+    vendor_number: int = 0
+    revision_number: int = 0x00010000
+    order_code: str = ""
+    bitrates_k: tuple[int, ...] = (10, 20, 50, 125, 250, 500, 800, 1000)
+    lss: bool = True
 
 
 def eds_text(rows: Sequence[ObjectRow], info: EdsInfo) -> str:
@@ -52,6 +65,14 @@ def write_or_check(path: Path, text: str, arguments: Sequence[str]) -> int:
 
 
 def _lines(rows: Sequence[ObjectRow], info: EdsInfo) -> Iterator[str]:
+    yield from head_lines([row.index for row in rows], info)
+    for row in rows:
+        yield from _object_lines(row)
+
+
+def head_lines(indices: Sequence[int], info: EdsInfo) -> Iterator[str]:
+    """Return everything before the objects: file, device, dummies, comments and the lists of objects."""
+    comments = info.comment.splitlines()
     yield from (
         "[FileInfo]",
         f"FileName={info.file_name}",
@@ -67,44 +88,42 @@ def _lines(rows: Sequence[ObjectRow], info: EdsInfo) -> Iterator[str]:
         "ModifiedBy=motion-hil",
         "",
         "[DeviceInfo]",
-        "VendorName=motion-hil",
-        "VendorNumber=0x00000000",
+        f"VendorName={info.vendor_name}",
+        f"VendorNumber=0x{info.vendor_number:08X}",
         f"ProductName={info.product_name}",
         f"ProductNumber=0x{info.product_number:08X}",
-        "RevisionNumber=0x00010000",
-        "OrderCode=",
-        *(f"BaudRate_{rate}=1" for rate in (10, 20, 50, 125, 250, 500, 800, 1000)),
+        f"RevisionNumber=0x{info.revision_number:08X}",
+        f"OrderCode={info.order_code}",
+        *(f"BaudRate_{rate}={int(rate in info.bitrates_k)}" for rate in _BITRATES_K),
         "SimpleBootUpMaster=0",
         "SimpleBootUpSlave=1",
         "Granularity=8",
         "DynamicChannelsSupported=0",
         "GroupMessaging=0",
-        f"NrOfRXPDO={sum(0x1400 <= row.index < 0x1600 for row in rows)}",
-        f"NrOfTXPDO={sum(0x1800 <= row.index < 0x1A00 for row in rows)}",
-        "LSS_Supported=1",
+        f"NrOfRXPDO={sum(0x1400 <= index < 0x1600 for index in indices)}",
+        f"NrOfTXPDO={sum(0x1800 <= index < 0x1A00 for index in indices)}",
+        f"LSS_Supported={int(info.lss)}",
         "",
         "[DummyUsage]",
         *(f"Dummy{code:04X}={int(code > 1)}" for code in range(1, 8)),
         "",
         "[Comments]",
-        "Lines=1",
-        f"Line1={info.comment}",
+        f"Lines={len(comments)}",
+        *(f"Line{number}={line}" for number, line in enumerate(comments, 1)),
         "",
     )
     for title, chosen in (
-        ("MandatoryObjects", [row for row in rows if row.index in _MANDATORY]),
+        ("MandatoryObjects", [index for index in indices if index in _MANDATORY]),
         (
             "OptionalObjects",
-            [row for row in rows if row.index not in _MANDATORY and not 0x2000 <= row.index < 0x6000],
+            [index for index in indices if index not in _MANDATORY and not 0x2000 <= index < 0x6000],
         ),
-        ("ManufacturerObjects", [row for row in rows if 0x2000 <= row.index < 0x6000]),
+        ("ManufacturerObjects", [index for index in indices if 0x2000 <= index < 0x6000]),
     ):
         yield f"[{title}]"
         yield f"SupportedObjects={len(chosen)}"
-        yield from (f"{number}=0x{row.index:04X}" for number, row in enumerate(chosen, 1))
+        yield from (f"{number}=0x{index:04X}" for number, index in enumerate(chosen, 1))
         yield ""
-    for row in rows:
-        yield from _object_lines(row)
 
 
 def _object_lines(row: ObjectRow) -> Iterator[str]:

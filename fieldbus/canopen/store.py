@@ -31,7 +31,8 @@ LOAD: Final = 0x64616F6C
 _ALL: Final = 1
 _COMMUNICATION: Final = 2
 _APPLICATION: Final = 3
-_NOT_STORED: Final = frozenset((0x1001, 0x1002, 0x1003, 0x1010, 0x1011))
+NOT_STORED: Final = frozenset((0x1001, 0x1002, 0x1003, 0x1010, 0x1011))
+"""Objects that are no configuration."""
 
 
 class ObjectStore:
@@ -48,6 +49,7 @@ class ObjectStore:
         "applied",
         "changed",
         "commands",
+        "dictionary",
         "entries",
         "guards",
         "persist",
@@ -60,6 +62,8 @@ class ObjectStore:
     )
 
     def __init__(self, dictionary: canopen.ObjectDictionary, node_id: int) -> None:
+        self.dictionary = dictionary
+        """What the device was made of; its defaults are those of the entries."""
         self.entries: dict[int, Entry] = entries_of(dictionary, node_id)
         self._indices = {entry.index for entry in self.entries.values()}
         self.values: dict[int, Any] = {}
@@ -200,7 +204,7 @@ class ObjectStore:
         if command is not None:
             command(value)
             return
-        if entry.storable and self.values[key] != value and entry.index not in (0x1020, *_NOT_STORED):
+        if entry.storable and self.values[key] != value and entry.index not in (0x1020, *NOT_STORED):
             # The configuration is no longer the one whose date the controller has noted (C301-148).
             for stamp in (0x102001, 0x102002):
                 if self.values.get(stamp) and key not in self.volatile:
@@ -243,7 +247,7 @@ class ObjectStore:
                     not entry.storable
                     or not _in_group(key, group)
                     or key in self.volatile
-                    or entry.index in _NOT_STORED
+                    or entry.index in NOT_STORED
                     or key in self.commands
                 ):
                     continue

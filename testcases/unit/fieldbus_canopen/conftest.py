@@ -281,7 +281,7 @@ def bench() -> Bench:
     return bench
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def kit() -> SimpleNamespace:
     """What tests need to build their own benches."""
     return SimpleNamespace(Bench=Bench, dictionary=dictionary, eds_text=eds_text, NODE=NODE)

@@ -275,7 +275,7 @@ def test_load_dictionary(kit, tmp_path):
         (
             "broken.eds",
             "[1000]\nParameterName=x\nObjectType=7\nDataType=banana\nAccessType=ro\n",
-            "well-formed",
+            r"\[1000\] DataType: 'banana'",
         ),
         ("empty.eds", "[DeviceInfo]\n", "1000h"),
     ],

@@ -1,0 +1,208 @@
+"""Reading EDS and DCF files as they come: sections and keys with their lines, and values by data type (CiA 306).
+
+Vendors' files differ in encoding, case and number format. What can be understood is; whatever cannot is refused with file,
+section and key, because a default that silently became 0 would be found on the machine only.
+"""
+
+from __future__ import annotations
+
+import re
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Final, NoReturn
+
+from fieldbus.canopen.dictionary import (
+    INTEGERS,
+    OPAQUE_SIZES,
+    REALS,
+    UNICODE_STRING,
+    VISIBLE_STRING,
+    Value,
+    integer,
+    relative,
+)
+from fieldbus.errors import ConfigurationError
+
+_COMMENT: Final = re.compile(r"\s;.*$")
+_HEADER: Final = re.compile(r"\[\s*([^\]]+?)\s*\]\s*(;.*)?$")
+_HEX_BYTES: Final = re.compile(r"(0[xX])?([0-9A-Fa-f]{2}\s*)*")
+
+
+class EdsSection:
+    """One section; keys are found whatever their case.
+
+    Args:
+        file: Name of the file, for messages.
+        name: Name of the section as written.
+        line: Its line.
+
+    """
+
+    __slots__ = ("_file", "_keys", "line", "name")
+
+    def __init__(self, file: str, name: str, line: int) -> None:
+        self._file = file
+        self._keys: dict[str, str] = {}
+        self.name = name
+        self.line = line
+
+    def add(self, key: str, value: str, line: int) -> None:
+        """Take a key; a second one of the same name is refused."""
+        if key.lower() in self._keys:
+            self.refuse(key, value, f"each key once in a section; line {line} repeats it")
+        self._keys[key.lower()] = value
+
+    def items(self) -> dict[str, str]:
+        """Return all keys, in lower case, with their values."""
+        return self._keys
+
+    def text(self, key: str) -> str:
+        """Return a value, empty when it is missing."""
+        return self._keys.get(key.lower(), "")
+
+    def required(self, key: str) -> str:
+        """Return a value that has to be there."""
+        value = self.text(key)
+        if not value:
+            self.refuse(key, value, "a value; the key is missing or empty")
+        return value
+
+    def number(self, key: str, default: int, *, low: int = 0, high: int = 0xFFFFFFFF) -> int:
+        """Return a whole number; `default` when it is missing or empty."""
+        text = self.text(key)
+        if not text:
+            return default
+        try:
+            value = integer(text)
+        except ValueError:
+            self.refuse(key, text, "a whole number, decimal or with 0x")
+        if not low <= value <= high:
+            self.refuse(key, text, f"{low} to {high}")
+        return value
+
+    def value(self, key: str, data_type: int, node_id: int | None) -> Value | None:
+        """Return a value of an entry.
+
+        Args:
+            key: `DefaultValue`, `ParameterValue`, `LowLimit`, `HighLimit`, or a sub-index of a list.
+            data_type: CiA 301 type code.
+            node_id: What $NODEID stands for; None = a relative value is not calculated.
+
+        Returns:
+            None when it is missing, empty, or relative to an unknown node-ID.
+
+        """
+        text = self.text(key)
+        if not text and data_type != VISIBLE_STRING:
+            return None
+        if data_type in (VISIBLE_STRING, UNICODE_STRING):
+            return text if key.lower() in self._keys else None
+        if data_type in REALS:
+            return self._real(key, text, data_type)
+        if data_type in INTEGERS or data_type in OPAQUE_SIZES:
+            return self._whole(key, text, data_type, node_id)
+        if _HEX_BYTES.fullmatch(text):
+            return bytes.fromhex(text.removeprefix("0x").removeprefix("0X"))
+        return text.encode("latin-1", errors="replace")
+
+    def _real(self, key: str, text: str, data_type: int) -> float:
+        bits, coder = REALS[data_type]
+        try:
+            if text[:2].lower() == "0x":  # the pattern of the number
+                return float(coder.unpack(int(text, 16).to_bytes(bits // 8, "little"))[0])
+            return float(text.replace(",", "."))
+        except (ValueError, OverflowError):
+            self.refuse(key, text, f"a number, or the {bits}-bit pattern of one with 0x")
+
+    def _whole(self, key: str, text: str, data_type: int, node_id: int | None) -> int | None:
+        bits = INTEGERS[data_type][0] if data_type in INTEGERS else 8 * OPAQUE_SIZES[data_type]
+        signed = data_type in INTEGERS and INTEGERS[data_type][1]
+        try:
+            base = relative(text)
+            value = integer(text) if base is None else base + (node_id or 0)
+        except ValueError:
+            self.refuse(key, text, "a whole number (decimal, 0x, or with $NODEID)")
+        low = -(1 << bits - 1) if signed else 0
+        if not low <= value < 1 << bits:
+            self.refuse(key, text, f"a number of {bits} bit{'s' if bits > 1 else ''}")
+        if base is not None and node_id is None:
+            return None
+        if signed and value >> bits - 1 == 1:
+            value -= 1 << bits  # the pattern of a negative number
+        return value
+
+    def refuse(self, key: str, value: str, allowed: str) -> NoReturn:
+        """Refuse a value of this section.
+
+        Raises:
+            ConfigurationError: Always.
+
+        """
+        where = f"{self._file}: [{self.name}]" + (f" {key}" if key else "")
+        raise ConfigurationError(where, value, allowed) from None
+
+
+class EdsFile:
+    """A file, cut into sections.
+
+    Args:
+        path: The file.
+
+    Raises:
+        ConfigurationError: It cannot be read, or is not built of sections and keys.
+
+    """
+
+    __slots__ = ("name", "sections")
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        self.name = fspath(path)
+        self.sections: dict[str, EdsSection] = {}
+        """By name in lower case, in the order of the file."""
+        try:
+            content = Path(path).read_bytes()
+        except OSError as reason:
+            raise ConfigurationError(
+                "object dictionary", self.name, f"a readable file ({reason.strerror})"
+            ) from reason
+        self._split(_decode(content))
+
+    def section(self, name: str) -> EdsSection:
+        """Return a section; an empty one when there is none."""
+        return self.sections.get(name.lower()) or EdsSection(self.name, name, 0)
+
+    def _split(self, text: str) -> None:
+        section: EdsSection | None = None
+        for line, raw in enumerate(text.splitlines(), 1):
+            content = raw.strip("\ufeff\0 \t")
+            if not content or content[0] in ";#":
+                continue
+            if content.startswith("["):
+                match = _HEADER.match(content)
+                if match is None:
+                    self._refuse(line, content, "a well-formed section header, [name]")
+                name = match[1]
+                section = EdsSection(self.name, name, line)
+                first = self.sections.setdefault(name.lower(), section)
+                if first is not section:
+                    self._refuse(line, content, f"each section once; it is in line {first.line} already")
+                continue
+            key, equals, value = content.partition("=")
+            if not equals:
+                self._refuse(line, content, "a well-formed EDS: sections, comments, and lines of key=value")
+            if section is None:
+                self._refuse(line, content, "a well-formed EDS, which begins with a section")
+            section.add(key.strip(), _COMMENT.sub("", " " + value).strip(), line)
+
+    def _refuse(self, line: int, content: str, allowed: str) -> NoReturn:
+        raise ConfigurationError(f"{self.name}: line {line}", content, allowed)
+
+
+def _decode(content: bytes) -> str:
+    """Return the text: UTF-8 or UTF-16 where it is, else the Windows character set that most tools write."""
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return content.decode("utf-16", errors="replace")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")
