@@ -1,7 +1,8 @@
 """CANopen: slave stack, master services, and the `canopen` library on a CAN segment of a bench (CiA 301).
 
-`CanopenSlave` is the device side, `CanopenMaster` the cyclic side of a controller, `PumpedNetwork` puts the
-unmodified `canopen` library on a segment, for commissioning and as an independent second implementation.
+`CanopenSlave` is the device side, `CanopenMaster` the controller's: cyclic services, SDO clients, and nodes that are
+taken into service and supervised. `PumpedNetwork` puts the unmodified `canopen` library on a segment, for tools and as
+an independent second implementation.
 """
 
 from __future__ import annotations
@@ -9,10 +10,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from fieldbus.canopen.abort import ABORT_TEXTS, AbortCode, SdoAbort
+from fieldbus.canopen.boot import BootFailure, BootState
 from fieldbus.canopen.decode import FrameDecoder
 from fieldbus.canopen.eds import load_dictionary
 from fieldbus.canopen.master import CanopenMaster
 from fieldbus.canopen.nmt import NmtCommand, NmtState
+from fieldbus.canopen.node import RemoteNode
+from fieldbus.canopen.node_setup import NodeSetup, Parameter, PdoSetup
+from fieldbus.canopen.node_user import Emcy, NodeUser
+from fieldbus.canopen.sdo_client import SdoClient, SdoJob
 from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.canopen.virtual_time import virtual_time
 
@@ -22,13 +28,23 @@ if TYPE_CHECKING:
 __all__ = [
     "ABORT_TEXTS",
     "AbortCode",
+    "BootFailure",
+    "BootState",
     "CanopenMaster",
     "CanopenSlave",
+    "Emcy",
     "FrameDecoder",
     "NmtCommand",
     "NmtState",
+    "NodeSetup",
+    "NodeUser",
+    "Parameter",
+    "PdoSetup",
     "PumpedNetwork",
+    "RemoteNode",
     "SdoAbort",
+    "SdoClient",
+    "SdoJob",
     "load_dictionary",
     "virtual_time",
 ]

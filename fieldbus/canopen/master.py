@@ -1,21 +1,29 @@
-"""The controller's cyclic CANopen services: NMT, SYNC, heartbeat, EMCY and raw PDOs (CiA 301).
-
-Commissioning over SDO is not here: it uses the `canopen` library through `PumpedNetwork`.
-"""
+"""The controller's CANopen services: NMT, SYNC, heartbeat, EMCY, raw PDOs, SDO clients and nodes (CiA 301)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Final
 
 from fieldbus.can.frame import CanFrame, CanSegment
 from fieldbus.canopen.nmt import COB_EMCY, COB_ERROR_CONTROL, COB_NMT, COB_SYNC, NmtState
-from fieldbus.clock import Scheduler, Timer
+from fieldbus.canopen.node import RemoteNode
+from fieldbus.canopen.node_setup import NodeSetup
+from fieldbus.canopen.node_user import NodeUser
+from fieldbus.canopen.sdo_client import SdoClient
+from fieldbus.canopen.supervision import HeartbeatWatch
+from fieldbus.clock import S, Scheduler, Timer
 from fieldbus.errors import ConfigurationError
-from fieldbus.history import History
+from fieldbus.history import History, Scalar
 
 SYNC_PRIORITY: Final = -10
 """SYNC goes before everything else of its instant."""
+
+_FRAME_BITS: Final = 135
+"""Longest frame of a PDO or SDO with all its stuff bits, and the gap behind it."""
+_SDO_IN_A_ROW: Final = 16
+"""SDO requests, of all clients together, between two pauses."""
 
 DataCallback = Callable[[bytes, int], None]
 Remover = Callable[[], None]
@@ -29,7 +37,8 @@ class CanopenMaster:
         segment: CAN segment to attach to.
         name: Name of the port and in the history.
         node_id: Own node-ID, for the heartbeat, 1..127.
-        history: Log for `heartbeat.lost`, `heartbeat.back`, `emcy.received` and `node.bootup`; None for none.
+        history: Log for `node.*`, `heartbeat.lost`, `heartbeat.back`, `guarding.lost`, `guarding.back` and
+            `emcy.received`; None for none.
 
     Raises:
         ConfigurationError: `node_id` is out of range.
@@ -37,9 +46,15 @@ class CanopenMaster:
     """
 
     __slots__ = (
+        "_clients",
+        "_frame_ns",
         "_heartbeat",
         "_history",
+        "_nodes",
         "_port",
+        "_sdo_active",
+        "_sdo_count",
+        "_sdo_pause_ns",
         "_subscribers",
         "_sync",
         "_sync_frames",
@@ -67,7 +82,14 @@ class CanopenMaster:
         self.node_id = node_id
         self._history = history
         self._subscribers: dict[int, tuple[DataCallback, ...]] = {}
-        self._watches: list[_HeartbeatWatch] = []
+        self._watches: list[HeartbeatWatch] = []
+        self._clients: dict[int, SdoClient] = {}
+        self._sdo_active: set[int] = set()
+        self._sdo_count = 0
+        self._sdo_pause_ns = 0
+        self._nodes: dict[int, RemoteNode] = {}
+        # Live segments may not know their bit rate; most run at the highest.
+        self._frame_ns = _FRAME_BITS * S // (getattr(segment, "bitrate", None) or 1_000_000)
         self._heartbeat: Timer | None = None
         self._sync: Timer | None = None
         self._sync_frames: tuple[CanFrame, ...] = ()
@@ -114,16 +136,103 @@ class CanopenMaster:
     # -- network management -----------------------------------------------------------------------------------
 
     def nmt(self, command: int, node: int = 0) -> None:
-        """Send a node control command (`NmtCommand`) to one node, or to all with 0."""
+        """Send a node control command (`NmtCommand`) to one node, or to all with 0.
+
+        A managed node (`add_node`) that is taken out of Operational in this way stays out until it is told to start or
+        starts anew.
+        """
         self._port.send(CanFrame(COB_NMT, bytes((command, node))))
+        for managed in self._nodes.values():
+            if node in (0, managed.node_id):
+                managed.note_command(command)
+
+    # -- nodes and SDO ----------------------------------------------------------------------------------------
+
+    @property
+    def nodes(self) -> Mapping[int, RemoteNode]:
+        """The managed nodes, by node-ID."""
+        return MappingProxyType(self._nodes)
+
+    def add_node(self, setup: NodeSetup, user: NodeUser | None = None) -> RemoteNode:
+        """Manage a node of the network; `RemoteNode.boot` then takes it into service.
+
+        Raises:
+            ConfigurationError: The node-ID is the controller's own, or managed already.
+
+        """
+        node = setup.node_id
+        if node == self.node_id or node in self._nodes:
+            raise ConfigurationError(f"{self.name}: node_id of {setup.name}", node, "a node-ID of its own")
+        self._nodes[node] = managed = RemoteNode(self, setup, user)
+        return managed
+
+    def sdo(self, node: int) -> SdoClient:
+        """Return the SDO client of a node; there is one, so that a server never gets two requests at once.
+
+        Raises:
+            ConfigurationError: `node` is out of range.
+
+        """
+        client = self._clients.get(node)
+        if client is None:
+            client = self._clients[node] = SdoClient(self, node)
+        return client
+
+    def sdo_under_way(self, client: SdoClient, active: bool) -> None:
+        """Note whether a client has a transfer under way; clients call this."""
+        if active:
+            self._sdo_active.add(client.node)
+        else:
+            self._sdo_active.discard(client.node)
+
+    def sdo_delay_ns(self, requests: int = 1) -> int:
+        """Return how long SDO requests have to wait for the good of the others, ns; 0 = not at all.
+
+        * A request whose answer may still be on the bus when SYNC is due waits for it: SYNC would come late by up to a
+          frame, and every drive would sample late. A cycle that is too short for it is not spared.
+        * After some requests there is a pause. Frames of error control have less priority than SDOs, and would not get
+          through between clients and servers that answer each other without delay.
+
+        Both hold for all clients together. Requests that need not wait count as sent.
+
+        Args:
+            requests: Frames that are to be sent at once; one answer is expected.
+
+        """
+        now = self.scheduler.now
+        if now < self._sdo_pause_ns:
+            return self._sdo_pause_ns - now
+        need_ns = self._frame_ns * (requests + 1) * max(1, len(self._sdo_active))
+        sync = self._sync
+        if sync is not None:
+            left_ns = sync.due_ns - now
+            if 0 < left_ns < need_ns < sync.period_ns:
+                return left_ns
+        self._sdo_count += 1
+        if self._sdo_count <= _SDO_IN_A_ROW:
+            return 0
+        self._sdo_count = 0
+        self._sdo_pause_ns = now + need_ns
+        return need_ns
+
+    def emit(self, kind: str, **data: Scalar) -> None:
+        """Write an event into the history, if there is one."""
+        if self._history is not None:
+            self._history.emit(self.name, kind, **data)
+
+    def close(self) -> None:
+        """Stop everything that sends by itself: SYNC, heartbeat, guarding, boots."""
+        self.stop_sync()
+        self.produce_heartbeat(0)
+        for node in self._nodes.values():
+            node.stop()
 
     def on_bootup(self, node: int, callback: Callable[[], None]) -> Remover:
         """Call `callback()` when `node` reports its boot-up; return the remover."""
 
         def receive(data: bytes, _time_ns: int) -> None:
             if data == b"\0":
-                if self._history is not None:
-                    self._history.emit(self.name, "node.bootup", node=node)
+                self.emit("node.bootup", node=node)
                 callback()
 
         return self.subscribe(COB_ERROR_CONTROL + node, receive)
@@ -139,8 +248,7 @@ class CanopenMaster:
         def receive(data: bytes, _time_ns: int) -> None:
             if len(data) == 8:
                 code = data[0] | data[1] << 8
-                if self._history is not None:
-                    self._history.emit(self.name, "emcy.received", node=node, code=code, register=data[2])
+                self.emit("emcy.received", node=node, code=code, register=data[2])
                 callback(code, data[2], data[3:])
 
         return self.subscribe(COB_EMCY + node if cob_id is None else cob_id, receive)
@@ -210,10 +318,7 @@ class CanopenMaster:
         on_lost: Callable[[], None] | None = None,
         on_state: Callable[[int], None] | None = None,
     ) -> Remover:
-        """Watch the heartbeat of `node`; return the function that ends it.
-
-        Monitoring starts with the first heartbeat (C301-026). A boot-up or a change of state is reported as such,
-        never as a loss (C301-027); after a boot-up monitoring waits for the first heartbeat again.
+        """Watch the heartbeat of `node`; return the function that ends it (see `HeartbeatWatch`).
 
         Args:
             node: 1..127.
@@ -229,7 +334,19 @@ class CanopenMaster:
             raise ConfigurationError(f"{self.name}: watch_heartbeat node", node, "1..127")
         if timeout_ns <= 0:
             raise ConfigurationError(f"{self.name}: watch_heartbeat timeout_ns", timeout_ns, "more than 0")
-        watch = _HeartbeatWatch(self, node, timeout_ns, on_lost, on_state)
+
+        def lost() -> None:
+            self.emit("heartbeat.lost", node=node)
+            if on_lost is not None:
+                on_lost()
+
+        watch = HeartbeatWatch(
+            self.scheduler,
+            timeout_ns,
+            on_lost=lost,
+            on_back=lambda: self.emit("heartbeat.back", node=node),
+            on_state=on_state,
+        )
         remove = self.subscribe(COB_ERROR_CONTROL + node, watch.receive)
         self._watches.append(watch)
 
@@ -240,81 +357,3 @@ class CanopenMaster:
                 self._watches.remove(watch)
 
         return end
-
-    def log(self, kind: str, node: int) -> None:
-        """Emit an event about a node, if there is a history."""
-        if self._history is not None:
-            self._history.emit(self.name, kind, node=node)
-
-
-class _HeartbeatWatch:
-    """One watched node; its timer is entered once per timeout, not once per heartbeat."""
-
-    __slots__ = (
-        "_last_ns",
-        "_lost",
-        "_master",
-        "_node",
-        "_on_lost",
-        "_on_state",
-        "_state",
-        "_timeout_ns",
-        "_timer",
-    )
-
-    def __init__(
-        self,
-        master: CanopenMaster,
-        node: int,
-        timeout_ns: int,
-        on_lost: Callable[[], None] | None,
-        on_state: Callable[[int], None] | None,
-    ) -> None:
-        self._master = master
-        self._node = node
-        self._timeout_ns = timeout_ns
-        self._on_lost = on_lost
-        self._on_state = on_state
-        self._timer: Timer | None = None
-        self._last_ns = 0
-        self._state = -1
-        self._lost = False
-
-    def receive(self, data: bytes, time_ns: int) -> None:
-        if len(data) != 1:
-            return
-        state = data[0] & 0x7F
-        if state == NmtState.INITIALISING:
-            self.stop()
-        else:
-            self._last_ns = time_ns
-            if self._timer is None:
-                self._arm(time_ns + self._timeout_ns)
-        if self._lost:
-            self._lost = False
-            self._master.log("heartbeat.back", self._node)
-        if state != self._state:
-            self._state = state
-            if self._on_state is not None:
-                self._on_state(state)
-
-    def stop(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-
-    def _arm(self, due_ns: int) -> None:
-        scheduler = self._master.scheduler
-        self._timer = scheduler.at(max(due_ns, scheduler.now), self._due)
-
-    def _due(self) -> None:
-        self._timer = None
-        due = self._last_ns + self._timeout_ns
-        if due > self._master.scheduler.now:
-            self._arm(due)
-            return
-        self._lost = True
-        self._state = -1
-        self._master.log("heartbeat.lost", self._node)
-        if self._on_lost is not None:
-            self._on_lost()

@@ -26,6 +26,15 @@ def check_bench(reference: str, *, build: bool, as_json: bool) -> int:
                 facts["ready_after_s"] = bench.scheduler.now * 1e-9
                 for part in ("axis_names", "drive_names", "segment_names"):
                     facts[part.removesuffix("_names")] = list(getattr(bench, part, ()))
+                networks = (
+                    [bench.network(name) for name in bench.segment_names] if hasattr(bench, "network") else []
+                )
+                nodes = [node for network in networks for node in network.nodes.values()]
+                facts["nodes"] = (
+                    [node.describe() for node in nodes]
+                    if as_json
+                    else [f"{node.name} (node {node.node_id}) {node.boot_state.value}" for node in nodes]
+                )
                 facts["signals"] = len(bench.trace().names())
             facts["wall_s"] = round(time.perf_counter() - started, 3)
     if as_json:

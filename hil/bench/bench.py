@@ -8,25 +8,28 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from numpy.random import Generator, SeedSequence, default_rng
 
+from fieldbus.canopen.boot import BootState
 from fieldbus.canopen.master import CanopenMaster
 from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler, VirtualScheduler, seconds_to_ns
-from fieldbus.errors import BusError, ConfigurationError
+from fieldbus.errors import BusError, ConfigurationError, HilError
 from fieldbus.history import History
 from hil.bench._load import LOAD_COLUMNS, LoadMeter
 from hil.bench.config import BenchConfig
 from hil.errors import BlockedError, UnsupportedFaultError
 from hil.record import Recorder, Trace
 from motion.axis import PositioningAxis, SpeedAxis, TechnologyAxis
-from motion.drives.cia402 import Cia402Port, Cia402PortConfig
+from motion.drives.cia402 import Cia402Port, Cia402PortConfig, CommissioningError
 from motion.runtime import AxisHandle, Runtime
 
 if TYPE_CHECKING:
     from fieldbus.can.frame import CanFrame
+    from fieldbus.canopen.node import RemoteNode
     from hil.bench.remote import RemoteDrives
 
 _MASTER_NODE: Final = 127
@@ -53,7 +56,8 @@ class Bench:
         seed: Seed of every random stream of this bench.
 
     Raises:
-        BenchNotReadyError: A drive did not come up.
+        BenchNotReadyError: A drive did not come up, or is another one than the bench file says.
+        CommissioningError: A drive refuses a parameter.
         ConfigurationError: A variable of an axis does not exist or is out of range.
 
     """
@@ -160,6 +164,16 @@ class Bench:
                 heartbeat_ms=drive.heartbeat_ms,
                 consumer_heartbeat_ms=drive.consumer_heartbeat_ms,
                 grace_cycles=self.config.bench.grace_cycles,
+                guard_time_ms=drive.guard_time_ms,
+                life_time_factor=drive.life_time_factor,
+                vendor_id=drive.vendor_id,
+                product_code=drive.product_code,
+                revision=drive.revision,
+                serial=drive.serial,
+                store=drive.device == "emulated"
+                if drive.store_parameters is None
+                else drive.store_parameters,
+                optional=drive.optional,
             ),
             name=section.drive,
             history=self.history,
@@ -206,7 +220,11 @@ class Bench:
                 master.produce_heartbeat(min(filter(None, heartbeats)) * MS)
         self.runtime.start()
         if not self.scheduler.run_until(self._linked, _LINK_TIMEOUT_NS):
-            missing = [name for name, port in self._ports.items() if not port.link_ok]
+            missing = [
+                name
+                for name, port in self._ports.items()
+                if not port.link_ok and not port.node.setup.optional
+            ]
             raise BenchNotReadyError(
                 f"no cyclic data from {', '.join(missing)} within {_LINK_TIMEOUT_NS // S} s"
             )
@@ -228,41 +246,44 @@ class Bench:
         return self.config.tolerance.time_s
 
     def _linked(self) -> bool:
-        return all(axis.communication_ok and axis.sensor_valid for axis in self.runtime.axes)
+        return all(
+            (handle.communication_ok and handle.sensor_valid) or self._missing(name)
+            for name, handle in self._axes.items()
+        )
+
+    def _missing(self, axis_name: str) -> bool:
+        """Say whether the axis' drive may be missing, and is."""
+        node = self._ports[self.drive_of(axis_name)].node
+        return node.setup.optional and not node.started
 
     def _commission(self) -> None:
-        from fieldbus.canopen.network import PumpedNetwork
-        from hil.bench.drives import object_dictionary
+        """Take all drives into service at the same time, up to the command to start.
 
-        for segment_name, segment in self._segments.items():
-            ports = {n: p for n, p in self._ports.items() if self.config.drive[n].segment == segment_name}
-            if not ports:
-                continue
-            network = PumpedNetwork(segment, name="commissioning")
-            try:
-                for name, port in ports.items():
-                    node = network.add_node(port.node_id, object_dictionary())
-                    self._wait_for_drive(name, node)
-                    port.commission(node.sdo, store=self.config.drive[name].device == "emulated")
-            finally:
-                network.disconnect()
+        An optional drive is waited for as long as it goes on answering.
+        """
+        nodes = [port.node for port in self._ports.values()]
+        for node in nodes:
+            node.boot()
 
-    def _wait_for_drive(self, name: str, node: Any) -> None:
-        """Ask for the device type until the drive answers."""
-        from canopen.sdo.exceptions import SdoError
+        def settled(node: RemoteNode) -> bool:
+            failure = node.failure
+            return node.started or (failure is not None and (node.setup.optional or not failure.silent))
 
-        deadline = self.scheduler.now + _BOOT_TIMEOUT_NS
-        while True:
-            try:
-                node.sdo[0x1000].raw  # noqa: B018 - the read is the question
-            except SdoError as error:
-                if self.scheduler.now >= deadline:
-                    raise BenchNotReadyError(
-                        f"{name} (node {node.id}) does not answer on the bus within {_BOOT_TIMEOUT_NS // S} s: {error}"
-                    ) from None
-                self.scheduler.run_for(10 * MS)
-            else:
-                return
+        self.scheduler.run_until(lambda: all(settled(node) for node in nodes), _BOOT_TIMEOUT_NS)
+        for node in nodes:
+            if not node.started and not node.setup.optional:
+                raise self._not_started(node)
+
+    def _not_started(self, node: RemoteNode) -> HilError:
+        failure = node.failure
+        if failure is None or (failure.silent and failure.state is BootState.WAITING):
+            reason = "" if failure is None else f": {failure.what}"
+            return BenchNotReadyError(
+                f"{node.name} (node {node.node_id}) does not answer on the bus within {_BOOT_TIMEOUT_NS // S} s{reason}"
+            )
+        if failure.abort_code and not failure.silent:
+            return CommissioningError(str(failure))
+        return BenchNotReadyError(str(failure))
 
     def _after_cycle(self) -> None:
         for callback in self._cycle_callbacks:
@@ -301,6 +322,19 @@ class Bench:
     def segment(self, name: str | None = None) -> Any:
         """Return a CAN segment by name, or the first one."""
         return self._part("segment", self._segments, name)
+
+    def network(self, name: str | None = None) -> CanopenMaster:
+        """Return the controller's CANopen services on a segment, by its name, or on the first one.
+
+        `bench.network().nodes` are the drives as nodes: state, identity, EMCYs (`RemoteNode`).
+        """
+        part: CanopenMaster = self._part("network", self._masters, name)
+        return part
+
+    def node(self, drive_name: str | None = None) -> RemoteNode:
+        """Return a drive as its controller sees it on the network, by name, or that of the first axis."""
+        port: Cia402Port = self._part("drive with an axis", self._ports, drive_name)
+        return port.node
 
     @property
     def axis_names(self) -> tuple[str, ...]:
@@ -403,7 +437,8 @@ class Bench:
     def _let_go(self) -> None:
         """Stop what is still sending, and give processes and buses back."""
         for master in self._masters.values():
-            master.stop_sync()
+            with suppress(HilError):  # a bus that is down takes no last frames
+                master.close()
         if self._remote is not None:
             self._remote.close()
         for segment in self._segments.values():

@@ -38,6 +38,7 @@ class _Model(BaseModel):
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Word = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -169,6 +170,18 @@ class DriveSection(_Model):
     """Cycles without a setpoint after which the emulated drive reacts as to a lost connection (6007h); 0 = never."""
     heartbeat_ms: Annotated[int, Field(ge=0, le=60000)] = 100
     consumer_heartbeat_ms: Annotated[int, Field(ge=1, le=65535)] = 250
+    guard_time_ms: Annotated[int, Field(ge=0, le=65535)] = 0
+    """Period of node guarding, ms, for a drive without heartbeat; 0 = none."""
+    life_time_factor: Annotated[int, Field(ge=1, le=255)] = 3
+    vendor_id: Word | None = None
+    """Expected identity (1018h:1 to 4); None = any."""
+    product_code: Word | None = None
+    revision: Word | None = None
+    serial: Word | None = None
+    optional: bool = False
+    """The bench is ready without this drive."""
+    store_parameters: bool | None = None
+    """Whether the controller has the drive keep its parameters (1010h); None: an emulated one, no physical one."""
     mechanics: MechanicsSection = MechanicsSection()
     switches: SwitchSection = SwitchSection()
 
@@ -221,6 +234,10 @@ class BenchConfig(_Model):
                 raise ValueError(
                     f"drive.{name}.velocity_time_constant_ms: {drive.velocity_time_constant_ms:g} is less than three servo "
                     f"periods ({3 * self.bench.servo_period_us / 1000:g} ms)"
+                )
+            if drive.guard_time_ms and drive.heartbeat_ms:
+                raise ValueError(
+                    f"drive.{name}.guard_time_ms: {drive.guard_time_ms} needs heartbeat_ms = 0; a node has one of the two"
                 )
         used: dict[str, str] = {}
         for name, axis in self.axis.items():

@@ -1,8 +1,9 @@
 """Port to a CiA 402 drive on CANopen: cyclic synchronous velocity on PDOs, latched by SYNC.
 
 One RPDO (6040h, 60FFh, 6060h) and two synchronous TPDOs (6041h, 6064h, 6077h; 606Ch, 60FDh) carry the cycle;
-603Fh and 1001h come by event. The mapping is written once by `commission`, through the canopen library's SDO
-client, and stored in the drive (1010h), so that a drive that was switched off comes back ready for the cycle.
+603Fh and 1001h come by event. `setup` says what the drive has to be and how it has to be configured; the network
+(`CanopenMaster.add_node`) sees to that, at the start and whenever the drive comes back, and tells the port whether it
+may be relied on.
 
 Delays, with T the bus cycle: the drive samples at SYNC k, the axis calculates half a cycle later, its setpoint
 is latched at SYNC k+1 and interpolated by the drive until SYNC k+2.
@@ -13,8 +14,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from struct import Struct
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
+from fieldbus.canopen.node_setup import NodeSetup, Parameter, PdoSetup
 from fieldbus.cia402 import DriveState, decode_state
 from fieldbus.errors import ConfigurationError, HilError
 from fieldbus.history import History
@@ -22,6 +24,7 @@ from motion.drives.port import STW1, ZSW1, DrivePort
 
 if TYPE_CHECKING:
     from fieldbus.canopen.master import CanopenMaster
+    from fieldbus.canopen.node import RemoteNode
 
 _RPDO1: Final = Struct("<Hib")
 _TPDO1: Final = Struct("<Hih")
@@ -30,10 +33,7 @@ _TPDO3: Final = Struct("<HB")
 
 MODE_CSV: Final = 9
 _VELOCITY_UNIT_MILLI_RPM: Final = 0xFDB44700
-_SAVE: Final = 0x65766173
-_NMT_START: Final = 0x01
-_OPERATIONAL: Final = 0x05
-_PRE_OPERATIONAL: Final = 0x7F
+_PROFILE: Final = 402
 
 GRACE_CYCLES: Final = 3
 """Cycles without an actual value after which the link counts as lost."""
@@ -67,6 +67,11 @@ class Cia402PortConfig:
         abort_connection: 6007h, the drive's reaction to lost communication.
         fault_reaction: 605Eh.
         grace_cycles: Cycles without data until the link counts as lost.
+        guard_time_ms: Period of node guarding, for drives without heartbeat; 0 = none.
+        life_time_factor: Guard times without an answer after which either side reports the other as lost.
+        vendor_id: Expected 1018h:1; None = any. Likewise `product_code`, `revision`, `serial`.
+        store: Have the drive keep the parameters (1010h).
+        optional: The network is ready without this drive.
 
     """
 
@@ -82,6 +87,14 @@ class Cia402PortConfig:
     abort_connection: int = 3
     fault_reaction: int = 2
     grace_cycles: int = GRACE_CYCLES
+    guard_time_ms: int = 0
+    life_time_factor: int = 3
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision: int | None = None
+    serial: int | None = None
+    store: bool = True
+    optional: bool = False
 
     def __post_init__(self) -> None:
         if not 1 <= self.node_id <= 127:
@@ -92,9 +105,6 @@ class Cia402PortConfig:
 
 class CommissioningError(HilError):
     """A drive refuses a parameter that the cyclic operation needs."""
-
-    def __init__(self, drive: str, index: int, sub: int, value: int, reason: str) -> None:
-        super().__init__(f"{drive} refuses {index:04X}h:{sub} = {value} ({value & 0xFFFFFFFF:X}h): {reason}")
 
 
 class Cia402Port(DrivePort):
@@ -112,19 +122,19 @@ class Cia402Port(DrivePort):
         "_ack",
         "_config",
         "_fault_code",
-        "_heartbeat_ok",
         "_history",
+        "_in_service",
         "_link_age",
         "_master",
         "_off1",
         "_rpdo1_id",
         "_seen_tpdo1",
-        "_starting",
         "_state_of_word",
         "_statusword",
         "_stw1",
         "_torque_factor",
         "name",
+        "node",
         "node_id",
     )
 
@@ -149,112 +159,114 @@ class Cia402Port(DrivePort):
         self._stw1 = 0
         self._fault_code = 0
         self._seen_tpdo1 = False
-        self._heartbeat_ok = True
-        self._starting = False
+        self._in_service = False
         self._link_age = config.grace_cycles
         self._state_of_word: dict[int, DriveState] = {}
         master.subscribe(0x180 + node, self._on_tpdo1)
         master.subscribe(0x280 + node, self._on_tpdo2)
         master.subscribe(0x380 + node, self._on_tpdo3)
-        master.on_emcy(node, self._on_emcy)
-        master.on_bootup(node, self._on_bootup)
-        if config.heartbeat_ms:
-            master.watch_heartbeat(
-                node, config.consumer_heartbeat_ms * 1_000_000, self._on_heartbeat_lost, self._on_nmt_state
-            )
+        self.node: RemoteNode = master.add_node(self.setup(), self)
+        """The drive as a node of the network."""
 
-    # -- start-up ---------------------------------------------------------------------------------------------
+    # -- configuration ----------------------------------------------------------------------------------------
+
+    def setup(self) -> NodeSetup:
+        """Return what the drive has to be and how it has to be configured."""
+        c = self._config
+        return NodeSetup(
+            node_id=c.node_id,
+            name=self.name,
+            device_profile=_PROFILE,
+            vendor_id=c.vendor_id,
+            product_code=c.product_code,
+            revision=c.revision,
+            serial=c.serial,
+            prepare=(Parameter(0x6040, 0, 0, 2),),
+            pdos=self._pdos(),
+            parameters=self._parameters(),
+            store=c.store,
+            heartbeat_timeout_ms=c.consumer_heartbeat_ms if c.heartbeat_ms else 0,
+            guard_time_ms=c.guard_time_ms,
+            life_time_factor=c.life_time_factor,
+            optional=c.optional,
+        )
+
+    def _pdos(self) -> tuple[PdoSetup, ...]:
+        node = self.node_id
+        # PDOs that the cycle does not use stay silent, whatever the device's default is.
+        return (
+            PdoSetup(False, 1, 0x200 + node, 1, (0x60400010, 0x60FF0020, 0x60600008)),
+            PdoSetup(True, 1, 0x180 + node, 1, (0x60410010, 0x60640020, 0x60770010)),
+            PdoSetup(True, 2, 0x280 + node, 1, (0x606C0020, 0x60FD0020)),
+            PdoSetup(True, 3, 0x380 + node, 255, (0x603F0010, 0x10010008)),
+            PdoSetup(True, 4, 0x480 + node),
+            *(PdoSetup(False, number, 0x100 + 0x100 * number + node) for number in (2, 3, 4)),
+        )
+
+    def _parameters(self) -> tuple[Parameter, ...]:
+        c = self._config
+        u8, u16, u32 = 1, 2, 4
+        heartbeat = self._master.node_id << 16 | c.consumer_heartbeat_ms if c.heartbeat_ms else 0
+        rows = [
+            (0x1006, 0, c.cycle_ns // 1000, u32),
+            (0x60A9, 0, _VELOCITY_UNIT_MILLI_RPM, u32),
+            (0x608F, 1, c.increments_per_revolution, u32),
+            (0x608F, 2, 1, u32),
+            (0x6092, 1, c.increments_per_revolution, u32),
+            (0x6092, 2, 1, u32),
+            (0x60C2, 1, c.cycle_ns // 1_000_000, u8),
+            (0x60C2, 2, -3, u8),
+            (0x6007, 0, c.abort_connection, u16),
+            (0x605A, 0, 2, u16),
+            (0x605B, 0, 1, u16),
+            (0x605C, 0, 1, u16),
+            (0x605E, 0, c.fault_reaction, u16),
+            (0x6084, 0, round(c.off1_deceleration_rpm_s * 1000.0), u32),
+            (0x6085, 0, round(c.off3_deceleration_rpm_s * 1000.0), u32),
+            (0x6060, 0, MODE_CSV, u8),
+            (0x1017, 0, c.heartbeat_ms, u16),
+            (0x1016, 1, heartbeat, u32),
+        ]
+        if c.guard_time_ms:
+            rows += [(0x100C, 0, c.guard_time_ms, u16), (0x100D, 0, c.life_time_factor, u8)]
+        return tuple(Parameter(*row) for row in rows)
 
     def parameters(self) -> list[tuple[int, int, int]]:
-        """Return what commissioning writes, in order: (index, sub-index, value)."""
-        c = self._config
-        node = c.node_id
-        writes: list[tuple[int, int, int]] = [
-            (0x1400, 1, 0x80000200 + node),
-            (0x1600, 0, 0),
-            (0x1600, 1, 0x60400010),
-            (0x1600, 2, 0x60FF0020),
-            (0x1600, 3, 0x60600008),
-            (0x1600, 0, 3),
-            (0x1400, 2, 1),
-            (0x1400, 1, 0x200 + node),
-        ]
-        for offset, (entries, kind) in enumerate(
-            (
-                ((0x60410010, 0x60640020, 0x60770010), 1),
-                ((0x606C0020, 0x60FD0020), 1),
-                ((0x603F0010, 0x10010008), 255),
-            )
-        ):
-            cob_id = 0x180 + 0x100 * offset + node
-            writes += [(0x1800 + offset, 1, 0xC0000000 + cob_id), (0x1A00 + offset, 0, 0)]
-            writes += [(0x1A00 + offset, sub, entry) for sub, entry in enumerate(entries, 1)]
-            writes += [
-                (0x1A00 + offset, 0, len(entries)),
-                (0x1800 + offset, 2, kind),
-                (0x1800 + offset, 1, 0x40000000 + cob_id),
-            ]
-        # PDOs that the cycle does not use stay silent, whatever the device's default is.
-        writes += [(0x1800 + pdo, 1, 0xC0000180 + 0x100 * pdo + node) for pdo in (3,)]
-        writes += [(0x1400 + pdo, 1, 0x80000200 + 0x100 * pdo + node) for pdo in (1, 2, 3)]
-        period_ms = c.cycle_ns // 1_000_000
-        writes += [
-            (0x1006, 0, c.cycle_ns // 1000),
-            (0x60A9, 0, _VELOCITY_UNIT_MILLI_RPM),
-            (0x608F, 1, c.increments_per_revolution),
-            (0x608F, 2, 1),
-            (0x6092, 1, c.increments_per_revolution),
-            (0x6092, 2, 1),
-            (0x60C2, 1, period_ms),
-            (0x60C2, 2, -3),
-            (0x6007, 0, c.abort_connection),
-            (0x605A, 0, 2),
-            (0x605B, 0, 1),
-            (0x605C, 0, 1),
-            (0x605E, 0, c.fault_reaction),
-            (0x6084, 0, round(c.off1_deceleration_rpm_s * 1000.0)),
-            (0x6085, 0, round(c.off3_deceleration_rpm_s * 1000.0)),
-            (0x6060, 0, MODE_CSV),
-        ]
-        if c.heartbeat_ms:
-            writes += [
-                (0x1017, 0, c.heartbeat_ms),
-                (0x1016, 1, self._master.node_id << 16 | c.consumer_heartbeat_ms),
-            ]
-        return writes
+        """Return what commissioning may write, in order: (index, sub-index, value)."""
+        return [(index, sub, value) for index, sub, value, _ in self.node.setup.everything()]
 
-    def commission(self, sdo: Any, *, store: bool = True) -> None:
-        """Disable the drive, write the parameters through `sdo` (a `canopen` SDO client) and start the node.
+    # -- what the network tells -------------------------------------------------------------------------------
 
-        With `store` the drive keeps the parameters (1010h), so that it comes back ready after it was switched off.
-
-        Must be called from outside of callbacks: the SDO client waits.
-        """
-        from canopen.sdo.exceptions import SdoError
-
-        writes = [(0x6040, 0, 0), *self.parameters()]
-        if store:
-            writes.append((0x1010, 1, _SAVE))
-        for index, sub, value in writes:
-            entry = sdo[index]
-            target = entry if hasattr(type(entry), "raw") else entry[sub]
-            try:
-                target.raw = value
-            except (
-                SdoError,
-                ValueError,
-                OverflowError,
-            ) as error:  # the last two: outside the object's data type
-                raise CommissioningError(self.name, index, sub, value, str(error)) from None
-        self._starting = True
-        self._master.nmt(_NMT_START, self.node_id)
-
-    def _on_bootup(self) -> None:
+    def node_restarted(self) -> None:
+        """See `NodeUser`: an incremental count has lost its reference."""
         if not self.absolute_encoder:
             self.encoder_restarts += 1
         self._fault_code = 0
-        self._starting = True
-        self._master.nmt(_NMT_START, self.node_id)
+
+    def node_in_service(self) -> None:
+        """See `NodeUser`: from now on cyclic data mean what they should."""
+        self._in_service = True
+
+    def node_lost(self, reason: str) -> None:
+        """See `NodeUser`: the link is down until the drive is in service again."""
+        self._in_service = False
+        self._seen_tpdo1 = False
+        self._link_age = self._config.grace_cycles  # what comes next has to be new
+        if self._history is not None:
+            if reason == "heartbeat":
+                self._history.emit(self.name, "link.heartbeat_lost")
+            else:
+                self._history.emit(self.name, "link.node_lost", reason=reason)
+
+    def node_state(self, state: int) -> None:
+        """See `NodeUser`."""
+        if self._history is not None:
+            self._history.emit(self.name, "link.nmt_state", state=int(state))
+
+    def node_emcy(self, code: int) -> None:
+        """See `NodeUser`."""
+        if code:
+            self._fault_code = code
 
     # -- bus events -------------------------------------------------------------------------------------------
 
@@ -273,24 +285,6 @@ class Cia402Port(DrivePort):
         if len(data) >= 3:
             self._fault_code = _TPDO3.unpack_from(data)[0]
 
-    def _on_emcy(self, code: int, _register: int, _data: bytes) -> None:
-        if code:
-            self._fault_code = code
-
-    def _on_heartbeat_lost(self) -> None:
-        self._heartbeat_ok = False
-        if self._history is not None:
-            self._history.emit(self.name, "link.heartbeat_lost")
-
-    def _on_nmt_state(self, state: int) -> None:
-        self._heartbeat_ok = True
-        if state == _OPERATIONAL:
-            self._starting = False
-        elif self._starting and state == _PRE_OPERATIONAL:
-            self._master.nmt(_NMT_START, self.node_id)  # the first command was lost
-        if self._history is not None:
-            self._history.emit(self.name, "link.nmt_state", state=int(state))
-
     # -- cycle ------------------------------------------------------------------------------------------------
 
     def read(self) -> None:
@@ -300,7 +294,7 @@ class Cia402Port(DrivePort):
             self._link_age = 0
         elif self._link_age < self._config.grace_cycles:
             self._link_age += 1
-        alive = self._link_age < self._config.grace_cycles and self._heartbeat_ok
+        alive = self._link_age < self._config.grace_cycles and self._in_service
         if alive is not self.link_ok:
             self.link_ok = alive
             if self._history is not None:

@@ -288,6 +288,7 @@ def node_off(ctx: CaseContext, phase: str) -> None:
             "TA-020"
         ),
         happens(event("node.bootup"), since=event("fault.removed")).covers("C301-022"),
+        happens(event("node.booted"), since=event("fault.removed")),
         value_at(f"{axis}.communication_ok", ended, 1.0, tolerance=0.0),
     )
     stopped_for_good(ctx, ended)

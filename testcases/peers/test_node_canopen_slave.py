@@ -10,7 +10,7 @@ import struct
 import canopen
 import pytest
 
-from fieldbus.canopen import CanopenMaster, PumpedNetwork
+from fieldbus.canopen import BootState, CanopenMaster, NmtState, NodeSetup, Parameter, PumpedNetwork
 from fieldbus.canopen.decode import FrameDecoder
 from fieldbus.clock import S
 from testcases.node_peer import PATIENCE_S
@@ -74,6 +74,46 @@ def test_supervision_of_a_foreign_slave(station, slave):
     slave.close()
     slave.until(lambda: lost, "the loss of the heartbeat")
     assert lost == ["lost"]
+
+
+@pytest.mark.requirement("C301-015", "C301-016", "C301-023", "C301-146")
+def test_foreign_slave_is_taken_into_service(station, slave):
+    """The stranger is asked for its identity, gets the one parameter that differs, is started, and shows Operational."""
+    master = CanopenMaster(station.scheduler, station.segment, node_id=CLIENT, history=station.history)
+    setup = NodeSetup(
+        SLAVE,
+        "stranger",
+        vendor_id=IDENTITY["vendorId"],
+        product_code=IDENTITY["productCode"],
+        revision=IDENTITY["revisionNumber"],
+        serial=IDENTITY["serialNumber"],
+        parameters=(Parameter(0x2000, 0, 8, 4), Parameter(0x2001, 0, -5, 2)),
+        heartbeat_timeout_ms=2000,
+    )
+    node = master.add_node(setup)
+    node.sdo.timeout_ns = round(PATIENCE_S * S)
+    slave.call("start")
+    node.boot()
+    slave.until(lambda: node.in_service or node.failure, "the end of the boot")
+    assert node.in_service, node.failure
+    assert [(p.index, p.value) for p in node.report.written] == [(0x2000, 8)]
+    assert slave.call("value", index=0x2000) == 8
+    slave.run(1.0)
+    assert node.nmt_state is NmtState.OPERATIONAL
+    slave.close()
+    slave.until(lambda: node.boot_state is BootState.LOST, "the loss of the heartbeat")
+
+
+def test_other_device_than_expected(station, slave):
+    """The stranger is not started when it has another serial number than the expected one."""
+    master = CanopenMaster(station.scheduler, station.segment, node_id=CLIENT)
+    node = master.add_node(NodeSetup(SLAVE, "stranger", serial=1))
+    node.sdo.timeout_ns = round(PATIENCE_S * S)
+    slave.call("start")
+    node.boot()
+    slave.until(lambda: node.failure, "the failure")
+    assert node.boot_state is BootState.FAILED
+    assert "00001267h" in str(node.failure)
 
 
 def test_frames_of_the_stranger_are_decoded(station, slave, client):

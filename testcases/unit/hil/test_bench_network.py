@@ -1,0 +1,307 @@
+"""The drives of a bench as nodes: identity, start-up, optional drives, guarding, and a drive that comes back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from emulators.drive.cia402 import CiA402Drive
+from fieldbus.canopen import BootState, NmtState
+from fieldbus.clock import MS, S
+from hil.bench import BenchFile
+from hil.errors import BlockedError, ConfigurationError
+from motion.drives.cia402 import CommissioningError
+
+TWO_AXES = """
+[bench]
+name = "two axes"
+cycle_ms = 4
+
+[segment.can0]
+
+[drive.drive1]
+segment = "can0"
+node_id = 5
+{first}
+
+[drive.drive2]
+segment = "can0"
+node_id = 6
+{second}
+
+[axis.axis1]
+drive = "drive1"
+
+[axis.axis1.variables]
+"Sensor[1].Parameter.StepsPerRevolution" = 131072
+"Sensor[1].Parameter.FineResolutionXist1" = 0
+
+[axis.axis2]
+drive = "drive2"
+
+[axis.axis2.variables]
+"Sensor[1].Parameter.StepsPerRevolution" = 131072
+"Sensor[1].Parameter.FineResolutionXist1" = 0
+"""
+
+
+def two_axes(*, first: str = "", second: str = ""):
+    return BenchFile("two.toml", TWO_AXES.format(first=first, second=second)).build()
+
+
+def events(bench, kind: str, node: int) -> list[dict]:
+    return [
+        e.data for e in bench.history.select(source="controller", kind=kind) if e.data.get("node") == node
+    ]
+
+
+def enable(bench, *names: str) -> None:
+    jobs = [bench.axis(name).power() for name in names]
+    assert bench.run_until(lambda: all(job.status() for job in jobs), 2.0)
+
+
+# -- start -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.requirement("C301-146")
+def test_drives_of_a_bench_are_nodes():
+    """After the start every drive is in service; the network shows identity, what was written, and no failure."""
+    with two_axes(first="vendor_id = 0") as bench:
+        assert [node.name for node in bench.network().nodes.values()] == ["drive1", "drive2"]
+        for name in ("drive1", "drive2"):
+            node = bench.node(name)
+            assert node.in_service
+            assert node.failure is None
+            assert node.report.written
+            assert set(node.identity) == {"vendor_id", "product_code", "revision", "serial"}
+            assert node.nmt_state is not NmtState.STOPPED
+        assert bench.node() is bench.node("drive1")
+        with pytest.raises(ConfigurationError, match="drive1, drive2"):
+            bench.node("drive3")
+
+
+def test_drives_start_side_by_side(monkeypatch):
+    """Two drives that take their time to answer are commissioned in the time of one."""
+    original = CiA402Drive.power_on
+
+    def slow(drive):
+        drive.slave.sdo_response_delay_ns = 2 * MS
+        original(drive)
+
+    monkeypatch.setattr(CiA402Drive, "power_on", slow)
+    with two_axes() as bench:
+        durations = [events(bench, "node.booted", node)[0]["duration_ms"] for node in (5, 6)]
+        assert min(durations) > 100
+        assert bench.now_s < 1.3 * max(durations) / 1000
+
+
+@pytest.mark.parametrize("key", ["vendor_id", "product_code", "revision", "serial"])
+def test_another_drive_than_in_the_bench_file_blocks(key):
+    """A drive with another identity than the bench file expects blocks the bench; the message says what differs."""
+    with pytest.raises(
+        BlockedError, match=r"drive2 \(node 6\) is another device: .*1018h:\d\) FFFFFFF0h is expected"
+    ):
+        two_axes(second=f"{key} = 0xFFFFFFF0")
+
+
+def test_refused_parameter_is_named(monkeypatch):
+    """A drive that refuses a parameter is told with object, value and the reason in words."""
+    original = CiA402Drive.power_on
+
+    def strict(drive):
+        drive.slave.store.entry(0x1006, 0).high = 1000
+        original(drive)
+
+    monkeypatch.setattr(CiA402Drive, "power_on", strict)
+    with pytest.raises(
+        CommissioningError, match=r"drive1 \(node 5\) refuses 1006h:0 = 4000 \(FA0h\): 06090031h"
+    ):
+        two_axes()
+
+
+def absent(monkeypatch, name: str) -> None:
+    """Let a drive stay off when the bench starts."""
+    original = CiA402Drive.power_on
+    monkeypatch.setattr(
+        CiA402Drive, "power_on", lambda drive: None if drive.slave.name == name else original(drive)
+    )
+
+
+def test_missing_drive_blocks(monkeypatch):
+    """A drive that is not there blocks the bench after 5 s; the other one does not hide that."""
+    absent(monkeypatch, "drive2")
+    with pytest.raises(BlockedError, match=r"drive2 \(node 6\) does not answer on the bus within 5 s"):
+        two_axes()
+
+
+def test_optional_drive_may_be_missing(monkeypatch):
+    """A bench is ready without an optional drive; when that comes, its axis can be used."""
+    with monkeypatch.context() as patch:
+        absent(patch, "drive2")
+        bench = two_axes(second="optional = true")
+    with bench:
+        assert bench.now_s < 1.0
+        assert bench.node("drive2").boot_state is BootState.WAITING
+        enable(bench, "axis1")
+        job = bench.axis("axis1").move_relative(10.0)
+        bench.drive("drive2").power_on()
+        assert bench.run_until(job.done, 3.0)
+        assert bench.node("drive2").in_service
+        if bench.axis("axis2").alarms.engine.number:
+            assert bench.run_until(bench.axis("axis2").reset().done, 1.0)
+        enable(bench, "axis2")
+        assert bench.run_until(bench.axis("axis2").move_relative(10.0).done, 3.0)
+
+
+# -- supervision -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.requirement("C301-024", "C301-030")
+def test_bench_with_node_guarding():
+    """A drive without heartbeat is guarded; when it falls silent the axis has alarm 431."""
+    guarding = "heartbeat_ms = 0\nguard_time_ms = 20\nlife_time_factor = 3"
+    with two_axes(first=guarding) as bench:
+        enable(bench, "axis1", "axis2")
+        bench.run_for(0.5)
+        assert bench.node("drive1").nmt_state is NmtState.OPERATIONAL
+        assert bench.drive("drive1").slave.get(0x1017) == 0
+        assert bench.drive("drive1").slave.get(0x100D) == 3
+        bench.drive("drive1").stop_heartbeat(True)
+        assert bench.run_until(lambda: bench.axis("axis1").alarms.engine.number == 431, 0.2)
+        assert events(bench, "guarding.lost", 5)
+        assert bench.axis("axis2").alarms.engine.number == 0
+
+
+def test_guarding_and_heartbeat_exclude_each_other():
+    """The bench file says so with file, key and value."""
+    with pytest.raises(
+        ConfigurationError, match=r"two.toml: drive.drive1.guard_time_ms: 50 needs heartbeat_ms = 0"
+    ):
+        two_axes(first="guard_time_ms = 50")
+
+
+def test_emcys_of_a_drive_are_collected():
+    """A fault of the drive is among the EMCYs of its node, with its meaning."""
+    with two_axes() as bench:
+        bench.drive("drive2").raise_fault(0x2310)
+        bench.run_for(0.05)
+        assert [(e.code, e.text) for e in bench.node("drive2").emcys] == [(0x2310, "continuous overcurrent")]
+        assert not bench.node("drive1").emcys
+
+
+# -- a drive comes back ------------------------------------------------------------------------------------------------
+
+
+def story(*, power_loss: bool, forgets: bool = True):
+    """Move axis 1; meanwhile drive 2, enabled at rest, loses its supply and gets it back."""
+    bench = two_axes(second="store_parameters = false" if forgets else "")
+    enable(bench, "axis1", "axis2")
+    bench.run_for(0.1)
+    start_ns = bench.scheduler.now
+    job = bench.axis("axis1").move_relative(150.0, Velocity=100.0)
+    bench.run_for(0.3)
+    if power_loss:
+        drive = bench.drive("drive2")
+        drive.power_off()
+        bench.run_for(0.5)
+        drive.power_on()
+        bench.run_for(0.2)
+    else:
+        bench.run_for(0.7)
+    assert bench.run_until(job.done, 5.0)
+    bench.scheduler.run_for(start_ns + 3 * S - bench.scheduler.now)
+    return bench
+
+
+@pytest.mark.requirement("C301-015", "C301-022", "C301-141")
+@pytest.mark.parametrize("forgets", [True, False])
+def test_drive_comes_back_while_the_other_axis_moves(forgets):
+    """A drive loses its supply, with or without its stored parameters, and is taken in again in the running cycle.
+
+    The other axis' motion is the same byte for byte as without all that. The alarm of the axis waits for its
+    acknowledgement; then the axis is enabled and moves.
+    """
+    with story(power_loss=False, forgets=forgets) as bench:
+        undisturbed = bench.trace()
+    with story(power_loss=True, forgets=forgets) as bench:
+        disturbed = bench.trace()
+        for column in undisturbed.names():
+            if column.startswith(("axis1.", "drive1.")):
+                assert np.array_equal(undisturbed[column].values, disturbed[column].values), column
+
+        node = bench.node("drive2")
+        assert node.in_service
+        assert node.losses == 1
+        assert bool(node.report.written) is forgets
+        assert node.report.verified is not forgets
+        axis = bench.axis("axis2")
+        assert axis.alarms.engine.number == 431
+        assert axis.communication_ok
+        enabling = axis.power()
+        bench.run_for(0.2)
+        assert not enabling.status()
+        axis.power(False)
+        bench.run_for(0.05)
+        assert bench.run_until(axis.reset().done, 1.0)
+        enable(bench, "axis2")
+        before = axis.feedback.position
+        assert bench.run_until(axis.move_relative(20.0).done, 3.0)
+        bench.run_for(0.1)
+        assert axis.feedback.position == pytest.approx(before + 20.0, abs=0.1)
+
+
+def test_drive_that_comes_back_as_another_one_stays_out():
+    """A drive that was exchanged for another device while it was off is not started; its axis keeps the alarm."""
+    with two_axes(second="serial = 1") as bench:
+        enable(bench, "axis1", "axis2")
+        drive = bench.drive("drive2")
+        drive.power_off()
+        bench.run_for(0.3)
+        drive.slave.store.entry(0x1018, 4).default = 77
+        drive.power_on()
+        bench.run_for(0.5)
+        node = bench.node("drive2")
+        assert node.boot_state is BootState.FAILED
+        assert "0000004Dh" in str(node.failure)
+        assert drive.slave.nmt_state is NmtState.PRE_OPERATIONAL
+        assert bench.axis("axis2").alarms.engine.number == 431
+        assert not bench.axis("axis2").communication_ok
+        assert bench.axis("axis1").communication_ok
+
+
+@pytest.mark.requirement("C301-113", "C301-027")
+def test_cut_cable():
+    """A drive that was cut off, with its own reaction to the missing controller, is taken in again when connected."""
+    with two_axes() as bench:
+        enable(bench, "axis1", "axis2")
+        drive = bench.drive("drive2")
+        port = drive.slave._port
+        port.online = False
+        bench.run_for(1.0)
+        assert bench.node("drive2").boot_state is BootState.LOST
+        assert bench.axis("axis2").alarms.engine.number == 431
+        assert drive.slave.nmt_state is NmtState.PRE_OPERATIONAL
+        port.online = True
+        bench.run_for(0.5)
+        node = bench.node("drive2")
+        assert node.in_service
+        assert node.report.verified
+        assert node.bootups == 1
+        bench.axis("axis2").power(False)
+        bench.run_for(0.05)
+        assert bench.run_until(bench.axis("axis2").reset().done, 1.0)
+        enable(bench, "axis2")
+        assert bench.run_until(bench.axis("axis2").move_relative(5.0).done, 3.0)
+
+
+def test_quick_reset_is_noticed():
+    """A drive that resets and is back within the grace cycles is noticed by its boot-up: alarm, not a silent restart."""
+    with two_axes() as bench:
+        enable(bench, "axis1", "axis2")
+        bench.drive("drive2").power_off()
+        bench.drive("drive2").power_on()
+        bench.run_for(0.1)
+        assert bench.node("drive2").in_service
+        assert events(bench, "node.lost", 6)[0]["reason"] == "boot-up"
+        assert bench.axis("axis2").alarms.engine.number in (421, 431)
+        assert bench.axis("axis1").alarms.engine.number == 0
