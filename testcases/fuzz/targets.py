@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 from collections import deque
 from collections.abc import Callable
@@ -243,7 +244,7 @@ def drive() -> Take:
         for frame, pause_ns in frames(data):
             medium.inject(frame, sender="fuzzer")
             scheduler.run_for(max(pause_ns, 200_000))
-            word = unit.read_statusword()
+            word = int.from_bytes(store.read(0x6041, 0), "little")
             promise(decode_state(word) is unit.state, f"statusword {word:04X}h in {unit.state}")
             promise(unit.state in WITH_TORQUE or not unit.core.enabled, f"torque in {unit.state}")
             promise(all(math.isfinite(value) for value in unit.trace_row()), "a value that is no number")
@@ -259,6 +260,78 @@ def drive() -> Take:
 
 
 _NAMED: Final = {(old.text, new.text) for old, new in TRANSITIONS}
+
+
+# ------------------------------------------------------------------------------------------------- encoder
+
+
+def encoder() -> Take:
+    """Return a multi-turn encoder on a turning shaft."""
+    from emulators.encoder import Mounting
+    from emulators.encoder.cia406 import CiA406Encoder, EncoderDeviceConfig
+
+    segment = Loose()
+    angle = [0.0]
+    unit = CiA406Encoder(
+        segment.scheduler, segment, EncoderDeviceConfig(node_id=NODE), Mounting(lambda: angle[0]), name="encoder"
+    )  # fmt: skip
+    segment.judge = _judge_for(unit.slave)
+    unit.power_on()
+    device_type = b"\x43\x00\x10\x00" + unit.slave.store.read(0x1000, 0)
+
+    def take(data: bytes) -> None:
+        unit.slave.store.stored.clear()
+        segment.receive(_RESET_NODE, segment.scheduler.now)
+        angle[0] += 1.0
+        segment.feed(data)
+        unit.sample()
+        store = unit.slave.store
+        position = int.from_bytes(store.read(0x6004, 0), "little", signed=True)
+        total = int.from_bytes(store.read(0x6002, 0), "little") or 1 << 32
+        promise(-(1 << 31) <= position < max(total, 1 << 31), f"position {position} of {total} steps")
+        promise(all(math.isfinite(value) for value in unit.trace_row()), "a value that is no number")
+        unit.slave.store.stored.clear()
+        segment.receive(_RESET_NODE, segment.scheduler.now)
+        segment.heard.clear()
+        segment.receive(CanFrame(0x600 + NODE, _READ_DEVICE_TYPE), segment.scheduler.now)
+        promise(CanFrame(0x580 + NODE, device_type) in segment.heard, "no answer after a reset")
+
+    return take
+
+
+# ------------------------------------------------------------------------------------------------- adapter
+
+
+_ANSWER: Final = re.compile(
+    rb"(?:\x07|[zZ]?\r|V[0-9A-F]{4}\r|N[0-9A-Za-z]{4}\r|F[0-9A-F]{2}\r|A\r"
+    rb"|[tr][0-9A-F]{3}[0-8](?:[0-9A-F]{2}){0,10}\r|[TR][0-9A-F]{8}[0-8](?:[0-9A-F]{2}){0,10}\r)*"
+)
+
+
+def slcan() -> Take:
+    """Return the serial-line adapter; an input is the text of a program, in pieces, with frames of the bus between them."""
+    from emulators.adapter import SlcanAdapter
+
+    def take(data: bytes) -> None:
+        sent: list[CanFrame] = []
+
+        def transmit(frame: CanFrame) -> bool:
+            promise(
+                len(frame.data) <= 8 and frame.can_id <= (0x1FFFFFFF if frame.extended else 0x7FF), "no frame"
+            )
+            sent.append(frame)
+            return len(sent) % 7 != 0
+
+        adapter = SlcanAdapter(transmit, bitrate=500_000)
+        for number, piece in enumerate(data.split(b"\xff")):
+            answer = adapter.feed(piece)
+            promise(_ANSWER.fullmatch(answer), f"answer {answer!r}")
+            answer = adapter.deliver(CanFrame(number, piece[:8]), number * MS, room=100)
+            promise(_ANSWER.fullmatch(answer), f"delivery {answer!r}")
+        adapter.feed(b"\rC\r")
+        promise(adapter.feed(b"V\r").startswith(b"V"), "no version after a close")
+
+    return take
 
 
 # ------------------------------------------------------------------------------------------------- medium
@@ -330,6 +403,8 @@ def targets() -> dict[str, Target]:
         Target("slave", "CANopen slave: every service, with time passing", slave),
         Target("lss", "LSS slave without a node-ID", lss),
         Target("drive", "CiA 402 drive with its motor running", drive),
+        Target("encoder", "CiA 406 encoder", encoder),
+        Target("slcan", "serial-line adapter", slcan),
         Target("decoder", "bus monitor", decoder),
     ]
     return {target.name: target for target in listed}
