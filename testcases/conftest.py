@@ -3,7 +3,7 @@
 Environment variables:
     HYPOTHESIS_PROFILE: `dev` (default; new examples in every run), `ci` (the same examples in every run) or
         `nightly` (many new examples).
-    HIL_VCAN: Name of the SocketCAN interface for tests with the mark `vcan`; default vcan0.
+    HIL_VCAN, HIL_VCAN_FAR: Names of the SocketCAN interfaces for tests with the mark `vcan`; default vcan0, vcan0b.
     HIL_NO_SKIPS: Not empty: a skipped test counts as failed. For places where everything is known to be installed.
 """
 
@@ -25,7 +25,17 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE") or "dev")
 @pytest.fixture(scope="session")
 def vcan_channel() -> str:
     """Name of a SocketCAN interface that works; the test fails, and is never skipped, where there is none."""
-    interface = os.environ.get("HIL_VCAN") or "vcan0"
+    return working_interface(os.environ.get("HIL_VCAN") or "vcan0")
+
+
+@pytest.fixture(scope="session")
+def far_channel(vcan_channel) -> str:
+    """Name of a second SocketCAN interface, not connected to the first."""
+    return working_interface(os.environ.get("HIL_VCAN_FAR") or f"{vcan_channel}b")
+
+
+def working_interface(interface: str) -> str:
+    """Return `interface`, or fail when no CAN socket can be opened on it."""
     try:
         with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as probe:
             probe.bind((interface,))

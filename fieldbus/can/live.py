@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from threading import Event
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 import can
 
@@ -22,6 +22,9 @@ from fieldbus.can.timing import frame_bits
 from fieldbus.clock import RealtimeScheduler, Scheduler
 from fieldbus.errors import BusError, ConfigurationError, UnsupportedFaultError
 from fieldbus.history import History
+
+if TYPE_CHECKING:
+    from fieldbus.can.gateway import KernelBridge
 
 BUS: Final = "bus"
 """Name of the sender of everything that comes from outside, where there is no bridge."""
@@ -81,6 +84,8 @@ class LiveSegment:
         """Every frame in the order in which it was sent or came; grows, is never replaced."""
         self.ignored = {"fd": 0, "garbled": 0}
         """What came and was no classical frame: CAN FD frames, and what the driver could not read. One event each."""
+        self.kernel: KernelBridge | None = None
+        """The bridge of the kernel that this segment is on, if there is one."""
         self._history = history
         self._keep_log = keep_log
         self._lossy = lossy
@@ -130,7 +135,8 @@ class LiveSegment:
             keep_log: Whether `log` is written.
             lossy: A frame that the bus refuses is lost without an exception.
             bridge: `channel` of the second bus of a bridge, its `interface` if it is another one, and its options.
-                The channels are the names of the sides then.
+                The channels are the names of the sides then. With `gateway` = "kernel" the kernel joins the two, and
+                the segment is on the first; `kernel` then takes the faults that it can do.
             options: Further options of the interface, such as `bitrate` or `port`.
 
         Raises:
@@ -144,6 +150,19 @@ class LiveSegment:
         if bridge is None:
             return cls(scheduler, bus, name=name, history=history, keep_log=keep_log, echo=echo, lossy=lossy)
         further = dict(bridge)
+        if further.pop("gateway", "bench") == "kernel":
+            from fieldbus.can.gateway import KernelBridge
+
+            try:
+                kernel = KernelBridge(str(channel), str(further["channel"]))
+            except BusError as error:
+                bus.shutdown()
+                raise BusError(f"{name}: {error}") from error
+            segment = cls(
+                scheduler, bus, name=name, history=history, keep_log=keep_log, echo=echo, lossy=lossy
+            )
+            segment.kernel = kernel
+            return segment
         far_channel, far_interface = further.pop("channel"), further.pop("interface", interface)
         try:
             far = open_bus(name, far_interface, far_channel, further)
@@ -439,6 +458,8 @@ class LiveSegment:
         self._closed.set()
         for side in self.sides:
             side.close()
+        if self.kernel is not None:
+            self.kernel.close()
 
     def __enter__(self) -> Self:
         return self

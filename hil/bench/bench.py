@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from fieldbus.can.frame import CanFrame
     from fieldbus.canopen.node import RemoteNode
     from hil.bench.remote import RemoteDrives
+    from hil.bench.words import BenchWords
 
 _MASTER_NODE: Final = 127
 _SAMPLE_PRIORITY: Final = 100
@@ -78,7 +79,7 @@ class Bench:
         self._axes: dict[str, AxisHandle] = {}
         self._cycle_callbacks: list[Callable[[], object]] = []
         self._remote: RemoteDrives | None = None
-        self._decoder: Any = None
+        self._words: BenchWords | None = None
         self._closed = False
         # What a bench allocates lives as long as it does: frames, events, samples. Looking through all of it for cycles
         # again and again costs a tenth of the cyclic path and finds nothing.
@@ -367,13 +368,14 @@ class Bench:
         return ids
 
     def decode(self, frame: CanFrame) -> str:
-        """Return the meaning of a frame in words, by the mapping that the bench has commissioned."""
-        if self._decoder is None:
+        """Return the meaning of a frame in words, by the mapping that the bench, or without axes somebody, has written."""
+        if self._words is None:
             from hil.bench.drives import build_decoder
+            from hil.bench.words import BenchWords
 
-            self._decoder = build_decoder(self.config, self._ports)
-        text: str = self._decoder.decode(frame)
-        return text
+            logs = [] if self._axes else [segment.log for segment in self._segments.values()]
+            self._words = BenchWords(lambda: build_decoder(self.config, self._ports), logs)
+        return self._words.decode(frame)
 
     # -- time -------------------------------------------------------------------------------------------------
 

@@ -84,6 +84,8 @@ class BridgeSection(_Model):
     interface: str | None = None
     """None: that of the segment."""
     options: dict[str, Option] = {}
+    gateway: Literal["bench", "kernel"] = "bench"
+    """Who passes frames on: the process of the bench, or the kernel (SocketCAN only)."""
 
 
 class SegmentSection(_Model):
@@ -108,12 +110,16 @@ class SegmentSection(_Model):
         if self.bridge is not None:
             own = {} if self.bridge.interface is None else {"interface": self.bridge.interface}
             result["bridge"] = {"channel": self.bridge.channel, **own, **self.bridge.options}
+            if self.bridge.gateway == "kernel":
+                result["bridge"]["gateway"] = "kernel"
         return result
 
     def opening_for_drives(self) -> dict[str, Any]:
         """Return the arguments that open the bus on which the drives are: the far side of a bridge."""
         result = self.opening()
         far = result.pop("bridge", None)
+        if far is not None:
+            far.pop("gateway", None)
         return result if far is None else {"interface": self.interface or "", **far}
 
 
@@ -280,6 +286,12 @@ def _check_options(name: str, segment: SegmentSection) -> None:
         segment.options,
     ):
         raise ValueError(f"segment.{name}.bridge: both sides are {segment.interface} {segment.channel}")
+    if far is not None and far.gateway == "kernel":
+        kinds = {segment.interface, far.interface or segment.interface}
+        if kinds != {"socketcan"}:
+            raise ValueError(
+                f"segment.{name}.bridge.gateway: the kernel joins interfaces of SocketCAN only, not {', '.join(map(str, kinds))}"
+            )
 
 
 def _message(source: str, data: dict[str, Any], error: ValidationError) -> str:

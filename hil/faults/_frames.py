@@ -38,6 +38,13 @@ def _treatment(fault: Fault) -> Callable[[CanFrame], Any]:
     return lambda frame: fixed  # noqa: ARG005 - the same for every frame
 
 
+def selected_identifier(bench: Bench, fault: Fault) -> tuple[int, int]:
+    """Return the identifier that the parameters select, and the bits of it that count; 0 bits: every frame."""
+    message, can_id = fault.value("message"), fault.value("can_id")
+    mask: int = fault.value("mask") if message or can_id is not None else 0
+    return (message_id(bench, fault.value("drive"), message) if message else can_id or 0) & mask, mask
+
+
 class FrameAction(Action):
     """Drop, delay, corrupt, duplicate or replace the frames that the parameters select.
 
@@ -66,11 +73,7 @@ class FrameAction(Action):
         self._ended = ended
         self._note = note
         self._treat = _treatment(fault)
-        message, can_id = value("message"), value("can_id")
-        self._mask: int = value("mask") if message or can_id is not None else 0
-        self._can_id: int = (
-            message_id(bench, value("drive"), message) if message else can_id or 0
-        ) & self._mask
+        self._can_id, self._mask = selected_identifier(bench, fault)
         self._sender: str = value("sender")
         self._first: int = value("first")
         self._every: int = value("every")

@@ -9,6 +9,7 @@ from fieldbus.errors import HilError
 from hil.faults._actions import Action, alarm_action, drive_action
 from hil.faults._fault import Fault
 from hil.faults._frames import FrameAction, InjectAction
+from hil.faults._kernel import KernelFrameAction
 from hil.faults._parameters import Scalar
 from hil.faults._trigger import Immediately, OnFrame, Trigger, as_trigger
 from hil.faults._watch import Stop, watch
@@ -47,6 +48,8 @@ class ArmedFault:
         if kind == "frame.inject":
             return InjectAction(self._bench, self.fault, self._ended)
         if kind.startswith("frame."):
+            if getattr(self._bench.segment(self.fault.target or None), "kernel", None) is not None:
+                return KernelFrameAction(self._bench, self.fault, self._hit)
             return FrameAction(self._bench, self.fault, stream, self._ended, self._hit)
         if kind == "axis.alarm":
             return alarm_action(self._bench, self.fault)

@@ -3,7 +3,8 @@
 
     python testcases/vcan/run.py [options] -- <command> [arguments...]
 
-The command finds the name of the interface in the environment variable HIL_VCAN. Three ways, in this order:
+The command finds the name of the interface in the environment variable HIL_VCAN, and that of a second one, not
+connected to it, in HIL_VCAN_FAR. Three ways, in this order:
 
 1. the interface ($HIL_VCAN, else vcan0) exists on this machine: the command runs here;
 2. it can be created here with `ip link` (the kernel has the vcan module, and we are root or have sudo):
@@ -84,6 +85,11 @@ def execute_as_root(*command: str) -> None:
         raise UnavailableError(f"{' '.join(command)}: {said[-1]}")
 
 
+def far_name(interface: str) -> str:
+    """Return the name of the second interface."""
+    return interface[:14] + "b"
+
+
 def check_socket(interface: str) -> None:
     """Open a raw CAN socket on `interface`: the proof that programs can use it."""
     try:
@@ -124,9 +130,10 @@ def remove_from_host(interface: str) -> None:
     subprocess.run(as_root("ip", "link", "del", interface), check=False, capture_output=True)
 
 
-def run_on_host(command: list[str], interface: str, timeout_s: float) -> int:
+def run_on_host(command: list[str], interfaces: list[str], timeout_s: float) -> int:
     """Run `command` here with its output going straight to ours."""
-    process = subprocess.Popen(command, env={**os.environ, "HIL_VCAN": interface}, start_new_session=True)
+    environment = {**os.environ, **dict(zip(("HIL_VCAN", "HIL_VCAN_FAR"), interfaces, strict=False))}
+    process = subprocess.Popen(command, env=environment, start_new_session=True)
     try:
         return process.wait(timeout_s)
     except subprocess.TimeoutExpired:
@@ -169,6 +176,7 @@ def init_script(command: list[str], interface: str, state: Path, modules: list[P
     environment = {
         **{name: value for name, value in os.environ.items() if name.isidentifier()},
         "HIL_VCAN": interface,
+        "HIL_VCAN_FAR": far_name(interface),
         "HIL_VCAN_WHERE": "host",  # for a run.py inside
         # the host's temporary directory stays visible, but a file system in memory is faster and leaves nothing
         "TMPDIR": "/dev/shm",
@@ -192,8 +200,10 @@ mount -t tmpfs -o mode=1777 shm /dev/shm
 echo localhost > /proc/sys/kernel/hostname
 {inserts}
 ip link set lo up
-ip link add dev {interface} type vcan
-ip link set {interface} up
+for name in {interface} {far_name(interface)}; do
+  ip link add dev $name type vcan
+  ip link set $name up
+done
 cut -d' ' -f1 /proc/uptime > {shlex.quote(str(state / "uptime"))}
 cd {shlex.quote(str(Path.cwd()))}
 echo {shlex.quote(BEGIN)}
@@ -379,16 +389,23 @@ def main(arguments: list[str]) -> int:
     reasons: list[str] = []
     if options.where in ("auto", "host"):
         try:
-            created = open_on_host(options.interface)
+            created = [options.interface] if open_on_host(options.interface) else []
         except UnavailableError as error:
             reasons.append(f"on this machine: {error}")
         else:
             print(f"{PROGRAM}: {options.interface} of this machine", flush=True)
+            usable, far = [options.interface], far_name(options.interface)
             try:
-                return run_on_host(options.command, options.interface, options.timeout)
+                if open_on_host(far):
+                    created.append(far)
+                usable.append(far)
+            except UnavailableError as error:
+                print(f"{PROGRAM}: no second interface: {error}", file=sys.stderr)
+            try:
+                return run_on_host(options.command, usable, options.timeout)
             finally:
-                if created:
-                    remove_from_host(options.interface)
+                for name in created:
+                    remove_from_host(name)
     if options.where in ("auto", "uml"):
         try:
             print(f"{PROGRAM}: {options.interface} in user-mode Linux", flush=True)

@@ -98,6 +98,32 @@ def test_it_records_and_decodes_what_others_say(desk):
     assert len(list(desk.bench.trace().raw_frames("can0"))) == 3
 
 
+def test_it_learns_the_mapping_that_somebody_else_writes(desk):
+    """PDOs are described by the mapping that the foreign controller has written by SDO, whenever they are asked for."""
+    status = CanFrame(0x185, b"\x01\x00\x00\x00")
+
+    def write(index, sub, value, size=4):
+        command = 0x23 | (4 - size) << 2
+        data = bytes([command]) + index.to_bytes(2, "little") + bytes([sub]) + value.to_bytes(4, "little")
+        send(desk.controller, CanFrame(0x605, data))
+        send(desk.drive, CanFrame(0x585, b"\x60" + data[1:4] + bytes(4)))
+
+    for index, sub, value, size in (
+        (0x1800, 1, 0x80000185, 4),
+        (0x1A00, 0, 0, 1),
+        (0x1A00, 1, 0x606C0020, 4),
+        (0x1A00, 0, 1, 1),
+        (0x1800, 1, 0x185, 4),
+    ):
+        write(index, sub, value, size)
+    desk.bench.run_for(0.2)
+    words = desk.bench.decode(status)
+    assert "606Ch" in words or "velocity" in words.lower()
+    for _, _, frame_, _ in desk.bench.segment().log[:4]:  # an early look back does not undo what came later
+        desk.bench.decode(frame_)
+    assert desk.bench.decode(status) == words
+
+
 def test_it_injects_when_told(desk):
     """What a fault sends is all that it sends."""
     desk.faults.inject("frame.inject", can_id=0x000, data="8005", count=3)
@@ -181,6 +207,14 @@ def test_a_virtual_bench_without_axes_is_silent_too():
         (
             'bridge = { channel = "b", options = { name = "c" } }',
             r"segment\.can0\.bridge\.options\.name: this is no option",
+        ),
+        (
+            'bridge = { channel = "b", gateway = "kernel" }',
+            r"segment\.can0\.bridge\.gateway: the kernel joins interfaces of SocketCAN only, not virtual",
+        ),
+        (
+            'bridge = { channel = "b", gateway = "cangw" }',
+            r"bridge\.gateway: 'cangw' is not allowed; allowed: 'bench' or",
         ),
         ("options = { port = [1] }", r"segment\.can0\.options\.port"),
     ],

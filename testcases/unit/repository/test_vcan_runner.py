@@ -92,3 +92,17 @@ def test_the_command_gets_its_interface_or_the_reasons_are_told():
         assert done.returncode == 69
         assert "no SocketCAN interface hiltest0 to be had:\n  on this machine: " in done.stderr
     assert not Path("/sys/class/net/hiltest0").exists()
+
+
+@pytest.mark.parametrize(("interface", "far"), [("vcan0", "vcan0b"), ("a" * 15, "a" * 14 + "b")])
+def test_the_second_interface_has_a_name_that_the_kernel_takes(runner, interface, far):
+    """It is called like the first with a letter behind, in the 15 characters that an interface may have."""
+    assert runner.far_name(interface) == far
+
+
+def test_both_interfaces_are_made_and_named_inside(runner, tmp_path):
+    """The init script creates both and tells the command their names."""
+    script = runner.init_script(["true"], "can7", tmp_path, [])
+    assert "export HIL_VCAN=can7\n" in script
+    assert "export HIL_VCAN_FAR=can7b\n" in script
+    assert "for name in can7 can7b; do" in script
