@@ -202,7 +202,8 @@ class CanopenMaster:
         now = self.scheduler.now
         if now < self._sdo_pause_ns:
             return self._sdo_pause_ns - now
-        need_ns = self._frame_ns * (requests + 1) * max(1, len(self._sdo_active))
+        clients = max(1, len(self._sdo_active))
+        need_ns = self._frame_ns * (requests + 1) * clients
         sync = self._sync
         if sync is not None:
             left_ns = sync.due_ns - now
@@ -212,8 +213,10 @@ class CanopenMaster:
         if self._sdo_count <= _SDO_IN_A_ROW:
             return 0
         self._sdo_count = 0
-        self._sdo_pause_ns = now + need_ns
-        return need_ns
+        # The exchanges of the other clients end; then a moment is enough for a frame that has been waiting.
+        pause_ns = 2 * self._frame_ns * (clients - 1) + self._frame_ns // 8
+        self._sdo_pause_ns = now + pause_ns
+        return pause_ns
 
     def emit(self, kind: str, **data: Scalar) -> None:
         """Write an event into the history, if there is one."""
