@@ -6,7 +6,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldbus.canopen.boot import BootFailure, BootReport, BootState, Script, boot_script
+from fieldbus.canopen.boot import BootFailure, BootReport, BootState, boot_script
+from fieldbus.canopen.boot_runner import BootRunner
 from fieldbus.canopen.nmt import COB_EMCY, COB_ERROR_CONTROL, COB_NMT, NmtCommand, NmtState
 from fieldbus.canopen.node_setup import NodeSetup
 from fieldbus.canopen.node_user import Emcy, NodeUser
@@ -15,7 +16,6 @@ from fieldbus.clock import MS, S, Timer
 
 if TYPE_CHECKING:
     from fieldbus.canopen.master import CanopenMaster
-    from fieldbus.canopen.sdo_client import SdoJob
 
 EMCY_LIMIT: Final = 254
 """EMCYs that are kept of each node, the newest; as many as 1003h can hold."""
@@ -66,8 +66,7 @@ class RemoteNode:
         """How often the node went out of service without being told to."""
         self._master = master
         self._user = user
-        self._script: Script | None = None
-        self._job: SdoJob | None = None
+        self._runner = BootRunner(self.sdo, self._configured, self._fail)
         self._in_place = False
         self._began_ns = 0
         self._retry: Timer | None = None
@@ -106,6 +105,11 @@ class RemoteNode:
     def started(self) -> bool:
         """Whether the node has been told to start, and nothing has gone wrong since."""
         return self.boot_state in (BootState.STARTING, BootState.IN_SERVICE)
+
+    @property
+    def error_register(self) -> int:
+        """1001h as of the last EMCY; 0 = no error."""
+        return self.emcys[-1].register if self.emcys else 0
 
     @property
     def identity(self) -> dict[str, int]:
@@ -151,6 +155,7 @@ class RemoteNode:
             "identity": dict(self.identity),
             "bootups": self.bootups,
             "losses": self.losses,
+            "error_register": self.error_register,
             "failure": None if failure is None else str(failure),
             "emcy": [
                 {
@@ -172,8 +177,7 @@ class RemoteNode:
     def _begin(self, *, in_place: bool) -> None:
         self._in_place = in_place
         self.report = report = BootReport()
-        self._script = script = boot_script(self.setup, report, self._step, self._halt, in_place=in_place)
-        self._advance(script, None)
+        self._runner.run(boot_script(self.setup, report, self._step, self._halt, in_place=in_place))
 
     def _step(self, state: BootState) -> None:
         # A node that answers but is dead to supervision is searched quietly, again and again, until something changes.
@@ -188,29 +192,6 @@ class RemoteNode:
         """Whether heartbeat or guarding answer are missing."""
         watch = self._heartbeat or self._guard
         return watch is not None and watch.lost
-
-    def _advance(self, script: Script, job: SdoJob | None) -> None:
-        try:
-            transfer = script.send(job)  # type: ignore[arg-type]  # None starts a generator
-        except StopIteration:
-            self._script = None
-            self._configured()
-            return
-        except BootFailure as failure:
-            self._script = None
-            self._fail(failure)
-            return
-        index, sub, data = transfer
-        if data is None:
-            self._job = self.sdo.upload(index, sub, self._transferred)
-        else:
-            self._job = self.sdo.download(index, sub, data, self._transferred)
-
-    def _transferred(self, job: SdoJob) -> None:
-        self._job = None
-        script = self._script
-        if script is not None:
-            self._advance(script, job)
 
     def _configured(self) -> None:
         report = self.report
@@ -310,10 +291,7 @@ class RemoteNode:
 
     def _forget(self) -> None:
         """Give up what is under way."""
-        self._script = None
-        if self._job is not None:
-            self._job.cancel()
-            self._job = None
+        self._runner.cancel()
         self._signs_stop()
         self._retry_stop()
 
@@ -359,7 +337,7 @@ class RemoteNode:
             if state in _NAMES:  # anything else is no state of the standard
                 self._report_state(NmtState(state))
         elif self.boot_state is BootState.STARTING or (
-            self.boot_state is BootState.LOST and self._script is None
+            self.boot_state is BootState.LOST and not self._runner.running
         ):
             self._check_state(state)
 

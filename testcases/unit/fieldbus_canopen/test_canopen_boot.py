@@ -160,6 +160,49 @@ def test_pdo_is_set_up_in_the_order_of_the_standard(net):
     ]
 
 
+PREPARE = (Parameter(0x6040, 0, 0, 2),)
+
+
+def test_node_is_prepared_before_anything_is_written(kit):
+    """A node that has started anew gets what makes it safe first, and in Pre-operational; also if nothing else differs."""
+    net = Net(kit, prepare=PREPARE)
+    net.start()
+    assert net.written()[0] == (0x6040, 0)
+    sent = [frame for frame in net.heard if frame.can_id in (0, 0x605)]
+    first_write = next(
+        n for n, frame in enumerate(sent) if frame.can_id == 0x605 and frame.data[0] & 0xE0 == 0x20
+    )
+    assert CanFrame(0, bytes((NmtCommand.ENTER_PRE_OPERATIONAL, 5))) in sent[:first_write]
+    net.heard.clear()
+    net.slave.power_off()
+    net.slave.power_on()
+    net.run(20)
+    assert net.node.report.verified
+    assert net.written() == [(0x6040, 0)]
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_node_that_has_not_started_anew_is_prepared_only_if_it_differs(kit, changed):
+    """A node whose heartbeat was missing is not touched; if its parameters have changed it is prepared before they are put right."""
+    net = Net(kit, prepare=PREPARE)
+    net.start()
+    net.run(60)
+    net.slave.error_control.silent = True
+    net.run(200)
+    assert net.node.boot_state is BootState.LOST
+    if changed:
+        net.slave.store.assign(net.slave.store.entry(0x6083, 0), 77)
+    net.heard.clear()
+    net.slave.error_control.silent = False
+    net.run(120)
+    assert net.node.in_service
+    assert net.written() == (
+        [(0x6040, 0), (0x6083, 0), (0x1020, 1), (0x1020, 2), (0x1010, 1)] if changed else []
+    )
+    assert (NmtCommand.ENTER_PRE_OPERATIONAL in net.commands()) is changed
+    assert ("restarted" in net.user.told[1:]) is changed
+
+
 def test_equal_entries_are_not_written(net):
     """What is as it should be is compared and left alone; what differs is reported."""
     net.start()
@@ -481,6 +524,7 @@ def test_emcy_collection(net):
         (0x2310, 1, b"\x01\x02\0\0\0"),
         (0, 0, bytes(5)),
     ]
+    assert net.node.error_register == 0
     assert [e.text for e in net.node.emcys] == ["continuous overcurrent", "error reset or no error"]
     assert [data["text"] for data in net.events("emcy.received")] == [
         "continuous overcurrent",
