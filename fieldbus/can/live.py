@@ -91,6 +91,7 @@ class LiveSegment:
         self._lossy = lossy
         self._ports: tuple[LivePort, ...] = ()
         self._hooks: tuple[tuple[FrameHook], ...] = ()
+        self._busy_bits = 0
         self._last_ns = scheduler.now
         self._closed = Event()
         names = side_names or ((BUS, BUS) if bridge is None else ("near", "far"))
@@ -415,9 +416,16 @@ class LiveSegment:
     def _write(self, time_ns: int, sender: str, frame: CanFrame, error: str = "") -> int:
         """Write the log and return the time of the entry; a late thread must not turn the order of times."""
         self._last_ns = time_ns = max(time_ns, self._last_ns)
+        if not error:
+            self._busy_bits += frame_bits(frame)
         if self._keep_log:
             self.log.append((time_ns, sender, frame, error))
         return time_ns
+
+    @property
+    def busy_bits(self) -> int:
+        """Bit times that the frames which were sent and received take on a wire, since the segment exists."""
+        return self._busy_bits
 
     def receiving(self, side: BusSide, *, works: bool, reason: str) -> None:
         """See `SideOwner`."""

@@ -114,10 +114,9 @@ class Bench:
                     raise BenchNotReadyError(str(error)) from error
             self._segments[name] = segment
             self.recorder.add_bus(name, segment.log)
-            if self.kind == "virtual":
-                meter = LoadMeter(segment, bitrate=section.bitrate, cycle_ns=self.cycle_ns)
-                load = self.recorder.add_group(name, LOAD_COLUMNS, meter.row)
-                self.runtime.after_cycle.append(load.sample)
+            meter = LoadMeter(segment, bitrate=section.bitrate, cycle_ns=self.cycle_ns)
+            load = self.recorder.add_group(name, LOAD_COLUMNS, meter.row)
+            self.runtime.after_cycle.append(load.sample)
             self._masters[name] = CanopenMaster(
                 self.scheduler, segment, name="controller", node_id=_MASTER_NODE, history=self.history
             )

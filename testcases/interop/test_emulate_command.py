@@ -65,6 +65,25 @@ DEVICE_TYPE = can.Message(arbitration_id=0x605, data=bytes.fromhex("400010000000
         ),
         (None, ["live", "-i", "nonsense"], "can0: nonsense vcan0 cannot be opened: Unknown interface"),
         (None, ["live", "-i", "socketcan", "-c", "nosuch0"], "can0: socketcan nosuch0 cannot be opened: "),
+        (None, ["live", "-o", "port"], "--option: 'port' is not allowed; allowed: KEY=VALUE"),
+        (None, ["live", "-o", "channel=x", "-i", "virtual"], "--option: 'channel=x' is not allowed"),
+        (None, ["live", "-o", "port=1"], "allowed: together with --interface or --channel"),
+        (
+            None,
+            ["live", "-i", "udp_multicast", "-c", "239.74.163.2", "-o", "port=65536"],
+            r"can0: udp_multicast 239\.74\.163\.2 cannot be opened: ",
+        ),
+        (None, ["live", "--adapter", "pcan"], "--adapter: 'pcan' is not allowed; allowed: slcan"),
+        (
+            None,
+            ["live", "--link", "tty"],
+            "--link: 'tty' is not allowed; allowed: a path, together with --adapter",
+        ),
+        (
+            None,
+            ["live", "-a", "slcan", "--link", "/nosuch/tty"],
+            "--adapter /nosuch/tty: No such file or directory",
+        ),
         (
             None,
             ["live", "--for", "-1"],
@@ -73,7 +92,7 @@ DEVICE_TYPE = can.Message(arbitration_id=0x605, data=bytes.fromhex("400010000000
         (None, ["live", "--for", "nan"], "--for: nan is not allowed"),
         (None, ["live", "--for", "inf"], "--for: inf is not allowed"),
     ],
-    ids=["file", "value", "physical", "nodes", "interface", "channel", "negative", "nan", "inf"],
+    ids=lambda value: "-".join(value)[:40] if isinstance(value, list) else "",
 )
 def test_mistakes_are_told_in_one_line(tmp_path, capsys, text, arguments, message):
     """What cannot work ends with exit code 2 and one line that says what and where."""

@@ -99,14 +99,14 @@ def stop_modes_to_run() -> list[tuple[str, str]]:
 
     All 48 run in virtual time. What the real bus and clock add depends on who makes the ramp, controller or drive (its
     kind), and on who asks for it (job, alarm, `MC_Power`: the origin), each in each phase of motion. At standstill there is
-    no ramp, so that the origin remains; and while coasting nobody makes one, in whatever phase. Those pairs are covered,
+    no ramp, so that the origin remains; and while coasting nobody makes one: one phase will do. Those pairs are covered,
     greedily and in a fixed order.
     """
     wanted: dict[tuple[str, str], set[object]] = {}
     for stop, facts in stop_modes.STOPS.items():
         for phase in PHASES:
             pairs = wanted[stop, phase] = {stop, (stop.partition("-")[0], phase)}
-            if facts["ramp"] != "coast" and phase != "standstill":
+            if phase == "constant" or (facts["ramp"] != "coast" and phase != "standstill"):
                 pairs.add((facts["ramp"], phase))
     missing: set[object] = set().union(*wanted.values())
     chosen: list[tuple[str, str]] = []

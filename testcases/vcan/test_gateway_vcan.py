@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
 import struct
@@ -27,6 +28,16 @@ pytestmark = pytest.mark.vcan
 WAIT = 20 * S
 PATIENCE_S = 20.0
 SETTLE_S = 0.1
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _administrator():
+    """Fail, and do not skip, where the network cannot be configured."""
+    if os.geteuid() != 0:
+        pytest.fail(
+            "rules of the kernel's gateway need root: python testcases/vcan/run.py --where uml -- pytest -m vcan",
+            pytrace=False,
+        )
 
 
 @pytest.fixture

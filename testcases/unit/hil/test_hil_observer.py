@@ -5,7 +5,7 @@ from __future__ import annotations
 import can
 import pytest
 
-from fieldbus.can import CanFrame
+from fieldbus.can import CanFrame, frame_bits
 from hil.bench import BenchFile, BenchFileError, load_bench
 from hil.errors import UnsupportedFaultError
 from hil.faults import Injector, frame
@@ -122,6 +122,18 @@ def test_it_learns_the_mapping_that_somebody_else_writes(desk):
     for _, _, frame_, _ in desk.bench.segment().log[:4]:  # an early look back does not undo what came later
         desk.bench.decode(frame_)
     assert desk.bench.decode(status) == words
+
+
+def test_it_records_the_load(desk):
+    """The load of a live segment is that of the frames seen, at the bit rate of the bench file."""
+    for _ in range(20):
+        send(desk.drive, STATUS)
+    desk.bench.run_for(0.2)
+    segment = desk.bench.segment()
+    assert segment.busy_bits == 20 * frame_bits(STATUS)
+    load = desk.bench.trace()["can0.load"]
+    seconds = load.values.sum() / 100.0 * desk.bench.cycle_ns * 1e-9
+    assert seconds == pytest.approx(20 * frame_bits(STATUS) / 1_000_000)
 
 
 def test_it_injects_when_told(desk):
