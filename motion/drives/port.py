@@ -7,36 +7,24 @@ terms (STP-258 to STP-290); a port of another profile translates (STP-541 to STP
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from enum import IntEnum
 from typing import Final
 
+from fieldbus.profidrive.words import STW1, ZSW1
 
-class STW1(IntEnum):
-    """Control word 1, bit masks (STP-258 to STP-267)."""
-
-    ON = 0x0001
-    NO_OFF2 = 0x0002
-    NO_OFF3 = 0x0004
-    ENABLE_OPERATION = 0x0008
-    RAMP_ENABLE = 0x0010
-    RAMP_RELEASE = 0x0020
-    SETPOINT_ENABLE = 0x0040
-    ACKNOWLEDGE = 0x0080
-    CONTROL_BY_PLC = 0x0400
-
-
-class ZSW1(IntEnum):
-    """Status word 1, bit masks (section 8.1 of the stopping specification)."""
-
-    READY_TO_SWITCH_ON = 0x0001
-    READY = 0x0002
-    OPERATION_ENABLED = 0x0004
-    FAULT = 0x0008
-    NO_OFF2 = 0x0010
-    NO_OFF3 = 0x0020
-    SWITCHING_ON_INHIBITED = 0x0040
-    WARNING = 0x0080
-    CONTROL_REQUESTED = 0x0200
+__all__ = [
+    "INPUT_HOME",
+    "INPUT_NEGATIVE_LIMIT",
+    "INPUT_POSITIVE_LIMIT",
+    "STW1",
+    "STW1_ALL_OFF",
+    "STW1_IDLE",
+    "STW1_OFF2_OFF1",
+    "STW1_OFF3",
+    "STW1_OFF3_OFF1",
+    "STW1_OPERATE",
+    "ZSW1",
+    "DrivePort",
+]
 
 
 STW1_IDLE: Final = 0x047E

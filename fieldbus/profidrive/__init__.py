@@ -1,0 +1,77 @@
+"""PROFIdrive: telegrams, words and number formats. Facts of the profile that hold on every bus; no device, no bus."""
+
+from __future__ import annotations
+
+from fieldbus.profidrive.errors import TelegramError
+from fieldbus.profidrive.formats import (
+    N2_ONE,
+    N4_ONE,
+    TypeCode,
+    from_n2,
+    from_n4,
+    to_kpc,
+    to_n2,
+    to_n4,
+    torque_factor,
+)
+from fieldbus.profidrive.telegrams import (
+    FREE_CONFIGURATION,
+    NUMBERS,
+    SIGNALS,
+    WITH_750,
+    Layout,
+    Telegram,
+    free_telegram,
+    pto_telegram,
+    telegram,
+)
+from fieldbus.profidrive.words import (
+    ENCODER_ERRORS,
+    G_STW,
+    G_ZSW,
+    MELDW,
+    POS_STW1,
+    POS_STW2,
+    POS_ZSW1,
+    POS_ZSW2,
+    STW1,
+    STW2,
+    ZSW1,
+    ZSW2,
+    describe_word,
+)
+
+__all__ = [
+    "ENCODER_ERRORS",
+    "FREE_CONFIGURATION",
+    "G_STW",
+    "G_ZSW",
+    "MELDW",
+    "N2_ONE",
+    "N4_ONE",
+    "NUMBERS",
+    "POS_STW1",
+    "POS_STW2",
+    "POS_ZSW1",
+    "POS_ZSW2",
+    "SIGNALS",
+    "STW1",
+    "STW2",
+    "WITH_750",
+    "ZSW1",
+    "ZSW2",
+    "Layout",
+    "Telegram",
+    "TelegramError",
+    "TypeCode",
+    "describe_word",
+    "free_telegram",
+    "from_n2",
+    "from_n4",
+    "pto_telegram",
+    "telegram",
+    "to_kpc",
+    "to_n2",
+    "to_n4",
+    "torque_factor",
+]
