@@ -94,6 +94,9 @@ class Drive(Protocol):
     def jump_encoder(self, increments: int) -> None:
         """Displace the reported position."""
 
+    def miss_index(self, missing: bool) -> None:
+        """Let the zero mark of the encoder never come."""
+
     def jam(self, active: bool) -> None:
         """Block the mechanics."""
 
@@ -101,7 +104,7 @@ class Drive(Protocol):
         """Set the external force at the load, N."""
 
     def force_input(self, name: str, state: bool | None) -> None:
-        """Override the input `negative_limit`, `positive_limit` or `home`; None ends the override."""
+        """Override the input `negative_limit`, `positive_limit`, `home`, `probe1` or `probe2`; None ends the override."""
 
     def stop_heartbeat(self, stopped: bool) -> None:
         """Suppress the heartbeat, or produce it again."""

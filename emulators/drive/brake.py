@@ -20,6 +20,7 @@ class HoldingBrake:
     __slots__ = (
         "_command_open",
         "_elapsed_s",
+        "_forced_closed",
         "_forced_open",
         "_mechanics",
         "_slip_share",
@@ -52,6 +53,7 @@ class HoldingBrake:
         self.closing_time_s = closing_time_s
         self._command_open = False
         self._forced_open = False
+        self._forced_closed = False
         self._elapsed_s = 0.0
         self.closed = torque_Nm > 0.0
         """Whether the drive takes the brake for closed; a brake that is stuck does not tell."""
@@ -74,6 +76,16 @@ class HoldingBrake:
     @forced_open.setter
     def forced_open(self, value: bool) -> None:
         self._forced_open = value
+        self._settle()
+
+    @property
+    def forced_closed(self) -> bool:
+        """Held closed from outside, whatever the drive commands."""
+        return self._forced_closed
+
+    @forced_closed.setter
+    def forced_closed(self, value: bool) -> None:
+        self._forced_closed = value
         self._settle()
 
     @property
@@ -114,7 +126,7 @@ class HoldingBrake:
     def _settle(self) -> None:
         if self.torque_Nm <= 0.0:
             return
-        wanted_closed = not (self._command_open or self._forced_open)
+        wanted_closed = self._forced_closed or not (self._command_open or self._forced_open)
         if wanted_closed is self.closed:
             self.busy = False
             return

@@ -129,8 +129,50 @@ class SwitchSection(_Model):
     negative_limit_mm: Finite | None = -550.0
     positive_limit_mm: Finite | None = 550.0
     home_mm: Finite | None = -500.0
-    """The home switch is active below this position."""
+    """The home switch is active below this position; not together with the two following keys."""
+    home_from_mm: Finite | None = None
+    """The home switch is active from here to `home_to_mm`; without the other key up to the end of the travel."""
+    home_to_mm: Finite | None = None
+    probe1_from_mm: Finite | None = None
+    """The load actuates touch probe 1 from here to `probe1_to_mm`; without the other key up to the end of the travel."""
+    probe1_to_mm: Finite | None = None
+    probe2_from_mm: Finite | None = None
+    probe2_to_mm: Finite | None = None
     hysteresis_mm: NotNegative = 0.5
+    input_filter_ms: NotNegative = 0.0
+    """A limit or home switch counts when it has been stable for this long, ms."""
+
+    @model_validator(mode="after")
+    def _ranges(self) -> SwitchSection:
+        for name in ("home", "probe1", "probe2"):
+            low, high = getattr(self, f"{name}_from_mm"), getattr(self, f"{name}_to_mm")
+            if low is not None and high is not None and not low < high:
+                raise ValueError(f"{name}_from_mm: {low:g} is not below {name}_to_mm: {high:g}")
+        if "home_mm" in self.model_fields_set and (
+            self.home_from_mm is not None or self.home_to_mm is not None
+        ):
+            raise ValueError("home_mm goes without home_from_mm and home_to_mm")
+        return self
+
+
+class HomingSection(_Model):
+    """`[drive.NAME.homing]`: what manufacturers of drives do differently."""
+
+    offset: Literal["profile", "vendor"] = "profile"
+    """6064h at the home position is -607Ch (`profile`) or +607Ch (`vendor`)."""
+    move: Literal["none", "zero"] = "none"
+    """Whether the drive moves to position zero when it has found home."""
+    hard_stop_methods: dict[
+        str, Literal["positive", "negative", "positive_index", "negative_index", "unsupported"]
+    ] = {}
+    """What methods -1 to -4 do where they differ: side of the stop, and whether the index on the way back counts."""
+
+    @model_validator(mode="after")
+    def _numbers(self) -> HomingSection:
+        for number in self.hard_stop_methods:
+            if number not in {"-1", "-2", "-3", "-4"}:
+                raise ValueError(f"hard_stop_methods: {number!r} is not a method; allowed: -1, -2, -3, -4")
+        return self
 
 
 class MechanicsSection(_Model):
@@ -162,6 +204,8 @@ class DriveSection(_Model):
     node_id: Annotated[int, Field(ge=1, le=126)]
     encoder: Literal["incremental", "absolute"] = "incremental"
     increments_per_revolution: Annotated[int, Field(ge=4, le=2**24)] = 131072
+    index_increments: Annotated[int, Field(ge=0)] = 0
+    """Place of the index (zero mark) within the revolution, increments."""
     max_speed_rpm: Positive = 3000.0
     off1_ramp_s: Positive = 1.0
     """Ramp-down time from maximum speed on OFF1 (p1121), s."""
@@ -190,6 +234,16 @@ class DriveSection(_Model):
     """Whether the controller has the drive keep its parameters (1010h); None: an emulated one, no physical one."""
     mechanics: MechanicsSection = MechanicsSection()
     switches: SwitchSection = SwitchSection()
+    homing: HomingSection = HomingSection()
+
+    @model_validator(mode="after")
+    def _index(self) -> DriveSection:
+        if self.index_increments >= self.increments_per_revolution:
+            raise ValueError(
+                f"index_increments: {self.index_increments} is not below increments_per_revolution = "
+                f"{self.increments_per_revolution}"
+            )
+        return self
 
 
 class AxisSection(_Model):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
@@ -52,8 +53,18 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
         switches["positive_limit"] = SwitchConfig(
             low=travel.positive_limit_mm / 1000.0, hysteresis=hysteresis
         )
-    if travel.home_mm is not None:
-        switches["home"] = SwitchConfig(high=travel.home_mm / 1000.0, hysteresis=hysteresis)
+    for switch in ("home", "probe1", "probe2"):
+        low, high = getattr(travel, f"{switch}_from_mm"), getattr(travel, f"{switch}_to_mm")
+        if low is None and high is None:
+            if switch != "home" or travel.home_mm is None:
+                continue
+            high = travel.home_mm
+        switches[switch] = SwitchConfig(
+            low=-math.inf if low is None else low / 1000.0,
+            high=math.inf if high is None else high / 1000.0,
+            # A probe is made for exactness: it springs back where it was touched.
+            hysteresis=hysteresis if switch == "home" else 0.0,
+        )
     stops = (mechanics.negative_stop_mm, mechanics.positive_stop_mm)
     speed = round(section.max_speed_rpm * 1000)
     return DriveConfig(
@@ -79,7 +90,15 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
             position_m=mechanics.start_position_mm / 1000.0,
             switches=switches,
         ),
-        encoder=EncoderConfig(kind=section.encoder, counts_per_revolution=section.increments_per_revolution),
+        encoder=EncoderConfig(
+            kind=section.encoder,
+            counts_per_revolution=section.increments_per_revolution,
+            zero_mark_counts=section.index_increments,
+        ),
+        home_offset=section.homing.offset,
+        homing_move=section.homing.move,
+        hard_stop_methods=_hard_stop_methods(section.homing.hard_stop_methods),
+        input_filter_s=travel.input_filter_ms / 1000.0,
         rated_torque_Nm=section.rated_torque_nm,
         # The axis watches the limit switches; a drive that stopped by itself would fight its ramp.
         limit_switch_reaction="none",
@@ -94,6 +113,14 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
                  (0x60C5, 0): 60_000_000, (0x60C6, 0): 60_000_000,
                  (0x6092, 1): section.increments_per_revolution, (0x6092, 2): 1},
     )  # fmt: skip
+
+
+def _hard_stop_methods(changes: Mapping[str, str]) -> dict[int, str]:
+    """Return the meaning of methods -1 to -4: that of the specification, changed by the bench file."""
+    from emulators.drive.cia402 import DriveConfig
+
+    methods = {**DriveConfig().hard_stop_methods, **{int(number): name for number, name in changes.items()}}
+    return {number: name for number, name in methods.items() if name != "unsupported"}
 
 
 def build_drive(

@@ -98,12 +98,17 @@ def drive_action(bench: Bench, fault: Fault, stream: str) -> Action:
         case "switch.bounce":
             bounce = _Bounce(bench, fault, _method(drive, "force_input", fault), stream)
             return Action(name, bounce.apply, bounce.remove)
+        case "probe.pulse":
+            force = _method(drive, "force_input", fault)
+            return Action(name, lambda: _pulse(bench, force, value("input"), value("width_s")), None)
         case "mechanics.jam":
             return pair("jam", True, False)
         case "mechanics.load_step":
             return pair("load_force", value("force_N"), 0.0)
         case "encoder.freeze":
             return pair("freeze_encoder", True, False)
+        case "encoder.index_missing":
+            return pair("miss_index", True, False)
         case "encoder.jump":
             jump = _method(drive, "jump_encoder", fault)
             return Action(name, lambda: jump(value("increments")), None)
@@ -124,6 +129,12 @@ def alarm_action(bench: Bench, fault: Fault) -> Action:
         lambda: cause(number, True, reaction=reaction),
         lambda: cause(number, False, reaction=reaction),
     )
+
+
+def _pulse(bench: Bench, force: Callable[..., Any], name: str, width_s: float) -> None:
+    """Actuate an input for `width_s`."""
+    force(name, True)
+    bench.scheduler.after(seconds_to_ns(width_s), partial(force, name, None))
 
 
 class _Bounce:

@@ -23,6 +23,7 @@ _LOCAL: Final = (
     "on a live bus only frames that a local port sends or receives, or that pass a bridge, can be touched"
 )
 _NO_WIRE: Final = "bit errors need access to the bits of the wire, which a bus adapter does not give"
+_INPUTS: Final = ("negative_limit", "positive_limit", "home", "probe1", "probe2")
 _NO_HAND: Final = (
     "a physical drive has no seam for this; it would need switched I/O or a test adapter on the machine"
 )
@@ -87,15 +88,15 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
         example={"kind": "drive.heartbeat_loss", "target": "drive1", "duration_s": 1.0},
     ),
     FaultType(
-        "switch.press", "A limit or home switch is actuated", "switch", "switch",
-        (Parameter("input", "text", "Which switch", required=True, choices=("negative_limit", "positive_limit", "home")),),
+        "switch.press", "A limit switch, the home switch or a probe is actuated", "switch", "switch",
+        (Parameter("input", "text", "Which switch", required=True, choices=_INPUTS),),
         refused={"hardware": _NO_HAND},
         example={"kind": "switch.press", "target": "drive1", "parameters": {"input": "positive_limit"}},
     ),
     FaultType(
         "switch.stuck", "A switch no longer follows the mechanics", "switch", "switch",
         (
-            Parameter("input", "text", "Which switch", required=True, choices=("negative_limit", "positive_limit", "home")),
+            Parameter("input", "text", "Which switch", required=True, choices=_INPUTS),
             Parameter("state", "bool", "State that it is stuck in", default=False),
         ),
         refused={"hardware": _NO_HAND},
@@ -104,7 +105,7 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
     FaultType(
         "switch.bounce", "A switch bounces, with intervals from the seeded stream, and ends actuated or free", "switch", "switch",
         (
-            Parameter("input", "text", "Which switch", required=True, choices=("negative_limit", "positive_limit", "home")),
+            Parameter("input", "text", "Which switch", required=True, choices=_INPUTS),
             Parameter("pulses", "int", "Number of pulses", minimum=1, maximum=1000, default=5),
             Parameter("shortest_s", "float", "Shortest interval between edges", "s", 0.00001, 1.0, default=0.0002),
             Parameter("longest_s", "float", "Longest interval between edges", "s", 0.00001, 1.0, default=0.003),
@@ -112,6 +113,15 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
         ),
         refused={"hardware": _NO_HAND},
         example={"kind": "switch.bounce", "target": "drive1", "parameters": {"input": "home", "pulses": 8}},
+    ),
+    FaultType(
+        "probe.pulse", "A touch probe input is actuated for a moment, at any time between two cycles", "switch", "switch",
+        (
+            Parameter("input", "text", "Which probe", required=True, choices=("probe1", "probe2")),
+            Parameter("width_s", "float", "How long", "s", 0.000001, 10.0, default=0.001),
+        ),
+        lasting=False, refused={"hardware": _NO_HAND}, remark="on a live bench the width is that of the pipe to the drive process",
+        example={"kind": "probe.pulse", "target": "drive1", "trigger": {"when": "at", "time_s": 1.0001234}, "parameters": {"input": "probe1", "width_s": 0.0005}},
     ),
     FaultType(
         "mechanics.jam", "The load is blocked where it stands", "mechanics", "mechanics",
@@ -132,6 +142,10 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
         (Parameter("increments", "int", "Displacement, signed", "increments", -(2**31), 2**31 - 1, required=True),),
         lasting=False, refused={"hardware": _NO_HAND},
         example={"kind": "encoder.jump", "target": "drive1", "parameters": {"increments": 20000}},
+    ),
+    FaultType(
+        "encoder.index_missing", "The index of the encoder does not come", "encoder", "encoder",
+        refused={"hardware": _NO_HAND}, example={"kind": "encoder.index_missing", "target": "drive1"},
     ),
     FaultType(
         "axis.alarm", "The controller raises a technology alarm by itself", "axis", "alarm engine of the axis",

@@ -70,6 +70,9 @@ def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
         "switch.press": st.fixed_dictionaries({"input": inputs}),
         "switch.stuck": st.fixed_dictionaries({"input": inputs, "state": st.booleans()}),
         "switch.bounce": st.fixed_dictionaries({"input": inputs, "pulses": st.integers(1, 8)}),
+        "probe.pulse": st.fixed_dictionaries(
+            {"input": st.sampled_from(["probe1", "probe2"]), "width_s": _grid(1, 20, 0.0007)}
+        ),
         "mechanics.load_step": st.fixed_dictionaries({"force_N": _grid(-10, 10, 50.0)}),
         "encoder.jump": st.fixed_dictionaries(
             {"increments": st.integers(-20, 20).map(lambda number: number * 1000)}

@@ -158,6 +158,8 @@ def _checks(drive: DriveDevice) -> dict[int, Callable[[Any], object]]:
         outside_operation(value, values[0x60A900])
 
     checks[0x60A900] = unit
+    checks[0x60B800] = drive.touch_probe.on_function
+    add((0x60D001, 0x60D002), drive.touch_probe.on_source)
 
     def lower_limit(value: Any) -> None:
         if value > values[0x607D02]:

@@ -29,6 +29,7 @@ def trace_columns(position_unit: str) -> tuple[tuple[str, str], ...]:
         ("mode", ""),
         ("nmt_state", ""),
         ("inputs", ""),
+        ("outputs", ""),
         ("brake_closed", ""),
         ("error_code", ""),
     )
@@ -64,6 +65,7 @@ def trace_row(drive: DriveDevice) -> tuple[float, ...]:
         drive.mode.number,
         drive.slave.nmt_state,
         drive.inputs,
+        drive.outputs,
         core.brake.holding_torque_Nm > 0.0,
         values[0x603F00],
     )

@@ -13,6 +13,7 @@ from emulators.drive.cia402._inputs import DigitalInputs
 from emulators.drive.cia402._objects_profile import SUPPORTED_HOMING
 from emulators.drive.cia402._safety import SafetyFunctions
 from emulators.drive.cia402._status_word import StatusWord
+from emulators.drive.cia402._touch_probe import TouchProbe
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.config import DriveConfig
 from emulators.drive.cia402.faults import FaultMemory, Monitors
@@ -40,6 +41,7 @@ _CONTROL_PRIORITY: Final = 1
 """The control cycle follows the servo step of the same instant."""
 _STATUSWORD: Final = 0x604100
 _SYNC_PAUSE_NS: Final = 100 * MS
+_PROBE_LEVELS: Final = 3 << 16
 
 
 class DriveDevice:
@@ -64,6 +66,7 @@ class DriveDevice:
         "mechanics",
         "monitors",
         "name",
+        "outputs",
         "parameters_changed",
         "protection",
         "reactions",
@@ -73,6 +76,7 @@ class DriveDevice:
         "slave",
         "status_word",
         "switches",
+        "touch_probe",
     )
 
     def __init__(
@@ -144,6 +148,13 @@ class DriveDevice:
         self.function.on_change = self.refresh_status
         self._self_test: Timer | None = None
         self.safety.show_interlock()
+        self.touch_probe = TouchProbe(
+            scheduler, self.slave, self.axis, servo_period_ns=config.servo_period_ns
+        )
+        self.touch_probe.on_event = self._on_probe
+        self.digital_inputs.on_probe = self.touch_probe.on_input
+        self.outputs = 0
+        """Digital outputs that are on: 60FEh:1 as far as 60FEh:2 enables it (C402-169)."""
         self.parameters_changed = False
         """An object that the drive keeps converted has been written."""
         _object_rules.install(self)
@@ -230,6 +241,7 @@ class DriveDevice:
             self._cancel_self_test()
             self.slave.power_off()
             self.function.start()
+            self.touch_probe.reset()
 
     def _restart_application(self) -> None:
         self.function.off()
@@ -245,6 +257,7 @@ class DriveDevice:
         self.monitors.reset()
         self.reactions.forget()
         self.status_word.forget()
+        self.touch_probe.reset()
         self.parameters_changed = True
         self.function.start()
         self._cancel_self_test()
@@ -334,9 +347,15 @@ class DriveDevice:
         self.parameters_changed = False
         self.axis.refresh()
         values = self.slave.values
+        mask = values[0x60FE02]
+        outputs = values[0x60FE01] & mask
         brake = self.core.brake
         if brake.fitted:
-            brake.forced_open = bool(values[0x60FE02] & 1 and not values[0x60FE01] & 1)
+            brake.forced_open = bool(mask & 1 and not outputs & 1)
+            brake.forced_closed = bool(outputs & 1)
+        if outputs != self.outputs:
+            self.outputs = outputs
+            self.emit("drive.outputs", outputs=outputs)
 
     # -- cycles ----------------------------------------------------------------------------------------------------
 
@@ -427,6 +446,8 @@ class DriveDevice:
         guarded = self.config.limit_switch_reaction != "none"
         axis.blocked_negative = guarded and bool(inputs & 1)
         axis.blocked_positive = guarded and bool(inputs & 2)
+        if (inputs ^ before) & _PROBE_LEVELS:
+            self.touch_probe.show()
         self.emit("drive.inputs", inputs=inputs)
         if not self.function.following:
             return
@@ -445,6 +466,9 @@ class DriveDevice:
             self.raise_fault(faults.LIMIT_SWITCH)
         elif self.config.limit_switch_reaction == "stop":
             self.function.stop_at_limit_switch()
+
+    def _on_probe(self, probe: int, edge: str, position_pu: int, time_ns: int) -> None:
+        self.emit("drive.probe", probe=probe, edge=edge, position_pu=position_pu, at_ns=time_ns)
 
     def _inputs_for_homing(self) -> None:
         if self.function.following:

@@ -494,7 +494,8 @@ def test_a_brake_that_does_not_hold(make_bench, how, moves):
     bench.control(0x00)
     bench.run(0.3)
     assert (bench.drive.mechanics.position < -0.01) is moves
-    assert bench.drive.trace_row()[14] == (how != "stuck open")
+    column = [name for name, _ in bench.drive.trace_columns].index("brake_closed")
+    assert bench.drive.trace_row()[column] == (how != "stuck open")
 
 
 def test_a_brake_that_does_not_open(make_bench):

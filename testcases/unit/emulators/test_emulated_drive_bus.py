@@ -301,7 +301,7 @@ def test_trace_row_matches_its_columns(bench):
     bench.spin(600)
     row = bench.drive.trace_row()
     names = [name for name, _ in bench.drive.trace_columns]
-    assert len(row) == len(names) == 16
+    assert len(row) == len(names) == 17
     values = dict(zip(names, row, strict=True))
     assert values["velocity"] == pytest.approx(0.1, rel=1e-3)
     assert values["motor_speed"] == pytest.approx(600, rel=1e-3)

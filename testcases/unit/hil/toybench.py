@@ -46,7 +46,7 @@ class ToyDrive:
         self.cause = self.sto = self.jammed = self.silent = False
         self.offset = 0
         self.frozen = None
-        self.forced = {"negative_limit": None, "positive_limit": None, "home": None}
+        self.forced = dict.fromkeys(("negative_limit", "positive_limit", "home", "probe1", "probe2"))
         self.inputs = 0
         self.port = segment.attach(name, self._receive)
         scheduler.every(MS, self._step)
@@ -158,6 +158,9 @@ class ToyDrive:
     def jump_encoder(self, increments):
         self.offset += increments
 
+    def miss_index(self, missing):
+        pass
+
     def jam(self, active):
         self.jammed = active
 
@@ -175,6 +178,7 @@ class ToyDrive:
 
     def power_off(self):
         self.port.online = False
+        self._go("NOT_READY_TO_SWITCH_ON")
         self._go("SWITCH_ON_DISABLED")
 
     def power_on(self):
