@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
+from fieldbus import cia406
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.abort import SdoAbort
 from fieldbus.canopen.decode_sdo import SdoListener
@@ -237,6 +238,8 @@ class _Node:
             for number in range(4):
                 self._defaults[0x1400 + number << 8 | 1] = COB_RPDO[number] + node_id
                 self._defaults[0x1800 + number << 8 | 1] = COB_TPDO[number] + node_id
+        device_type = self._defaults.get(0x100000, 0)
+        self._encoder = device_type & 0xFFFF == cia406.PROFILE
         self._stored: dict[int, Any] = {}
         self.values: dict[int, Any] = dict(self._defaults)
         self.sdo = SdoListener(self)
@@ -282,7 +285,8 @@ class _Node:
     def object_name(self, index: int, sub: int) -> str:
         """Return the name of an object, its numbers if there is none."""
         entry = self.entries.get(index << 8 | sub)
-        name = OBJECT_NAMES.get(index)
+        # An encoder has objects of its own under numbers that mean something else in a drive.
+        name = (cia406.OBJECT_NAMES if self._encoder and index >= 0x6000 else OBJECT_NAMES).get(index)
         if name is not None:
             return f"{name}:{sub}" if sub else name
         if entry is not None:
@@ -293,6 +297,11 @@ class _Node:
         """Return a value in words as far as its meaning is known."""
         entry = self.entries.get(index << 8 | sub)
         unsigned = int.from_bytes(data, "little")
+        if self._encoder and index >= 0x6000:
+            if index in cia406.HEXADECIMAL:
+                words = cia406.describe_flags(index, unsigned)
+                return f"{unsigned:0{2 * len(data)}X}h" + (f" ({words})" if words else "")
+            return self._plain(entry, unsigned, data)
         if index == 0x6040 and len(data) == 2:
             return f"{unsigned:04X}h ({describe_controlword(unsigned)})"
         if index == 0x6041 and len(data) == 2:
@@ -303,6 +312,11 @@ class _Node:
             return repr(data.decode("ascii", errors="replace"))
         if index in _HEXADECIMAL or 0x1400 <= index < 0x1C00 or index in (0x1005, 0x1014, 0x1016):
             return f"{unsigned:0{2 * len(data)}X}h"
+        return self._plain(entry, unsigned, data)
+
+    @staticmethod
+    def _plain(entry: Entry | None, unsigned: int, data: bytes) -> str:
+        """Return a value without special meaning, by its type."""
         if entry is None:
             return f"{unsigned:0{2 * len(data)}X}h" if data else "empty"
         if entry.integer and len(data) == entry.size:

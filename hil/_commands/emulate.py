@@ -23,6 +23,7 @@ from hil.errors import CannotRunError
 if TYPE_CHECKING:
     from fieldbus.history import Event
     from hil.bench.config import BenchConfig, DriveSection
+    from hil.bench.encoder_config import EncoderSection
     from hil.bench.remote import DriveHost
 
 _BOOT_TIMEOUT_S: Final = 10.0
@@ -38,6 +39,9 @@ _TOLD: Final = (
     "can.status",
     "adapter.state",
     "adapter.overrun",
+    "encoder.alarm",
+    "encoder.warning",
+    "encoder.preset",
 )
 """Events that are of interest to somebody who watches."""
 
@@ -83,7 +87,8 @@ def emulate_bench(
     if link and not adapter:
         raise ConfigurationError("--link", link, "a path, together with --adapter")
     config = _config_of(reference)
-    emulated = {name: section for name, section in config.drive.items() if section.device == "emulated"}
+    devices = {**config.drive, **config.encoder}
+    emulated = {name: devices[name] for name in config.emulated_names}
     if not emulated:
         raise CannotRunError(f"the bench {config.bench.name!r} has no emulated drive")
     opening = _opening(place, live=config.bench.kind == "live", adapter=adapter)
@@ -204,8 +209,8 @@ def _config_of(reference: str) -> Any:
     return config
 
 
-def _check_nodes(drives: Mapping[str, DriveSection], where: str) -> None:
-    """Refuse drives of different segments that would have the same node-ID on the one bus."""
+def _check_nodes(drives: Mapping[str, DriveSection | EncoderSection], where: str) -> None:
+    """Refuse devices of different segments that would have the same node-ID on the one bus."""
     owners: dict[int, str] = {}
     for name, section in drives.items():
         other = owners.setdefault(section.node_id, name)

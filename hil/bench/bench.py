@@ -30,6 +30,7 @@ from motion.runtime import AxisHandle, Runtime
 if TYPE_CHECKING:
     from fieldbus.can.frame import CanFrame
     from fieldbus.canopen.node import RemoteNode
+    from hil.bench.encoders import EncoderStarter
     from hil.bench.remote import RemoteDrives
     from hil.bench.words import BenchWords
 
@@ -75,6 +76,8 @@ class Bench:
         self._segments: dict[str, Any] = {}
         self._masters: dict[str, CanopenMaster] = {}
         self._drives: dict[str, Any] = {}
+        self._encoders: dict[str, Any] = {}
+        self._encoder_starter: EncoderStarter | None = None
         self._ports: dict[str, Cia402Port] = {}
         self._axes: dict[str, AxisHandle] = {}
         self._cycle_callbacks: list[Callable[[], object]] = []
@@ -128,18 +131,16 @@ class Bench:
                     self.scheduler, self._segments, config, name, history=self.history, rng=self.rng(name)
                 )
                 self._drives[name] = drive
-                group = self.recorder.add_group(
-                    name, drive.trace_columns, drive.trace_row, enums=drive.trace_enums
-                )
-                # The machine is recorded whatever the drive's state on the bus; after the events of the instant.
-                self.scheduler.every(self.cycle_ns, group.sample, priority=_SAMPLE_PRIORITY)
-        elif any(section.device == "emulated" for section in config.drive.values()):
+                self._record(name, drive)
+        elif config.emulated_names:
             from hil.bench.remote import RemoteDrives
 
             self._remote = RemoteDrives(self, config)
             for name, drive_section in config.drive.items():
                 if drive_section.device == "emulated":
                     self._drives[name] = self._remote.proxy(name)
+        if config.encoder:
+            self._build_encoders()
         for name, drive_section in config.drive.items():
             for side in ("negative", "positive"):
                 stop_mm = getattr(drive_section.mechanics, f"{side}_stop_mm")
@@ -148,6 +149,29 @@ class Bench:
         for name, axis_section in config.axis.items():
             self._build_axis(name, axis_section)
         self.runtime.after_cycle.append(self._after_cycle)
+
+    def _record(self, name: str, device: Any) -> None:
+        """Record a device whatever its state on the bus, after the events of the instant."""
+        group = self.recorder.add_group(
+            name, device.trace_columns, device.trace_row, enums=device.trace_enums
+        )
+        self.scheduler.every(self.cycle_ns, group.sample, priority=_SAMPLE_PRIORITY)
+
+    def _build_encoders(self) -> None:
+        from hil.bench.encoder_config import encoder_names
+        from hil.bench.encoders import ENCODER_METHODS, EncoderStarter, build_encoder
+
+        for name in encoder_names(self.config):
+            if self._remote is not None:
+                self._encoders[name] = self._remote.proxy(name, ENCODER_METHODS)
+                continue
+            encoder = build_encoder(
+                self.scheduler, self._segments, self.config, name,
+                drives=self._drives, history=self.history, rng=self.rng(name),
+            )  # fmt: skip
+            self._encoders[name] = encoder
+            self._record(name, encoder)
+        self._encoder_starter = EncoderStarter(self._masters, self.config)
 
     def _build_axis(self, name: str, section: Any) -> None:
         drive = self.config.drive[section.drive]
@@ -207,8 +231,8 @@ class Bench:
     def _start(self) -> None:
         """Power the drives, commission them and wait for the cyclic link."""
         if self.kind == "virtual":
-            for drive in self._drives.values():
-                drive.power_on()
+            for device in (*self._drives.values(), *self._encoders.values()):
+                device.power_on()
         self._commission()
         led = [self.config.drive[section.drive] for section in self.config.axis.values()]
         for name, master in self._masters.items():
@@ -219,6 +243,8 @@ class Bench:
             if any(heartbeats):
                 master.produce_heartbeat(min(filter(None, heartbeats)) * MS)
         self.runtime.start()
+        if self._encoder_starter is not None:
+            self._start_encoders(self._encoder_starter)
         if not self.scheduler.run_until(self._linked, _LINK_TIMEOUT_NS):
             missing = [
                 name
@@ -227,6 +253,13 @@ class Bench:
             ]
             raise BenchNotReadyError(
                 f"no cyclic data from {', '.join(missing)} within {_LINK_TIMEOUT_NS // S} s"
+            )
+
+    def _start_encoders(self, starter: EncoderStarter) -> None:
+        starter.start()
+        if not self.scheduler.run_until(lambda: not starter.missing, _BOOT_TIMEOUT_NS):
+            raise BenchNotReadyError(
+                f"no heartbeat in Operational from {', '.join(starter.missing)} within {_BOOT_TIMEOUT_NS // S} s"
             )
 
     @property
@@ -319,6 +352,20 @@ class Bench:
             raise UnsupportedFaultError(f"{wanted} is a physical drive: it offers no fault interface")
         return self._part("drive", self._drives, name)
 
+    def encoder(self, name: str | None = None) -> Any:
+        """Return an encoder that is a device of its own (or its proxy) by name, or the first one.
+
+        Raises:
+            ConfigurationError: There is no such encoder.
+            UnsupportedFaultError: The encoder is physical and has no fault interface (verdict: blocked).
+
+        """
+        wanted = name or next(iter(self.config.encoder), None)
+        section = None if wanted is None else self.config.encoder.get(wanted)
+        if section is not None and section.device == "physical":
+            raise UnsupportedFaultError(f"{wanted} is a physical encoder: it offers no fault interface")
+        return self._part("encoder", self._encoders, name)
+
     def segment(self, name: str | None = None) -> Any:
         """Return a CAN segment by name, or the first one."""
         return self._part("segment", self._segments, name)
@@ -347,6 +394,11 @@ class Bench:
         return tuple(self._drives)
 
     @property
+    def encoder_names(self) -> tuple[str, ...]:
+        """Names of the encoders that are devices of their own."""
+        return tuple(self.config.encoder)
+
+    @property
     def segment_names(self) -> tuple[str, ...]:
         """Names of the segments."""
         return tuple(self._segments)
@@ -357,13 +409,15 @@ class Bench:
         return self.config.axis[name].drive
 
     def cob_ids(self, drive_name: str) -> dict[str, int]:
-        """Return the identifiers that a drive uses, by name."""
-        node = self.config.drive[drive_name].node_id
+        """Return the identifiers that a drive or an encoder uses, by name; an encoder has no RPDOs."""
+        encoder = self.config.encoder.get(drive_name)
+        node = (self.config.drive[drive_name] if encoder is None else encoder).node_id
         ids = {"nmt": 0, "sync": 0x80, "emcy": 0x80 + node, "heartbeat": 0x700 + node,
                "sdo_rx": 0x600 + node, "sdo_tx": 0x580 + node, "controller_heartbeat": 0x700 + _MASTER_NODE}  # fmt: skip
         for number in range(1, 5):
             ids[f"tpdo{number}"] = 0x080 + 0x100 * number + node
-            ids[f"rpdo{number}"] = 0x100 + 0x100 * number + node
+            if encoder is None:
+                ids[f"rpdo{number}"] = 0x100 + 0x100 * number + node
         return ids
 
     def decode(self, frame: CanFrame) -> str:

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from fieldbus.errors import ConfigurationError
+from hil.bench.encoder_config import EncoderSection, check_encoders
 
 EMBEDDED: Final = ("reference", "speed", "fast", "live")
 """Benches that ship with the product, usable by name."""
@@ -262,7 +263,14 @@ class BenchConfig(_Model):
     tolerance: ToleranceSection = ToleranceSection()
     segment: dict[str, SegmentSection] = Field(min_length=1)
     drive: dict[str, DriveSection] = Field(min_length=1)
+    encoder: dict[str, EncoderSection] = {}
     axis: dict[str, AxisSection] = {}
+
+    @property
+    def emulated_names(self) -> tuple[str, ...]:
+        """Drives and encoders that the bench brings."""
+        devices: dict[str, DriveSection | EncoderSection] = {**self.drive, **self.encoder}
+        return tuple(name for name, section in devices.items() if section.device == "emulated")
 
     @model_validator(mode="after")
     def _references(self) -> BenchConfig:
@@ -324,6 +332,7 @@ class BenchConfig(_Model):
             _check_options(name, segment)
         if self.bench.kind == "virtual" and any(d.device == "physical" for d in self.drive.values()):
             raise ValueError('a virtual bench cannot hold a physical drive; set bench.kind = "live"')
+        check_encoders(self)
         return self
 
 

@@ -144,9 +144,14 @@ def build_drive(
 def build_decoder(config: BenchConfig, ports: Mapping[str, Cia402Port]) -> FrameDecoder:
     """Return a decoder that knows names, dictionary and commissioned mapping of every drive."""
     from fieldbus.canopen.decode import FrameDecoder
+    from hil.bench.encoders import encoder_dictionary
 
     names = {section.node_id: name for name, section in config.drive.items()}
-    decoder = FrameDecoder({**names, 127: "controller"}, dict.fromkeys(names, object_dictionary()))
+    dictionaries = dict.fromkeys(names, object_dictionary())
+    for name, encoder in config.encoder.items():
+        names[encoder.node_id] = name
+        dictionaries[encoder.node_id] = encoder_dictionary(encoder.type)
+    decoder = FrameDecoder({**names, 127: "controller"}, dictionaries)
     for port in ports.values():
         decoder.set_mapping(port.node_id, {(index, sub): value for index, sub, value in port.parameters()})
     return decoder

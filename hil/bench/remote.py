@@ -27,6 +27,7 @@ from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler
 from fieldbus.errors import HilError
 from fieldbus.history import Event, History
 from hil.bench.config import BenchConfig
+from hil.bench.encoders import ENCODER_METHODS
 from hil.errors import BlockedError
 from hil.record import Recorder
 from hil.record._trace import TraceGroup
@@ -42,6 +43,7 @@ _ORPHAN_S: Final = 3.0
 FAULT_METHODS: Final = frozenset((
     "raise_fault", "clear_fault_cause", "set_sto", "freeze_encoder", "jump_encoder", "miss_index", "jam", "load_force",
     "force_input", "stop_heartbeat", "power_off", "power_on",
+    "set_encoder_noise", "reverse_encoder", "lose_encoder_steps",
 ))  # fmt: skip
 """Methods of a drive that may be called through the pipe."""
 
@@ -97,6 +99,8 @@ class DriveHost:
         from fieldbus.can.live import LiveSegment
         from hil.bench.bench import named_rng
         from hil.bench.drives import build_drive
+        from hil.bench.encoder_config import encoder_names
+        from hil.bench.encoders import build_encoder
 
         for name, section in config.segment.items():
             self.segments[name] = LiveSegment.open(
@@ -117,9 +121,15 @@ class DriveHost:
                 self.scheduler, self.segments, config, name, history=self.history, rng=named_rng(seed, name)
             )
             self.drives[name] = drive
-            if record:
+        for name in encoder_names(config):
+            self.drives[name] = build_encoder(
+                self.scheduler, self.segments, config, name,
+                drives=self.drives, history=self.history, rng=named_rng(seed, name),
+            )  # fmt: skip
+        if record:
+            for name, device in self.drives.items():
                 group = self.recorder.add_group(
-                    name, drive.trace_columns, drive.trace_row, enums=drive.trace_enums
+                    name, device.trace_columns, device.trace_row, enums=device.trace_enums
                 )
                 self.scheduler.every(config.bench.cycle_ms * MS, group.sample)
                 self._groups[name] = group
@@ -138,7 +148,7 @@ class DriveHost:
             self.scheduler.worst_lateness_ns = 0
             return None
         drive = self.drives.get(str(command.get("drive")))
-        if drive is None or call not in FAULT_METHODS:
+        if drive is None or call not in FAULT_METHODS | ENCODER_METHODS or not hasattr(drive, str(call)):
             raise RemoteError(f"unknown command {call!r} for drive {command.get('drive')!r}")
         return getattr(drive, str(call))(*command.get("args", ()), **command.get("kwargs", {}))
 
@@ -180,16 +190,17 @@ class DriveHost:
 
 
 class RemoteDrive:
-    """Stands for a drive in the drive process: the fault interface and nothing else."""
+    """Stands for a drive or an encoder in the drive process: the fault interface and nothing else."""
 
-    def __init__(self, remote: RemoteDrives, name: str) -> None:
+    def __init__(self, remote: RemoteDrives, name: str, methods: frozenset[str]) -> None:
         self._remote = remote
+        self._methods = methods
         self.name = name
 
     def __getattr__(self, method: str) -> Callable[..., Any]:
-        if method not in FAULT_METHODS:
+        if method not in self._methods:
             raise AttributeError(
-                f"a drive in another process has no {method!r}; it has {', '.join(sorted(FAULT_METHODS))}"
+                f"{self.name} in another process has no {method!r}; it has {', '.join(sorted(self._methods))}"
             )
         return lambda *args, **kwargs: self._remote.call(method, self.name, args, kwargs)
 
@@ -298,7 +309,10 @@ class RemoteDrives:
         process = self._process = _idle.pop() if _idle else DriveProcess()
         process.serve(scheduler)
         number = process.send(
-            "start", config=config.model_dump(mode="json"), origin_ns=scheduler.origin_ns, seed=bench.seed
+            "start",
+            config=config.model_dump(mode="json", exclude_unset=True),
+            origin_ns=scheduler.origin_ns,
+            seed=bench.seed,
         )
         scheduler.run_until(lambda: process.gone or number in process.replies, _READY_TIMEOUT_NS)
         reply = process.replies.pop(number, {"error": "it ended, or did not answer in time"})
@@ -329,9 +343,9 @@ class RemoteDrives:
             raise RemoteError(f"{drive}.{method}: {reply['error']}")
         return reply.get("result")
 
-    def proxy(self, name: str) -> RemoteDrive:
-        """Return the stand-in of drive `name`."""
-        return RemoteDrive(self, name)
+    def proxy(self, name: str, methods: frozenset[str] = FAULT_METHODS) -> RemoteDrive:
+        """Return the stand-in of a drive or encoder that offers these methods."""
+        return RemoteDrive(self, name, methods)
 
     def fetch(self) -> None:
         """Bring the drives' records over."""

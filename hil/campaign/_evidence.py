@@ -75,6 +75,9 @@ _TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
     "drive.fault": (
         "observe", lambda entry: f"Fault of {entry.source}: {entry.data.get('text') or entry.data.get('code')}"
     ),
+    "encoder.alarm": ("observe", lambda entry: f"Alarms of {entry.source}: {entry.data.get('text')}"),
+    "encoder.warning": ("observe", lambda entry: f"Warnings of {entry.source}: {entry.data.get('text')}"),
+    "encoder.preset": ("observe", lambda entry: f"{entry.source}: preset {entry.data.get('value')}"),
     "power.status": ("observe", lambda entry: f"{entry.source}: MC_Power.Status {entry.data.get('value')}"),
     "fault.armed": ("inject", _fault_text),
     "fault.applied": ("inject", _fault_text),

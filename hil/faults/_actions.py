@@ -8,6 +8,7 @@ from typing import Any
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import UnsupportedFaultError
+from hil.faults._encoder_kinds import ALARM_BITS, OWN_DEVICE_NAMES, WARNING_BITS
 from hil.faults._fault import Fault
 from hil.faults._parameters import Environment
 from hil.protocols import Bench
@@ -58,7 +59,7 @@ def _method(part: Any, name: str, fault: Fault) -> Callable[..., Any]:
 
 
 def drive_action(bench: Bench, fault: Fault, stream: str) -> Action:
-    """Return the action of a fault at a drive, its switches, mechanics or encoder.
+    """Return the action of a fault at a drive, its switches or mechanics.
 
     Args:
         bench: The bench.
@@ -105,14 +106,73 @@ def drive_action(bench: Bench, fault: Fault, stream: str) -> Action:
             return pair("jam", True, False)
         case "mechanics.load_step":
             return pair("load_force", value("force_N"), 0.0)
-        case "encoder.freeze":
-            return pair("freeze_encoder", True, False)
-        case "encoder.index_missing":
-            return pair("miss_index", True, False)
-        case "encoder.jump":
-            jump = _method(drive, "jump_encoder", fault)
-            return Action(name, lambda: jump(value("increments")), None)
     raise UnsupportedFaultError(f"{fault.kind} has no action at a drive")
+
+
+def encoder_action(bench: Bench, fault: Fault) -> Action:
+    """Return the action of a fault at an encoder: that of a drive, or a device of its own.
+
+    The target is the name of either; without one the first drive is meant, or the first encoder with a node of its own for
+    kinds that need one.
+
+    Args:
+        bench: The bench.
+        fault: What to do.
+
+    """
+    own = tuple(getattr(bench, "encoder_names", ()))
+    if fault.target in own or (not fault.target and own and fault.kind in OWN_DEVICE_NAMES):
+        device = bench.encoder(fault.target or None)  # type: ignore[attr-defined]  # a bench of one's own may have none
+    else:
+        device = bench.drive(fault.target or None)
+    refuse_unless_supported(bench, fault, device)
+    name = str(device.name)
+    value = fault.value
+
+    def pair(method: str, on: tuple[Any, ...], off: tuple[Any, ...]) -> Action:
+        call = _method(device, method, fault)
+        return Action(name, lambda: call(*on), lambda: call(*off))
+
+    def once(method: str, argument: int) -> Action:
+        call = _method(device, method, fault)
+        return Action(name, lambda: call(argument), None)
+
+    if fault.kind in OWN_DEVICE_NAMES and name not in own:
+        raise UnsupportedFaultError(
+            f"{fault.kind} cannot be injected: {name} is no encoder with a node of its own; "
+            f"there are: {', '.join(own) or 'none'}"
+        )
+    match fault.kind:
+        case "encoder.freeze":
+            return pair("freeze_encoder", (True,), (False,))
+        case "encoder.index_missing":
+            return pair("miss_index", (True,), (False,))
+        case "encoder.jump":
+            return once("jump_encoder", int(value("increments")))
+        case "encoder.noise":
+            return pair("set_encoder_noise", (value("increments"),), (0,))
+        case "encoder.reverse":
+            return pair("reverse_encoder", (True,), (False,))
+        case "encoder.step_loss":
+            return pair("lose_encoder_steps", (value("every"),), (0,))
+        case "encoder.preset":
+            return once("preset_encoder", int(value("value")))
+        case "encoder.overflow":
+            margin = int(value("margin"))
+            return once("near_overflow", margin if value("end") == "upper" else -margin)
+        case "encoder.alarm":
+            bit = ALARM_BITS[str(value("alarm"))]
+            return pair("set_alarm", (bit, True), (bit, False))
+        case "encoder.warning":
+            bit = WARNING_BITS[str(value("warning"))]
+            return pair("set_warning", (bit, True), (bit, False))
+        case "encoder.cycle":
+            return pair("force_cycle_time", (value("period_ms"),), (None,))
+        case "encoder.power_off":
+            return Action(name, _method(device, "power_off", fault), _method(device, "power_on", fault))
+        case "encoder.heartbeat_loss":
+            return pair("stop_heartbeat", (True,), (False,))
+    raise UnsupportedFaultError(f"{fault.kind} has no action at an encoder")
 
 
 def alarm_action(bench: Bench, fault: Fault) -> Action:

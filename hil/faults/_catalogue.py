@@ -6,6 +6,7 @@ import difflib
 from typing import Final
 
 from fieldbus.errors import ConfigurationError
+from hil.faults._encoder_kinds import ANY_ENCODER, OWN_DEVICE
 from hil.faults._parameters import FaultType, Parameter
 
 _SELECTION: Final = (
@@ -133,20 +134,8 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
         refused={"hardware": _NO_HAND},
         example={"kind": "mechanics.load_step", "target": "drive1", "duration_s": 0.5, "parameters": {"force_N": 400.0}},
     ),
-    FaultType(
-        "encoder.freeze", "The reported position no longer changes", "encoder", "encoder",
-        refused={"hardware": _NO_HAND}, example={"kind": "encoder.freeze", "target": "drive1", "duration_s": 0.1},
-    ),
-    FaultType(
-        "encoder.jump", "The reported position jumps and stays displaced", "encoder", "encoder",
-        (Parameter("increments", "int", "Displacement, signed", "increments", -(2**31), 2**31 - 1, required=True),),
-        lasting=False, refused={"hardware": _NO_HAND},
-        example={"kind": "encoder.jump", "target": "drive1", "parameters": {"increments": 20000}},
-    ),
-    FaultType(
-        "encoder.index_missing", "The index of the encoder does not come", "encoder", "encoder",
-        refused={"hardware": _NO_HAND}, example={"kind": "encoder.index_missing", "target": "drive1"},
-    ),
+    *ANY_ENCODER,
+    *OWN_DEVICE,
     FaultType(
         "axis.alarm", "The controller raises a technology alarm by itself", "axis", "alarm engine of the axis",
         (

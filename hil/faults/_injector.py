@@ -6,7 +6,7 @@ from typing import Any
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import HilError
-from hil.faults._actions import Action, alarm_action, drive_action
+from hil.faults._actions import Action, alarm_action, drive_action, encoder_action
 from hil.faults._fault import Fault
 from hil.faults._frames import FrameAction, InjectAction
 from hil.faults._kernel import KernelFrameAction
@@ -53,6 +53,8 @@ class ArmedFault:
             return FrameAction(self._bench, self.fault, stream, self._ended, self._hit)
         if kind == "axis.alarm":
             return alarm_action(self._bench, self.fault)
+        if kind.startswith("encoder."):
+            return encoder_action(self._bench, self.fault)
         return drive_action(self._bench, self.fault, stream)
 
     def arm(self) -> None:

@@ -101,7 +101,8 @@ class FaultType:
     name: str
     summary: str
     target: Literal["segment", "drive", "axis", "switch", "mechanics", "encoder"]
-    """What kind of thing is broken; switch, mechanics and encoder are addressed by the name of their drive."""
+    """What kind of thing is broken; switch, mechanics and encoder are addressed by the name of their drive, an
+    encoder with a node of its own by its own."""
     seam: str
     """Where in the bench the fault is applied."""
     parameters: tuple[Parameter, ...] = ()

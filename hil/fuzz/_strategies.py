@@ -10,6 +10,7 @@ from hypothesis.strategies import SearchStrategy
 
 from hil.faults import CATALOGUE, Fault
 from hil.faults._actions import environment
+from hil.faults._encoder_kinds import NOT_FUZZED
 from hil.fuzz._program import Break, Do, Program, Step, Wait
 
 _EMCY: Final = (0x2310, 0x3210, 0x3220, 0x4310, 0x5400, 0x7121, 0x7305, 0x8611, 0xFF00)
@@ -119,7 +120,9 @@ def fault_kinds(bench: Any) -> list[str]:
     return [
         entry.name
         for entry in CATALOGUE
-        if not entry.injectable(where) and (entry.target != "axis" or has_alarms)
+        if not entry.injectable(where)
+        and (entry.target != "axis" or has_alarms)
+        and entry.name not in NOT_FUZZED
     ]
 
 

@@ -144,6 +144,10 @@ class CiA402Drive(DriveDevice):
         """Let the zero mark of the encoder never come, or come again."""
         self.encoder.zero_mark_present = not missing
 
+    def lose_encoder_steps(self, every: int) -> None:
+        """Let the encoder miss one of `every` increments of the motion; 0 = none from now on."""
+        self.encoder.lose_steps(every)
+
     # -- machine -----------------------------------------------------------------------------------------------------
 
     def jam(self, jammed: bool) -> None:

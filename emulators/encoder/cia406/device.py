@@ -45,7 +45,6 @@ class EncoderDevice:
     """
 
     __slots__ = (
-        "_alarms_injected",
         "_alarms_told",
         "_cams_told",
         "_history",
@@ -56,10 +55,11 @@ class EncoderDevice:
         "_sampled_ns",
         "_scheduler",
         "_stale",
-        "_warnings_injected",
         "channels",
         "config",
         "family",
+        "injected_alarms",
+        "injected_warnings",
         "name",
         "scaling",
         "slave",
@@ -105,9 +105,9 @@ class EncoderDevice:
         )
         self._stale = True
         self._sampled_ns = -1
-        self._alarms_injected = 0
+        self.injected_alarms = 0
         self._alarms_told = 0
-        self._warnings_injected = 0
+        self.injected_warnings = 0
         self._cams_told = [0] * len(self.channels)
         self._offset_settings: tuple[Any, ...] = ()
         self._operating_ns = round(config.operating_time_h * 10 * _TENTH_HOUR_NS)
@@ -262,10 +262,10 @@ class EncoderDevice:
     def _watch(self, steps: int) -> None:
         """Look for causes of alarms and warnings; `steps` = raw steps moved in this cycle."""
         config = self.config
-        alarms = self._alarms_injected
+        alarms = self.injected_alarms
         if any(channel.sensor.off_the_scale for channel in self.channels):
             alarms |= EncoderAlarm.POSITION_ERROR
-        warnings = self._warnings_injected
+        warnings = self.injected_warnings
         if self._max_steps is not None and steps > self._max_steps:
             warnings |= EncoderWarning.FREQUENCY_EXCEEDED
         limit_h = config.operating_time_limit_h
@@ -317,7 +317,7 @@ class EncoderDevice:
 
         """
         _supported("alarms", word, SUPPORTED_ALARMS)
-        self._alarms_injected = word
+        self.injected_alarms = word
 
     def inject_warnings(self, word: int) -> None:
         """Set the bits of 6505h whose cause somebody brings about.
@@ -327,7 +327,7 @@ class EncoderDevice:
 
         """
         _supported("warnings", word, SUPPORTED_WARNINGS)
-        self._warnings_injected = word
+        self.injected_warnings = word
 
     def peek(self, index: int, sub: int = 0) -> Any:
         """Return what an SDO upload of an entry would yield, without the bus and its delay."""

@@ -12,7 +12,7 @@ from emulators.mechanics import DrivenShaft
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen import NmtState
 from fieldbus.clock import Scheduler
-from fieldbus.errors import ConfigurationError, UnsupportedFaultError
+from fieldbus.errors import UnsupportedFaultError
 from fieldbus.history import History
 
 if TYPE_CHECKING:
@@ -127,40 +127,45 @@ class CiA406Encoder(EncoderDevice):
             channel.sensor.encoder.lose_steps(every)
         self.forget_sample()
 
+    def miss_index(self, missing: bool) -> None:
+        """Let the reference mark never come, or come again; an incremental encoder that waits for it goes on warning."""
+        for channel in self.channels:
+            channel.sensor.encoder.zero_mark_present = not missing
+
     # -- device -------------------------------------------------------------------------------------------------
 
     def preset_encoder(self, value: int) -> None:
-        """Write a preset to 6003h, whatever moves.
-
-        Raises:
-            ConfigurationError: The value is outside 0..6002h - 1.
-
-        """
+        """Write a preset to 6003h, whatever moves; the value is taken into the range of 6002h."""
         self.take_parameters()
-        if not 0 <= value < self.scaling.total:
-            raise ConfigurationError("preset value", value, f"0..{self.scaling.total - 1}")
-        self.preset(value)
+        self.preset(value % self.scaling.total)
 
     def near_overflow(self, margin: int) -> None:
-        """Place the position `margin` units before the end of 6002h (> 0), or behind its beginning (< 0).
+        """Place the position `margin` units before the end of 6002h (>= 1), or behind its beginning (<= 0).
 
-        Raises:
-            ConfigurationError: The margin is 0 or larger than the range.
-
+        A margin beyond the range is taken into it.
         """
         self.take_parameters()
-        total = self.scaling.total
-        if not 0 < abs(margin) <= total:
-            raise ConfigurationError("margin", margin, f"-{total}..{total}, not 0")
-        self.preset(total - margin if margin > 0 else -margin - 1)
+        self.preset(-margin % self.scaling.total)
 
-    def set_alarms(self, word: int) -> None:
-        """Bring about the causes of alarms, bits of 6503h; 0 ends them."""
-        self.inject_alarms(word)
+    def set_alarm(self, bit: int, active: bool) -> None:
+        """Bring about the cause of an alarm, a bit of 6503h (0 position error, 12 to 15 manufacturer), or end it.
 
-    def set_warnings(self, word: int) -> None:
-        """Bring about the causes of warnings, bits of 6505h; 0 ends them."""
-        self.inject_warnings(word)
+        Raises:
+            ConfigurationError: The encoder does not support it (6504h).
+
+        """
+        word = self.injected_alarms
+        self.inject_alarms(word | 1 << bit if active else word & ~(1 << bit))
+
+    def set_warning(self, bit: int, active: bool) -> None:
+        """Bring about the cause of a warning, a bit of 6505h (0 to 5, 12 to 15 manufacturer), or end it.
+
+        Raises:
+            ConfigurationError: The encoder does not support it (6506h).
+
+        """
+        word = self.injected_warnings
+        self.inject_warnings(word | 1 << bit if active else word & ~(1 << bit))
 
     def force_cycle_time(self, period_ms: int | None) -> None:
         """Send TPDO1 with a wrong cycle, ms (0: never by time); None = as before."""

@@ -109,9 +109,9 @@ def test_states_are_sent_when_they_change():
     begin = bench.scheduler.now
     for steps in (500, 1500, 1600, 2500, 3500):
         bench.count(steps)
-    bench.encoder.set_warnings(0x10)
+    bench.encoder.inject_warnings(0x10)
     bench.run(0.002)
-    bench.encoder.set_alarms(0x1)
+    bench.encoder.inject_alarms(0x1)
     bench.run(0.002)
     assert [data.hex(" ") for _, data in bench.frames(TPDO4, begin)] == [
         "01 00 00 00 00 00",
@@ -273,13 +273,13 @@ def test_alarm_holds_the_position_and_sends_an_emcy():
     """Position error: EMCY 1000h with register 21h, 6004h keeps its value; with the cause it goes, EMCY 0000h."""
     bench = EncoderBench()
     bench.count(500)
-    bench.encoder.set_alarms(1)
+    bench.encoder.inject_alarms(1)
     bench.run(0.002)
     bench.count(900)
     assert (bench.position, bench.get(0x6503), bench.get(0x1001)) == (500, 1, 0x21)
-    bench.encoder.set_alarms(0x9001)
+    bench.encoder.inject_alarms(0x9001)
     bench.run(0.002)
-    bench.encoder.set_alarms(0)
+    bench.encoder.inject_alarms(0)
     bench.run(0.002)
     assert (bench.position, bench.get(0x6503), bench.get(0x1001)) == (900, 0, 0)
     assert bench.emcys == [
@@ -307,12 +307,12 @@ def test_warnings(told):
     """A warning leaves the position valid; an EMCY comes only where that is configured."""
     bench = EncoderBench(warning_emcy=told)
     for bit in range(6):
-        bench.encoder.set_warnings(1 << bit)
+        bench.encoder.inject_warnings(1 << bit)
         bench.run(0.002)
         assert bench.get(0x6505) == 1 << bit
     bench.count(77)
     assert bench.position == 77
-    bench.encoder.set_warnings(0)
+    bench.encoder.inject_warnings(0)
     bench.run(0.002)
     assert bench.get(0x6505) == 0
     assert bench.emcys == ([(0xFF20, 0x21)] * 6 + [(0, 0)] if told else [])
@@ -347,7 +347,7 @@ def test_only_supported_bits_can_be_brought_about():
     """Alarms beyond 6504h and warnings beyond 6506h are refused, but for the bits of the manufacturer."""
     bench = EncoderBench()
     assert (bench.get(0x6504), bench.get(0x6506)) == (1, 0x3F)
-    for call, word in ((bench.encoder.set_alarms, 2), (bench.encoder.set_warnings, 0x40)):
+    for call, word in ((bench.encoder.inject_alarms, 2), (bench.encoder.inject_warnings, 0x40)):
         with pytest.raises(ConfigurationError):
             call(word)
 
@@ -386,7 +386,7 @@ def test_faults_of_the_sensor():
 
 @pytest.mark.requirement("C402-312", "C406-009")
 def test_faults_of_the_device():
-    """Preset, overflow and a wrong cycle of TPDO1, and back to the right one; impossible values are refused."""
+    """Preset, overflow, a wrong cycle of TPDO1 and back to the right one; alarms and warnings bit by bit."""
     bench = EncoderBench()
     bench.put(0x6200, 10)
     bench.start()
@@ -394,7 +394,7 @@ def test_faults_of_the_device():
     assert bench.position == 123
     bench.encoder.near_overflow(5)
     assert bench.position == 33554432 - 5
-    bench.encoder.near_overflow(-5)
+    bench.encoder.near_overflow(-4)
     assert bench.position == 4
     counts = []
     for period in (25, 0, None):
@@ -403,9 +403,14 @@ def test_faults_of_the_device():
         bench.run(0.105)
         counts.append(len(bench.frames(TPDO1, begin + 1 * MS)))
     assert counts == [4, 0, 10]
-    for wrong in (lambda: bench.encoder.preset_encoder(1 << 30), lambda: bench.encoder.near_overflow(0)):
-        with pytest.raises(ConfigurationError):
-            wrong()
+    bench.encoder.preset_encoder(33554432 + 3)
+    assert bench.position == 3
+    bench.encoder.set_alarm(0, True)
+    bench.encoder.set_alarm(14, True)
+    bench.encoder.set_alarm(0, False)
+    bench.encoder.set_warning(4, True)
+    bench.run(0.002)
+    assert (bench.get(0x6503), bench.get(0x6505)) == (0x4000, 0x10)
     mounted = CiA406Encoder(
         bench.scheduler, bench.medium, EncoderDeviceConfig(node_id=9), Mounting(lambda: 0.0), name="other"
     )

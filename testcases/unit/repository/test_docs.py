@@ -15,7 +15,7 @@ from pydantic_core import PydanticUndefined
 
 import hil.expect
 import hil.faults
-from hil.bench import EMBEDDED, load_bench
+from hil.bench import EMBEDDED, BenchFile, load_bench
 from hil.bench.config import BenchConfig
 from hil.cli import app
 from hil.faults import CATALOGUE, ENVIRONMENTS, trigger_from_dict
@@ -78,6 +78,8 @@ def in_words(default: object) -> str:
         return "none"
     if default == {}:
         return "empty"
+    if isinstance(default, bool):
+        return str(default).lower()
     return (
         str(default)
         if not isinstance(default, float) or default >= 0.0001 or default <= 0
@@ -254,12 +256,13 @@ def test_every_expectation_is_documented():
 
 
 def test_every_recorded_column_is_documented():
-    """The columns of axis and drive in the page about writing tests are those that a bench records."""
-    with load_bench("reference").build() as bench:
+    """The columns of axis, drive and encoder in the page about writing tests are those that a bench records."""
+    text = load_bench("reference").text + '[encoder.encoder1]\nsegment = "can0"\nnode_id = 20\n'
+    with BenchFile("own.toml", text).build() as bench:
         recorded = {group.name: [name for name, _ in group.columns] for group in bench.trace().groups}
     table = section(page("docs/writing-tests.md"), "## The trace")
 
-    for component, name in (("axis", "axis1"), ("drive", "drive1")):
+    for component, name in (("axis", "axis1"), ("drive", "drive1"), ("encoder", "encoder1")):
         (line,) = re.findall(
             rf"^\| {component} \| (.*) \|$", table.partition("Events are selected")[0], re.MULTILINE
         )

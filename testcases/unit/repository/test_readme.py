@@ -11,7 +11,7 @@ from typing import NamedTuple
 import pytest
 import typer
 
-from hil.bench import load_bench
+from hil.bench import BenchFile, load_bench
 from hil.cli import app
 from hil.faults import Injector
 from reports import summary
@@ -145,8 +145,9 @@ def test_bench_files_in_the_docs_come_up(block, tmp_path):
 
 @pytest.mark.parametrize("example", FAULTS, ids=lambda text: text.split('"')[1])
 def test_examples_of_the_fault_catalogue_are_applied(example):
-    """The example of a fault kind can be injected into the reference bench as it stands."""
-    with load_bench("reference").build() as bench:
+    """The example of a fault kind can be injected as it stands into the reference bench with an encoder of its own."""
+    text = load_bench("reference").text + '[encoder.encoder1]\nsegment = "can0"\nnode_id = 20\n'
+    with BenchFile("own.toml", text).build() as bench:
         faults = Injector(bench)
 
         exec(example, {"faults": faults, "bench": bench})

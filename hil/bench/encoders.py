@@ -1,0 +1,188 @@
+"""Encoders of a bench file: the emulated devices, and what their controller does for them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any, Final
+
+from fieldbus.canopen.nmt import COB_ERROR_CONTROL, NmtCommand, NmtState
+
+if TYPE_CHECKING:
+    import canopen
+    from numpy.random import Generator
+
+    from emulators.encoder import Mounting
+    from emulators.encoder.cia406 import CiA406Encoder, EncoderDeviceConfig
+    from emulators.mechanics import DrivenShaft
+    from fieldbus.canopen.master import CanopenMaster
+    from fieldbus.clock import Scheduler
+    from fieldbus.history import History
+    from hil.bench.config import BenchConfig
+    from hil.bench.encoder_config import EncoderSection
+
+_RPM: Final = 2.0 * math.pi / 60.0
+_SENSOR_SHARE: Final = 0.25
+"""The second sensor of a multi-sensor device sits a quarter of the scale behind the first."""
+
+ENCODER_METHODS: Final = frozenset((
+    "freeze_encoder", "jump_encoder", "set_encoder_noise", "reverse_encoder", "lose_encoder_steps", "miss_index", "preset_encoder",
+    "near_overflow", "set_alarm", "set_warning", "force_cycle_time", "stop_heartbeat", "power_off", "power_on",
+    "turn_shaft", "place_shaft",
+))  # fmt: skip
+"""Methods of an encoder that may be called through the pipe to another process."""
+
+
+@cache
+def encoder_dictionary(kind: str) -> canopen.ObjectDictionary:
+    """Return the object dictionary of an encoder type of the bench file; treat it as read-only."""
+    from emulators.encoder.cia406 import EncoderType, family_of
+    from emulators.encoder.cia406 import encoder_dictionary as dictionary
+
+    return dictionary(family_of(EncoderType[kind.upper()]))
+
+
+def encoder_config(section: EncoderSection) -> EncoderDeviceConfig:
+    """Return the configuration of the emulated encoder that a section describes.
+
+    Raises:
+        ConfigurationError: Resolution and range do not fit together.
+
+    """
+    from emulators.encoder.cia406 import EncoderDeviceConfig, EncoderType
+
+    length_m = section.length_mm / 1000.0
+    speed = section.max_speed_mm_s if section.linear else section.max_speed_rpm
+    scale = 1.0 / 1000.0 if section.linear else _RPM
+    return EncoderDeviceConfig(
+        node_id=section.node_id,
+        kind=EncoderType[section.type.upper()],
+        steps_per_revolution=section.steps_per_revolution,
+        revolutions=section.revolutions,
+        measuring_step_nm=round(section.measuring_step_um * 1000.0),
+        length_m=length_m,
+        sensor_places_m=(0.0, _SENSOR_SHARE * length_m),
+        max_speed=None if speed is None else speed * scale,
+        objects={(0x1800, 5): section.cyclic_timer_ms, (0x1017, 0): section.heartbeat_ms},
+    )
+
+
+def build_encoder(
+    scheduler: Scheduler,
+    segments: Mapping[str, Any],
+    config: BenchConfig,
+    name: str,
+    *,
+    drives: Mapping[str, Any],
+    history: History,
+    rng: Generator,
+) -> CiA406Encoder:
+    """Return the emulated encoder `name`, still switched off, on the machine of a drive or a shaft of its own."""
+    from emulators.encoder.cia406 import CiA406Encoder
+
+    section = config.encoder[name]
+    mounting, shaft = _mounting(scheduler, config, section, drives)
+    return CiA406Encoder(
+        scheduler,
+        segments[section.segment],
+        encoder_config(section),
+        mounting,
+        name=name,
+        history=history,
+        rng=rng,
+        shaft=shaft,
+    )
+
+
+def _mounting(
+    scheduler: Scheduler, config: BenchConfig, section: EncoderSection, drives: Mapping[str, Any]
+) -> tuple[Mounting, DrivenShaft | None]:
+    from emulators.encoder import Mounting
+
+    ratio = section.gear_numerator / section.gear_denominator * (-1.0 if section.reversed else 1.0)
+    if section.linear:
+        offset_mm = 0.5 * section.length_mm if section.offset_mm is None else section.offset_mm
+        offset, backlash = offset_mm / 1000.0, section.backlash_mm / 1000.0
+    else:
+        offset, backlash = math.radians(section.offset_deg), math.radians(section.backlash_deg)
+    shaft: DrivenShaft | None = None
+    source: Callable[[], float]
+    if section.on is None:
+        shaft = own = _own_shaft(scheduler, section)
+
+        def source() -> float:
+            return own.position
+    else:
+        mechanics = drives[section.on].mechanics
+        if section.mounting == "motor":
+
+            def source() -> float:
+                return float(mechanics.motor_angle)
+        else:
+            if not section.linear:
+                lead_mm = section.mm_per_revolution or config.drive[section.on].mechanics.lead_screw_mm
+                ratio *= 2.0 * math.pi * 1000.0 / lead_mm
+
+            def source() -> float:
+                return float(mechanics.position)
+
+    return Mounting(source, ratio=ratio, offset=offset, backlash=backlash), shaft
+
+
+def _own_shaft(scheduler: Scheduler, section: EncoderSection) -> DrivenShaft:
+    from emulators.mechanics import DrivenShaft
+
+    shaft = DrivenShaft(scheduler)
+    motion = section.shaft
+    scale = 1.0 / 1000.0 if section.linear else _RPM
+    if motion.profile is not None:
+        shaft.follow([(time_s, speed * scale) for time_s, speed in motion.profile], repeat=motion.repeat)
+    else:
+        shaft.turn(scale * (motion.speed_mm_s if section.linear else motion.speed_rpm))
+    return shaft
+
+
+class EncoderStarter:
+    """Starts encoders as their controller does: NMT start after every boot-up, and once at the beginning.
+
+    Args:
+        masters: CANopen services of the controller, by segment.
+        config: The bench file.
+
+    """
+
+    def __init__(self, masters: Mapping[str, CanopenMaster], config: BenchConfig) -> None:
+        self._masters = masters
+        self._sections = config.encoder
+        self._states: dict[str, int] = {}
+        for name, section in self._sections.items():
+            master = masters[section.segment]
+            master.subscribe(
+                COB_ERROR_CONTROL + section.node_id, self._listener(name, master, section.node_id)
+            )
+
+    def _listener(self, name: str, master: CanopenMaster, node_id: int) -> Callable[[bytes, int], None]:
+        def hear(data: bytes, _time_ns: int) -> None:
+            if len(data) != 1:
+                return
+            self._states[name] = data[0] & 0x7F
+            if data == b"\0":
+                master.nmt(NmtCommand.START, node_id)
+
+        return hear
+
+    def start(self) -> None:
+        """Start the encoders that have booted before anybody listened, or were not started since."""
+        for name, section in self._sections.items():
+            if self._states.get(name) != NmtState.OPERATIONAL:
+                self._masters[section.segment].nmt(NmtCommand.START, section.node_id)
+
+    @property
+    def missing(self) -> list[str]:
+        """Encoders whose heartbeat does not say that they are Operational; one without heartbeat cannot be missed."""
+        return [
+            name
+            for name, section in self._sections.items()
+            if section.heartbeat_ms and self._states.get(name) != NmtState.OPERATIONAL
+        ]
