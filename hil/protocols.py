@@ -116,6 +116,57 @@ class Drive(Protocol):
         """Start the node again, with boot-up."""
 
 
+class Encoder(Protocol):
+    """An encoder with a node of its own as the faults see it: emulated here, or a proxy of one in another process."""
+
+    name: str
+
+    def freeze_encoder(self, frozen: bool) -> None:
+        """Hold the reported position."""
+
+    def jump_encoder(self, increments: int) -> None:
+        """Displace the reported position."""
+
+    def set_encoder_noise(self, increments: int) -> None:
+        """Disturb the reported position; 0 ends it."""
+
+    def reverse_encoder(self, reversed_direction: bool) -> None:
+        """Count the other way round."""
+
+    def lose_encoder_steps(self, every: int) -> None:
+        """Miss one of so many steps; 0 ends it."""
+
+    def preset_encoder(self, value: int) -> None:
+        """Write a preset."""
+
+    def near_overflow(self, margin: int) -> None:
+        """Place the position before an end of its range."""
+
+    def set_alarm(self, bit: int, active: bool) -> None:
+        """Bring about the cause of an alarm, a bit of 6503h, or end it."""
+
+    def set_warning(self, bit: int, active: bool) -> None:
+        """Bring about the cause of a warning, a bit of 6505h, or end it."""
+
+    def force_cycle_time(self, period_ms: int | None) -> None:
+        """Send TPDO1 with a wrong cycle; None ends it."""
+
+    def stop_heartbeat(self, stopped: bool) -> None:
+        """Suppress the heartbeat, or produce it again."""
+
+    def power_off(self) -> None:
+        """Take the node off the bus without a word."""
+
+    def power_on(self) -> None:
+        """Start the node again, with boot-up."""
+
+    def turn_shaft(self, speed: float, ramp_s: float = 0.0) -> None:
+        """Turn the encoder's own shaft, rad/s or m/s."""
+
+    def place_shaft(self, position: float) -> None:
+        """Put the encoder's own shaft at rest, rad or m."""
+
+
 class FaultSegment(Protocol):
     """A CAN segment with the seams for frame faults."""
 
@@ -165,7 +216,7 @@ class Bench(Protocol):
         """Return the seeded random stream of component `name`."""
 
     def cob_ids(self, drive_name: str) -> dict[str, int]:
-        """Return the identifiers of a drive by name: `rpdo1`, `tpdo1`, `sync`, `emcy`, `heartbeat`, `sdo_rx`, `sdo_tx`."""
+        """Return the identifiers of a drive, or of an encoder, by name: `rpdo1`, `tpdo1`, `sync`, `emcy`, `heartbeat`, `sdo_rx`, `sdo_tx`."""
 
     def decode(self, frame: CanFrame) -> str:
         """Return the meaning of a frame in words."""

@@ -77,20 +77,24 @@ class Channel:
     """
 
     __slots__ = (
-        "_cams",
+        "_acceleration",
+        "_active",
         "_config",
+        "_derived",
+        "_enable_key",
         "_history",
         "_interval",
-        "_number",
+        "_jerk",
         "_scaling",
+        "_speed",
         "_values",
-        "acceleration",
-        "jerk",
+        "area",
+        "cams",
+        "number",
         "offset",
         "position",
         "raw",
         "sensor",
-        "speed",
         "unfolded",
     )
 
@@ -103,13 +107,20 @@ class Channel:
         values: dict[int, Any],
         config: EncoderDeviceConfig,
     ) -> None:
-        self._number = number
+        self.number = number
+        self._enable_key = 0x630100 | number
         self._scaling = scaling
         self._values = values
         self._config = config
         self._history: deque[int] = deque(maxlen=4)
         self._interval = 1
-        self._cams = 0
+        self._active = 0
+        self._derived = True
+        self._speed = self._acceleration = self._jerk = 0
+        self.cams = 0
+        """6300h: state of the cams."""
+        self.area = 0
+        """6400h: state of the work area."""
         self.sensor = sensor
         self.offset = 0
         """Difference between position and scaled raw value, from the preset (6509h, C406-005)."""
@@ -119,7 +130,6 @@ class Channel:
         """6004h, or 6020h of a multi-sensor device."""
         self.unfolded = 0
         """6008h: the position before it is folded into 6002h."""
-        self.speed = self.acceleration = self.jerk = 0
 
     # -- position -----------------------------------------------------------------------------------------------
 
@@ -129,13 +139,23 @@ class Channel:
         self.raw = count % self._scaling.raw_range
         return -count if self._scaling.reversed else count
 
-    def sample(self, *, hold: bool) -> None:
-        """Form the position of this instant; with `hold` it stays what it was (C406-050)."""
+    def sample(self, *, hold: bool) -> bool:
+        """Form position, cams and work area of this instant; with `hold` they stay what they were (C406-050).
+
+        Returns:
+            Whether a cam or the state of the area has changed.
+
+        """
         count = self._count()
         if not hold:
             scaling = self._scaling
-            self.unfolded = scaling.scaled(count % scaling.raw_range) + self.offset
-            self.position = self.unfolded % scaling.total
+            self.unfolded = unfolded = scaling.scaled(count % scaling.raw_range) + self.offset
+            self.position = unfolded % scaling.total
+        cams, area = self._find_cams(), self._find_area()
+        if cams == self.cams and area == self.area:
+            return False
+        self.cams, self.area = cams, area
+        return True
 
     def preset(self, value: int) -> None:
         """Make the position of this instant `value`, whatever moves (C406-005, C406-006)."""
@@ -145,17 +165,14 @@ class Channel:
     def restart(self) -> None:
         """Begin without a past: no speed, no cam with hysteresis."""
         self._history.clear()
-        self._cams = 0
-        self.speed = self.acceleration = self.jerk = 0
+        self._active = self.cams = self.area = 0
+        self._derived = True
+        self._speed = self._acceleration = self._jerk = 0
 
     # -- motion -------------------------------------------------------------------------------------------------
 
     def cycle(self) -> int:
-        """Take note of the position of this millisecond; returns the raw steps moved since the last one.
-
-        With the interval T of 6031h:2 the speed is the difference of two positions T apart, the acceleration that of two
-        speeds T apart, the jerk that of two accelerations T apart.
-        """
+        """Take note of the position of this millisecond; returns the raw steps moved since the last one."""
         interval = max(1, self._values[0x603102])  # an EDS of others may have 0 here
         past = self._history
         if interval != self._interval:
@@ -164,17 +181,39 @@ class Channel:
         before = past[-1] if past else None
         now = self.sensor.encoder.increments
         past.append(now)
-        count = len(past)
-        self.speed = self.acceleration = self.jerk = 0
-        if count > interval:
-            sign = -1 if self._scaling.reversed else 1
-            points = [
-                sign * past[-1 - back * interval] for back in range(min(4, 1 + (count - 1) // interval))
-            ]
-            self._derive(points)
+        self._derived = False
         return 0 if before is None else now - before
 
-    def _derive(self, counts: list[int]) -> None:
+    @property
+    def speed(self) -> int:
+        """6030h: difference of two positions one interval T (6031h:2) apart."""
+        self._derive()
+        return self._speed
+
+    @property
+    def acceleration(self) -> int:
+        """6040h: difference of two speeds T apart."""
+        self._derive()
+        return self._acceleration
+
+    @property
+    def jerk(self) -> int:
+        """6050h: difference of two accelerations T apart."""
+        self._derive()
+        return self._jerk
+
+    def _derive(self) -> None:
+        """Work out the motion of the last cycle, once, and only if somebody asks."""
+        if self._derived:
+            return
+        self._derived = True
+        self._speed = self._acceleration = self._jerk = 0
+        past, interval = self._history, self._interval
+        count = len(past)
+        if count <= interval:
+            return
+        sign = -1 if self._scaling.reversed else 1
+        counts = [sign * past[-1 - back * interval] for back in range(min(4, 1 + (count - 1) // interval))]
         values = self._values
         multiplier, divider = values[0x603103], max(1, values[0x603104])
         if self._config.kind.linear:
@@ -182,48 +221,49 @@ class Channel:
             interval = self._interval
             differences = _differences([step * count for count in counts])
             speed_unit = _NM_PER_MS_IN_SPEED_STEPS * interval * max(1, values[0x600502])
-            self.speed = _limited(differences[0] * multiplier, speed_unit * divider)
+            self._speed = _limited(differences[0] * multiplier, speed_unit * divider)
             # 1 nm per ms² is 1 mm/s², 1 nm per ms³ is 1000 mm/s³.
             if len(differences) > 1:
-                self.acceleration = _limited(differences[1], interval**2 * max(1, values[0x600503]))
+                self._acceleration = _limited(differences[1], interval**2 * max(1, values[0x600503]))
             if len(differences) > 2:
-                self.jerk = _limited(1000 * differences[2], interval**3 * max(1, values[0x600504]))
+                self._jerk = _limited(1000 * differences[2], interval**3 * max(1, values[0x600504]))
             return
         scaled = counts if values[0x603101] else [self._scaling.scaled(count) for count in counts]
         differences = _differences(scaled)
-        self.speed = _limited(differences[0] * multiplier, divider)
+        self._speed = _limited(differences[0] * multiplier, divider)
         if len(differences) > 1:
-            self.acceleration = _limited(differences[1], 1)
+            self._acceleration = _limited(differences[1], 1)
         if len(differences) > 2:
-            self.jerk = _limited(differences[2], 1)
+            self._jerk = _limited(differences[2], 1)
 
     # -- cams and work area -------------------------------------------------------------------------------------
 
-    def cams(self) -> int:
+    def _find_cams(self) -> int:
         """Return the state register 6300h at the present position (C406-049)."""
         values = self._values
-        number = self._number
-        enabled = values[0x630100 | number]
+        enabled: int = values[self._enable_key]
         if not enabled:
-            self._cams = 0
+            self._active = 0
             return 0
+        number = self.number
         position = self.position
         active = 0
         for cam in range(CAMS):
             bit = 1 << cam
             if enabled & bit:
                 key = cam << 8 | number
-                play = values[0x633000 + key] if self._cams & bit else 0
+                play = values[0x633000 + key] if self._active & bit else 0
                 if values[0x631000 + key] - play <= position <= values[0x632000 + key] + play:
                     active |= bit
-        self._cams = active
+        self._active = active
         return int((active ^ values[0x630200 | number]) & enabled)
 
-    def area(self) -> int:
+    def _find_area(self) -> int:
         """Return the area state register 6400h at the present position."""
-        if self.position > self._values[0x640200 | self._number]:
+        values = self._values
+        if self.position > values[self._enable_key + 0x10100]:
             return AreaState.OUT_OF_RANGE | AreaState.OVERFLOW
-        if self.position < self._values[0x640100 | self._number]:
+        if self.position < values[self._enable_key + 0x10000]:
             return AreaState.OUT_OF_RANGE | AreaState.UNDERFLOW
         return 0
 

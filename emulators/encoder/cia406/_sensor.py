@@ -32,7 +32,7 @@ class Sensor:
 
     """
 
-    __slots__ = ("_length", "_mounting", "_per_coordinate", "_place", "encoder")
+    __slots__ = ("_length", "_mounting", "_per_coordinate", "_place", "bounded", "encoder")
 
     def __init__(
         self,
@@ -54,6 +54,8 @@ class Sensor:
             length_m = math.inf
             self._per_coordinate = 1.0
         self._length = length_m if kind in _BOUNDED else math.inf
+        self.bounded = kind in _BOUNDED
+        """Whether it can leave its scale."""
         self.encoder: RotaryEncoder = _model(config, counts, rng)
         """The model; its increments are not folded into the range."""
 
@@ -69,16 +71,15 @@ class Sensor:
 
     def read(self) -> int:
         """Sample now; returns the count, raw steps, not folded."""
-        self.encoder.sample(self.coordinate * self._per_coordinate)
-        return self.encoder.increments
+        encoder = self.encoder
+        encoder.sample((self._mounting.coordinate() + self._place) * self._per_coordinate)
+        return encoder.increments
 
     @property
     def off_the_scale(self) -> bool:
         """Whether there is no code to read where the sensor stands; a code is read from half a step before it on."""
-        if self._length == math.inf:
-            return False
         half = 0.5 * self.coordinate_per_step
-        return not -half <= self.coordinate < self._length - half
+        return self.bounded and not -half <= self.coordinate < self._length - half
 
     def power_on(self) -> None:
         """Start as the kind of encoder does; an incremental one waits for its reference mark."""

@@ -46,8 +46,9 @@ class EncoderDevice:
 
     __slots__ = (
         "_alarms_told",
-        "_cams_told",
+        "_bounded",
         "_history",
+        "_incremental",
         "_max_steps",
         "_offset_settings",
         "_operating_ns",
@@ -103,12 +104,13 @@ class EncoderDevice:
             )
             for number, place in enumerate(places, 1)
         )
+        self._incremental = config.kind.incremental
+        self._bounded = self.channels[0].sensor.bounded
         self._stale = True
         self._sampled_ns = -1
         self.injected_alarms = 0
         self._alarms_told = 0
         self.injected_warnings = 0
-        self._cams_told = [0] * len(self.channels)
         self._offset_settings: tuple[Any, ...] = ()
         self._operating_ns = round(config.operating_time_h * 10 * _TENTH_HOUR_NS)
         self._powered_ns = 0
@@ -170,10 +172,9 @@ class EncoderDevice:
     def _restart(self) -> None:
         """Begin as after power-on, with the parameters that have just been loaded."""
         self._alarms_told = 0
-        self._cams_told = [0] * len(self.channels)
         self.take_parameters(force=True)
         memory = self.slave.store.stored
-        valid = self._offset_settings == self._settings() and not self.config.kind.incremental
+        valid = self._offset_settings == self._settings() and not self._incremental
         for number, channel in enumerate(self.channels):
             channel.sensor.power_on()
             channel.restart()
@@ -221,7 +222,7 @@ class EncoderDevice:
         self.take_parameters()
         one = self.channels[channel]
         one.preset(value)
-        if not self.config.kind.incremental:
+        if not self._incremental:
             self._offset_settings = self._settings()
             for number, other in enumerate(self.channels):
                 self.slave.store.stored[_offset_key(number)] = other.offset
@@ -238,32 +239,40 @@ class EncoderDevice:
         now = self._scheduler.now
         if now == self._sampled_ns:
             return
-        self.take_parameters()
+        if self._stale:
+            self.take_parameters()
         self._sampled_ns = now
-        hold = bool(self._alarms_told) or any(channel.sensor.off_the_scale for channel in self.channels)
-        for number, channel in enumerate(self.channels, 1):
-            channel.sample(hold=hold)
-            self._set(0x6300, number, channel.cams())
-            self._set(0x6400, number, channel.area())
+        hold = self._alarms_told != 0 or self._off_the_scale()
+        for channel in self.channels:
+            if channel.sample(hold=hold):
+                self._tell_states(channel)
 
-    def _set(self, index: int, number: int, state: int) -> None:
-        self.slave.set(index, number, state)
-        if index == 0x6300 and state != self._cams_told[number - 1]:
-            self._cams_told[number - 1] = state
+    def _off_the_scale(self) -> bool:
+        return self._bounded and any(channel.sensor.off_the_scale for channel in self.channels)
+
+    def _tell_states(self, channel: Channel) -> None:
+        """Take cams and work area of a channel into their objects; event-driven TPDOs notice."""
+        slave, number = self.slave, channel.number
+        slave.set(0x6400, number, channel.area)
+        if channel.cams != slave.values[0x630000 | number]:
+            slave.set(0x6300, number, channel.cams)
             if self._history is not None:
-                self._history.emit(self.name, "encoder.cams", state=state, channel=number)
+                self._history.emit(self.name, "encoder.cams", state=channel.cams, channel=number)
 
     def _cycle(self) -> None:
         if not self.slave.powered or self.slave.nmt_state is NmtState.INITIALISING:
             return
         self.sample()
-        self._watch(max(abs(channel.cycle()) for channel in self.channels))
+        fastest = 0
+        for channel in self.channels:
+            fastest = max(fastest, abs(channel.cycle()))
+        self._watch(fastest)
 
     def _watch(self, steps: int) -> None:
         """Look for causes of alarms and warnings; `steps` = raw steps moved in this cycle."""
         config = self.config
         alarms = self.injected_alarms
-        if any(channel.sensor.off_the_scale for channel in self.channels):
+        if self._off_the_scale():
             alarms |= EncoderAlarm.POSITION_ERROR
         warnings = self.injected_warnings
         if self._max_steps is not None and steps > self._max_steps:
@@ -271,7 +280,7 @@ class EncoderDevice:
         limit_h = config.operating_time_limit_h
         if limit_h is not None and self.operating_time_tenths >= limit_h * 10:
             warnings |= EncoderWarning.OPERATING_TIME_LIMIT
-        if not all(channel.sensor.reference_reached for channel in self.channels):
+        if self._incremental and not self.channels[0].sensor.reference_reached:
             warnings |= EncoderWarning.REFERENCE_POINT_NOT_REACHED
         if alarms != self._alarms_told:
             self._tell_alarms(alarms)

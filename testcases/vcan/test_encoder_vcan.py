@@ -1,0 +1,52 @@
+"""Encoders on a live bench: in the process of the drives, on a real CAN interface, beside the axis that moves the machine."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.bench import BenchFile, load_bench
+from hil.faults import Injector
+
+pytestmark = pytest.mark.vcan
+
+ENCODERS = """
+[encoder.scale]
+segment = "can0"
+node_id = 22
+type = "absolute_linear"
+on = "drive1"
+mounting = "load"
+
+[encoder.own]
+segment = "can0"
+node_id = 23
+cyclic_timer_ms = 50
+"""
+
+
+@pytest.mark.requirement("C406-008", "C406-009")
+def test_encoders_on_a_live_bench(vcan_channel):
+    """The scale shows where the slide is while the axis moves it, faults reach it, and its own shaft turns the other one."""
+    text = load_bench("live").text.replace('"vcan0"', f'"{vcan_channel}"')
+    with BenchFile("own.toml", text + ENCODERS).build() as bench:
+        power = bench.axis().power()
+        assert bench.run_until(power.status, timeout=5.0)
+        bench.axis().move_velocity(50.0)
+        bench.run_for(1.0)
+        Injector(bench).inject("encoder.jump", "scale", increments=5000)
+        bench.encoder("own").turn_shaft(6.2831853)
+        bench.run_for(1.0)
+        bench.axis().halt()
+        bench.run_for(1.0)
+        trace = bench.trace()
+        segment = bench.segment()
+        seen = {frame.can_id for _, _, frame, _ in segment.log}
+    position = trace["scale.position_value"].values[1:]
+    error = position - (1.0 + trace["drive1.position"].values[1:]) * 1e6
+    assert position[-1] > 1_050_000
+    assert np.diff(position).max() > 4000
+    assert np.abs(error[:10]).max() <= 1, "at rest; in motion two rows of one cycle are of two instants"
+    assert np.abs(error[-10:] - 5000).max() <= 1
+    assert trace["own.position_value"].values[-1] > 8192
+    assert {0x280 + 22, 0x280 + 23, 0x180 + 23, 0x700 + 22} <= seen
