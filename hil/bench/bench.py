@@ -238,7 +238,7 @@ class Bench:
         for name, master in self._masters.items():
             # Where there is no axis the controller is somebody else: the bench listens, and talks only as a fault.
             heartbeats = [drive.heartbeat_ms for drive in led if drive.segment == name]
-            if heartbeats:
+            if self.config.leads(name):
                 master.start_sync(self.cycle_ns, 0)
             if any(heartbeats):
                 master.produce_heartbeat(min(filter(None, heartbeats)) * MS)
@@ -346,8 +346,8 @@ class Bench:
             UnsupportedFaultError: The drive is physical and has no fault interface (verdict: blocked).
 
         """
-        wanted = name or next(iter(self.config.drive))
-        section = self.config.drive.get(wanted)
+        wanted = name or next(iter(self.config.drive), None)
+        section = None if wanted is None else self.config.drive.get(wanted)
         if section is not None and section.device == "physical":
             raise UnsupportedFaultError(f"{wanted} is a physical drive: it offers no fault interface")
         return self._part("drive", self._drives, name)

@@ -262,7 +262,7 @@ class BenchConfig(_Model):
     bench: BenchSection
     tolerance: ToleranceSection = ToleranceSection()
     segment: dict[str, SegmentSection] = Field(min_length=1)
-    drive: dict[str, DriveSection] = Field(min_length=1)
+    drive: dict[str, DriveSection] = {}
     encoder: dict[str, EncoderSection] = {}
     axis: dict[str, AxisSection] = {}
 
@@ -272,8 +272,16 @@ class BenchConfig(_Model):
         devices: dict[str, DriveSection | EncoderSection] = {**self.drive, **self.encoder}
         return tuple(name for name, section in devices.items() if section.device == "emulated")
 
+    def leads(self, segment: str) -> bool:
+        """Whether the bench is the controller on a segment: it moves an axis there, or nobody else can be there."""
+        if any(self.drive[axis.drive].segment == segment for axis in self.axis.values()):
+            return True
+        return self.bench.kind == "virtual" and any(one.segment == segment for one in self.encoder.values())
+
     @model_validator(mode="after")
     def _references(self) -> BenchConfig:
+        if not self.drive and not self.encoder:
+            raise ValueError("there is neither a drive nor an encoder; a bench needs at least one of them")
         taken: dict[str, str] = {}
         for kind, names in (("segment", self.segment), ("drive", self.drive), ("axis", self.axis)):
             for name in names:

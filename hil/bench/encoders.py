@@ -146,6 +146,8 @@ def _own_shaft(scheduler: Scheduler, section: EncoderSection) -> DrivenShaft:
 class EncoderStarter:
     """Starts encoders as their controller does: NMT start after every boot-up, and once at the beginning.
 
+    Encoders on a segment that somebody else leads are left to him.
+
     Args:
         masters: CANopen services of the controller, by segment.
         config: The bench file.
@@ -154,7 +156,9 @@ class EncoderStarter:
 
     def __init__(self, masters: Mapping[str, CanopenMaster], config: BenchConfig) -> None:
         self._masters = masters
-        self._sections = config.encoder
+        self._sections = {
+            name: section for name, section in config.encoder.items() if config.leads(section.segment)
+        }
         self._states: dict[str, int] = {}
         for name, section in self._sections.items():
             master = masters[section.segment]

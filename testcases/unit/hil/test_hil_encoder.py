@@ -355,6 +355,51 @@ def test_every_kind_can_be_injected(entry):
             assert armed.target == "encoder1"
 
 
+ALONE = """
+[bench]
+name = "encoder alone"
+kind = "{kind}"
+
+[segment.can0]
+{interface}
+[encoder.own]
+segment = "can0"
+node_id = 23
+
+[encoder.own.shaft]
+speed_rpm = 60.0
+"""
+
+
+def test_bench_of_encoders_alone():
+    """A virtual bench without drives starts its encoders and sends SYNC; what needs a drive says that there is none."""
+    with BenchFile("own.toml", ALONE.format(kind="virtual", interface="")).build() as bench:
+        bench.run_for(1.0)
+        ids = [frame.can_id for _, _, frame, _ in bench.segment().log]
+        assert ids.count(0x80) == ids.count(0x280 + 23) > 200
+        assert bench.trace()["own.position_value"].values[-1] > 8000
+        with pytest.raises(ConfigurationError, match="no drive"):
+            bench.drive()
+        with pytest.raises(ConfigurationError, match="no axis"):
+            bench.axis()
+    with pytest.raises(BenchFileError, match="neither a drive nor an encoder"):
+        BenchFile("own.toml", '[bench]\nname = "x"\n[segment.can0]\n')
+
+
+def test_encoders_of_somebody_elses_network_are_left_alone(request):
+    """On a live segment without an axis the bench sends neither NMT nor SYNC; the encoder is started by its controller."""
+    interface = f'interface = "virtual"\nchannel = "{request.node.name}"\n'
+    text = ALONE.format(kind="live", interface=interface).replace(
+        "[encoder.own.shaft]\nspeed_rpm = 60.0\n", ""
+    )
+    text = text.replace("node_id = 23", 'node_id = 23\ndevice = "physical"')
+    with BenchFile("own.toml", text).build() as bench:
+        bench.run_for(0.1)
+        assert [frame for _, _, frame, _ in bench.segment().log] == []
+        with pytest.raises(UnsupportedFaultError, match="physical encoder"):
+            bench.encoder()
+
+
 # -- bench file ----------------------------------------------------------------------------------------------------
 
 HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\n'

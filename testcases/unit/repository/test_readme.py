@@ -143,6 +143,18 @@ def test_bench_files_in_the_docs_come_up(block, tmp_path):
         assert bench.run_until(lambda: all(power.Status for power in powers), timeout=3.0)
 
 
+def test_encoders_in_the_docs_come_up():
+    """The encoders that the page about bench files shows fit the bench of that page, and all of them start."""
+    page = [block.text for block in blocks("docs/bench-file.md") if block.language == "toml"]
+    whole = page[0] + next(text for text in page if text.startswith("[encoder."))
+
+    with BenchFile("own.toml", whole).build() as bench:
+        bench.run_for(0.5)
+        states = [bench.trace()[f"{name}.nmt_state"].text_at(bench.now_s) for name in bench.encoder_names]
+
+    assert states == ["OPERATIONAL"] * 3
+
+
 @pytest.mark.parametrize("example", FAULTS, ids=lambda text: text.split('"')[1])
 def test_examples_of_the_fault_catalogue_are_applied(example):
     """The example of a fault kind can be injected as it stands into the reference bench with an encoder of its own."""
