@@ -10,11 +10,11 @@ EXAMPLES = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8")
 
 
 def test_there_are_examples():
-    """The page has its two complete programs."""
-    assert len(EXAMPLES) == 2
+    """The page has its three complete programs."""
+    assert len(EXAMPLES) == 3
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=["canopen", "python-can"])
+@pytest.mark.parametrize("example", EXAMPLES, ids=["canopen", "python-can", "homing"])
 def test_example_runs(example):
     """A complete program of the page runs, and its assertions hold."""
     exec(compile(example, str(PAGE), "exec"), {"__name__": "__main__"})

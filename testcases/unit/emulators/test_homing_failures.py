@@ -8,6 +8,8 @@ from functools import partial
 from itertools import pairwise
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from emulators.drive.cia402 import SwitchConfig
 from fieldbus.canopen import SdoAbort
@@ -349,6 +351,79 @@ def test_move_to_zero_as_an_option(make_bench, method):
     assert bench.read(0x6064) == pytest.approx(0, abs=1)
     assert run.statuses[-2:] == [0b010, 0b011]
     assert max(abs(v) for _, _, v in run.samples[-20:]) < 0.5
+
+
+@pytest.mark.requirement("C402-138")
+def test_move_to_zero_heeds_limit_switches(make_bench):
+    """Position zero beyond the limit switch is not reached: homing error at the switch, home stays known."""
+    bench = make_bench(machine(start_mm=12.0, home=CAM, homing_move="zero"))
+    bench.write(0x607C, round(100.0 / LEAD_MM * COUNTS))
+    run = home(bench, 34)
+    assert run.statuses[-1] == 0b101
+    assert bench.emcys == [(0x8612, 0x21)]
+    assert LIMIT_MM - 0.1 < run.samples[-1][1] < STOP_MM
+    assert run.home_counts == 2 * COUNTS
+
+
+@pytest.mark.requirement("C402-165")
+def test_polarity_does_not_turn_homing_round(make_bench):
+    """607Eh reverses 6064h and velocities, not the directions of a homing method nor its limit switches."""
+    for method in (7, 21, 34):
+        runs = []
+        for polarity in (0x00, 0xC0):
+            bench = make_bench(machine(start_mm=20.0, home=CAM if method != 21 else TO_THE_LEFT))
+            bench.write(0x607E, polarity)
+            run = home(bench, method)
+            runs.append(([name for _, name in run.edges], run.samples[-1][1]))
+            assert run.statuses[-1] == 0b011
+        assert runs[0][0] == runs[1][0]
+        assert runs[0][1] == pytest.approx(runs[1][1], abs=1e-3)
+
+
+@settings(deadline=None, max_examples=60)
+@given(data=st.data())
+def test_any_parameters_and_commands_leave_a_working_drive(make_bench_factory, data):
+    """Whatever a controller writes before and during runs: no exception, and a homing run with sound parameters succeeds."""
+    bench = make_bench_factory(
+        machine(
+            start_mm=data.draw(st.floats(-44.0, 44.0)),
+            home=CAM,
+            homing_move=data.draw(st.sampled_from(["none", "zero"])),
+        )
+    )
+    run = prepare(
+        bench, data.draw(st.sampled_from([*range(-4, 0), *range(1, 15), *range(17, 31), 33, 34, 35, 37]))
+    )
+    numbers = st.sampled_from([0, 1, 1000, 600_000, 0x7FFFFFFF, 0xFFFFFFFF])
+    places = st.sampled_from([
+        (0x6099, 1), (0x6099, 2), (0x609A, 0), (0x607F, 0), (0x60C5, 0), (0x2010, 3), (0x2010, 4), (0x2010, 5), (0x60A4, 1),
+    ])  # fmt: skip
+    for _ in range(data.draw(st.integers(1, 12))):
+        match data.draw(st.sampled_from(["write", "word", "input", "index", "method", "profile"])):
+            case "write":
+                index, sub = data.draw(places)
+                bench.write(index, data.draw(numbers), sub)
+            case "word":
+                run.command(data.draw(st.sampled_from([0x0F, 0x1F, 0x10F, 0x11F, 0x0B, 0x07])))
+            case "input":
+                name = data.draw(st.sampled_from(["negative_limit", "positive_limit", "home"]))
+                bench.drive.force_input(name, data.draw(st.sampled_from([True, False, None])))
+            case "index":
+                bench.drive.miss_index(data.draw(st.booleans()))
+            case "method":
+                bench.write(0x6098, data.draw(st.sampled_from([-3, 1, 7, 12, 24, 33, 37])))
+            case "profile":
+                bench.write(0x6086, data.draw(st.sampled_from([0, 3])))
+        bench.run(data.draw(st.sampled_from([0.001, 0.02, 0.15])))
+    for name in ("negative_limit", "positive_limit", "home"):
+        bench.drive.force_input(name, None)
+    bench.drive.miss_index(False)
+    bench.drive.power_off()
+    bench.run(2.0)
+    bench.drive.mechanics.place(0.010)
+    bench.drive.power_on()
+    bench.run(0.01)
+    assert home(bench, 7).statuses[-1] == 0b011
 
 
 @pytest.mark.requirement("C402-140")

@@ -7,6 +7,7 @@ shares nothing with the drive's own description of the methods.
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 from hypothesis import given, settings
@@ -195,8 +196,6 @@ def marked(cases):
 @pytest.mark.parametrize(("method", "place"), marked(CASES))
 def test_method_with_switch(make_bench, method, place):
     """Edges, directions, speeds and home position are those of the row, wherever switch, index and start lie."""
-    import random
-
     rng = random.Random(1000 * method + len(place))
     for _ in range(3):
         cam, _, _ = geometry(method, rng)

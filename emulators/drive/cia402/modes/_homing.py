@@ -7,6 +7,7 @@ monitoring hold.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from enum import Enum
 from typing import Final
@@ -22,24 +23,21 @@ from emulators.drive.cia402.homing_methods import (
     OnSwitch,
     supported_methods,
 )
-from emulators.drive.cia402.modes._base import BIT_10, BIT_12, BIT_13, ModeOfOperation
+from emulators.drive.cia402.modes._base import BIT_10, BIT_12, BIT_13
+from emulators.drive.cia402.modes._homing_motion import (
+    DETECTION_TIME,
+    RETRACTION,
+    SEARCH_DISTANCE,
+    THRESHOLD,
+    TIME_OUT,
+    HomingMotion,
+)
 from emulators.drive.protection import WindowTimer
 
 _START: Final = 0x10
 _LIMITS: Final = NEGATIVE_LIMIT | POSITIVE_LIMIT
-_FAR_RAD: Final = 1e6
-"""A target that is never reached."""
-_STEEPEST: Final = 1e9
-"""rad/s^2 that stand for "no limit"."""
 _INDEX_TURNS: Final = 1.5
 """An index has to come within this many revolutions (C402-136)."""
-
-THRESHOLD: Final = 0x201001
-DETECTION_TIME: Final = 0x201002
-RETRACTION: Final = 0x201003
-TIME_OUT: Final = 0x201004
-SEARCH_DISTANCE: Final = 0x201005
-"""Keys of the manufacturer's homing parameters (2010h)."""
 
 
 class _Phase(Enum):
@@ -54,13 +52,15 @@ class _Phase(Enum):
     """The home position is known; the axis comes to rest or moves to zero."""
 
 
-class Homing(ModeOfOperation):
+_HEEDING: Final = (_Phase.SWITCH, _Phase.INDEX, _Phase.ATTAINED)
+"""Phases in which limit switches mean something; hard stops lie behind them."""
+
+
+class Homing(HomingMotion):
     """hm: a rising edge of bit 4 starts a homing run by the method of 6098h."""
 
     __slots__ = (
         "_blocked",
-        "_direction",
-        "_edge_seen",
         "_elapsed_s",
         "_failed",
         "_index",
@@ -69,7 +69,6 @@ class Homing(ModeOfOperation):
         "_methods",
         "_origin",
         "_phase",
-        "_slow",
         "_succeeded",
         "_turned",
         "_zone",
@@ -85,10 +84,7 @@ class Homing(ModeOfOperation):
         self._method: Method = Here()
         self._phase = _Phase.IDLE
         self._failed = self._succeeded = False
-        self._direction = 0
-        self._slow = False
         self._zone: int | None = None
-        self._edge_seen = False
         self._turned = False
         self._inputs = 0
         self._origin = 0
@@ -151,7 +147,7 @@ class Homing(ModeOfOperation):
         changed = inputs ^ self._inputs
         self._inputs = inputs
         method = self._method
-        if self._phase not in (_Phase.SWITCH, _Phase.INDEX) or self.axis.halted:
+        if self._phase not in _HEEDING or not self._direction or self.axis.halted:
             return
         reference = method.switch if isinstance(method, OnSwitch) else 0
         risen = changed & inputs & _LIMITS & ~reference
@@ -175,31 +171,32 @@ class Homing(ModeOfOperation):
         self._inputs = axis.inputs
         self._elapsed_s = 0.0
         self._origin = axis.core.encoder.increments
+        self._read_dynamics()
         if isinstance(method, Here):
             self._take_home(self._origin)
-        elif self._speed(0x609902) <= 0.0 or (isinstance(method, OnSwitch) and self._speed(0x609901) <= 0.0):
+        elif self._slow_speed <= 0.0 or (isinstance(method, OnSwitch) and self._fast_speed <= 0.0):
             self._fail()
         elif isinstance(method, OnSwitch):
             self._look_for_switch(method)
         elif isinstance(method, OnIndex):
             self._look_for_index(method.direction)
+        elif axis.values[THRESHOLD]:
+            self._phase = _Phase.PRESS
+            self._press_against(method.direction)
         else:
-            self._press(method)
+            self._fail()  # without torque everything is a stop
 
     def _reset(self) -> None:
         """Forget the last run."""
-        axis = self.axis
-        if axis.torque_cap is not None:
-            axis.torque_cap = None
-            axis.refresh()
-        axis.core.encoder.unwatch_zero_mark(self._on_index)
+        self._free_torque()
+        self.axis.core.encoder.unwatch_zero_mark(self._on_index)
         if self._failed and self.on_search_failed is not None:
             self.on_search_failed(False)
         self._phase = _Phase.IDLE
         self._failed = self._succeeded = False
         self._direction = 0
         self._slow = False
-        self._edge_seen = self._turned = False
+        self._turned = False
         self._zone = None
         self._blocked.reset()
 
@@ -210,17 +207,16 @@ class Homing(ModeOfOperation):
         self._reset()
         self._succeeded = known
         if not self.axis.halted:
-            self._stop()
+            self._come_to_rest()
 
     def _fail(self) -> None:
         """End a search without result: bit 13, EMCY 8612h, stop with 609Ah (C402-137)."""
         self._reset()
         if not self.axis.halted:
-            self._stop()
-        self._failed = True
+            self._come_to_rest()
+        self._end(False)
         if self.on_search_failed is not None:
             self.on_search_failed(True)
-        self._end(False)
 
     def _end(self, success: bool) -> None:
         self._succeeded = success
@@ -240,24 +236,21 @@ class Homing(ModeOfOperation):
     def _attained(self) -> None:
         """Come to rest, or go to position zero where that is wanted (C402-138)."""
         axis = self.axis
-        self._direction = 0
-        if axis.config.homing_move == "zero":
-            self._phase = _Phase.ATTAINED
-            self._go_to(axis.angle_of(0), self._speed(0x609902))
+        self._phase = _Phase.ATTAINED
+        if axis.config.homing_move == "zero" and self._slow_speed > 0.0:
+            target = axis.angle_of(0)
+            self._direction = 1 if target > axis.core.position_command else -1
+            self._go_to(target, self._slow_speed)
+            self._heed_limits()
         elif isinstance(self._method, Here):
             self._phase = _Phase.IDLE
         else:
-            self._phase = _Phase.ATTAINED
-            self._stop()
+            self._come_to_rest()
 
     def _settle_down(self) -> None:
         core = self.axis.core
-        if self.axis.config.homing_move == "zero":
-            if not core.profile.done:
-                return
-        elif core.stopping:
-            return
-        self._phase = _Phase.IDLE
+        if core.profile.done if self._direction else not core.stopping:
+            self._phase = _Phase.IDLE
 
     def _update_status(self) -> None:
         """C402-135."""
@@ -293,7 +286,7 @@ class Homing(ModeOfOperation):
         moving = self._direction if velocity == 0.0 else 1 if velocity > 0.0 else -1
         before, after = (-moving, 0) if active else (0, moving)
         self._zone = after
-        self._slow = self._edge_seen = True
+        self._slow = True
         if (before, after) == (method.before, method.after):
             increments = self.axis.core.encoder.increments
             if method.index:
@@ -306,25 +299,22 @@ class Homing(ModeOfOperation):
     def _heed_limits(self) -> None:
         """React to an active limit switch in the direction of motion (C402-136)."""
         method = self._method
-        if self._phase not in (_Phase.SWITCH, _Phase.INDEX):
+        phase = self._phase
+        if phase not in _HEEDING or not self._direction:
             return
         ahead = POSITIVE_LIMIT if self._direction > 0 else NEGATIVE_LIMIT
-        if isinstance(method, OnSwitch):
-            ahead &= ~method.switch
+        search = method if phase is _Phase.SWITCH and isinstance(method, OnSwitch) else None
+        if search is not None:
+            ahead &= ~search.switch
         if not self._inputs & ahead:
             return
-        if (
-            not isinstance(method, OnSwitch)
-            or not method.start
-            or self._turned
-            or self._phase is _Phase.INDEX
-        ):
+        if search is None or not search.start or self._turned:
             self._fail()
             return
         self._turned = True
         if self._zone != 0:
             self._zone = self._direction
-        way = method.way(self._zone)
+        way = search.way(self._zone)
         if way == self._direction:
             self._fail()  # the home edge lies beyond the limit switch, or the home switch is stuck
         else:
@@ -357,20 +347,9 @@ class Homing(ModeOfOperation):
 
     # -- hard stop ---------------------------------------------------------------------------------------------
 
-    def _press(self, method: OnStop) -> None:
-        """Move slowly against the stop, with no more torque than the threshold (C402-131)."""
-        axis = self.axis
-        axis.torque_cap = axis.values[THRESHOLD] * axis.units.torque
-        axis.refresh()
-        self._phase = _Phase.PRESS
-        self._direction = method.direction
-        # Velocity control: a position loop would wind up a following error at the stop.
-        axis.core.ramp(method.direction * self._speed(0x609902), self._acceleration())
-
     def _leave_stop(self, method: OnStop) -> None:
         axis = self.axis
-        axis.torque_cap = None
-        axis.refresh()
+        self._free_torque()
         self._blocked.reset()
         if method.index:
             self._look_for_index(-method.direction)
@@ -379,7 +358,7 @@ class Homing(ModeOfOperation):
         axis.core.hold_position()
         if distance:
             self._phase = _Phase.RETRACT
-            self._go_to(axis.core.position_command - method.direction * distance, self._speed(0x609902))
+            self._go_to(axis.core.position_command - method.direction * distance, self._slow_speed)
         else:
             self._take_home(axis.core.encoder.increments)
 
@@ -398,7 +377,7 @@ class Homing(ModeOfOperation):
         travelled = abs(core.encoder.increments - self._origin)
         distance = values[SEARCH_DISTANCE] * axis.units.inc_numerator / axis.units.inc_denominator
         if (
-            self._elapsed_s > values[TIME_OUT] * 1e-3
+            self._elapsed_s > (values[TIME_OUT] * 1e-3 or math.inf)
             or (distance and travelled > distance)
             or (self._phase is _Phase.INDEX and travelled > _INDEX_TURNS * core.encoder.counts_per_revolution)
         ):
@@ -413,34 +392,3 @@ class Homing(ModeOfOperation):
             self._fail()  # an end stop where none was expected
         elif self._phase is _Phase.RETRACT and core.profile.done and core.standing:
             self._take_home(core.encoder.increments)
-
-    # -- motion ------------------------------------------------------------------------------------------------
-
-    def _speed(self, key: int) -> float:
-        """Return one of 6099h, rad/s."""
-        axis = self.axis
-        return min(float(axis.values[key]) * axis.units.velocity, axis.max_speed)
-
-    def _acceleration(self) -> float:
-        return min(self.axis.acceleration(0x609A, 0x60C5), _STEEPEST)
-
-    def _move(self, direction: int) -> None:
-        """Move in a direction until told otherwise: fast, or slowly once an edge has been passed (C402-133)."""
-        self._direction = direction
-        self._go_to(
-            self.axis.core.position_command + direction * _FAR_RAD,
-            self._speed(0x609902 if self._slow else 0x609901),
-        )
-
-    def _go_to(self, angle: float, speed: float) -> None:
-        acceleration = self._acceleration()
-        self.axis.core.follow_profile().move(
-            angle,
-            velocity=speed,
-            acceleration=acceleration,
-            deceleration=acceleration,
-            jerk=self.axis.profile_jerk(),
-        )
-
-    def _stop(self) -> None:
-        self.axis.core.stop(self._acceleration(), track_position=True)
