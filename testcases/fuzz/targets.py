@@ -8,13 +8,13 @@ import struct
 from collections import deque
 from collections.abc import Callable
 from copy import copy
-from functools import cache
+from functools import cache, partial
 from typing import Any, Final
 
 import numpy as np
 
 from fieldbus.can import CanFrame, CanMedium, HookResult
-from fieldbus.canopen import CanopenSlave, NmtState
+from fieldbus.canopen import BootState, CanopenMaster, CanopenSlave, NmtState, NodeSetup, Parameter, PdoSetup
 from fieldbus.canopen.decode import FrameDecoder
 from fieldbus.canopen.sdo_server import SdoServer
 from fieldbus.canopen.store import ObjectStore
@@ -163,6 +163,68 @@ def lss() -> Take:
         promise(node.node_id == _UNCONFIGURED, "a node that does not forget its node-ID")
         segment.feed(data)
         promise(1 <= node.node_id <= 127 or node.node_id == _UNCONFIGURED, "a node-ID that does not exist")
+
+    return take
+
+
+# ------------------------------------------------------------------------------------------------- master
+
+
+def master() -> Take:
+    """Return a controller that takes one node into service; the input is what comes from the bus meanwhile."""
+    segment = Loose()
+    scheduler = segment.scheduler
+    controller = CanopenMaster(scheduler, segment)
+    pdo = PdoSetup(True, 1, 0x180 + NODE, 1, (0x60410010, 0x60640020))
+    node = controller.add_node(
+        NodeSetup(
+            NODE,
+            "drive1",
+            device_profile=402,
+            prepare=(Parameter(0x6040, 0, 0, 2),),
+            pdos=(pdo,),
+            parameters=(Parameter(0x6085, 0, 1000, 4), Parameter(0x1017, 0, 50, 2)),
+            store=True,
+            heartbeat_timeout_ms=120,
+        )
+    )
+    honest = False
+    device = ObjectStore(object_dictionary(), NODE)
+    server = SdoServer(device)
+
+    def judge(frame: CanFrame) -> None:
+        if frame.can_id == 0:
+            promise(
+                frame.data in (bytes((0x80, NODE)), bytes((0x01, NODE))), f"{frame!r}: no command of a boot"
+            )
+            return
+        promise(
+            frame.can_id == 0x600 + NODE and len(frame.data) == 8,
+            f"{frame!r} is not for a controller to send",
+        )
+        if honest:
+            for answer in server.request(frame.data):
+                scheduler.post(partial(segment.receive, CanFrame(0x580 + NODE, answer), scheduler.now))
+
+    segment.judge = judge
+
+    def take(data: bytes) -> None:
+        nonlocal honest
+        honest = False
+        node.stop()
+        node.boot()
+        segment.feed(data)
+        # Whatever has happened: a device that starts anew and answers as the standard says is taken in.
+        honest = True
+        server.reset()
+        device.load(application=True)
+        segment.receive(CanFrame(0x700 + NODE, b"\0"), scheduler.now)
+        scheduler.run_for(5 * MS)
+        promise(node.boot_state is BootState.STARTING, f"{node.boot_state} after a boot-up: {node.failure}")
+        segment.receive(CanFrame(0x180 + NODE, bytes(8)), scheduler.now)
+        promise(node.in_service, f"{node.boot_state} after a PDO")
+        promise(device.values[0x608500] == 1000, "a parameter was not written")
+        promise(len(node.emcys) <= 254, "EMCYs without end")
 
     return take
 
@@ -401,6 +463,7 @@ def targets() -> dict[str, Target]:
         ),
         Target("sdo", "SDO server: expedited, segmented and block transfers", sdo),
         Target("slave", "CANopen slave: every service, with time passing", slave),
+        Target("master", "controller: taking a node into service, SDO client, supervision", master),
         Target("lss", "LSS slave without a node-ID", lss),
         Target("drive", "CiA 402 drive with its motor running", drive),
         Target("encoder", "CiA 406 encoder", encoder),
