@@ -348,6 +348,25 @@ def test_server_that_breaks_the_protocol(transfer, answers, code):
     assert sent[-1] == "80 01 20 00 " + code.to_bytes(4, "little").hex(" ")
 
 
+@pytest.mark.requirement("C301-060", "C301-061")
+@pytest.mark.parametrize(
+    ("answers", "content"),
+    [
+        (["42 01 20 00 01 02 03 04"], "01 02 03 04"),  # size not given: all four bytes
+        (["4B 01 20 00 01 02 03 04"], "01 02"),
+        (["40 01 20 00 00 00 00 00", "00 01 02 03 04 05 06 07", "1B 08 09 00 00 00 00 00"], "01 02 03 04 05 06 07 08 09"),
+        (["41 01 20 00 00 00 00 00", "0F 00 00 00 00 00 00 00"], ""),  # an empty string
+    ],
+)  # fmt: skip
+def test_answers_of_every_form(answers, content):
+    """Uploads of given and of unknown size, and of nothing."""
+    transfer = SdoUpload(0x2001, 0)
+    play(transfer, *answers)
+    assert transfer.done
+    assert not transfer.abort_code
+    assert transfer.data == bytes.fromhex(content)
+
+
 def crc_bit_by_bit(data: bytes) -> int:
     """Return the CRC of block transfers as its polynomial x^16 + x^12 + x^5 + 1 says."""
     crc = 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+
 import numpy as np
 import pytest
 
@@ -305,3 +307,68 @@ def test_quick_reset_is_noticed():
         assert events(bench, "node.lost", 6)[0]["reason"] == "boot-up"
         assert bench.axis("axis2").alarms.engine.number in (421, 431)
         assert bench.axis("axis1").alarms.engine.number == 0
+
+
+def test_controller_cut_off():
+    """When it is the controller that was cut off, all drives are lost, and taken in again side by side."""
+    with two_axes() as bench:
+        enable(bench, "axis1", "axis2")
+        port = bench.network()._port
+        port.online = False
+        bench.run_for(0.6)
+        nodes = [bench.node(name) for name in ("drive1", "drive2")]
+        assert [node.boot_state for node in nodes] == [BootState.LOST] * 2
+        assert {bench.axis(name).alarms.engine.number for name in ("axis1", "axis2")} == {431}
+        port.online = True
+        bench.run_for(0.5)
+        assert all(node.in_service and node.report.verified for node in nodes)
+        assert all(bench.axis(name).port.link_ok for name in ("axis1", "axis2"))
+        for name in ("axis1", "axis2"):
+            bench.axis(name).power(False)
+        bench.run_for(0.05)
+        resets = [bench.axis(name).reset() for name in ("axis1", "axis2")]
+        assert bench.run_until(lambda: all(reset.done() for reset in resets), 1.0)
+        enable(bench, "axis1", "axis2")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_supply_that_comes_and_goes(seed):
+    """However often and whenever a drive loses its supply, also in the middle of its boot, it is in service in the end."""
+    stream = random.Random(seed)
+    with two_axes(second="store_parameters = false" if seed % 2 else "") as bench:
+        enable(bench, "axis1")
+        drive = bench.drive("drive2")
+        for _ in range(12):
+            drive.power_off()
+            bench.run_for(stream.choice((0.001, 0.01, 0.4)) * stream.random())
+            drive.power_on()
+            bench.run_for(stream.choice((0.001, 0.01, 0.03, 0.2)) * stream.random())
+        bench.run_for(0.5)
+        node = bench.node("drive2")
+        assert node.in_service
+        assert bench.axis("axis2").communication_ok
+        assert drive.slave.get(0x6007) == 3
+        assert bench.axis("axis1").alarms.engine.number == 0
+        assert bench.node("drive1").losses == 0
+
+
+@pytest.mark.parametrize(("bitrate", "cycle_ms"), [(1_000_000, 2), (500_000, 4), (125_000, 20), (50_000, 60)])
+def test_every_bit_rate(bitrate, cycle_ms):
+    """At any bit rate a drive is configured anew in the running cycle, and no SDO makes a SYNC wait."""
+    text = TWO_AXES.format(first="", second="store_parameters = false")
+    text = text.replace("cycle_ms = 4", f"cycle_ms = {cycle_ms}")
+    text = text.replace("[segment.can0]", f"[segment.can0]\nbitrate = {bitrate}")
+    with BenchFile("slow.toml", text).build() as bench:
+        bench.run_for(0.5)
+        bench.drive("drive2").power_off()
+        bench.run_for(0.5)
+        assert not bench.node("drive2").in_service
+        log = bench.segment().log
+        start = len(log)
+        bench.drive("drive2").power_on()
+        assert bench.run_until(lambda: bench.node("drive2").in_service, 8.0)
+        assert bench.node("drive2").report.written
+        ends = {n: log[n][0] % bench.cycle_ns for n in range(start, len(log)) if log[n][2].can_id == 0x80}
+        before = [log[n - 1][2].can_id for n, end in ends.items() if end != min(ends.values())]
+        assert len(ends) >= 3
+        assert not [can_id for can_id in before if 0x580 <= can_id <= 0x67F]
