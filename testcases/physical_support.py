@@ -73,11 +73,11 @@ def emulate(directory: Path, place: dict[str, Any] | None, *arguments: str) -> R
 
 
 def run_round_trip(
-    directory: Path, place: dict[str, Any], *, exit_code: int = 0
+    directory: Path, place: dict[str, Any], *, physical: bool = True, exit_code: int = 0
 ) -> tuple[dict[str, Any], str]:
-    """Run the case on the bench whose drive is physical; returns the JSON and the message of the case."""
+    """Run the case on the bench whose drive is physical, or its own; returns the JSON and the message of the case."""
     bench, report = directory / "physical.toml", directory / "report"
-    bench.write_text(bench_text(place, physical=True), encoding="utf-8")
+    bench.write_text(bench_text(place, physical=physical), encoding="utf-8")
     done = subprocess.run(
         [*hil_command(), "run", str(CASE), "--bench", str(bench), "--json", "--report", str(report)],
         check=False,

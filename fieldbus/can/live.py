@@ -15,16 +15,16 @@ from fieldbus.can.arbitration import LogEntry
 from fieldbus.can.frame import CanFrame, FrameReceiver
 from fieldbus.can.hooks import FrameHook, Verdict, ask_hooks
 from fieldbus.can.live_port import LivePort
-from fieldbus.can.message import read_error
 from fieldbus.can.registry import register_segment
-from fieldbus.can.side import FD_REASON, BusSide, echoes, open_bus
+from fieldbus.can.side import BusSide, echoes, open_bus
+from fieldbus.can.side_reports import SideReports
 from fieldbus.can.timing import frame_bits
 from fieldbus.clock import RealtimeScheduler, Scheduler
 from fieldbus.errors import BusError, ConfigurationError, UnsupportedFaultError
 from fieldbus.history import History
 
 if TYPE_CHECKING:
-    from fieldbus.can.gateway import KernelBridge
+    from fieldbus.can.kernel_bridge import KernelBridge
 
 BUS: Final = "bus"
 """Name of the sender of everything that comes from outside, where there is no bridge."""
@@ -82,11 +82,11 @@ class LiveSegment:
         self.name = name
         self.log: list[LogEntry] = []
         """Every frame in the order in which it was sent or came; grows, is never replaced."""
-        self.ignored = {"fd": 0, "garbled": 0}
-        """What came and was no classical frame: CAN FD frames, and what the driver could not read. One event each."""
         self.kernel: KernelBridge | None = None
         """The bridge of the kernel that this segment is on, if there is one."""
-        self._history = history
+        self._reports = SideReports(name, history, bridged=bridge is not None)
+        self.ignored = self._reports.ignored
+        """What came and was no classical frame: CAN FD frames, and what the driver could not read. One event each."""
         self._keep_log = keep_log
         self._lossy = lossy
         self._ports: tuple[LivePort, ...] = ()
@@ -152,7 +152,7 @@ class LiveSegment:
             return cls(scheduler, bus, name=name, history=history, keep_log=keep_log, echo=echo, lossy=lossy)
         further = dict(bridge)
         if further.pop("gateway", "bench") == "kernel":
-            from fieldbus.can.gateway import KernelBridge
+            from fieldbus.can.kernel_bridge import KernelBridge
 
             try:
                 kernel = KernelBridge(str(channel), str(further["channel"]))
@@ -277,10 +277,10 @@ class LiveSegment:
         try:
             side.send(frame)
         except BusError as error:
-            self._changed(side, reason=f"sending failed: {error}", send_failed=True)
+            self._reports.changed(side, reason=f"sending failed: {error}", send_failed=True)
             return str(error)
         if side.down:
-            self._changed(side, send_failed=False)
+            self._reports.changed(side, send_failed=False)
         return ""
 
     # --------------------------------------------------------------------------------------------- receiving
@@ -310,20 +310,21 @@ class LiveSegment:
                 other.send(frame)
             except BusError as error:
                 reason = f"sending failed: {error}"
-                self.scheduler.post(partial(self._changed, other, reason=reason, send_failed=True))
+                self.scheduler.post(partial(self._reports.changed, other, reason=reason, send_failed=True))
             else:
                 if other.send_failed:
-                    self.scheduler.post(partial(self._changed, other, send_failed=False))
+                    self.scheduler.post(partial(self._reports.changed, other, send_failed=False))
 
     def _received(self, side: BusSide, frame: CanFrame, time_ns: int, *, passed: bool) -> None:
         if not self._closed.is_set():
             if passed:
                 self._take(side, frame, time_ns)
             else:
-                self._treat(frame, side.name, time_ns, partial(self._go_on, side, time_ns))
-        if not passed and self.bridged:
-            with side.order:
-                side.pending -= 1
+                try:
+                    self._treat(frame, side.name, time_ns, partial(self._go_on, side, time_ns))
+                finally:
+                    with side.order:
+                        side.pending -= self.bridged
 
     def _go_on(self, side: BusSide, time_ns: int, frame: CanFrame) -> None:
         if self.bridged:
@@ -338,27 +339,13 @@ class LiveSegment:
         self.scheduler.post(partial(self._received_error, side, message, time_ns))
 
     def _received_error(self, side: BusSide, message: can.Message, time_ns: int) -> None:
-        code, state = read_error(message)
-        if code or state is None:
-            code = code or "UNKNOWN"
+        code = self._reports.error(side, message)
+        if code:
             self._write(time_ns, side.name, CanFrame(0), code)
-            if self._history is not None:
-                self._history.emit(self.name, "can.bus_error", port=self._label(side), code=code, can_id=0)
-        if state is not None and self._history is not None:
-            self._history.emit(self.name, "can.status", port=self._label(side), status=state.value)
 
     def arrived_rubbish(self, side: BusSide, reason: str, can_id: int | None) -> None:
         """See `SideOwner`."""
-        self.scheduler.post(partial(self._ignore, side, reason, can_id))
-
-    def _ignore(self, side: BusSide, reason: str, can_id: int | None) -> None:
-        """Count what came and is no frame, and tell of the first of its kind: there may be thousands."""
-        kind = "fd" if reason == FD_REASON else "garbled"
-        self.ignored[kind] += 1
-        if self.ignored[kind] == 1 and self._history is not None:
-            more: dict[str, Any] = {} if can_id is None else {"can_id": can_id}
-            reason = f"{reason}; further ones are counted only"
-            self._history.emit(self.name, "can.ignored", port=self._label(side), reason=reason, **more)
+        self.scheduler.post(partial(self._reports.ignore, side, reason, can_id))
 
     def _deliver(self, frame: CanFrame, time_ns: int, sender: LivePort | None) -> None:
         for port in self._ports:
@@ -429,35 +416,7 @@ class LiveSegment:
 
     def receiving(self, side: BusSide, *, works: bool, reason: str) -> None:
         """See `SideOwner`."""
-        self.scheduler.post(partial(self._changed, side, reason=reason, receive_failed=not works))
-
-    def _changed(
-        self,
-        side: BusSide,
-        *,
-        reason: str = "",
-        receive_failed: bool | None = None,
-        send_failed: bool | None = None,
-    ) -> None:
-        """Note what became known of a bus, and tell whether it is down.
-
-        A frame that can be sent does not prove that receiving works; a bus that receives again after a failure will
-        also take frames again, until the next attempt says otherwise.
-        """
-        before = side.down
-        if receive_failed is not None:
-            side.receive_failed = receive_failed
-            side.send_failed = side.send_failed and receive_failed
-        if send_failed is not None:
-            side.send_failed = send_failed
-        if side.down == before or self._history is None:
-            return
-        status = "DOWN" if side.down else "UP"
-        self._history.emit(self.name, "can.status", port=self._label(side), status=status, reason=reason)
-
-    def _label(self, side: BusSide) -> str:
-        """Return what events call a bus: nothing, where there is one only."""
-        return side.name if self.bridged else ""
+        self.scheduler.post(partial(self._reports.changed, side, reason=reason, receive_failed=not works))
 
     def close(self) -> None:
         """End the readers and shut the buses down; harmless to repeat."""

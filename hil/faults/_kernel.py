@@ -12,7 +12,7 @@ from hil.faults._frames import selected_identifier
 from hil.protocols import Bench
 
 if TYPE_CHECKING:
-    from fieldbus.can.gateway import KernelBridge, KernelTreatment
+    from fieldbus.can.kernel_bridge import KernelBridge, KernelTreatment
 
 _KINDS: Final = ("frame.drop", "frame.replace")
 _NEUTRAL: Final = {"first": 1, "every": 1, "probability": 1.0}

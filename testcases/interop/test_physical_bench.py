@@ -45,6 +45,28 @@ def test_physical_drive_through_a_serial_line_adapter(tmp_path):
     assert not Path(device).is_symlink()
 
 
+def test_own_drives_are_beyond_the_bridge(tmp_path):
+    """The drives that the bench brings itself are on the far side of its bridge: faults on the way hit their frames."""
+    place = multicast_place()
+    far = multicast_place()
+    place["bridge"] = {"channel": far["channel"], "options": far["options"]}
+    run_round_trip(tmp_path, place, physical=False)
+
+
+def test_a_drive_beyond_a_bridge_of_different_adapters(tmp_path):
+    """The two sides of a bridge may be of different kinds: UDP multicast here, a serial-line adapter there."""
+    near = multicast_place()
+    drives = emulate(tmp_path, None, "--adapter", "slcan")
+    try:
+        device = drives.wait_for(r"^adapter: slcan on (\S+)$")[1]
+        options = {"bitrate": 1_000_000, "sleep_after_open": 0.0}
+        run_round_trip(
+            tmp_path, near | {"bridge": {"interface": "slcan", "channel": device, "options": options}}
+        )
+    finally:
+        drives.kill()
+
+
 def test_an_adapter_at_the_wrong_bit_rate_hears_nothing(tmp_path):
     """A program that sets another bit rate than that of the bus gets no answer: the case is blocked with the reason."""
     drives = emulate(tmp_path, None, "--adapter", "slcan")

@@ -6,7 +6,8 @@ import struct
 
 import pytest
 
-from fieldbus.can.gateway import Gateway, GatewayRule, KernelBridge, Modification, XorChecksum
+from fieldbus.can.gateway import Gateway, GatewayRule, Modification, XorChecksum
+from fieldbus.can.kernel_bridge import KernelBridge
 from fieldbus.errors import BusError
 
 
