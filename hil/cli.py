@@ -232,6 +232,20 @@ def faults(as_json: JsonOption = False) -> None:
     raise typer.Exit(show_faults(as_json=as_json))
 
 
+@app.command()
+def personalities(
+    files: Annotated[
+        list[str] | None, typer.Argument(metavar="[FILES]...", help="Files of your own to check and show.")
+    ] = None,
+    *,
+    as_json: JsonOption = False,
+) -> None:
+    """Show how emulated drives can differ from the profile."""
+    from hil._commands.personalities import show_personalities
+
+    raise typer.Exit(show_personalities(files or [], as_json=as_json))
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run `hil` and return its exit code; the console script calls `sys.exit` with it."""
     command = typer.main.get_command(app)

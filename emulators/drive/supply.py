@@ -188,6 +188,8 @@ class DcLink:
     def _cool(self, burnt: float, dt_s: float) -> None:
         config = self.config
         self.chopper_power_W = burnt
+        if not burnt and not self.chopper_load:
+            return
         load = burnt / config.chopper_rated_W
         utilisation = load + (self.chopper_load - load) * math.exp(-dt_s / config.chopper_time_constant_s)
         self.chopper_load = utilisation if utilisation > 1e-6 else 0.0

@@ -79,7 +79,7 @@ class ThermalModel:
 
     """
 
-    __slots__ = ("_inverse_rated", "_rate", "trip", "utilisation")
+    __slots__ = ("_decay", "_dt_s", "_inverse_rated", "_rate", "trip", "utilisation")
 
     def __init__(self, *, rated_torque_Nm: float, time_constant_s: float = 40.0, trip: float = 1.05) -> None:
         if not rated_torque_Nm > 0.0:
@@ -88,6 +88,8 @@ class ThermalModel:
             raise ConfigurationError("time_constant_s", time_constant_s, "> 0")
         self._inverse_rated = 1.0 / rated_torque_Nm
         self._rate = 1.0 / time_constant_s
+        self._dt_s = 0.0
+        self._decay = 1.0
         self.trip = trip
         self.utilisation = 0.0
         """Present utilisation, 1 = rated."""
@@ -99,7 +101,10 @@ class ThermalModel:
     def advance(self, mean_square: float, dt_s: float) -> bool:
         """Advance by `dt_s` with the mean of the squared torque, Nm^2; returns whether the protection trips."""
         load = mean_square * self._inverse_rated * self._inverse_rated
-        self.utilisation = load + (self.utilisation - load) * math.exp(-dt_s * self._rate)
+        if dt_s != self._dt_s:
+            self._dt_s = dt_s
+            self._decay = math.exp(-dt_s * self._rate)
+        self.utilisation = load + (self.utilisation - load) * self._decay
         return self.utilisation > self.trip
 
     @property
@@ -130,13 +135,17 @@ class ThermalNode:
 
     """
 
-    __slots__ = ("_rate", "ambient_C", "fault_C", "forced_C", "rise_K", "rise_now_K", "warning_C")
+    __slots__ = (
+        "_decay", "_dt_s", "_rate", "ambient_C", "fault_C", "forced_C", "rise_K", "rise_now_K", "warning_C",
+    )  # fmt: skip
 
     def __init__(
         self, *, rise_K: float, time_constant_s: float, ambient_C: float, warning_C: float, fault_C: float
     ) -> None:
         self.rise_K = rise_K
         self._rate = 1.0 / time_constant_s
+        self._dt_s = 0.0
+        self._decay = 1.0
         self.ambient_C = ambient_C
         self.warning_C = warning_C
         self.fault_C = fault_C
@@ -148,7 +157,10 @@ class ThermalNode:
     def advance(self, load: float, dt_s: float) -> None:
         """Advance by `dt_s` with a mean load, 1 = rated."""
         target = load * self.rise_K
-        self.rise_now_K = target + (self.rise_now_K - target) * math.exp(-dt_s * self._rate)
+        if dt_s != self._dt_s:
+            self._dt_s = dt_s
+            self._decay = math.exp(-dt_s * self._rate)
+        self.rise_now_K = target + (self.rise_now_K - target) * self._decay
 
     @property
     def temperature_C(self) -> float:

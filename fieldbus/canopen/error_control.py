@@ -46,6 +46,7 @@ class ErrorControl:
         "_store",
         "_toggle",
         "_watches",
+        "lateness_ns",
         "on_remote_state",
         "silent",
     )
@@ -76,6 +77,8 @@ class ErrorControl:
         self._lost: set[int] = set()
         self.silent = False
         """Suppresses heartbeats and guarding answers while true: a fault to inject."""
+        self.lateness_ns = 0
+        """Added to the period of the heartbeat, ns: a fault to inject."""
         self.on_remote_state: list[Callable[[int, int], None]] = []
         """Called with node-ID and state when a watched node changes state; 0 = boot-up (C301-027)."""
         self._consumer_subs = [key & 0xFF for key in store.entries if key >> 8 == _CONSUMER and key & 0xFF]
@@ -157,7 +160,7 @@ class ErrorControl:
             self._producer_timer = self._scheduler.after(period_ms * MS, self._produce)
 
     def _produce(self) -> None:
-        period_ns = self._store.values[_PRODUCER_TIME] * MS
+        period_ns = self._store.values[_PRODUCER_TIME] * MS + self.lateness_ns
         self._producer_timer = self._scheduler.after(period_ns, self._produce)
         if not self.silent:
             self._send(CanFrame(self._can_id, bytes((self._state,))))

@@ -13,6 +13,8 @@ from fieldbus.clock import Scheduler, Timer
 
 _FIRST_RECORD: Final = 0x1200
 _LAST_RECORD: Final = 0x127F
+_INITIATE: Final = (1, 2, 5, 6)
+"""Client command specifiers that name an object: download, upload, block upload, block download."""
 
 
 class SdoChannels:
@@ -26,7 +28,16 @@ class SdoChannels:
 
     """
 
-    __slots__ = ("_channels", "_send", "_store", "response_delay_ns", "scheduler", "timeout_ns")
+    __slots__ = (
+        "_channels",
+        "_send",
+        "_store",
+        "refusal",
+        "response_delay_ns",
+        "scheduler",
+        "silent",
+        "timeout_ns",
+    )
 
     def __init__(
         self, scheduler: Scheduler, store: ObjectStore, send: Callable[[CanFrame], None], *, timeout_ns: int
@@ -37,6 +48,10 @@ class SdoChannels:
         self.timeout_ns = timeout_ns
         self.response_delay_ns = 0
         """Time between request and answer, ns; a fault to inject."""
+        self.silent = False
+        """Requests are not answered: a fault to inject."""
+        self.refusal: tuple[int, int] | None = None
+        """(index, abort code) with which every access to the index (0 = any) is refused: a fault to inject."""
         records = sorted({key >> 8 for key in store.entries if _FIRST_RECORD < key >> 8 <= _LAST_RECORD})
         self._channels = {record: _Channel(self, SdoServer(store)) for record in (_FIRST_RECORD, *records)}
 
@@ -60,6 +75,15 @@ class SdoChannels:
         """Drop all transfers silently."""
         for channel in self._channels.values():
             channel.reset()
+
+    def refused(self, request: bytes) -> bytes | None:
+        """Return the abort with which a request that begins a transfer is to be refused; None: serve it."""
+        if self.refusal is None or request[0] >> 5 not in _INITIATE:
+            return None
+        index, code = self.refusal
+        if index and index != int.from_bytes(request[1:3], "little"):
+            return None
+        return b"\x80" + request[1:4] + code.to_bytes(4, "little")
 
     def send(self, can_id: int, data: bytes) -> None:
         """Put an answer on the bus."""
@@ -85,7 +109,10 @@ class _Channel:
         if len(data) != 8:
             return
         owner = self._owner
-        answers = self._server.request(data)
+        if owner.silent:
+            return
+        refused = owner.refused(data)
+        answers = self._server.request(data) if refused is None else [refused]
         if answers:
             if owner.response_delay_ns:
                 self._delayed = [timer for timer in self._delayed if timer.due_ns > owner.scheduler.now]

@@ -305,6 +305,11 @@ class CanopenSlave:
         return self._store
 
     @property
+    def sdo(self) -> SdoChannels:
+        """SDO servers, with the faults that can be injected into them."""
+        return self._sdo
+
+    @property
     def sdo_response_delay_ns(self) -> int:
         """Time between an SDO request and its answer, ns; 0 = at once."""
         return self._sdo.response_delay_ns

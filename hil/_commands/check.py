@@ -19,6 +19,14 @@ def check_bench(reference: str, *, build: bool, as_json: bool) -> int:
             "digest": bench_file.digest,
             "built": False,
         }
+        config = getattr(bench_file, "config", None)
+        personalities = {
+            name: drive.personality
+            for name, drive in getattr(config, "drive", {}).items()
+            if drive.personality != "standard"
+        }
+        if personalities:
+            facts["personalities"] = [f"{name}: {one}" for name, one in personalities.items()]
         if build and kind == "virtual":
             started = time.perf_counter()
             with bench_file.build(seed=0) as bench:

@@ -11,9 +11,25 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from fieldbus.errors import ConfigurationError
+from hil.bench._drive_sections import (
+    BrakeSection,
+    SafetySection,
+    SupplySection,
+    ThermalSection,
+    Time_ms,
+    checked_personality,
+)
 from hil.bench.encoder_config import EncoderSection, check_encoders
 
 EMBEDDED: Final = ("reference", "speed", "fast", "live")
@@ -40,6 +56,7 @@ class _Model(BaseModel):
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Word = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
+RampTime = Annotated[float, Field(ge=0.001, le=1000.0)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -190,9 +207,21 @@ class MechanicsSection(_Model):
     screw_inertia_kgm2: NotNegative = 0.5e-4
     viscous_friction_n_per_m_s: NotNegative = 30.0
     coulomb_friction_n: NotNegative = 30.0
+    static_friction_n: NotNegative | None = None
+    """Breakaway force at standstill; None = as the sliding friction."""
+    gravity_n: Finite = 0.0
+    """Constant force on the load in positive direction, N; a hanging load has a negative one."""
     negative_stop_mm: Finite | None = -600.0
     positive_stop_mm: Finite | None = 600.0
     start_position_mm: Finite = 0.0
+
+    @model_validator(mode="after")
+    def _friction(self) -> MechanicsSection:
+        if self.static_friction_n is not None and self.static_friction_n < self.coulomb_friction_n:
+            raise ValueError(
+                f"static_friction_n: {self.static_friction_n:g} is less than coulomb_friction_n = {self.coulomb_friction_n:g}"
+            )
+        return self
 
 
 class DriveSection(_Model):
@@ -203,22 +232,34 @@ class DriveSection(_Model):
     """`emulated`: this bench brings it; `physical`: it is on the bus (or brought by somebody else)."""
     segment: str
     node_id: Annotated[int, Field(ge=1, le=126)]
+    personality: str = "standard"
+    """How the emulated drive differs from the profile: a name of `hil personalities`, or a file `*.toml` beside the bench file."""
     encoder: Literal["incremental", "absolute"] = "incremental"
     increments_per_revolution: Annotated[int, Field(ge=4, le=2**24)] = 131072
     index_increments: Annotated[int, Field(ge=0)] = 0
     """Place of the index (zero mark) within the revolution, increments."""
-    max_speed_rpm: Positive = 3000.0
-    off1_ramp_s: Positive = 1.0
+    max_speed_rpm: Annotated[float, Field(ge=1.0, le=200_000.0)] = 3000.0
+    off1_ramp_s: RampTime = 1.0
     """Ramp-down time from maximum speed on OFF1 (p1121), s."""
-    off3_ramp_s: Positive = 0.5
+    off3_ramp_s: RampTime = 0.5
     """Ramp-down time from maximum speed on OFF3 (p1135), s."""
-    rated_torque_nm: Positive = 2.0
-    velocity_time_constant_ms: Positive = 2.0
+    rated_torque_nm: Annotated[float, Field(ge=0.001, le=1_000_000.0)] = 2.0
+    velocity_time_constant_ms: Annotated[float, Field(gt=0.0, le=1000.0)] = 2.0
     """Time constant of the emulated drive's closed speed loop, ms; at least three servo periods."""
     sync_loss: Literal["fault", "warning", "none"] = "fault"
     """What the emulated drive does when SYNC stays away."""
     missing_setpoints: Annotated[int, Field(ge=0, le=1000)] = 2
     """Cycles without a setpoint after which the emulated drive reacts as to a lost connection (6007h); 0 = never."""
+    following_error: Literal["fault", "status"] = "fault"
+    """What the emulated drive does when the window of 6065h is exceeded in its own position modes."""
+    csv_interpolation: bool = True
+    """Whether the emulated drive reaches a csv set-point linearly within the cycle, or at once."""
+    power_on_delay_ms: Time_ms = 0.0
+    """Time of transition 3 in the emulated drive, ms."""
+    boot_time_ms: Time_ms = 0.0
+    """From power-on of the emulated drive to its boot-up frame, ms."""
+    blocked_time_ms: Annotated[float, Field(ge=0.0, le=60_000.0)] = 0.0
+    """Torque limit at standstill for this long is fault 7121h of the emulated drive, ms; 0 = not watched."""
     heartbeat_ms: Annotated[int, Field(ge=0, le=60000)] = 100
     consumer_heartbeat_ms: Annotated[int, Field(ge=1, le=65535)] = 250
     guard_time_ms: Annotated[int, Field(ge=0, le=65535)] = 0
@@ -236,6 +277,28 @@ class DriveSection(_Model):
     mechanics: MechanicsSection = MechanicsSection()
     switches: SwitchSection = SwitchSection()
     homing: HomingSection = HomingSection()
+    brake: BrakeSection = BrakeSection()
+    supply: SupplySection = SupplySection()
+    thermal: ThermalSection = ThermalSection()
+    safety: SafetySection = SafetySection()
+
+    @field_validator("personality")
+    @classmethod
+    def _personality(cls, value: str, info: ValidationInfo) -> str:
+        if value == "standard":
+            return value
+        return checked_personality(value, (info.context or {}).get("folder"))
+
+    @model_validator(mode="after")
+    def _slopes(self) -> DriveSection:
+        for key in ("off1_ramp_s", "off3_ramp_s"):
+            fastest = self.max_speed_rpm * 1000.0 / 0xFFFFFFFF
+            if getattr(self, key) < fastest:
+                raise ValueError(
+                    f"{key}: {getattr(self, key):g} s from {self.max_speed_rpm:g} rpm is steeper than 6084h and 6085h can "
+                    f"say (10^-3 rpm/s, 32 bits); at least {fastest:.3g} s"
+                )
+        return self
 
     @model_validator(mode="after")
     def _index(self) -> DriveSection:
@@ -426,8 +489,9 @@ def parse(text: str, source: str) -> BenchConfig:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise BenchFileError(source, f"{source}: this is not valid TOML: {error}") from None
+    folder = Path(source).parent if source not in EMBEDDED else None
     try:
-        return BenchConfig.model_validate(data)
+        return BenchConfig.model_validate(data, context={"folder": folder})
     except ValidationError as error:
         raise BenchFileError(source, _message(source, data, error)) from None
 

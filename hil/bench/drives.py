@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -34,11 +35,14 @@ def object_dictionary() -> canopen.ObjectDictionary:
 def drive_config(config: BenchConfig, name: str) -> DriveConfig:
     """Return the configuration of the emulated drive that `drive.NAME` describes."""
     from emulators.drive.cia402 import (
+        BrakeConfig,
         DriveConfig,
         EncoderConfig,
         LinearAxisConfig,
+        SafetyConfig,
         SwitchConfig,
     )
+    from emulators.drive.cia402.personality import load_personality
     from emulators.drive.tuning import ServoTuning
 
     section = config.drive[name]
@@ -67,7 +71,7 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
         )
     stops = (mechanics.negative_stop_mm, mechanics.positive_stop_mm)
     speed = round(section.max_speed_rpm * 1000)
-    return DriveConfig(
+    drive = DriveConfig(
         node_id=section.node_id,
         servo_period_ns=config.bench.servo_period_us * US,
         control_period_ns=max(1 * MS, config.bench.servo_period_us * US),
@@ -83,6 +87,8 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
             load_mass_kg=mechanics.load_mass_kg,
             viscous_friction=mechanics.viscous_friction_n_per_m_s,
             coulomb_friction=mechanics.coulomb_friction_n,
+            static_friction=mechanics.static_friction_n,
+            gravity_force=mechanics.gravity_n,
             stops_m=(
                 None if stops[0] is None else stops[0] / 1000.0,
                 None if stops[1] is None else stops[1] / 1000.0,
@@ -99,7 +105,26 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
         homing_move=section.homing.move,
         hard_stop_methods=_hard_stop_methods(section.homing.hard_stop_methods),
         input_filter_s=travel.input_filter_ms / 1000.0,
+        brake=BrakeConfig(
+            torque_Nm=section.brake.torque_nm,
+            opening_time_s=section.brake.opening_time_ms / 1000.0,
+            closing_time_s=section.brake.closing_time_ms / 1000.0,
+        ),
+        supply=section.supply.build(),
+        thermal=section.thermal.build(),
+        thermal_time_constant_s=section.thermal.i2t_time_constant_s,
+        safety=SafetyConfig(
+            sto=section.safety.sto,
+            ss1_time_s=section.safety.ss1_time_ms / 1000.0,
+            ss1_monitored=section.safety.ss1_monitored,
+            interlock=section.safety.interlock,
+        ),
         rated_torque_Nm=section.rated_torque_nm,
+        following_error_reaction=section.following_error,
+        csv_interpolation=section.csv_interpolation,
+        power_on_delay_s=section.power_on_delay_ms / 1000.0,
+        boot_time_s=section.boot_time_ms / 1000.0,
+        blocked_time_s=section.blocked_time_ms / 1000.0,
         # The axis watches the limit switches; a drive that stopped by itself would fight its ramp.
         limit_switch_reaction="none",
         sync_loss_reaction=section.sync_loss,
@@ -113,6 +138,10 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
                  (0x60C5, 0): 60_000_000, (0x60C6, 0): 60_000_000,
                  (0x6092, 1): section.increments_per_revolution, (0x6092, 2): 1},
     )  # fmt: skip
+    drive = load_personality(section.personality).apply(drive)
+    if "offset" in section.homing.model_fields_set:
+        drive = replace(drive, home_offset=section.homing.offset)  # what the bench file says itself wins
+    return drive
 
 
 def _hard_stop_methods(changes: Mapping[str, str]) -> dict[int, str]:

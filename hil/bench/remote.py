@@ -44,6 +44,12 @@ FAULT_METHODS: Final = frozenset((
     "raise_fault", "clear_fault_cause", "set_sto", "freeze_encoder", "jump_encoder", "miss_index", "jam", "load_force",
     "force_input", "stop_heartbeat", "power_off", "power_on",
     "set_encoder_noise", "reverse_encoder", "lose_encoder_steps",
+    "set_ss1", "open_interlock", "delay_heartbeat", "cut_mains",
+    "cut_phase", "set_dc_link_voltage", "restore_dc_link", "break_chopper", "limit_torque", "stick_brake", "slip_brake",
+    "scale_ramps", "set_local_control", "refuse_transitions", "fall_to_switch_on_disabled", "show_warning",
+    "freeze_statusword", "lie_in_statusword", "toggle_target_reached", "show_mode_as", "reset_node", "abort_sdo",
+    "silence_sdo", "storm_emcy", "force_temperature", "drift_encoder",
+    "break_encoder",
 ))  # fmt: skip
 """Methods of a drive that may be called through the pipe."""
 

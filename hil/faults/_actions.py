@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import UnsupportedFaultError
@@ -58,6 +58,62 @@ def _method(part: Any, name: str, fault: Fault) -> Callable[..., Any]:
     return method  # type: ignore[no-any-return]  # getattr on a part of any make
 
 
+Value = Callable[[str], Any]
+
+
+class _Pair(NamedTuple):
+    """A fault that is one call of the drive, and another one back."""
+
+    method: str
+    on: Callable[[Value], tuple[Any, ...]] = lambda _value: (True,)
+    """Arguments of the call, from the parameters of the fault."""
+    off: tuple[Any, ...] | None = (False,)
+    """Arguments of the call back; None: it is over the moment it is applied."""
+    end: str = ""
+    """Method of the call back, where it is another one."""
+
+
+_PAIRS: Final[dict[str, _Pair]] = {
+    "drive.sto": _Pair("set_sto"),
+    "drive.ss1": _Pair("set_ss1"),
+    "drive.interlock": _Pair("open_interlock"),
+    "drive.heartbeat_loss": _Pair("stop_heartbeat"),
+    "drive.heartbeat_late": _Pair("delay_heartbeat", lambda value: (value("delay_s"),), (0.0,)),
+    "drive.mains_off": _Pair("cut_mains"),
+    "drive.phase_loss": _Pair("cut_phase"),
+    "drive.dc_link": _Pair("set_dc_link_voltage", lambda value: (value("voltage_V"),), (), "restore_dc_link"),
+    "drive.chopper_failure": _Pair("break_chopper"),
+    "drive.torque_limit": _Pair("limit_torque", lambda value: (value("share"),), (None,)),
+    "drive.brake_stuck": _Pair("stick_brake", lambda value: (value("closed"),), (None,)),
+    "drive.brake_slip": _Pair("slip_brake", lambda value: (value("share"),), (1.0,)),
+    "drive.slow_ramp": _Pair("scale_ramps", lambda value: (value("share"),), (1.0,)),
+    "drive.local_control": _Pair("set_local_control"),
+    "drive.refuse_transition": _Pair("refuse_transitions", lambda value: (value("transition"),), ()),
+    "drive.switch_on_disabled": _Pair("fall_to_switch_on_disabled", lambda _value: (), None),
+    "drive.warning": _Pair("show_warning"),
+    "drive.statusword_stuck": _Pair("freeze_statusword"),
+    "drive.statusword_bits": _Pair("lie_in_statusword", lambda value: (value("set"), value("clear")), (0, 0)),
+    "drive.target_toggle": _Pair("toggle_target_reached", lambda value: (value("period_s"),), (None,)),
+    "drive.mode_display": _Pair("show_mode_as", lambda value: (value("mode"),), (None,)),
+    "drive.reset": _Pair("reset_node", lambda value: (value("boot_s"),), None),
+    "drive.sdo_abort": _Pair("abort_sdo", lambda value: (value("code"), value("index")), (None,)),
+    "drive.sdo_timeout": _Pair("silence_sdo"),
+    "drive.emcy_storm": _Pair("storm_emcy", lambda value: (value("code"), value("period_s")), (None,)),
+    "mechanics.jam": _Pair("jam"),
+    "mechanics.load_step": _Pair("load_force", lambda value: (value("force_N"),), (0.0,)),
+}
+
+
+_OTHER_METHODS: Final = {"drive.overtemperature": "force_temperature"}
+
+
+def offered(drive: Any, kind: str) -> bool:
+    """Return whether a drive, perhaps of a bench of one's own, has what a kind of fault needs."""
+    pair = _PAIRS.get(kind)
+    method = _OTHER_METHODS.get(kind) if pair is None else pair.method
+    return method is None or callable(getattr(drive, method, None))
+
+
 def drive_action(bench: Bench, fault: Fault, stream: str) -> Action:
     """Return the action of a fault at a drive, its switches or mechanics.
 
@@ -72,22 +128,24 @@ def drive_action(bench: Bench, fault: Fault, stream: str) -> Action:
     name = str(drive.name)
     value = fault.value
 
-    def pair(method: str, on: Any, off: Any) -> Action:
-        call = _method(drive, method, fault)
-        return Action(name, lambda: call(on), lambda: call(off))
-
+    pair = _PAIRS.get(fault.kind)
+    if pair is not None:
+        begin = _method(drive, pair.method, fault)
+        end = _method(drive, pair.end or pair.method, fault)
+        on, off = pair.on(value), pair.off
+        return Action(name, lambda: begin(*on), None if off is None else lambda: end(*off))
     match fault.kind:
         case "drive.fault":
             trip = _method(drive, "raise_fault", fault)
             persistent = bool(value("persistent"))
             clear = _method(drive, "clear_fault_cause", fault) if persistent else None
             return Action(name, lambda: trip(value("code"), persistent=persistent), clear)
-        case "drive.sto":
-            return pair("set_sto", True, False)
+        case "drive.overtemperature":
+            force = _method(drive, "force_temperature", fault)
+            part = value("part")
+            return Action(name, lambda: force(part, value("temperature_C")), lambda: force(part, None))
         case "drive.power_off":
             return Action(name, _method(drive, "power_off", fault), _method(drive, "power_on", fault))
-        case "drive.heartbeat_loss":
-            return pair("stop_heartbeat", True, False)
         case "switch.press":
             force = _method(drive, "force_input", fault)
             return Action(name, lambda: force(value("input"), True), lambda: force(value("input"), None))
@@ -102,10 +160,6 @@ def drive_action(bench: Bench, fault: Fault, stream: str) -> Action:
         case "probe.pulse":
             force = _method(drive, "force_input", fault)
             return Action(name, lambda: _pulse(bench, force, value("input"), value("width_s")), None)
-        case "mechanics.jam":
-            return pair("jam", True, False)
-        case "mechanics.load_step":
-            return pair("load_force", value("force_N"), 0.0)
     raise UnsupportedFaultError(f"{fault.kind} has no action at a drive")
 
 
@@ -153,6 +207,10 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
             return pair("set_encoder_noise", (value("increments"),), (0,))
         case "encoder.reverse":
             return pair("reverse_encoder", (True,), (False,))
+        case "encoder.drift":
+            return pair("drift_encoder", (value("increments_per_s"),), (0.0,))
+        case "encoder.wire_break":
+            return pair("break_encoder", (True,), (False,))
         case "encoder.step_loss":
             return pair("lose_encoder_steps", (value("every"),), (0,))
         case "encoder.preset":

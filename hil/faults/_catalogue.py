@@ -6,6 +6,8 @@ import difflib
 from typing import Final
 
 from fieldbus.errors import ConfigurationError
+from hil.faults._catalogue_drive import DRIVE_FAULTS
+from hil.faults._catalogue_machine import MACHINE_FAULTS, MOTOR_ENCODER_FAULTS
 from hil.faults._encoder_kinds import ANY_ENCODER, OWN_DEVICE
 from hil.faults._parameters import FaultType, Parameter
 
@@ -24,10 +26,6 @@ _LOCAL: Final = (
     "on a live bus only frames that a local port sends or receives, or that pass a bridge, can be touched"
 )
 _NO_WIRE: Final = "bit errors need access to the bits of the wire, which a bus adapter does not give"
-_INPUTS: Final = ("negative_limit", "positive_limit", "home", "probe1", "probe2")
-_NO_HAND: Final = (
-    "a physical drive has no seam for this; it would need switched I/O or a test adapter on the machine"
-)
 
 CATALOGUE: Final[tuple[FaultType, ...]] = (
     FaultType(
@@ -57,6 +55,11 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
         example={"kind": "frame.replace", "count": 1, "parameters": {"message": "tpdo1", "data": "3702 00000000"}},
     ),
     FaultType(
+        "frame.length", "Frames are cut off, or padded with zeros, before they reach the wire", "segment", "CAN medium",
+        (*_SELECTION, Parameter("length", "int", "Bytes that are left", minimum=0, maximum=8, required=True)), remark=_LOCAL,
+        example={"kind": "frame.length", "count": 1, "parameters": {"message": "tpdo1", "length": 3}},
+    ),
+    FaultType(
         "frame.inject", "A foreign node sends a frame, once or over and over (flooding)", "segment", "CAN medium",
         (
             Parameter("can_id", "int", "Identifier", minimum=0, maximum=0x1FFFFFFF, required=True),
@@ -66,75 +69,10 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
         ),
         example={"kind": "frame.inject", "count": 100, "parameters": {"can_id": 0, "data": "8001"}},
     ),
-    FaultType(
-        "drive.fault", "The drive trips with an EMCY code", "drive", "drive internals",
-        (
-            Parameter("code", "int", "EMCY error code", minimum=0x0001, maximum=0xFFFF, required=True),
-            Parameter("persistent", "bool", "The cause stays, and refuses a fault reset, until the fault is removed", default=False),
-        ),
-        refused={"hardware": _NO_HAND},
-        example={"kind": "drive.fault", "target": "drive1", "parameters": {"code": 0x2310}},
-    ),
-    FaultType(
-        "drive.sto", "The safe-torque-off input opens: torque off at once, no fault", "drive", "drive internals",
-        refused={"hardware": _NO_HAND}, example={"kind": "drive.sto", "target": "drive1", "duration_s": 0.5},
-    ),
-    FaultType(
-        "drive.power_off", "The node vanishes from the bus without a word; it boots again at the end", "drive", "CANopen node",
-        refused={"hardware": _NO_HAND}, example={"kind": "drive.power_off", "target": "drive1", "duration_s": 2.0},
-    ),
-    FaultType(
-        "drive.heartbeat_loss", "The drive goes on working but sends no heartbeat", "drive", "CANopen service",
-        refused={"hardware": _NO_HAND}, remark="frame.drop of the heartbeat does the same to a physical drive",
-        example={"kind": "drive.heartbeat_loss", "target": "drive1", "duration_s": 1.0},
-    ),
-    FaultType(
-        "switch.press", "A limit switch, the home switch or a probe is actuated", "switch", "switch",
-        (Parameter("input", "text", "Which switch", required=True, choices=_INPUTS),),
-        refused={"hardware": _NO_HAND},
-        example={"kind": "switch.press", "target": "drive1", "parameters": {"input": "positive_limit"}},
-    ),
-    FaultType(
-        "switch.stuck", "A switch no longer follows the mechanics", "switch", "switch",
-        (
-            Parameter("input", "text", "Which switch", required=True, choices=_INPUTS),
-            Parameter("state", "bool", "State that it is stuck in", default=False),
-        ),
-        refused={"hardware": _NO_HAND},
-        example={"kind": "switch.stuck", "target": "drive1", "parameters": {"input": "home", "state": False}},
-    ),
-    FaultType(
-        "switch.bounce", "A switch bounces, with intervals from the seeded stream, and ends actuated or free", "switch", "switch",
-        (
-            Parameter("input", "text", "Which switch", required=True, choices=_INPUTS),
-            Parameter("pulses", "int", "Number of pulses", minimum=1, maximum=1000, default=5),
-            Parameter("shortest_s", "float", "Shortest interval between edges", "s", 0.00001, 1.0, default=0.0002),
-            Parameter("longest_s", "float", "Longest interval between edges", "s", 0.00001, 1.0, default=0.003),
-            Parameter("state", "bool", "State after bouncing, held until the fault is removed", default=True),
-        ),
-        refused={"hardware": _NO_HAND},
-        example={"kind": "switch.bounce", "target": "drive1", "parameters": {"input": "home", "pulses": 8}},
-    ),
-    FaultType(
-        "probe.pulse", "A touch probe input is actuated for a moment, at any time between two cycles", "switch", "switch",
-        (
-            Parameter("input", "text", "Which probe", required=True, choices=("probe1", "probe2")),
-            Parameter("width_s", "float", "How long", "s", 0.000001, 10.0, default=0.001),
-        ),
-        lasting=False, refused={"hardware": _NO_HAND}, remark="on a live bench the width is that of the pipe to the drive process",
-        example={"kind": "probe.pulse", "target": "drive1", "trigger": {"when": "at", "time_s": 1.0001234}, "parameters": {"input": "probe1", "width_s": 0.0005}},
-    ),
-    FaultType(
-        "mechanics.jam", "The load is blocked where it stands", "mechanics", "mechanics",
-        refused={"hardware": _NO_HAND}, example={"kind": "mechanics.jam", "target": "drive1", "duration_s": 0.2},
-    ),
-    FaultType(
-        "mechanics.load_step", "An external force acts on the load", "mechanics", "mechanics",
-        (Parameter("force_N", "float", "Force along the axis, signed", "N", -1e6, 1e6, required=True),),
-        refused={"hardware": _NO_HAND},
-        example={"kind": "mechanics.load_step", "target": "drive1", "duration_s": 0.5, "parameters": {"force_N": 400.0}},
-    ),
+    *DRIVE_FAULTS,
+    *MACHINE_FAULTS,
     *ANY_ENCODER,
+    *MOTOR_ENCODER_FAULTS,
     *OWN_DEVICE,
     FaultType(
         "axis.alarm", "The controller raises a technology alarm by itself", "axis", "alarm engine of the axis",

@@ -15,6 +15,7 @@ from hil.record import EventSelector
 
 _KEYS = ("kind", "target", "trigger", "until", "duration_s", "count", "parameters")
 _FRAME_MESSAGES = "frame."
+_COMMANDED = (2, 3, 4, 15, 16)
 
 
 def parse_payload(where: str, text: str) -> bytes:
@@ -114,6 +115,11 @@ class Fault:
                 raise ConfigurationError(
                     "switch.bounce.parameters.shortest_s", low, f"at most longest_s = {high:g} s"
                 )
+        if self.kind == "drive.refuse_transition" and values["transition"] not in _COMMANDED:
+            raise ConfigurationError(
+                "drive.refuse_transition.parameters.transition", values["transition"],
+                ", ".join(map(str, _COMMANDED)),
+            )  # fmt: skip
         if (
             self.kind == "frame.inject"
             and not values.get("extended", False)

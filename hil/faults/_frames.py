@@ -32,6 +32,11 @@ def _treatment(fault: Fault) -> Callable[[CanFrame], Any]:
             fixed = HookResult.corrupt(fault.value("attempts"))
         case "frame.duplicate":
             fixed = HookResult.duplicate(fault.value("copies"))
+        case "frame.length":
+            length = fault.value("length")
+            return lambda frame: HookResult.replace(
+                CanFrame(frame.can_id, frame.data[:length].ljust(length, b"\0"), extended=frame.extended)
+            )
         case _:
             data = parse_payload("frame.replace.parameters.data", fault.value("data"))
             return lambda frame: HookResult.replace(CanFrame(frame.can_id, data, extended=frame.extended))
@@ -46,7 +51,7 @@ def selected_identifier(bench: Bench, fault: Fault) -> tuple[int, int]:
 
 
 class FrameAction(Action):
-    """Drop, delay, corrupt, duplicate or replace the frames that the parameters select.
+    """Drop, delay, corrupt, duplicate, cut or replace the frames that the parameters select.
 
     Args:
         bench: The bench.

@@ -7,11 +7,11 @@ import pytest
 from hil.bench import load_bench
 from hil.campaign import CaseSettings, execute_case
 from reports.model import Verdict
-from testcases.campaigns import fault_reactions, stop_modes
+from testcases.campaigns import drive_faults, fault_reactions, stop_modes
 
 CASES = [
     pytest.param(case, id=case.identifier, marks=pytest.mark.requirement(*case.requirements))
-    for campaign in (stop_modes.CAMPAIGN, fault_reactions.CAMPAIGN)
+    for campaign in (stop_modes.CAMPAIGN, fault_reactions.CAMPAIGN, drive_faults.CAMPAIGN)
     for case in campaign.cases
 ]
 

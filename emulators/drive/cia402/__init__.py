@@ -26,6 +26,7 @@ from emulators.drive.cia402.config import (
 )
 from emulators.drive.cia402.drive import CiA402Drive
 from emulators.drive.cia402.fault_rules import COASTING_FAULTS, RULES, FaultRule, fault_rule
+from emulators.drive.cia402.personality import Personality, load_personality, personality_names
 from emulators.drive.cia402.protection import DriveWarning
 from emulators.drive.cia402.quirks import EmcyCode, Quirks
 from emulators.drive.cia402.statemachine import Action, OptionCodes, PowerStateMachine, StopOption
@@ -44,6 +45,7 @@ __all__ = [
     "FaultRule",
     "LinearAxisConfig",
     "OptionCodes",
+    "Personality",
     "PowerStateMachine",
     "Quirks",
     "RotaryAxisConfig",
@@ -53,4 +55,6 @@ __all__ = [
     "drive_dictionary",
     "eds_text",
     "fault_rule",
+    "load_personality",
+    "personality_names",
 ]

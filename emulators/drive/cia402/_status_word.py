@@ -119,11 +119,12 @@ class StatusWord:
             status |= quirks.status_homing_refused
         function = self._function
         if (
-            quirks.homing_attained_while_started
+            quirks.homing_finishes_on_release
             and function.mode.number == Mode.HOMING
-            and not function.word & _HOMING_START
+            and function.word & _HOMING_START
+            and status & _MODE_12
         ):
-            status &= ~_MODE_12
+            status &= ~_TARGET_REACHED
         return status
 
     # -- lies ------------------------------------------------------------------------------------------------------

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from emulators.drive.cia402._injection import InjectableDrive
 from emulators.drive.cia402._machine_config import LinearAxisConfig
 from emulators.drive.cia402._trace import TRACE_ENUMS, trace_columns, trace_row
 from emulators.drive.cia402.config import DriveConfig
-from emulators.drive.cia402.device import DriveDevice
 from fieldbus.can.frame import CanSegment
 from fieldbus.clock import Scheduler
 from fieldbus.errors import UnsupportedFaultError
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from emulators.mechanics import SwitchModel
 
 
-class CiA402Drive(DriveDevice):
+class CiA402Drive(InjectableDrive):
     """A servo drive with its motor and machine on a CAN segment.
 
     It is off until `power_on`; the machine moves from the start. Everything runs in callbacks of the scheduler: the servo
@@ -114,14 +114,6 @@ class CiA402Drive(DriveDevice):
         self.protection.look_at_link()
         self.refresh_status()
 
-    def set_local_control(self, active: bool) -> None:
-        """Take the control away from the bus: bit 9 of the status word 0, control words are ignored."""
-        self.function.local_control = active
-        self.machine.remote = not active
-        if not active:
-            self.function.evaluate_again()
-        self.refresh_status()
-
     # -- encoder -----------------------------------------------------------------------------------------------------
 
     def freeze_encoder(self, frozen: bool) -> None:
@@ -186,19 +178,3 @@ class CiA402Drive(DriveDevice):
             fitted = ", ".join(self.switches) or "none"
             raise UnsupportedFaultError(f"{self.name}: there is no switch {name!r}; fitted: {fitted}")
         return switch
-
-    # -- communication and lies ----------------------------------------------------------------------------------
-
-    def stop_heartbeat(self, stopped: bool) -> None:
-        """Keep the heartbeat back, or send it again."""
-        self.slave.error_control.silent = stopped
-
-    def freeze_statusword(self, frozen: bool) -> None:
-        """Let 6041h show what it shows now, whatever happens."""
-        self.status_word.frozen = frozen
-        self.refresh_status()
-
-    def refuse_transitions(self, *numbers: int) -> None:
-        """Ignore the commands of these transitions (of 2, 3, 4, 15, 16); without numbers none."""
-        self.machine.refused = frozenset(numbers)
-        self.machine.release()

@@ -54,6 +54,19 @@ class DriveWarning(IntFlag):
         return ", ".join((one.name or "").lower().replace("_", " ") for one in type(self) if one in self)
 
 
+# Plain integers: operations on flags cost ten times as much.
+_MOTOR_OVERLOAD: Final = int(DriveWarning.MOTOR_OVERLOAD)
+_STAGE_OVERLOAD: Final = int(DriveWarning.STAGE_OVERLOAD)
+_MOTOR_TEMPERATURE: Final = int(DriveWarning.MOTOR_TEMPERATURE)
+_STAGE_TEMPERATURE: Final = int(DriveWarning.STAGE_TEMPERATURE)
+_HEAT: Final = _MOTOR_OVERLOAD | _STAGE_OVERLOAD | _MOTOR_TEMPERATURE | _STAGE_TEMPERATURE
+_CHOPPER_LOAD: Final = int(DriveWarning.CHOPPER_LOAD)
+_MAINS_MISSING: Final = int(DriveWarning.MAINS_MISSING)
+_PHASE_MISSING: Final = int(DriveWarning.PHASE_MISSING)
+_DC_LINK_LOW: Final = int(DriveWarning.DC_LINK_LOW)
+_SUPPLY: Final = _CHOPPER_LOAD | _MAINS_MISSING | _PHASE_MISSING | _DC_LINK_LOW
+
+
 class Protection:
     """Models of heat and supply, and what the drive does about them.
 
@@ -124,8 +137,8 @@ class Protection:
         """Torque limit set by a test, Nm."""
         self.cap_Nm = math.inf
         """Torque limit in force because of overload, temperature or a test, Nm."""
-        self.warnings = DriveWarning(0)
-        """Present warnings."""
+        self.warnings = 0
+        """Present warnings, bits of `DriveWarning`."""
 
     # -- life ------------------------------------------------------------------------------------------------------
 
@@ -202,15 +215,13 @@ class Protection:
             drive.raise_fault(faults.MOTOR_TEMPERATURE)
         if self.stage.hot:
             drive.raise_fault(faults.STAGE_TEMPERATURE)
-        warnings = self.warnings
-        for bit, present in (
-            (DriveWarning.MOTOR_OVERLOAD, motor.near),
-            (DriveWarning.STAGE_OVERLOAD, stage.near),
-            (DriveWarning.MOTOR_TEMPERATURE, self.motor.warm),
-            (DriveWarning.STAGE_TEMPERATURE, self.stage.warm),
-        ):
-            if present is not bool(warnings & bit):
-                self.warn(bit, present)
+        self._show(
+            _HEAT,
+            (_MOTOR_OVERLOAD if motor.near else 0)
+            | (_STAGE_OVERLOAD if stage.near else 0)
+            | (_MOTOR_TEMPERATURE if self.motor.warm else 0)
+            | (_STAGE_TEMPERATURE if self.stage.warm else 0),
+        )
 
     def _look_at_phase(self, dt_s: float) -> None:
         link = self.dc_link
@@ -231,14 +242,13 @@ class Protection:
         machine.power_available = not link.low
         if link.chopper_overloaded:
             drive.raise_fault(faults.CHOPPER_OVERLOAD)
-        for bit, present in (
-            (DriveWarning.CHOPPER_LOAD, link.chopper_overloaded or link.chopper_load > 0.8),
-            (DriveWarning.MAINS_MISSING, not link.mains_on),
-            (DriveWarning.PHASE_MISSING, link.phase_missing),
-            (DriveWarning.DC_LINK_LOW, link.low),
-        ):
-            if present is not bool(self.warnings & bit):
-                self.warn(bit, present)
+        self._show(
+            _SUPPLY,
+            (_CHOPPER_LOAD if link.chopper_overloaded or link.chopper_load > 0.8 else 0)
+            | (0 if link.mains_on else _MAINS_MISSING)
+            | (_PHASE_MISSING if link.phase_missing else 0)
+            | (_DC_LINK_LOW if link.low else 0),
+        )
         state = "high" if link.high else "low" if link.low else ""
         before, self._link_state = self._link_state, state
         if state == "high":
@@ -294,10 +304,14 @@ class Protection:
 
     def warn(self, bit: DriveWarning, present: bool) -> None:
         """Show a warning, or take it back: bit 7 of the status word, 1002h, 2100h."""
+        self._show(int(bit), int(bit) if present else 0)
+
+    def _show(self, mask: int, bits: int) -> None:
+        """Set the warnings in `mask` to `bits`."""
         before = self.warnings
-        self.warnings = now = before | bit if present else before & ~bit
-        if now != before:
-            self._drive.show_warnings(now)
+        if before & mask != bits:
+            self.warnings = before & ~mask | bits
+            self._drive.show_warnings(DriveWarning(self.warnings))
 
     # -- faults ----------------------------------------------------------------------------------------------------
 

@@ -29,7 +29,7 @@ class Quirks:
         status_homed: Bits of the status word that show "homed", until power is switched off.
         status_homing_refused: Bits of the status word that show that the last homing was refused or failed.
         skips_switched_on: 000Fh in Ready to switch on leads straight to Operation enabled; Switched on is not seen.
-        homing_attained_while_started: hm: bit 12 shows the attained home position only as long as bit 4 of the control word is set.
+        homing_finishes_on_release: hm: homing counts as finished (bit 10) only when bit 4 of the control word is withdrawn.
 
     Raises:
         ConfigurationError: A number is out of range.
@@ -47,7 +47,7 @@ class Quirks:
     status_homed: int = 0
     status_homing_refused: int = 0
     skips_switched_on: bool = False
-    homing_attained_while_started: bool = False
+    homing_finishes_on_release: bool = False
 
     def __post_init__(self) -> None:
         for name in ("auto_reset_s", "falls_back_without_power_s"):
@@ -66,7 +66,7 @@ class Quirks:
     @property
     def shown_in_status(self) -> bool:
         """Whether a quirk changes bits of the status word."""
-        return bool(self.status_homed or self.status_homing_refused or self.homing_attained_while_started)
+        return bool(self.status_homed or self.status_homing_refused or self.homing_finishes_on_release)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -157,9 +157,13 @@ def test_encoders_in_the_docs_come_up():
 
 @pytest.mark.parametrize("example", FAULTS, ids=lambda text: text.split('"')[1])
 def test_examples_of_the_fault_catalogue_are_applied(example):
-    """The example of a fault kind can be injected as it stands into the reference bench with an encoder of its own."""
-    text = load_bench("reference").text + '[encoder.encoder1]\nsegment = "can0"\nnode_id = 20\n'
-    with BenchFile("own.toml", text).build() as bench:
+    """The example of a fault kind can be injected as it stands where encoder, brake and interlock are fitted."""
+    fitted = (
+        '[drive.drive1.brake]\ntorque_nm = 5.0\n[drive.drive1.safety]\ninterlock = "inhibit"\n\n'
+        '[encoder.encoder1]\nsegment = "can0"\nnode_id = 20\n\n[axis.axis1]\n'
+    )
+    text = load_bench("reference").text.replace("[axis.axis1]\n", fitted)
+    with BenchFile("fitted.toml", text).build() as bench:
         faults = Injector(bench)
 
         exec(example, {"faults": faults, "bench": bench})

@@ -1,0 +1,211 @@
+"""Faults of a drive that a test can inject beyond those of supply and safety: lies, services, brake, sensor (C402-310, C402-311)."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from emulators.drive.cia402 import faults
+from emulators.drive.cia402.device import DriveDevice
+from emulators.drive.cia402.protection import DriveWarning
+from emulators.encoder import AbsoluteEncoder
+from fieldbus.clock import Timer, seconds_to_ns
+from fieldbus.errors import ConfigurationError, UnsupportedFaultError
+
+_TARGET_REACHED: Final = 1 << 10
+
+
+class InjectableDrive(DriveDevice):
+    """A drive that can be made to fail; use `CiA402Drive`."""
+
+    __slots__ = ("_drift_rest", "_drift_timer", "_storm_code", "_storm_timer", "_toggle_timer")
+
+    _drift_rest: float
+    _storm_code: int
+    _drift_timer: Timer | None
+    _storm_timer: Timer | None
+    _toggle_timer: Timer | None
+
+    # -- state machine and status word -------------------------------------------------------------------------------
+
+    def set_local_control(self, active: bool) -> None:
+        """Take the control away from the bus: bit 9 of the status word 0, control words are ignored."""
+        self.function.local_control = active
+        self.machine.remote = not active
+        if not active:
+            self.function.evaluate_again()
+        self.refresh_status()
+
+    def refuse_transitions(self, *numbers: int) -> None:
+        """Ignore the commands of these transitions (of 2, 3, 4, 15, 16); without numbers none."""
+        self.machine.refused = frozenset(numbers)
+        if not numbers:
+            self.function.evaluate_again()
+            self.refresh_status()
+        self.machine.release()
+
+    def fall_to_switch_on_disabled(self) -> None:
+        """Change to Switch on disabled without being told to and without a fault; the motor coasts."""
+        self.function.execute(self.machine.disable_voltage())
+        self.refresh_status()
+
+    def freeze_statusword(self, frozen: bool) -> None:
+        """Let 6041h show what it shows now, whatever happens."""
+        self.status_word.frozen = frozen
+        self.refresh_status()
+
+    def lie_in_statusword(self, set_bits: int, clear_bits: int) -> None:
+        """Show bits of 6041h as 1, or as 0, whatever they should be; 0 and 0 = the truth again."""
+        self.status_word.lie(set_bits=set_bits, clear_bits=clear_bits)
+
+    def toggle_target_reached(self, period_s: float | None) -> None:
+        """Let bit 10 of 6041h change every `period_s`, whatever the motor does; None = the truth again."""
+        self._cancel("_toggle_timer")
+        if period_s is None:
+            self.status_word.lie()
+            return
+        reached = False
+
+        def toggle() -> None:
+            nonlocal reached
+            reached = not reached
+            self.status_word.lie(
+                set_bits=_TARGET_REACHED if reached else 0, clear_bits=0 if reached else _TARGET_REACHED
+            )
+            self._toggle_timer = self.scheduler.after(seconds_to_ns(period_s), toggle)
+
+        toggle()
+
+    def show_mode_as(self, number: int | None) -> None:
+        """Show a wrong mode in 6061h, or the true one again (None)."""
+        self.status_word.show_mode_as(number)
+
+    def show_warning(self, active: bool) -> None:
+        """Show a warning without cause: bit 7, bit 31 of 2100h."""
+        self.protection.warn(DriveWarning.INJECTED, active)
+
+    # -- power stage and brake ---------------------------------------------------------------------------------------
+
+    def scale_ramps(self, share: float) -> None:
+        """Make all ramps of the drive with this share of their slope; 1 = as set."""
+        self.axis.ramp_scale = share
+
+    def limit_torque(self, share: float | None) -> None:
+        """Limit the torque to a share of the rated one; None = not."""
+        self.protection.cap_torque(math.inf if share is None else share * self.config.rated_torque_Nm)
+        self.refresh_status()
+
+    def force_temperature(self, part: str, celsius: float | None) -> None:
+        """Let the sensor of `motor` or `power_stage` show a temperature, degC; None = the true one.
+
+        Raises:
+            ConfigurationError: There is no such part.
+
+        """
+        nodes = {"motor": self.protection.motor, "power_stage": self.protection.stage}
+        if part not in nodes:
+            raise ConfigurationError("part", part, ", ".join(nodes))
+        nodes[part].forced_C = celsius
+
+    def stick_brake(self, closed: bool | None) -> None:
+        """Let the brake be stuck closed or open; None = it works again.
+
+        Raises:
+            UnsupportedFaultError: There is no brake.
+
+        """
+        self._need_brake()
+        self.core.brake.stick(closed)
+
+    def slip_brake(self, share: float) -> None:
+        """Let the closed brake hold with this share of its torque; 1 = as new.
+
+        Raises:
+            UnsupportedFaultError: There is no brake.
+
+        """
+        self._need_brake()
+        self.core.brake.slip(share)
+
+    def _need_brake(self) -> None:
+        if not self.core.brake.fitted:
+            raise UnsupportedFaultError(f"{self.name}: there is no brake (brake.torque_nm)")
+
+    # -- encoder -----------------------------------------------------------------------------------------------------
+
+    def drift_encoder(self, increments_per_s: float) -> None:
+        """Let the encoder value drift away from the shaft; 0 = no further."""
+        self._cancel("_drift_timer")
+        self._drift_rest = 0.0
+        if not increments_per_s:
+            return
+        period_ns = self.config.control_period_ns
+        step = increments_per_s * period_ns / 1e9
+
+        def drift() -> None:
+            self._drift_rest += step
+            whole = math.trunc(self._drift_rest)
+            if whole:
+                self._drift_rest -= whole
+                self.encoder.jump(whole)
+            self._drift_timer = self.scheduler.after(period_ns, drift)
+
+        drift()
+
+    def break_encoder(self, broken: bool) -> None:
+        """Cut the wire of the encoder: the value stands, and the drive notices (7305h, absolute 7320h); or mend it.
+
+        A mended incremental encoder has lost its reference.
+        """
+        absolute = isinstance(self.encoder, AbsoluteEncoder)
+        code = faults.POSITION_SENSOR if absolute else faults.INCREMENTAL_SENSOR
+        self.encoder.freeze(broken)
+        if broken:
+            self.raise_fault(code, persistent=True)
+        else:
+            self.faults.end_causes(code)
+            if not absolute:
+                self.axis.homed = False
+
+    # -- communication -------------------------------------------------------------------------------------------------
+
+    def stop_heartbeat(self, stopped: bool) -> None:
+        """Keep the heartbeat back, or send it again."""
+        self.slave.error_control.silent = stopped
+
+    def delay_heartbeat(self, delay_s: float) -> None:
+        """Let every heartbeat come this much later than its period says, s; 0 = in time again."""
+        self.slave.error_control.lateness_ns = seconds_to_ns(delay_s)
+
+    def reset_node(self, boot_s: float) -> None:
+        """Restart as after a dip of the supply: silence for `boot_s`, then boot-up; the motor coasts."""
+        self.power_off()
+        self.scheduler.after(seconds_to_ns(boot_s), self.power_on)
+
+    def abort_sdo(self, code: int | None, index: int = 0) -> None:
+        """Abort every SDO access (to `index`, 0 = any) with `code`; None = serve it again."""
+        self.slave.sdo.refusal = None if code is None else (index, code)
+
+    def silence_sdo(self, silent: bool) -> None:
+        """Leave SDO requests unanswered, or answer again."""
+        self.slave.sdo.silent = silent
+
+    def storm_emcy(self, code: int | None, period_s: float = 0.001) -> None:
+        """Send an EMCY every `period_s` without any state change; None = end, with EMCY 0000h."""
+        self._cancel("_storm_timer")
+        if code is None:
+            self.slave.emcy_clear(self._storm_code)
+            return
+        self._storm_code = code
+
+        def storm() -> None:
+            self.slave.emcy(code, repeat=True)
+            self._storm_timer = self.scheduler.after(seconds_to_ns(period_s), storm)
+
+        storm()
+
+    def _cancel(self, name: str) -> None:
+        timer: Timer | None = getattr(self, name, None)
+        if timer is not None:
+            timer.cancel()
+            setattr(self, name, None)

@@ -1,0 +1,149 @@
+"""Tables of the bench file that describe the inside of an emulated drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from fieldbus.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from emulators.drive import SupplyConfig, ThermalConfig
+
+
+class Section(BaseModel):
+    """A table: unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+Time_ms = Annotated[float, Field(ge=0.0, le=5000.0)]
+Voltage = Annotated[float, Field(ge=1.0, le=5000.0)]
+Temperature = Annotated[float, Field(ge=-60.0, le=400.0)]
+Seconds = Annotated[float, Field(ge=0.01, le=100_000.0)]
+
+
+class BrakeSection(Section):
+    """`[drive.NAME.brake]`: holding brake of the motor."""
+
+    torque_nm: Annotated[float, Field(ge=0.0, le=100_000.0)] = 0.0
+    """Holding torque at the motor shaft; 0 = there is no brake."""
+    opening_time_ms: Time_ms = 0.0
+    closing_time_ms: Time_ms = 0.0
+
+
+class SupplySection(Section):
+    """`[drive.NAME.supply]`: DC link of the drive."""
+
+    nominal_v: Voltage = 560.0
+    undervoltage_v: Voltage = 400.0
+    overvoltage_v: Voltage = 780.0
+    capacitance_uf: Annotated[float, Field(ge=1.0, le=1_000_000.0)] = 500.0
+    standby_w: Annotated[float, Field(ge=0.0, le=100_000.0)] = 15.0
+    chopper_on_v: Voltage = 720.0
+    chopper_off_v: Voltage = 700.0
+    chopper_ohm: Annotated[float, Field(ge=0.1, le=100_000.0)] = 30.0
+    chopper_rated_w: Annotated[float, Field(ge=1.0, le=1_000_000.0)] = 200.0
+    phase_loss_time_ms: Annotated[float, Field(ge=0.0, le=60_000.0)] = 500.0
+
+    @model_validator(mode="after")
+    def _fits(self) -> SupplySection:
+        if self.model_fields_set:
+            _checked(self.build)
+        return self
+
+    def build(self) -> SupplyConfig:
+        """Return the configuration of the emulated drive."""
+        from emulators.drive import SupplyConfig
+
+        return SupplyConfig(
+            nominal_V=self.nominal_v,
+            undervoltage_V=self.undervoltage_v,
+            overvoltage_V=self.overvoltage_v,
+            capacitance_F=self.capacitance_uf * 1e-6,
+            standby_W=self.standby_w,
+            chopper_on_V=self.chopper_on_v,
+            chopper_off_V=self.chopper_off_v,
+            chopper_ohm=self.chopper_ohm,
+            chopper_rated_W=self.chopper_rated_w,
+            phase_loss_time_s=self.phase_loss_time_ms / 1000.0,
+        )
+
+
+class ThermalSection(Section):
+    """`[drive.NAME.thermal]`: heat of motor and power stage."""
+
+    overload: Literal["fault", "limit"] = "fault"
+    i2t_time_constant_s: Seconds = 40.0
+    stage_overload: Annotated[float, Field(ge=0.1, le=100.0)] = 2.0
+    stage_overload_time_s: Seconds = 20.0
+    ambient_c: Temperature = 25.0
+    motor_rise_k: Annotated[float, Field(ge=0.1, le=1000.0)] = 80.0
+    motor_time_constant_s: Seconds = 600.0
+    motor_warning_c: Temperature = 120.0
+    motor_fault_c: Temperature = 140.0
+    motor_loss_w: Annotated[float, Field(ge=0.0, le=1_000_000.0)] = 60.0
+    stage_rise_k: Annotated[float, Field(ge=0.1, le=1000.0)] = 35.0
+    stage_time_constant_s: Seconds = 120.0
+    stage_warning_c: Temperature = 85.0
+    stage_fault_c: Temperature = 95.0
+
+    @model_validator(mode="after")
+    def _fits(self) -> ThermalSection:
+        if self.model_fields_set:
+            _checked(self.build)
+        return self
+
+    def build(self) -> ThermalConfig:
+        """Return the configuration of the emulated drive, without the time constant of i2t."""
+        from emulators.drive import ThermalConfig
+
+        return ThermalConfig(
+            ambient_C=self.ambient_c,
+            motor_rise_K=self.motor_rise_k,
+            motor_time_constant_s=self.motor_time_constant_s,
+            motor_warning_C=self.motor_warning_c,
+            motor_fault_C=self.motor_fault_c,
+            motor_loss_W=self.motor_loss_w,
+            stage_rise_K=self.stage_rise_k,
+            stage_time_constant_s=self.stage_time_constant_s,
+            stage_warning_C=self.stage_warning_c,
+            stage_fault_C=self.stage_fault_c,
+            stage_overload=self.stage_overload,
+            stage_overload_time_s=self.stage_overload_time_s,
+            overload=self.overload,
+        )
+
+
+class SafetySection(Section):
+    """`[drive.NAME.safety]`: safety inputs of the drive."""
+
+    sto: Literal["inhibit", "fault"] = "inhibit"
+    ss1_time_ms: Annotated[float, Field(ge=1.0, le=600_000.0)] = 500.0
+    ss1_monitored: bool = True
+    interlock: Literal["none", "inhibit", "quick_stop", "fault"] = "none"
+
+
+def checked_personality(value: str, folder: Path | None) -> str:
+    """Return the name or absolute path of a personality that can be loaded; a relative path starts at `folder`.
+
+    Raises:
+        ValueError: There is none, or it is not usable; the message says why.
+
+    """
+    from emulators.drive.cia402.personality import load_personality
+
+    if value.endswith(".toml"):
+        value = str(((folder or Path()) / value).resolve())
+    _checked(lambda: load_personality(value))
+    return value
+
+
+def _checked(build: Callable[[], object]) -> None:
+    try:
+        build()
+    except ConfigurationError as error:
+        raise ValueError(str(error)) from None

@@ -1,0 +1,202 @@
+"""Faults inside the drive and its supply, and what the axis makes of them; the same cases on virtual and live benches."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from hil.campaign import Campaign, CaseContext
+from hil.expect import alarm, happens, no_alarm, state_at
+from hil.record import event
+from testcases.campaigns.fault_reactions import cycles, disabled_by_alarm, recovers, stopped_for_good
+from testcases.campaigns.support import (
+    axis_name,
+    bring_into,
+    drive_name,
+    enable,
+    grace_s,
+    settle_s,
+)
+
+CAMPAIGN: Final = Campaign("drive faults", tags=("fault", "drive"), bench="reference")
+
+PHASES: Final = ("constant", "standstill")
+
+TRIPS: Final[dict[str, tuple[str, dict[str, Any], int, int]]] = {
+    "motor-hot": ("drive.overtemperature", {"part": "motor", "temperature_C": 160.0}, 0x4310, 421),
+    "stage-hot": ("drive.overtemperature", {"part": "power_stage", "temperature_C": 120.0}, 0x4210, 421),
+    "dc-link-missing": ("drive.dc_link", {"voltage_V": 0.0}, 0x3220, 421),
+    "dc-link-too-high": ("drive.dc_link", {"voltage_V": 900.0}, 0x3210, 421),
+    "encoder-wire": ("encoder.wire_break", {}, 0x7305, 411),
+}
+"""Name of the case -> kind of fault, parameters, EMCY code, technology alarm."""
+
+
+@CAMPAIGN.product(
+    "trip/{what}/{phase}",
+    parameters={"what": tuple(TRIPS), "phase": PHASES},
+    title="the drive trips by itself ({what}) from {phase}",
+    tags=("{phase}",),
+    requirements=("C402-311", "C402-014", "STP-559"),
+)
+def trip(ctx: CaseContext, what: str, phase: str) -> None:
+    """A monitor of the drive trips: EMCY, alarm with reaction 4, standstill; without the cause one MC_Reset recovers."""
+    axis = axis_name(ctx)
+    kind, parameters, code, number = TRIPS[what]
+    enable(ctx)
+    bring_into(ctx, phase)
+    fault = ctx.inject(kind, drive_name(ctx), **parameters)
+    ctx.run_for(4.0 + settle_s(ctx))
+    ended = ctx.now_s
+    applied = event("fault.applied")
+    ctx.expect(
+        happens(event("emcy.received", code=code), since=applied, within_s=cycles(ctx, 4) + 0.02).covers(
+            "C402-311"
+        ),
+        alarm(number, reaction=4, since=applied, within_s=cycles(ctx, 6) + 0.02, axis=axis).covers("STP-559"),
+    )
+    stopped_for_good(ctx, ended)
+    disabled_by_alarm(ctx, ended)
+    fault.remove()
+    ctx.run_for(0.2)
+    recovers(ctx)
+
+
+@CAMPAIGN.case("mains-off", requirements=("C402-029", "C402-311"))
+def mains_off(ctx: CaseContext) -> None:
+    """The mains are away: warning first, 3220h when the DC link is empty; back again the axis is enabled by MC_Reset."""
+    axis, drive = axis_name(ctx), drive_name(ctx)
+    enable(ctx)
+    fault = ctx.inject("drive.mains_off", drive)
+    ctx.run_for(4.0 + settle_s(ctx))
+    ctx.expect(
+        happens(
+            event("drive.warning", drive, text="mains missing"),
+            since=event("fault.applied"),
+            within_s=cycles(ctx, 4) + 0.02,
+        ),
+        happens(event("emcy.received", code=0x3220), since=event("fault.applied"), within_s=4.0).covers(
+            "C402-029"
+        ),
+        alarm(421, reaction=4, since=event("fault.applied"), axis=axis),
+    )
+    fault.remove()
+    ctx.run_for(0.5)
+    recovers(ctx)
+
+
+@CAMPAIGN.product(
+    "withdrawn/{phase}",
+    parameters={"phase": PHASES},
+    title="the drive falls to Switch on disabled by itself, from {phase}",
+    tags=("{phase}",),
+    requirements=("C402-311", "STP-560"),
+)
+def withdrawn(ctx: CaseContext, phase: str) -> None:
+    """The drive leaves operation without being told to: 421, coasting, recovery."""
+    axis = axis_name(ctx)
+    enable(ctx)
+    bring_into(ctx, phase)
+    ctx.inject("drive.switch_on_disabled", drive_name(ctx))
+    ctx.run_for(4.0 + settle_s(ctx))
+    ended = ctx.now_s
+    ctx.expect(
+        alarm(421, reaction=4, since=event("fault.applied"), within_s=cycles(ctx, 6), axis=axis).covers(
+            "STP-560"
+        )
+    )
+    stopped_for_good(ctx, ended)
+    disabled_by_alarm(ctx, ended)
+    recovers(ctx)
+
+
+@CAMPAIGN.product(
+    "safe-stop-1/{phase}",
+    parameters={"phase": PHASES},
+    title="safe stop 1 from {phase}",
+    tags=("{phase}",),
+    requirements=("C402-030",),
+)
+def safe_stop_1(ctx: CaseContext, phase: str) -> None:
+    """Safe stop 1: the drive brakes by itself, then takes the torque; released and acknowledged it is enabled again."""
+    drive = drive_name(ctx)
+    enable(ctx)
+    bring_into(ctx, phase)
+    fault = ctx.inject("drive.ss1", drive)
+    ctx.run_for(2.0 + settle_s(ctx))
+    ended = ctx.now_s
+    ctx.expect(
+        happens(event("drive.state", drive, to="Switch on disabled"), since=event("fault.applied")).covers(
+            "C402-030"
+        ),
+        happens(event("alarm.raised", axis_name(ctx)), since=event("fault.applied")),
+    )
+    stopped_for_good(ctx, ended)
+    fault.remove()
+    recovers(ctx)
+
+
+HARMLESS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
+    "warning": ("drive.warning", {}),
+    "sdo-timeout": ("drive.sdo_timeout", {}),
+    "sdo-abort": ("drive.sdo_abort", {"code": 0x08000022}),
+    "emcy-storm": ("drive.emcy_storm", {"code": 0xFF00, "period_s": 0.02}),
+}
+
+
+@CAMPAIGN.product(
+    "harmless/{what}",
+    parameters={"what": tuple(HARMLESS)},
+    title="{what} of the drive does not stop the axis",
+    requirements=("C402-310", "C402-311"),
+)
+def harmless(ctx: CaseContext, what: str) -> None:
+    """What does not concern the cyclic data leaves the motion alone."""
+    axis = axis_name(ctx)
+    kind, parameters = HARMLESS[what]
+    enable(ctx)
+    bring_into(ctx, "constant")
+    ctx.inject(kind, drive_name(ctx), duration_s=0.3, **parameters)
+    ctx.run_for(0.5)
+    ctx.expect(no_alarm(axis=axis), state_at(axis, ctx.now_s, "MOTION"))
+
+
+@CAMPAIGN.product(
+    "reset/{phase}",
+    parameters={"phase": PHASES},
+    title="the node restarts in operation, from {phase}",
+    tags=("node", "{phase}"),
+    requirements=("C402-310", "TA-020", "C301-022"),
+)
+def reset(ctx: CaseContext, phase: str) -> None:
+    """A restart in operation: 431 or 421, boot-up frame, cyclic data again, recovery."""
+    axis = axis_name(ctx)
+    enable(ctx)
+    bring_into(ctx, phase)
+    ctx.inject("drive.reset", drive_name(ctx), boot_s=grace_s(ctx) + 0.5)
+    ctx.run_for(grace_s(ctx) + 4.0 + settle_s(ctx))
+    ended = ctx.now_s
+    ctx.expect(
+        alarm(431, reaction=4, since=event("fault.applied"), within_s=grace_s(ctx), axis=axis).covers(
+            "TA-020"
+        ),
+        happens(event("node.bootup"), since=event("fault.applied")).covers("C301-022"),
+    )
+    stopped_for_good(ctx, ended)
+    disabled_by_alarm(ctx, ended)
+    recovers(ctx)
+
+
+@CAMPAIGN.case("transition-refused", requirements=("C402-311", "STP-043"))
+def transition_refused(ctx: CaseContext) -> None:
+    """The drive does not go to Operation enabled: MC_Power waits without an alarm, and goes on once it does."""
+    drive = drive_name(ctx)
+    fault = ctx.inject("drive.refuse_transition", drive, transition=4)
+    ctx.do("MC_Power Enable = TRUE")
+    power = ctx.axis.power()
+    ctx.run_for(1.0 + settle_s(ctx))
+    ctx.measure("MC_Power.Status while transition 4 is refused", float(power.status()), low=0.0, high=0.0)
+    ctx.expect(no_alarm(axis=axis_name(ctx)))
+    before = ctx.now_s
+    fault.remove()
+    ctx.wait_until(power.status, 5.0, "the axis is enabled")
+    ctx.expect(happens(event("drive.state", drive, to="Operation enabled"), since=before).covers("C402-311"))
