@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from fieldbus.can.frame import CanFrame
@@ -69,6 +69,7 @@ class EmcyProducer:
         "_timer",
         "active",
         "lost",
+        "replacements",
     )
 
     def __init__(
@@ -95,6 +96,8 @@ class EmcyProducer:
         self._timer: Timer | None = None
         self.active: dict[int, int] = {}
         """Present errors: code -> bits of 1001h, oldest first."""
+        self.replacements: Mapping[int, tuple[int, int | None, bytes]] = {}
+        """Error code -> code, bits of 1001h (None = by the code) and data that this device sends instead."""
         self.lost = 0
         """EMCYs that found the queue full."""
         self._capacity = max((key & 0xFF for key in store.entries if key >> 8 == 0x1003), default=0)
@@ -120,10 +123,13 @@ class EmcyProducer:
 
     def raise_error(self, code: int, register: int | None, data: bytes, *, repeat: bool) -> bool:
         """Note an error and queue its EMCY; see `CanopenSlave.emcy`."""
-        bits = (register_bits(code) if register is None else register & 0xBF) | 0x01
         if code in self.active and not repeat:
             return False
-        self.active[code] = bits
+        known = code
+        if self.replacements and code in self.replacements:
+            code, register, data = self.replacements[code]
+        bits = (register_bits(code) if register is None else register & 0xBF) | 0x01
+        self.active[known] = bits
         data = bytes(data[:5]).ljust(5, b"\0")
         self._update_register()
         self._remember(code | int.from_bytes(data[:2], "little") << 16)

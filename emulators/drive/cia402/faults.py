@@ -65,6 +65,10 @@ class FaultMemory:
         self._name = name
         self._history = history
         self._codes = codes
+        # In the slave, so that the errors of its own services are sent in the same way.
+        slave.errors.replacements = {
+            code: (sent.code, sent.register, sent.data) for code, sent in codes.items()
+        }
         self.causes: dict[int, bool] = {}
         """Latched EMCY codes of the profile, oldest first, each with whether its cause is still there."""
         self.log = log
@@ -86,10 +90,7 @@ class FaultMemory:
         self.causes[code] = persistent or self.causes.get(code, False)
         sent = self._codes.get(code)
         shown = code if sent is None else sent.code
-        if sent is None:
-            self._slave.emcy(code)
-        else:
-            self._slave.emcy(shown, sent.register, sent.data)
+        self._slave.emcy(code)
         self._slave.set(0x603F, 0, shown)
         if known:
             return
@@ -111,8 +112,7 @@ class FaultMemory:
         self.causes.clear()
         self._slave.set(0x603F, 0, 0)
         for code in codes:
-            sent = self._codes.get(code)
-            self._slave.emcy_clear(code if sent is None else sent.code)
+            self._slave.emcy_clear(code)
         if self._history is not None:
             self._history.emit(
                 self._name, "drive.fault_cleared", codes=", ".join(f"{code:04X}h" for code in codes)

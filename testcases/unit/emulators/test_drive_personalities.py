@@ -351,6 +351,19 @@ def test_emcy_codes_of_a_personality(make_bench):
     assert bench.read(0x1001) == 0
 
 
+@pytest.mark.requirement("C301-123")
+def test_emcy_codes_of_communication_errors_too(make_bench):
+    """What the slave itself reports, here a lost heartbeat, is sent in the way of the manufacturer as well."""
+    bench = make_bench(load_personality("compact-motion-controller").apply(REFERENCE))
+    bench.write(0x1016, 127 << 16 | 50, 1)
+    bench.master.produce_heartbeat(20_000_000)
+    bench.run(0.1)
+    bench.master.produce_heartbeat(0)
+    bench.run(0.1)
+    frames = [entry[2].data.hex() for entry in bench.medium.log if entry[2].can_id == 0x81]
+    assert frames == ["3081110008000000"]
+
+
 def test_fault_number_as_text(make_bench):
     """A personality may put its display text behind code and register."""
     bench = make_bench(load_personality("halt-blocks-setpoints").apply(REFERENCE))
