@@ -356,8 +356,6 @@ class RemoteNode:
             return
         if unexpected:
             self._lose("boot-up")
-        if self._heartbeat is not None:
-            self._heartbeat.lost = False
         self._boot_anew()
         self._begin(in_place=False)
 

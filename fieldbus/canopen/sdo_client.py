@@ -275,14 +275,13 @@ class SdoClient:
             return
         if block and not transfer.block:
             self._no_block = True  # this server will not be asked again
-        if requests:
-            if transfer.done:
-                self._waiting.clear()
-                self._master.send(self._request_id, requests[0])
-            else:
-                self._send(requests)
         if transfer.done:
+            self._waiting.clear()  # segments of a block that has been refused
+            if requests:
+                self._master.send(self._request_id, requests[0])
             self._end(job)
+        elif requests:
+            self._send(requests)
 
     def _end(self, job: SdoJob) -> None:
         self._jobs.popleft()

@@ -246,6 +246,61 @@ def test_one_changed_parameter_is_put_right(net):
     assert net.written() == [(0x6083, 0), (0x1020, 1), (0x1020, 2), (0x1010, 1)]
 
 
+@pytest.mark.requirement("C301-148")
+@pytest.mark.parametrize("sub", [1, 2])
+def test_date_and_time_both_count(net, sub):
+    """A node with another date or another time in 1020h is compared entry by entry."""
+    net.start()
+    net.slave.set(0x1020, sub, net.slave.get(0x1020, sub) ^ 1)
+    net.slave.set(0x6083, 0, 77)
+    net.node.boot()
+    net.run(60)
+    assert not net.node.report.verified
+    assert net.slave.get(0x6083) == 5000
+
+
+def test_node_without_1020h(net):
+    """A node that has no 1020h is compared entry by entry every time, and stores only if something was written."""
+    for sub in (1, 2):
+        del net.slave.store.entries[0x102000 | sub]
+    net.start()
+    assert net.node.in_service
+    assert net.written()[-1] == (0x1010, 1)
+    net.heard.clear()
+    net.node.boot()
+    net.run(60)
+    assert net.node.in_service
+    assert net.node.report.compared > 10
+    assert net.written() == []
+
+
+def test_what_cannot_be_read_is_written(kit):
+    """A write-only parameter cannot be compared: it is written in every boot that compares."""
+    net = Net(kit, parameters=(Parameter(0x2003, 0, 0, 2),))
+    net.start()
+    assert (0x2003, 0) in net.written()
+    assert net.node.in_service
+
+
+@pytest.mark.requirement("C301-046", "C301-055")
+def test_remote_requests_make_no_difference(net):
+    """A TPDO that would answer remote requests is as good as one that does not; any other bit matters."""
+    cob_id = PDOS[1].wanted[-1]
+    assert PDOS[1].satisfied(cob_id, 0x40000185)
+    assert PDOS[1].satisfied(cob_id, 0x00000185)
+    assert not PDOS[1].satisfied(cob_id, 0xC0000185)
+    assert not PDOS[1].satisfied(cob_id, 0x40000186)
+
+
+def test_node_that_can_show_nothing(kit):
+    """A node without PDOs and without supervision counts as in service a second after the command to start."""
+    net = Net(kit, pdos=(), parameters=(), heartbeat_timeout_ms=0)
+    net.start()
+    assert net.node.boot_state is BootState.STARTING
+    net.run(1000)
+    assert net.node.in_service
+
+
 def test_node_without_memory_is_configured_again(kit):
     """A node that has not stored anything is configured from the beginning whenever it comes back."""
     net = Net(kit, store=False)
@@ -410,6 +465,34 @@ def test_lost_heartbeat_and_return(net):
     assert len(net.events("heartbeat.back")) == 1
 
 
+@pytest.mark.requirement("C301-026")
+def test_node_that_never_sends_a_heartbeat(kit):
+    """A node that is expected to send heartbeats is lost when none has come since it was started."""
+    net = Net(kit, parameters=())
+    net.start()
+    assert net.node.in_service
+    net.run(120)
+    assert not net.node.in_service
+    assert net.user.told[-1] == "lost: heartbeat"
+
+
+def test_pdos_do_not_make_up_for_the_heartbeat(net):
+    """A node that is configured anew while its heartbeat is missing is not in service by its PDOs alone."""
+    net.start()
+    net.run(60)
+    net.slave.error_control.silent = True
+    net.run(200)
+    net.slave.store.assign(net.slave.store.entry(0x6083, 0), 77)
+    net.heard.clear()
+    net.run(1500)
+    assert net.slave.get(0x6083) == 5000
+    assert [frame for frame in net.heard if frame.can_id == 0x185]
+    assert "in service" not in net.user.told[net.user.told.index("lost: heartbeat") :]
+    net.slave.error_control.silent = False
+    net.run(2500)
+    assert net.node.in_service
+
+
 def test_node_that_lost_its_parameters_unseen(kit):
     """A node that was off while nobody heard its boot-up, and sends nothing any more, is found and configured again."""
     net = Net(kit, store=False)
@@ -490,6 +573,21 @@ def test_node_guarding(kit):
     net.run(50)
     assert net.node.in_service
     assert len(net.events("guarding.back")) == 1
+
+
+@pytest.mark.requirement("C301-028")
+def test_toggle_bit_begins_anew_with_the_node(kit):
+    """After a reset the first answer has toggle bit 0, whatever came before; that is no error."""
+    guarding = (Parameter(0x100C, 0, 20, 2), Parameter(0x100D, 0, 3, 1))
+    net = Net(kit, heartbeat_timeout_ms=0, guard_time_ms=20, life_time_factor=3, parameters=guarding)
+    net.start()
+    for _ in range(4):
+        net.run(130)
+        net.master.nmt(NmtCommand.RESET_NODE, 5)
+        net.run(110)
+        assert net.node.in_service
+    assert net.node.bootups == 5
+    assert net.node._guard.toggle_errors == 0
 
 
 @pytest.mark.requirement("C301-030")

@@ -209,6 +209,29 @@ def test_cancelled_job(net):
     assert third.value == 0x1234
 
 
+@pytest.mark.requirement("C301-062", "C301-081")
+@pytest.mark.parametrize(
+    ("answer", "code"),
+    [("80 02 20 00 20 00 00 08", AbortCode.CANNOT_STORE), ("A2 7E 7F 00 00 00 00 00", AbortCode.SEQUENCE)],
+)
+def test_refused_block_is_not_sent_to_its_end(kit, answer, code):
+    """A block that the server refuses, or acknowledges wrongly, in the middle ends there: no further segment goes out."""
+    net = Net(kit)
+    job = net.master.sdo(5).download(0x2002, 0, content(800))
+    net.run(1)
+    net.port.send(CanFrame(0x585, bytes.fromhex("A4 02 20 00 7F 00 00 00")))
+    net.run(3)
+    net.port.send(CanFrame(0x585, bytes.fromhex(answer)))
+    net.run(0.2)
+    assert job.done()
+    assert job.abort_code == code
+    net.run(0.6)  # a burst that was on its way
+    sent = len(net.frames(0x605))
+    assert sent < 30
+    net.run(100)
+    assert len(net.frames(0x605)) == sent
+
+
 def test_job_from_the_callback_of_another(net):
     """A callback may queue the next transfer, as a state machine does."""
     seen = []
