@@ -23,7 +23,7 @@ class TurnCountingEncoder(RotaryEncoder):
 
     """
 
-    __slots__ = ("_counted", "_mounting")
+    __slots__ = ("_counted", "_mounting", "_supplied")
 
     def __init__(
         self,
@@ -35,16 +35,20 @@ class TurnCountingEncoder(RotaryEncoder):
         super().__init__(counts_per_revolution=counts_per_revolution, rng=rng)
         self._mounting = int(mounting_offset)
         self._counted: int | None = None
+        self._supplied = False
         self._set_offset(self._mounting)
 
     def power_on(self, shaft_angle: float) -> None:
-        """Start up at the shaft angle (rad) with the turn that was counted last."""
+        """Start up at the shaft angle (rad) with the turn that was counted last; a restart under supply loses nothing."""
+        if self._supplied:
+            self._counted = self.increments
+        self._supplied = True
         super().power_on(shaft_angle)
-        self._counted = self.increments
 
     def power_off(self) -> None:
         """Keep the last count."""
         self._counted = self.increments
+        self._supplied = False
 
     def _initial_offset(self, raw_increments: int) -> int:
         counts = self._counts

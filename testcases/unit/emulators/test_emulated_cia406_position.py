@@ -112,8 +112,12 @@ def test_another_scaling_makes_the_preset_invalid(index, value):
     bench.put(0x6003, 777)
     bench.put(index, bench.get(index))
     assert bench.get(0x6509) == 777
+    before = bench.get(index)
     bench.put(index, value)
     assert bench.get(0x6509) == 0
+    bench.put(index, before)
+    bench.restart()
+    assert bench.get(0x6509) == 0, "nor does it come back from the memory with the old scaling"
 
 
 @pytest.mark.requirement("C406-006")
@@ -314,6 +318,12 @@ def test_resets():
     bench.master.nmt(0x81, 7)
     bench.run(0.01)
     assert (bench.get(0x6001), bench.position) == (8192, 0)
+    counting = EncoderBench(kind=EncoderType.SINGLE_TURN_COUNTING)
+    for turns in range(1, 4):
+        counting.count(turns * 8192)
+    counting.master.nmt(0x81, 7)
+    counting.run(0.01)
+    assert counting.position == 3 * 8192
 
 
 # -- mounting and configuration ------------------------------------------------------------------------------------

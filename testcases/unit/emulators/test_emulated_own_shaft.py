@@ -111,6 +111,16 @@ def test_counted_turns_survive_up_to_half_a_turn(turned, meanwhile, offset):
     assert encoder.increments == start + turned + meanwhile
 
 
+def test_restart_under_supply_keeps_the_turns():
+    """A restart of the electronics, without a loss of supply, goes on from the present count."""
+    encoder = TurnCountingEncoder(counts_per_revolution=1000)
+    encoder.power_on(0.0)
+    for turns in (1, 2, 3):
+        encoder.sample(turns * TURN)
+    encoder.power_on(3 * TURN)
+    assert encoder.increments == 3000
+
+
 def test_more_than_half_a_turn_is_taken_for_the_shorter_way():
     """700 of 1000 steps forward without supply look like 300 back."""
     encoder = TurnCountingEncoder(counts_per_revolution=1000)
