@@ -154,6 +154,26 @@ def emulate(
 
 
 @app.command()
+def eds(
+    bench: Annotated[str, typer.Argument(metavar="BENCH", help="Bench file or embedded name.")],
+    device: Annotated[
+        str, typer.Argument(metavar="DEVICE", help="Drive or other device; default: the first one.")
+    ] = "",
+    *,
+    dcf: Annotated[
+        bool, typer.Option("--dcf", help="DCF: with node-ID, bit rate and the values that can be stored.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="File; default: standard output.")
+    ] = None,
+) -> None:
+    """Write the EDS or DCF of an emulated device."""
+    from hil._commands.eds import write_eds
+
+    raise typer.Exit(write_eds(bench, device, dcf=dcf, output=output))
+
+
+@app.command()
 def check(
     bench: Annotated[str, typer.Argument(metavar="BENCH", help="Bench file or embedded name.")],
     build: Annotated[

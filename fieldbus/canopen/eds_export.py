@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 _FIRST_OBJECT: Final = 0x1000
 
 
-def device_eds(slave: CanopenSlave, *, dcf: bool = False, file_name: str = "") -> str:
+def device_eds(
+    slave: CanopenSlave, *, dcf: bool = False, file_name: str = "", bitrate: int | None = None
+) -> str:
     """Return the EDS of a device, or the DCF.
 
     Defaults are those of the device, which may differ from those of the EDS that it was made of; defaults relative to
@@ -27,16 +29,17 @@ def device_eds(slave: CanopenSlave, *, dcf: bool = False, file_name: str = "") -
         slave: The device.
         dcf: DCF in place of EDS.
         file_name: Name for `[FileInfo]`; default: the name of the device with the ending.
+        bitrate: Bit rate of its segment, bit/s, for a device that has none of its own; None = unknown.
 
     Raises:
         ConfigurationError: A text of the device cannot stand in such a file.
 
     """
     name = file_name or f"{slave.name}.{'dcf' if dcf else 'eds'}"
-    return "\n".join(_lines(slave, name, dcf=dcf)) + "\n"
+    return "\n".join(_lines(slave, name, dcf=dcf, bitrate=bitrate)) + "\n"
 
 
-def _lines(slave: CanopenSlave, file_name: str, *, dcf: bool) -> Iterator[str]:
+def _lines(slave: CanopenSlave, file_name: str, *, dcf: bool, bitrate: int | None) -> Iterator[str]:
     store = slave.store
     dictionary = store.dictionary
     device = dictionary.device_information
@@ -62,7 +65,7 @@ def _lines(slave: CanopenSlave, file_name: str, *, dcf: bool) -> Iterator[str]:
         ),
     )
     if dcf:
-        bitrate = slave.settings.bitrate or dictionary.bitrate or 0
+        bitrate = slave.settings.bitrate or bitrate or dictionary.bitrate
         yield from (
             "[DeviceComissioning]",
             f"NodeID={slave.node_id}",

@@ -129,8 +129,9 @@ class NodeSettings:
     def lss_bitrate(self, bitrate: int) -> None:
         """Change the bit rate of the controller; whoever models it listens to `on_bitrate`."""
         self.bitrate = bitrate
-        if hasattr(self._port, "bitrate"):
-            self._port.bitrate = bitrate
+        set_bitrate = getattr(self._port, "set_bitrate", None)
+        if set_bitrate is not None:
+            set_bitrate(bitrate)
         if self._history is not None:
             self._history.emit(self._source, "lss.bitrate", bitrate=bitrate)
         for callback in self.on_bitrate:

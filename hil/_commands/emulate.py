@@ -23,6 +23,7 @@ from hil.errors import CannotRunError
 if TYPE_CHECKING:
     from fieldbus.history import Event
     from hil.bench.config import BenchConfig, DriveSection
+    from hil.bench.device_config import DeviceSection
     from hil.bench.encoder_config import EncoderSection
     from hil.bench.remote import DriveHost
 
@@ -86,8 +87,8 @@ def emulate_bench(
         raise ConfigurationError("--adapter", adapter, "slcan")
     if link and not adapter:
         raise ConfigurationError("--link", link, "a path, together with --adapter")
-    config = _config_of(reference)
-    devices = {**config.drive, **config.encoder}
+    config = config_of(reference)
+    devices = {**config.drive, **config.encoder, **config.device}
     emulated = {name: devices[name] for name in config.emulated_names}
     if not emulated:
         raise CannotRunError(f"the bench {config.bench.name!r} has no emulated drive")
@@ -193,7 +194,7 @@ def _bring_adapter(host: DriveHost, config: BenchConfig, link: str, stack: ExitS
     return link or device.path
 
 
-def _config_of(reference: str) -> Any:
+def config_of(reference: str) -> Any:
     """Return the description of the bench.
 
     Raises:
@@ -209,7 +210,7 @@ def _config_of(reference: str) -> Any:
     return config
 
 
-def _check_nodes(drives: Mapping[str, DriveSection | EncoderSection], where: str) -> None:
+def _check_nodes(drives: Mapping[str, DriveSection | EncoderSection | DeviceSection], where: str) -> None:
     """Refuse devices of different segments that would have the same node-ID on the one bus."""
     owners: dict[int, str] = {}
     for name, section in drives.items():

@@ -28,8 +28,8 @@ class BenchFile:
     def __init__(self, source: str, text: str) -> None:
         self.source = source
         self.text = text
-        self.digest = digest(text)
         self.config: BenchConfig = parse(text, source)
+        self.digest = digest(text, self.config)
 
     @property
     def name(self) -> str:

@@ -77,6 +77,7 @@ class Bench:
         self._masters: dict[str, CanopenMaster] = {}
         self._drives: dict[str, Any] = {}
         self._encoders: dict[str, Any] = {}
+        self._devices: dict[str, Any] = {}
         self._encoder_starter: EncoderStarter | None = None
         self._ports: dict[str, Cia402Port] = {}
         self._axes: dict[str, AxisHandle] = {}
@@ -141,6 +142,7 @@ class Bench:
                     self._drives[name] = self._remote.proxy(name)
         if config.encoder:
             self._build_encoders()
+        self._build_devices()
         for name, drive_section in config.drive.items():
             for side in ("negative", "positive"):
                 stop_mm = getattr(drive_section.mechanics, f"{side}_stop_mm")
@@ -172,6 +174,17 @@ class Bench:
             self._encoders[name] = encoder
             self._record(name, encoder)
         self._encoder_starter = EncoderStarter(self._masters, self.config)
+
+    def _build_devices(self) -> None:
+        from hil.bench.devices import DEVICE_METHODS, build_device
+
+        for name in self.config.device:
+            if self._remote is not None:
+                self._devices[name] = self._remote.proxy(name, DEVICE_METHODS)
+            else:
+                self._devices[name] = build_device(
+                    self.scheduler, self._segments, self.config, name, history=self.history
+                )
 
     def _build_axis(self, name: str, section: Any) -> None:
         drive = self.config.drive[section.drive]
@@ -231,7 +244,7 @@ class Bench:
     def _start(self) -> None:
         """Power the drives, commission them and wait for the cyclic link."""
         if self.kind == "virtual":
-            for device in (*self._drives.values(), *self._encoders.values()):
+            for device in (*self._drives.values(), *self._encoders.values(), *self._devices.values()):
                 device.power_on()
         self._commission()
         led = [self.config.drive[section.drive] for section in self.config.axis.values()]
@@ -366,6 +379,15 @@ class Bench:
             raise UnsupportedFaultError(f"{wanted} is a physical encoder: it offers no fault interface")
         return self._part("encoder", self._encoders, name)
 
+    def device(self, name: str | None = None) -> Any:
+        """Return an emulated device that is nothing but its EDS (or its proxy) by name, or the first one.
+
+        Raises:
+            ConfigurationError: There is no such device.
+
+        """
+        return self._part("device", self._devices, name)
+
     def segment(self, name: str | None = None) -> Any:
         """Return a CAN segment by name, or the first one."""
         return self._part("segment", self._segments, name)
@@ -397,6 +419,11 @@ class Bench:
     def encoder_names(self) -> tuple[str, ...]:
         """Names of the encoders that are devices of their own."""
         return tuple(self.config.encoder)
+
+    @property
+    def device_names(self) -> tuple[str, ...]:
+        """Names of the emulated devices that are nothing but their EDS."""
+        return tuple(self._devices)
 
     @property
     def segment_names(self) -> tuple[str, ...]:

@@ -30,6 +30,7 @@ from hil.bench._drive_sections import (
     Time_ms,
     checked_personality,
 )
+from hil.bench.device_config import DeviceSection, anchor_files, check_devices, eds_files
 from hil.bench.encoder_config import EncoderSection, check_encoders
 
 EMBEDDED: Final = ("reference", "speed", "fast", "live")
@@ -260,6 +261,10 @@ class DriveSection(_Model):
     """From power-on of the emulated drive to its boot-up frame, ms."""
     blocked_time_ms: Annotated[float, Field(ge=0.0, le=60_000.0)] = 0.0
     """Torque limit at standstill for this long is fault 7121h of the emulated drive, ms; 0 = not watched."""
+    eds: str | None = None
+    """EDS or DCF file of the emulated drive, relative to the bench file; None = that of the product."""
+    storage: str | None = None
+    """File of the emulated drive's stored parameters, relative to the bench file; None = no file."""
     heartbeat_ms: Annotated[int, Field(ge=0, le=60000)] = 100
     consumer_heartbeat_ms: Annotated[int, Field(ge=1, le=65535)] = 250
     guard_time_ms: Annotated[int, Field(ge=0, le=65535)] = 0
@@ -327,12 +332,17 @@ class BenchConfig(_Model):
     segment: dict[str, SegmentSection] = Field(min_length=1)
     drive: dict[str, DriveSection] = {}
     encoder: dict[str, EncoderSection] = {}
+    device: dict[str, DeviceSection] = {}
     axis: dict[str, AxisSection] = {}
 
     @property
     def emulated_names(self) -> tuple[str, ...]:
-        """Drives and encoders that the bench brings."""
-        devices: dict[str, DriveSection | EncoderSection] = {**self.drive, **self.encoder}
+        """Drives, encoders and other devices that the bench brings."""
+        devices: dict[str, DriveSection | EncoderSection | DeviceSection] = {
+            **self.drive,
+            **self.encoder,
+            **self.device,
+        }
         return tuple(name for name, section in devices.items() if section.device == "emulated")
 
     def leads(self, segment: str) -> bool:
@@ -343,8 +353,10 @@ class BenchConfig(_Model):
 
     @model_validator(mode="after")
     def _references(self) -> BenchConfig:
-        if not self.drive and not self.encoder:
-            raise ValueError("there is neither a drive nor an encoder; a bench needs at least one of them")
+        if not self.drive and not self.encoder and not self.device:
+            raise ValueError(
+                "there is neither a drive nor an encoder nor a device; a bench needs at least one"
+            )
         taken: dict[str, str] = {}
         for kind, names in (("segment", self.segment), ("drive", self.drive), ("axis", self.axis)):
             for name in names:
@@ -404,6 +416,7 @@ class BenchConfig(_Model):
         if self.bench.kind == "virtual" and any(d.device == "physical" for d in self.drive.values()):
             raise ValueError('a virtual bench cannot hold a physical drive; set bench.kind = "live"')
         check_encoders(self)
+        check_devices(self)
         return self
 
 
@@ -490,6 +503,7 @@ def parse(text: str, source: str) -> BenchConfig:
     except tomllib.TOMLDecodeError as error:
         raise BenchFileError(source, f"{source}: this is not valid TOML: {error}") from None
     folder = Path(source).parent if source not in EMBEDDED else None
+    anchor_files(data, Path(source).parent)
     try:
         return BenchConfig.model_validate(data, context={"folder": folder})
     except ValidationError as error:
@@ -517,6 +531,9 @@ def read(path: str | Path | None) -> tuple[str, str]:
         raise BenchFileError(name, f"{name}: this is not UTF-8 text") from None
 
 
-def digest(text: str) -> str:
-    """Return the SHA-256 of a bench file's text, hexadecimal."""
-    return hashlib.sha256(text.encode()).hexdigest()
+def digest(text: str, config: BenchConfig | None = None) -> str:
+    """Return the SHA-256 of a bench file's text, hexadecimal; of the EDS files that it names, too."""
+    total = hashlib.sha256(text.encode())
+    for path in [] if config is None else eds_files(config):
+        total.update(path.read_bytes())
+    return total.hexdigest()

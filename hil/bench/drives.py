@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fieldbus.clock import MS, US
@@ -19,17 +20,18 @@ if TYPE_CHECKING:
     from fieldbus.canopen.decode import FrameDecoder
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
-    from hil.bench.config import BenchConfig
+    from hil.bench.config import BenchConfig, DriveSection
+    from hil.bench.device_config import DeviceSection
     from motion.drives.cia402 import Cia402Port
 
 
 @cache
-def object_dictionary() -> canopen.ObjectDictionary:
-    """Return the object dictionary of the servo drive, parsed once per process; treat it as read-only."""
-    import canopen.objectdictionary
+def object_dictionary(eds: str | None = None) -> canopen.ObjectDictionary:
+    """Return the object dictionary of an EDS, by default of the servo drive's; parsed once per process, read-only."""
+    from fieldbus.canopen.eds import load_dictionary
 
     path = files("emulators.drive.cia402") / "servo.eds"
-    return canopen.objectdictionary.import_od(str(path), node_id=1)
+    return load_dictionary(str(path) if eds is None else eds, node_id=1)
 
 
 def drive_config(config: BenchConfig, name: str) -> DriveConfig:
@@ -129,6 +131,8 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
         limit_switch_reaction="none",
         sync_loss_reaction=section.sync_loss,
         missing_setpoints=section.missing_setpoints,
+        eds=None if section.eds is None else Path(section.eds),
+        storage=None if section.storage is None else Path(section.storage),
         # Velocities are in 10^-3 rpm (60A9h); so are the defaults, for controllers that leave them as they are.
         objects={(0x607F, 0): speed, (0x6080, 0): round(section.max_speed_rpm), (0x60A9, 0): 0xFDB44700,
                  (0x6081, 0): speed // 3, (0x6083, 0): round(speed / section.off1_ramp_s),
@@ -175,8 +179,9 @@ def build_decoder(config: BenchConfig, ports: Mapping[str, Cia402Port]) -> Frame
     from fieldbus.canopen.decode import FrameDecoder
     from hil.bench.encoders import encoder_dictionary
 
-    names = {section.node_id: name for name, section in config.drive.items()}
-    dictionaries = dict.fromkeys(names, object_dictionary())
+    made_of_eds: dict[str, DriveSection | DeviceSection] = {**config.drive, **config.device}
+    names = {section.node_id: name for name, section in made_of_eds.items()}
+    dictionaries = {section.node_id: object_dictionary(section.eds) for section in made_of_eds.values()}
     for name, encoder in config.encoder.items():
         names[encoder.node_id] = name
         dictionaries[encoder.node_id] = encoder_dictionary(encoder.type)

@@ -27,6 +27,7 @@ from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler
 from fieldbus.errors import HilError
 from fieldbus.history import Event, History
 from hil.bench.config import BenchConfig
+from hil.bench.devices import DEVICE_METHODS
 from hil.bench.encoders import ENCODER_METHODS
 from hil.errors import BlockedError
 from hil.record import Recorder
@@ -52,6 +53,9 @@ FAULT_METHODS: Final = frozenset((
     "break_encoder",
 ))  # fmt: skip
 """Methods of a drive that may be called through the pipe."""
+
+
+_METHODS: Final = FAULT_METHODS | ENCODER_METHODS | DEVICE_METHODS
 
 
 class RemoteError(HilError):
@@ -104,6 +108,7 @@ class DriveHost:
     ) -> None:
         from fieldbus.can.live import LiveSegment
         from hil.bench.bench import named_rng
+        from hil.bench.devices import build_device
         from hil.bench.drives import build_drive
         from hil.bench.encoder_config import encoder_names
         from hil.bench.encoders import build_encoder
@@ -139,6 +144,10 @@ class DriveHost:
                 )
                 self.scheduler.every(config.bench.cycle_ms * MS, group.sample)
                 self._groups[name] = group
+        for name in config.device:
+            self.drives[name] = build_device(
+                self.scheduler, self.segments, config, name, history=self.history
+            )
 
     def execute(self, command: Mapping[str, Any]) -> Any:
         """Carry out one command of the pipe; returns its result.

@@ -11,6 +11,7 @@ from emulators.drive.cia402.objects import STRING, all_objects
 from emulators.drive.cia402.units import velocity_unit_rad_s, wrap32
 from emulators.drive.core import RPM
 from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.dictionary import INTEGERS
 from fieldbus.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ _OPTIONS: Final[dict[int, tuple[int, ...]]] = {
 }
 """Objects with a few allowed values; anything else is 06090030h (C402-073, C402-095)."""
 
+_FIRST_PROFILE_OBJECT: Final = 0x6000
 _REQUIRED: Final = (0x6040, 0x6041, 0x6060, 0x6061)
 _FACTORS: Final = (0x608F, 0x6091, 0x6092, 0x6096)
 _PARAMETERS: Final = (0x6072, 0x6073, 0x607C, 0x607F, 0x6080, 0x60C5, 0x60C6, 0x60C8, 0x60C9, 0x60E0, 0x60E1)
@@ -37,8 +39,10 @@ _PARAMETERS: Final = (0x6072, 0x6073, 0x607C, 0x607F, 0x6080, 0x60C5, 0x60C6, 0x
 def prepare_values(drive: DriveDevice) -> None:
     """Give objects that the EDS lacks their built-in default, so that the drive works with any EDS.
 
+    The bus does not see those; the drive works with their defaults.
+
     Raises:
-        ConfigurationError: The EDS is not that of a CiA 402 drive.
+        ConfigurationError: The EDS is not that of a CiA 402 drive, or gives a profile object another length.
 
     """
     values = drive.slave.values
@@ -53,10 +57,21 @@ def prepare_values(drive: DriveDevice) -> None:
             key = row.index << 8 | sub
             if item.volatile:
                 store.volatile.add(key)
-            if key not in store.entries:
+            entry = store.entries.get(key)
+            if entry is None:
                 values[key] = (
                     item.default if item.default is not None else "" if item.data_type == STRING else 0
                 )
+            elif row.index >= _FIRST_PROFILE_OBJECT and item.data_type in INTEGERS:
+                bits, entry_signed = INTEGERS[item.data_type]
+                if entry.bits != bits or not entry.integer:
+                    raise ConfigurationError(
+                        f"eds: {row.index:04X}h:{sub} DataType",
+                        f"{entry.data_type:04X}h",
+                        f"{item.data_type:04X}h, as the profile says, or another whole number of {bits} bits",
+                    )
+                # Files differ about signs. What the object means is the profile's business.
+                entry.signed = entry_signed
 
 
 def install(drive: DriveDevice) -> None:

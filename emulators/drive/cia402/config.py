@@ -163,6 +163,7 @@ class DriveConfig:
         csv_interpolation: Whether csv reaches the target linearly within 60C2h, or at once.
         coasting_faults: EMCY codes after which the drive cannot brake.
         eds: EDS file to present on the bus; None = that of this drive.
+        storage: File in which stored parameters outlive the process; None = they do not.
         objects: Values that replace defaults of the EDS, by (index, sub-index).
         personality: Name of the manufacturer personality that has been applied.
         quirks: Where the drive differs from the profile.
@@ -198,6 +199,7 @@ class DriveConfig:
     csv_interpolation: bool = True
     coasting_faults: frozenset[int] = COASTING_FAULTS
     eds: Path | None = None
+    storage: Path | None = None
     objects: Mapping[tuple[int, int], int] = field(default_factory=dict)
     personality: str = "standard"
     quirks: Quirks = field(default_factory=Quirks)

@@ -115,6 +115,7 @@ class DriveDevice:
             name=name,
             history=history,
             boot_time_ns=seconds_to_ns(config.boot_time_s),
+            storage=config.storage,
         )
         self._set_defaults()
         self.machine = PowerStateMachine(self._on_transition)

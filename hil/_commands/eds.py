@@ -1,0 +1,83 @@
+"""`hil eds`: the EDS or DCF of an emulated device of a bench."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from hil._commands.emulate import config_of
+from hil.errors import CannotRunError
+
+
+def write_eds(reference: str, name: str, *, dcf: bool, output: Path | None) -> int:
+    """Write the file of one device as it is after its boot-up; returns the exit code.
+
+    Args:
+        reference: Bench file or embedded name.
+        name: Drive or other device of it; empty = the first one.
+        dcf: Write a DCF: with node-ID, bit rate and values.
+        output: Where to; None = standard output.
+
+    Raises:
+        CannotRunError: There is no such emulated device, or the file cannot be written.
+        ConfigurationError: The bench file or the EDS of the device is wrong.
+
+    """
+    config = config_of(reference)
+    devices = list(config.emulated_names)
+    wanted = name or (devices[0] if devices else "")
+    if wanted not in devices:
+        there = ", ".join(devices) or "none"
+        raise CannotRunError(
+            f"{wanted!r} is no emulated device of the bench {config.bench.name!r}; there are: {there}"
+        )
+    text = _text(config, wanted, dcf=dcf, file_name="" if output is None else output.name)
+    if output is None:
+        sys.stdout.write(text)
+        return 0
+    try:
+        output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise CannotRunError(f"{output}: cannot be written ({error.strerror})") from error
+    return 0
+
+
+def _text(config: Any, name: str, *, dcf: bool, file_name: str) -> str:
+    """Bring the device up alone on a segment of its own and return its file."""
+    from fieldbus.can import CanMedium
+    from fieldbus.canopen.eds_export import device_eds
+    from fieldbus.clock import S, VirtualScheduler
+    from fieldbus.history import History
+    from hil.bench.bench import named_rng
+    from hil.bench.devices import build_device
+    from hil.bench.drives import build_drive
+    from hil.bench.encoders import build_encoder
+
+    scheduler = VirtualScheduler()
+    history = History(scheduler)
+    segments: dict[str, Any] = {}
+    for segment, described in config.segment.items():
+        segments[segment] = CanMedium(scheduler, bitrate=described.bitrate, name=segment, history=history)
+        segments[segment].attach("listener", lambda _frame, _time: None)  # acknowledges
+    device: Any
+    if name in config.device:
+        section = config.device[name]
+        device = build_device(scheduler, segments, config, name, history=history)
+    elif name in config.encoder:
+        section = config.encoder[name]
+        drives = {
+            drive: build_drive(scheduler, segments, config, drive, history=history, rng=named_rng(0, drive))
+            for drive in (section.on,)
+            if drive is not None
+        }
+        device = build_encoder(
+            scheduler, segments, config, name, drives=drives, history=history, rng=named_rng(0, name)
+        )
+    else:
+        section = config.drive[name]
+        device = build_drive(scheduler, segments, config, name, history=history, rng=named_rng(0, name))
+    device.power_on()
+    scheduler.run_for(S)
+    bitrate = config.segment[section.segment].bitrate
+    return device_eds(device.slave, dcf=dcf, file_name=file_name, bitrate=bitrate)

@@ -1,0 +1,386 @@
+"""Drives with the EDS of a vendor, devices of any EDS, stored parameters from run to run, and `hil eds`."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from importlib.resources import files
+from pathlib import Path
+
+import can
+import canopen
+import pytest
+
+from fieldbus.canopen import NmtCommand, PumpedNetwork, load_dictionary
+from fieldbus.canopen.dictionary import entries_of
+from fieldbus.errors import ConfigurationError
+from hil.bench import BenchFile, BenchFileError, load_bench
+from hil.cli import main
+
+SERVO = Path(str(files("emulators.drive.cia402"))) / "servo.eds"
+
+STATION = """\
+[DeviceInfo]
+VendorName=I/O AG
+BaudRate_1000=1
+
+[1000]
+ParameterName=Device type
+DataType=0x0007
+AccessType=ro
+DefaultValue=0x00030191
+
+[1001]
+ParameterName=Error register
+DataType=0x0005
+AccessType=ro
+
+[1010]
+ParameterName=Store
+ObjectType=8
+DataType=0x0007
+AccessType=rw
+CompactSubObj=1
+
+[1800]
+ParameterName=TPDO 1
+ObjectType=9
+[1800sub0]
+ParameterName=Count
+DataType=5
+AccessType=const
+DefaultValue=2
+[1800sub1]
+ParameterName=COB-ID
+DataType=7
+AccessType=rw
+DefaultValue=$NODEID+0x180
+[1800sub2]
+ParameterName=Type
+DataType=5
+AccessType=rw
+DefaultValue=255
+
+[1a00]
+ParameterName=TPDO 1 mapping
+ObjectType=9
+[1a00sub0]
+ParameterName=Count
+DataType=5
+AccessType=rw
+DefaultValue=1
+[1a00sub1]
+ParameterName=First
+DataType=7
+AccessType=rw
+DefaultValue=0x60000108
+
+[6000]
+ParameterName=Inputs
+ObjectType=8
+DataType=5
+AccessType=ro
+PDOMapping=1
+CompactSubObj=2
+
+[6200]
+ParameterName=Outputs
+ObjectType=8
+DataType=5
+AccessType=rw
+PDOMapping=1
+HighLimit=0x3F
+CompactSubObj=2
+"""
+
+HEAD = '[bench]\nname = "devices"\n\n[segment.can0]\n\n'
+NODE = '[device.io]\nsegment = "can0"\nnode_id = 20\neds = "station.eds"\n'
+DRIVE = '[drive.d]\nsegment = "can0"\nnode_id = 5\n'
+AXIS = """
+[axis.a]
+drive = "d"
+
+[axis.a.variables]
+"Sensor[1].Parameter.StepsPerRevolution" = 131072
+"Sensor[1].Parameter.FineResolutionXist1" = 0
+"""
+
+
+@pytest.fixture
+def bench_file(tmp_path):
+    """Write a bench file with the station's EDS beside it; return it, loaded."""
+
+    def write(text):
+        (tmp_path / "station.eds").write_text(STATION)
+        path = tmp_path / "bench.toml"
+        path.write_text(HEAD + text)
+        return load_bench(path)
+
+    return write
+
+
+# -- a device of any EDS --------------------------------------------------------------------------------------
+
+
+@pytest.mark.requirement("C301-013", "C301-132")
+def test_node_on_a_virtual_bench(bench_file):
+    """A device of its EDS boots, answers SDO with the limits of the file, keeps what is written, and sends its PDOs."""
+    with bench_file(NODE).build() as bench, PumpedNetwork(bench.segment(), name="client") as network:
+        io = bench.device("io")
+        od = load_dictionary(bench.config.device["io"].eds, 20)
+        node = network.add_node(20, od)
+        assert node.sdo[0x1000].raw == 0x30191
+        node.sdo[0x6200][2].raw = 0x15
+        assert io.get(0x6200, 2) == 0x15
+        with pytest.raises(canopen.SdoAbortedError, match="06090031"):
+            node.sdo[0x6200][1].raw = 0x40
+        with pytest.raises(canopen.SdoAbortedError, match="06010002"):
+            node.sdo[0x6000][1].raw = 1
+        with pytest.raises(canopen.SdoAbortedError, match="06020000"):
+            node.sdo.upload(0x6040, 0)
+        received = []
+        network.subscribe(0x194, lambda _can_id, data, _time: received.append(bytes(data)))
+        network.nmt.send_command(NmtCommand.START)
+        bench.run_for(0.01)
+        io.set(0x6000, 1, 5)
+        bench.run_for(0.01)
+        assert received == [b"\x00", b"\x05"]
+        with pytest.raises(ConfigurationError, match="6001h:0"):
+            io.set(0x6001, 0, 1)
+        with pytest.raises(ConfigurationError, match="io"):
+            bench.device("other")
+
+
+def test_node_beside_a_drive_changes_nothing_for_the_axis(bench_file):
+    """A bench with drive, axis and node comes up, and its decoder knows the node's name."""
+    with bench_file(DRIVE + NODE + AXIS).build() as bench:
+        assert (bench.drive_names, bench.device_names) == (("d",), ("io",))
+        bench.device().stop_heartbeat(True)
+        assert bench.axis().communication_ok
+        frames = {frame.can_id for _, _, frame, _ in bench.segment().log}
+        assert 0x714 in frames
+
+
+def test_node_in_a_drive_process(bench_file):
+    """`hil emulate` brings nodes as well: the host answers an SDO request on a python-can bus."""
+    from hil.bench.remote import DriveHost, RemoteError
+
+    channel = "devices of a bench"
+    host = DriveHost(
+        bench_file(NODE).config, place={"interface": "virtual", "channel": channel}, record=False
+    )
+    try:
+        with can.Bus(interface="virtual", channel=channel) as bus:
+            assert host.run_until(lambda: host.booted, 5.0)
+            bus.send(can.Message(arbitration_id=0x614, data=b"\x40\0\x10\0\0\0\0\0", is_extended_id=False))
+            answers = []
+            deadline = time.monotonic() + 5.0
+            while not answers and time.monotonic() < deadline:
+                host.run_until(lambda: False, 0.01)
+                message = bus.recv(0)
+                while message is not None:
+                    if message.arbitration_id == 0x594:
+                        answers.append(bytes(message.data))
+                    message = bus.recv(0)
+            assert answers == [b"\x43\0\x10\0\x91\x01\x03\0"]
+        host.execute({"call": "stop_heartbeat", "drive": "io", "args": [True]})
+        with pytest.raises(RemoteError, match="jam"):
+            host.execute({"call": "jam", "drive": "io", "args": [True]})
+    finally:
+        host.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "needs at least one"),
+        (NODE.replace("can0", "can9"), "device.io.segment: 'can9'"),
+        (NODE.replace("20", "5") + DRIVE, "device.io.node_id: 5 is already taken by drive.d"),
+        (NODE + DRIVE.replace("drive.d", "drive.io"), "device.io: a drive has this name"),
+        (
+            NODE + 'storage = "m"\n' + DRIVE + 'storage = "m"\n',
+            "device.io.storage: .* already the file of drive.d",
+        ),
+        (NODE.replace("node_id = 20", "node_id = 0"), "device.io.node_id: 0"),
+        (
+            NODE.replace("eds =", "edz ="),
+            "device.io.edz: unknown key; allowed: segment, node_id, eds, storage",
+        ),
+        ('[device.io]\nsegment = "can0"\nnode_id = 2\n', "device.io.eds: the key is missing"),
+        ("[device.io]\nsegment = 1\nnode_id = 2\neds = 3\n", "device.io.eds: 3"),
+    ],
+)
+def test_mistakes_in_the_bench_file(bench_file, text, message):
+    """Every mistake about nodes and memories is named with its key."""
+    with pytest.raises(BenchFileError, match=message):
+        bench_file(text)
+
+
+def test_files_that_are_not_there(bench_file):
+    """An EDS that does not exist is named when the bench is built."""
+    file = bench_file(NODE.replace("station", "none"))
+    with pytest.raises(ConfigurationError, match=r"none\.eds"):
+        file.build()
+
+
+def test_digest_of_a_bench_covers_its_eds_files(bench_file, tmp_path):
+    """A replay token is for this bench file and these EDS files."""
+    before = bench_file(NODE).digest
+    assert bench_file(NODE).digest == before
+    (tmp_path / "station.eds").write_text(STATION.replace("0x3F", "0x3E"))
+    assert load_bench(tmp_path / "bench.toml").digest != before
+
+
+# -- the drive that the user has ------------------------------------------------------------------------------
+
+
+def vendor_eds(**changes):
+    """Return the EDS of the product's drive with identity, names and some objects of a vendor."""
+    text = (
+        SERVO.read_text()
+        .replace("Emulated servo drive CiA 402", "Vendor drive")
+        .replace(
+            "[1018sub1]\nParameterName=Vendor-ID\nObjectType=0x7\nDataType=0x0007\nAccessType=ro\nDefaultValue=0\n",
+            "[1018sub1]\nParameterName=Vendor-ID\nObjectType=0x7\nDataType=0x0007\nAccessType=ro\nDefaultValue=0x2A\n",
+        )
+    )
+    text += (
+        "\n[4711]\nParameterName=Vendor's own\nDataType=6\nAccessType=rw\nDefaultValue=0x0b\nHighLimit=20\n"
+    )
+    for index in changes.get("without", ()):
+        sections = text.split("\n[")
+        text = "\n[".join(part for part in sections if not part.lower().startswith(index.lower()))
+    for old, new in changes.get("replace", ()):
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+@pytest.mark.parametrize("without", [(), ("60B8", "60B9", "60BA", "6502", "607E", "60F4")])
+def test_drive_with_a_vendors_eds(bench_file, tmp_path, without):
+    """The drive presents the vendor's identity and objects, keeps what is written to his own, and is moved by its axis all the same."""
+    (tmp_path / "vendor.eds").write_bytes(vendor_eds(without=without).encode("cp1252"))
+    with bench_file(DRIVE + 'eds = "vendor.eds"\n' + AXIS).build() as bench:
+        slave = bench.drive().slave
+        assert (slave.get(0x1018, 1), slave.get(0x1008), slave.get(0x4711)) == (0x2A, "Vendor drive", 11)
+        with PumpedNetwork(bench.segment(), name="client") as network:
+            node = network.add_node(5, slave.store.dictionary)
+            node.sdo[0x4711].raw = 20
+            with pytest.raises(canopen.SdoAbortedError, match="06090031"):
+                node.sdo[0x4711].raw = 21
+            for index in without:
+                with pytest.raises(canopen.SdoAbortedError, match="06020000"):
+                    node.sdo.upload(int(index, 16), 0)
+        axis = bench.axis()
+        power = axis.power(True)
+        assert bench.run_until(lambda: power.Status, 2.0)
+        before = bench.drive().mechanics.motor_angle
+        axis.move_relative(5.0)  # half a revolution
+        bench.run_for(1.0)
+        assert bench.drive().mechanics.motor_angle - before == pytest.approx(math.pi, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"without": ["6040"]}, "6040h.*CiA 402"),
+        (
+            {"replace": [("[607A]\nParameterName=Target position\nObjectType=0x7\nStorageLocation=RAM\nDataType=0x0004",
+                          "[607A]\nParameterName=Target position\nObjectType=0x7\nDataType=0x0003")]},
+            "607Ah:0 DataType.*0004h",
+        ),
+    ],
+)  # fmt: skip
+def test_eds_that_cannot_be_that_of_a_drive(bench_file, tmp_path, changes, message):
+    """An object without which no drive can be commanded, or of another length than the profile's, is named."""
+    (tmp_path / "vendor.eds").write_text(vendor_eds(**changes))
+    with pytest.raises(ConfigurationError, match=message):
+        bench_file(DRIVE + 'eds = "vendor.eds"\n').build()
+
+
+def test_sign_of_a_profile_object_is_the_profiles(bench_file, tmp_path):
+    """An EDS that calls the target velocity unsigned still gets a drive that can run backwards."""
+    old = "[60FF]\nParameterName=Target velocity\nObjectType=0x7\nStorageLocation=RAM\nDataType=0x0004"
+    (tmp_path / "vendor.eds").write_text(vendor_eds(replace=[(old, old.replace("0x0004", "0x0007"))]))
+    with bench_file(DRIVE + 'eds = "vendor.eds"\n').build() as bench:
+        slave = bench.drive().slave
+        slave.store.write(0x60FF, 0, (-1000).to_bytes(4, "little", signed=True))
+        assert slave.get(0x60FF) == -1000
+
+
+@pytest.mark.requirement("C301-140")
+@pytest.mark.parametrize("section", [DRIVE, NODE])
+def test_stored_parameters_from_run_to_run(bench_file, tmp_path, section):
+    """What one bench has stored, the next one on the same file begins with."""
+    file = bench_file(section + 'storage = "memory.json"\n')
+    index, node_id = (0x6083, 5) if section is DRIVE else (0x6200, 20)
+    sub = 0 if section is DRIVE else 1
+    for expected in (None, 33):
+        with file.build() as bench, PumpedNetwork(bench.segment(), name="client") as network:
+            slave = (bench.drive() if section is DRIVE else bench.device()).slave
+            node = network.add_node(node_id, slave.store.dictionary)
+            if expected is None:
+                node.sdo.download(index, sub, (33).to_bytes(slave.store.entry(index, sub).size, "little"))
+                node.sdo.download(0x1010, 1, b"save")
+            else:
+                assert slave.get(index, sub) == expected
+    assert (tmp_path / "memory.json").exists()
+
+
+# -- hil eds --------------------------------------------------------------------------------------------------
+
+
+def test_eds_of_the_reference_drive(capsys, tmp_path):
+    """`hil eds` writes an EDS that the library reads, with the defaults that the bench file gives the drive."""
+    assert main(["eds", "reference"]) == 0
+    path = tmp_path / "drive.eds"
+    path.write_text(capsys.readouterr().out)
+    entries = entries_of(canopen.import_od(str(path), 7), 7)
+    assert len(entries) == len(entries_of(load_dictionary(SERVO), 7))
+    assert entries[0x608000].default == 3000
+    assert entries[0x140001].default == 0x207
+
+
+def test_dcf_of_a_node(bench_file, tmp_path, capsys):
+    """`hil eds --dcf -o FILE` writes a DCF with node-ID, bit rate and stored values."""
+    file = bench_file(NODE + 'storage = "memory.json"\n')
+    with file.build() as bench:
+        bench.device().set(0x6200, 1, 7)
+        bench.device().slave.store.write(0x1010, 1, b"save")
+    path = tmp_path / "io.dcf"
+    assert main(["eds", file.source, "io", "--dcf", "-o", str(path)]) == 0
+    assert capsys.readouterr().out == ""
+    od = load_dictionary(path)
+    assert (od.node_id, od.bitrate, od[0x6200][1].value) == (20, 1_000_000, 7)
+    assert "FileName=io.dcf" in path.read_text()
+
+
+def test_eds_of_an_encoder(bench_file, tmp_path):
+    """Encoders of their own have an EDS too, on the machine of a drive as on a shaft of their own."""
+    file = bench_file(DRIVE + '[encoder.e]\nsegment = "can0"\nnode_id = 9\non = "d"\n')
+    path = tmp_path / "e.dcf"
+    assert main(["eds", file.source, "e", "--dcf", "-o", str(path)]) == 0
+    od = load_dictionary(path)
+    assert (od.node_id, od[0x1000].default & 0xFFFF) == (9, 406)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["none"], "'none' is no emulated device.* there are: io"),
+        (["io", "-o", "/nowhere/io.eds"], "cannot be written"),
+    ],
+)
+def test_eds_says_what_is_wrong(bench_file, capsys, arguments, message):
+    """An unknown device and a file that cannot be written end with code 2 and a message."""
+    file = bench_file(NODE)
+    assert main(["eds", file.source, *arguments]) == 2
+    assert re.search(message, capsys.readouterr().err)
+
+
+def test_bench_files_from_text_are_anchored_at_their_source(tmp_path):
+    """Names of files are relative to the bench file, absolute ones stay."""
+    config = BenchFile(str(tmp_path / "b.toml"), HEAD + NODE + f'storage = "{tmp_path}/m.json"\n').config
+    assert config.device["io"].eds == str(tmp_path / "station.eds")
+    assert config.device["io"].storage == f"{tmp_path}/m.json"
