@@ -103,7 +103,6 @@ class EmcyProducer:
         self._capacity = max((key & 0xFF for key in store.entries if key >> 8 == 0x1003), default=0)
         store.commands[_FIELD] = self._clear_history
         store.guards[_COB_ID] = self._check_cob_id
-        store.applied[_COB_ID] = self._flush
         for sub in range(1, self._capacity + 1):
             store.read_hooks[_FIELD | sub] = self._reader(sub)
 
@@ -112,6 +111,11 @@ class EmcyProducer:
         if _COB_ID not in self._store.entries:
             self._store.values[_COB_ID] = COB_EMCY + node_id
         self._node_id = node_id
+
+    @property
+    def cob_id(self) -> int:
+        """Present 1014h; bit 31 = no EMCY is sent."""
+        return int(self._store.values[_COB_ID])
 
     @property
     def register(self) -> int:
@@ -174,7 +178,7 @@ class EmcyProducer:
     def enter_state(self, state: NmtState) -> None:
         """Follow the NMT state: EMCYs wait while it does not allow them (C301-108)."""
         self._state = state
-        self._flush()
+        self.flush()
 
     # -- sending ----------------------------------------------------------------------------------------------
 
@@ -185,9 +189,10 @@ class EmcyProducer:
             self.lost += 1
             return
         self._queue.append(code.to_bytes(2, "little") + bytes((self.register,)) + data)
-        self._flush()
+        self.flush()
 
-    def _flush(self) -> None:
+    def flush(self) -> None:
+        """Send what waits, as far as state, 1014h and inhibit time allow."""
         if self._state not in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             return
         now = self._scheduler.now
@@ -208,7 +213,7 @@ class EmcyProducer:
 
     def _inhibit_over(self) -> None:
         self._timer = None
-        self._flush()
+        self.flush()
 
     # -- objects ----------------------------------------------------------------------------------------------
 

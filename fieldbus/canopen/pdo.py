@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.can.frame import CanFrame
@@ -9,6 +10,7 @@ from fieldbus.canopen.pdo_mapping import EMPTY, Applier, Layout, Sampler
 from fieldbus.clock import MS, Timer
 
 if TYPE_CHECKING:
+    from fieldbus.canopen.mpdo import ScannedObject
     from fieldbus.canopen.pdo_engine import PdoEngine
 
 EMCY_TOO_SHORT: Final = 0x8210
@@ -27,7 +29,19 @@ def _no_effect(_data: bytes) -> None:
 class Pdo:
     """What both directions have in common: the communication parameters as they are in force."""
 
-    __slots__ = ("can_id", "engine", "extended", "key", "kind", "layout", "map_key", "number", "rtr", "valid")
+    __slots__ = (
+        "can_id",
+        "engine",
+        "extended",
+        "key",
+        "kind",
+        "layout",
+        "map_key",
+        "multiplex",
+        "number",
+        "rtr",
+        "valid",
+    )
 
     receive = False
 
@@ -45,6 +59,8 @@ class Pdo:
         self.valid = False
         self.kind = 255
         self.layout: Layout = EMPTY
+        self.multiplex = 0
+        """FEh, FFh: a multiplex PDO in source or destination address mode; 0 = an ordinary one."""
 
     @property
     def synchronous(self) -> bool:
@@ -83,13 +99,13 @@ class ReceivePdo(Pdo):
         self.pending: bytes | None = None
         """Payload that becomes effective with the next SYNC."""
         self.size = 0
-        self.watchers: tuple[TransmitPdo, ...] = ()
+        self.watchers: tuple[TransmitPdo | ScannedObject, ...] = ()
         """Event-driven TPDOs that map an object of this one."""
 
     def compile(self, apply: Applier) -> None:
         """Put a new mapping in force."""
         self._apply = apply
-        self.size = self.layout.size
+        self.size = 8 if self.multiplex else self.layout.size
         self._deadline_ns = self.engine.store.values.get(self.key | 5, 0) * MS
         if self._timed_out and not (self.valid and self._deadline_ns):
             self._timed_out = False
@@ -141,6 +157,19 @@ class ReceivePdo(Pdo):
         if self._deadline_ns:
             self._fed(time_ns)
         return data
+
+    def on_multiplex_frame(self, frame: CanFrame, time_ns: int) -> None:
+        """Take a frame of a multiplex PDO: effective at once."""
+        data = self._accepted(frame.data, time_ns)
+        if data is not None:
+            self.engine.multiplexer.receive(self.multiplex, data)
+
+    @property
+    def handler(self) -> Callable[[CanFrame, int], None]:
+        """What takes its frames."""
+        if self.multiplex:
+            return self.on_multiplex_frame
+        return self.on_sync_frame if self.synchronous else self.on_event_frame
 
     def latch(self, data: bytes) -> None:
         """Make `data` effective."""

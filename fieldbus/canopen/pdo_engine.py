@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.mpdo import DESTINATION, MULTIPLEXED, SOURCE, Multiplexer, ScannedObject
 from fieldbus.canopen.nmt import is_restricted
 from fieldbus.canopen.pdo import EMCY_RPDO_TIMEOUT, Pdo, ReceivePdo, TransmitPdo
 from fieldbus.canopen.pdo_mapping import EMPTY, applier, check_mapping, check_mapping_entry, sampler
@@ -17,6 +18,7 @@ _RPDO: Final = (0x1400, 0x1600)
 _TPDO: Final = (0x1800, 0x1A00)
 _RECORDS: Final = 0x200
 
+_EVENT_DRIVEN: Final = 254
 _FLUSH_PRIORITY: Final = 100
 """Changes of one instant are looked at after everything else of that instant."""
 
@@ -43,9 +45,11 @@ class PdoEngine:
         "_on_change",
         "_on_timeout",
         "_other_sync",
+        "_scanned",
         "_sync_receive",
         "_watchers",
         "length_errors",
+        "multiplexer",
         "muted",
         "operational",
         "problems",
@@ -94,7 +98,9 @@ class PdoEngine:
         self._sync_receive: tuple[ReceivePdo, ...] = ()
         self._each_sync: tuple[TransmitPdo, ...] = ()
         self._other_sync: tuple[TransmitPdo, ...] = ()
-        self._watchers: dict[int, tuple[TransmitPdo, ...]] = {}
+        self._watchers: dict[int, tuple[TransmitPdo | ScannedObject, ...]] = {}
+        self._scanned: tuple[ScannedObject, ...] = ()
+        self.multiplexer = Multiplexer(store, send, emcy=emcy, emcy_clear=emcy_clear)
         self.receive = [ReceivePdo(self, *place) for place in self._places(*_RPDO)]
         self.transmit = [TransmitPdo(self, *place) for place in self._places(*_TPDO)]
         for pdo in (*self.receive, *self.transmit):
@@ -115,6 +121,7 @@ class PdoEngine:
         self.problems.clear()
         self.length_errors.clear()
         self.timed_out.clear()
+        self.multiplexer.reset()
         for rpdo in self.receive:
             rpdo.restart()
         for pdo in (*self.receive, *self.transmit):
@@ -160,22 +167,34 @@ class PdoEngine:
         self._other_sync = tuple(
             pdo for pdo in valid if (pdo.synchronous and not pdo.every_sync) or pdo.kind == 252
         )
-        watchers: dict[int, tuple[TransmitPdo, ...]] = {}
+        watchers: dict[int, tuple[TransmitPdo | ScannedObject, ...]] = {}
         for pdo in valid:
             if pdo.event_driven:
                 for key in pdo.layout.keys:
                     watchers[key] = (*watchers.get(key, ()), pdo)
+        self._scanned = self._scan()
+        for scanned in self._scanned:
+            watchers[scanned.key] = (*watchers.get(scanned.key, ()), scanned)
         self._watchers = watchers
         for rpdo in self.receive:
-            seen = {pdo.number: pdo for key in rpdo.layout.keys for pdo in watchers.get(key, ())}
-            rpdo.watchers = tuple(seen.values())
+            rpdo.watchers = tuple(
+                dict.fromkeys(pdo for key in rpdo.layout.keys for pdo in watchers.get(key, ()))
+            )
         active = [pdo for pdo in self.receive if pdo.valid and pdo.layout.fields] if self.operational else []
         self._sync_receive = tuple(pdo for pdo in active if pdo.synchronous)
         self._on_change()
 
     def receivers(self) -> Iterable[ReceivePdo]:
         """Return the RPDOs that listen now."""
-        return [pdo for pdo in self.receive if pdo.valid and pdo.layout.fields] if self.operational else []
+        return (
+            [pdo for pdo in self.receive if pdo.valid and (pdo.layout.fields or pdo.multiplex)]
+            if self.operational
+            else []
+        )
+
+    def transmitted(self) -> list[tuple[int, bool]]:
+        """Return the identifiers that the TPDOs send with, and whether they have 29 bits."""
+        return [(pdo.can_id, pdo.extended) for pdo in self.transmit if pdo.valid]
 
     def requestable(self) -> Iterable[TransmitPdo]:
         """Return the TPDOs that answer remote frames now."""
@@ -216,7 +235,7 @@ class PdoEngine:
             [pdo for pdo in self.transmit if pdo.valid and pdo.event_driven] if self.operational else ()
         )
 
-    def mark(self, pdos: Iterable[TransmitPdo]) -> None:
+    def mark(self, pdos: Iterable[TransmitPdo | ScannedObject]) -> None:
         """Have event-driven PDOs looked at when the present instant ends."""
         for pdo in pdos:
             pdo.dirty = True
@@ -229,6 +248,33 @@ class PdoEngine:
         for pdo in self.transmit:
             if pdo.dirty:
                 pdo.look()
+        for scanned in self._scanned:
+            if scanned.dirty:
+                scanned.look()
+
+    def _scan(self) -> tuple[ScannedObject, ...]:
+        """Return what the multiplex PDOs in source address mode send on a change."""
+        if not self.operational:
+            return ()
+        return tuple(
+            ScannedObject(self.multiplexer, self.store, pdo, entry)
+            for pdo in self.transmit
+            if pdo.valid and pdo.multiplex == SOURCE
+            for entry in self.multiplexer.scanned()
+        )
+
+    def send_multiplexed(self, number: int, node: int, index: int, sub: int, content: bytes) -> bool:
+        """Send to an object of other nodes with TPDO `number`, which has to be in destination address mode.
+
+        Returns:
+            Whether it was sent.
+
+        """
+        for pdo in self.transmit:
+            if pdo.number == number and pdo.valid and pdo.multiplex == DESTINATION and self.operational:
+                self.multiplexer.send_destination(pdo, node, index, sub, content)
+                return True
+        return False
 
     # -- errors -----------------------------------------------------------------------------------------------
 
@@ -262,13 +308,17 @@ class PdoEngine:
     def _read(self, pdo: Pdo, *, restart: bool) -> None:
         pdo.read_parameters()
         values = self.store.values
+        self.problems = [text for text in self.problems if not text.startswith(_mapping_name(pdo))]
         count = values[pdo.map_key]
+        pdo.multiplex = count if count in MULTIPLEXED and pdo.kind >= _EVENT_DRIVEN else 0
+        if pdo.multiplex:
+            count = 0
         try:
             raw = [values[pdo.map_key | sub] for sub in range(1, count + 1)]
             pdo.layout = check_mapping(self.store, raw, receive=pdo.receive)
         except (SdoAbort, KeyError) as reason:
             pdo.layout = EMPTY
-            self.problems.append(f"mapping {pdo.map_key >> 8:04X}h: {reason}")
+            self.problems.append(f"{_mapping_name(pdo)}: {reason}")
         if isinstance(pdo, ReceivePdo):
             pdo.stop()
             pdo.compile(applier(pdo.layout, self.store))
@@ -290,7 +340,7 @@ class PdoEngine:
             self.refresh()
 
         store.guards[pdo.key | 1] = lambda value: self._check_cob_id(pdo, value)
-        store.guards[pdo.key | 2] = lambda value: _check_kind(value, receive=pdo.receive)
+        store.guards[pdo.key | 2] = lambda value: self._check_kind(pdo, value)
         if not pdo.receive:
             for sub in (3, 6):
                 store.guards[pdo.key | sub] = self._only_while_invalid(pdo, pdo.key | sub)
@@ -315,6 +365,15 @@ class PdoEngine:
         old = self.store.values[pdo.key | 1]
         if not old >> 31 and not value >> 31 and (old ^ value) & 0x3FFFFFFF:
             raise SdoAbort(AbortCode.DEVICE_STATE)
+        if not value >> 31 and any(problem.startswith(_mapping_name(pdo)) for problem in self.problems):
+            raise SdoAbort(AbortCode.INTERNAL)  # the mapping of the dictionary forbids itself
+
+    def _check_kind(self, pdo: Pdo, kind: Any) -> None:
+        """Refuse reserved transmission types (C301-040 to C301-042), and SYNC for multiplex PDOs."""
+        if 0xF1 <= kind <= (0xFD if pdo.receive else 0xFB):
+            raise SdoAbort(AbortCode.VALUE)
+        if self.store.values[pdo.map_key] in MULTIPLEXED and kind < _EVENT_DRIVEN:
+            raise SdoAbort(AbortCode.PARAMETER)
 
     def _only_while_invalid(self, pdo: Pdo, key: int) -> Callable[[Any], None]:
         def check(value: Any) -> None:
@@ -326,8 +385,12 @@ class PdoEngine:
     def _check_count(self, pdo: Pdo, count: Any) -> None:
         if not self._invalid(pdo):
             raise SdoAbort(AbortCode.DEVICE_STATE)
+        if count in MULTIPLEXED:
+            if self.store.values.get(pdo.key | 2, _EVENT_DRIVEN) < _EVENT_DRIVEN:
+                raise SdoAbort(AbortCode.PARAMETER)  # multiplex PDOs are event-driven
+            return
         if count > 64:
-            raise SdoAbort(AbortCode.VALUE if count >= 0xFE else AbortCode.PDO_LENGTH)
+            raise SdoAbort(AbortCode.PDO_LENGTH)
         values = self.store.values
         if count and pdo.map_key | count not in self.store.entries:
             raise SdoAbort(AbortCode.PDO_LENGTH)
@@ -342,7 +405,5 @@ class PdoEngine:
             check_mapping_entry(self.store, value, receive=pdo.receive)
 
 
-def _check_kind(kind: Any, *, receive: bool) -> None:
-    """Refuse reserved transmission types (C301-040 to C301-042)."""
-    if 0xF1 <= kind <= (0xFD if receive else 0xFB):
-        raise SdoAbort(AbortCode.VALUE)
+def _mapping_name(pdo: Pdo) -> str:
+    return f"mapping {pdo.map_key >> 8:04X}h"

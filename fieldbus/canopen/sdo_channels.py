@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 from fieldbus.can.frame import CanFrame
-from fieldbus.canopen.nmt import COB_SDO_CLIENT, COB_SDO_SERVER
+from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.nmt import COB_SDO_CLIENT, COB_SDO_SERVER, is_restricted
 from fieldbus.canopen.sdo_server import SdoServer
-from fieldbus.canopen.store import ObjectStore
+from fieldbus.canopen.store import ObjectStore, WriteHook
 from fieldbus.clock import Scheduler, Timer
 
 _FIRST_RECORD: Final = 0x1200
@@ -66,10 +67,36 @@ class SdoChannels:
                 request = values.get(record << 8 | 1, 1 << 31)
                 answer = values.get(record << 8 | 2, 1 << 31)
                 if not request & 0x7FF or not answer & 0x7FF or request >> 31 or answer >> 31:
+                    channel.answer_id = 0
                     continue
                 request, channel.answer_id = request & 0x7FF, answer & 0x7FF
             result.append((request, channel.receive))
         return result
+
+    def answering(self) -> list[tuple[int, bool]]:
+        """Return the identifiers of the answers, as `handlers` has found them, and that they have 11 bits."""
+        return [(channel.answer_id, False) for channel in self._channels.values() if channel.answer_id]
+
+    def guard(self, key: int) -> WriteHook:
+        """Return the check of a COB-ID of a record (C301-012, C301-101)."""
+        values = self._store.values
+
+        def check(value: Any) -> None:
+            can_id = value & 0x1FFFFFFF
+            if value >> 29 & 1 or (can_id and (can_id > 0x7FF or is_restricted(can_id))):
+                raise SdoAbort(AbortCode.VALUE)  # with 11 bits only
+            if value >> 31:
+                return
+            old = values[key]
+            if not old >> 31 and (old ^ value) & 0x7FF:
+                raise SdoAbort(AbortCode.DEVICE_STATE)
+            for record in self._channels:
+                for sub in (1, 2):
+                    other = record << 8 | sub
+                    if other != key and can_id and values.get(other, 1 << 31) & 0x800007FF == can_id:
+                        raise SdoAbort(AbortCode.NO_RESOURCE)  # that connection is taken
+
+        return check
 
     def reset(self) -> None:
         """Drop all transfers silently."""

@@ -12,6 +12,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.can.frame import CanFrame, CanSegment
+from fieldbus.canopen.bus_watch import BusWatch
 from fieldbus.canopen.communication_errors import CommunicationErrors
 from fieldbus.canopen.dispatch import Dispatcher, Route
 from fieldbus.canopen.emcy import EmcyProducer
@@ -28,7 +29,8 @@ from fieldbus.canopen.nmt import (
 from fieldbus.canopen.node_settings import NodeSettings
 from fieldbus.canopen.pdo_engine import PdoEngine
 from fieldbus.canopen.sdo_channels import SdoChannels
-from fieldbus.canopen.store import ObjectStore, ReadHook, WriteHook
+from fieldbus.canopen.slave_access import DeviceAccess
+from fieldbus.canopen.store import ObjectStore
 from fieldbus.canopen.sync import SyncService
 from fieldbus.canopen.time_stamp import TimeService
 from fieldbus.clock import S, Scheduler, Timer
@@ -42,7 +44,7 @@ if TYPE_CHECKING:
 _EVERYWHERE: Final = (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL)
 
 
-class CanopenSlave:
+class CanopenSlave(DeviceAccess):
     """One node of a CAN segment as CiA 301 describes it.
 
     The slave is off until `power_on`. Frames are taken and sent within scheduler callbacks; nothing waits.
@@ -77,6 +79,7 @@ class CanopenSlave:
         "_state",
         "_store",
         "boot_time_ns",
+        "bus_watch",
         "error_control",
         "errors",
         "name",
@@ -181,6 +184,9 @@ class CanopenSlave:
         )
         self.time = TimeService(scheduler, store, send, on_change=self._rebuild)
         """Clock of the device, set and told by TIME (C301-004)."""
+        self.bus_watch = BusWatch(scheduler, emcy=communication.raise_error, emcy_clear=self.errors.clear)
+        """Reports collisions of identifiers (C301-125)."""
+        self.pdos.multiplexer.node_id = node_id
         self._sdo = SdoChannels(scheduler, store, send, timeout_ns=sdo_timeout_ns)
         self.settings = NodeSettings(
             scheduler,
@@ -198,91 +204,16 @@ class CanopenSlave:
         # A device whose EDS says nothing about LSS has it.
         self.settings.lss.enabled = dictionary.device_information.LSS_supported is not False
         store.changed = self.pdos.touch
+        store.applied[0x101400] = self._emcy_identifier_changed
         for key in store.entries:
             if key >> 8 == 0x1016 and key & 0xFF:
                 store.applied[key] = self._consumers_changed
             elif 0x1200 <= key >> 8 <= 0x127F:
                 store.applied[key] = self._rebuild
+                if key & 0xFF in (1, 2):
+                    store.guards[key] = self._sdo.guard(key)
 
-    # -- device side ------------------------------------------------------------------------------------------
-
-    def get(self, index: int, sub: int = 0) -> Any:
-        """Return the present value; KeyError when the dictionary has no such entry."""
-        return self.values[index << 8 | sub]
-
-    def set(self, index: int, sub: int, value: Any) -> None:
-        """Set a value without access checks; event-driven TPDOs that map it are sent if their payload changes."""
-        key = index << 8 | sub
-        values = self.values
-        if values.get(key) != value:
-            values[key] = value
-            self.pdos.touch(key)
-
-    def notify_change(self, index: int, sub: int = 0) -> None:
-        """Have event-driven TPDOs with this object looked at, after a direct write to `values`."""
-        self.pdos.touch(index << 8 | sub)
-
-    def trigger_tpdos(self) -> None:
-        """Have all event-driven TPDOs looked at when the present instant ends; changed payloads are sent."""
-        self.pdos.touch_all()
-
-    def trigger_tpdo(self, number: int) -> None:
-        """Send event-driven TPDO `number` (1 = 1800h) as on a device event, whatever its payload is."""
-        for pdo in self.pdos.transmit:
-            if pdo.number == number and pdo.valid and self.pdos.operational:
-                pdo.trigger()
-
-    def on_write(self, index: int, sub: int, callback: WriteHook) -> None:
-        """Call `callback(value)` before a value written by SDO or PDO is stored.
-
-        A PDO write takes place when it becomes effective. `SdoAbort` from the callback refuses the value: an
-        SDO is aborted with its code, a PDO leaves the object as it was. Several callbacks run in order.
-
-        Raises:
-            ConfigurationError: The dictionary has no such entry.
-
-        """
-        self._chain(self._store.write_hooks, index, sub, callback)
-        self.pdos.recompile()
-
-    def on_read(self, index: int, sub: int, callback: ReadHook) -> None:
-        """Call `callback() -> value` for SDO reads and when a PDO samples the object.
-
-        `SdoAbort` from the callback aborts an SDO; a PDO sends the last value. One callback per entry.
-
-        Raises:
-            ConfigurationError: The dictionary has no such entry.
-
-        """
-        self._known(index, sub)
-        self._store.read_hooks[index << 8 | sub] = callback
-        self.pdos.recompile()
-
-    def emcy(
-        self, code: int, register: int | None = None, data: bytes = b"", *, repeat: bool = False
-    ) -> bool:
-        """Raise an error: 1001h and 1003h take it up, an EMCY is queued (C301-108 to C301-112).
-
-        Args:
-            code: EMCY error code, 1..FFFFh.
-            register: Bits of 1001h that belong to the error; bit 0 is always added. None = by the code.
-            data: Up to five manufacturer-specific bytes.
-            repeat: Send again although the error is already present.
-
-        Returns:
-            Whether it was new or repeated; a present error is not sent twice.
-
-        """
-        return self.errors.raise_error(code, register, data, repeat=repeat)
-
-    def emcy_clear(self, code: int | None = None) -> bool:
-        """End the error `code`, or all: EMCY 0000h with what remains of 1001h (C301-109).
-
-        Returns:
-            Whether there was anything to end.
-
-        """
-        return self.errors.clear(code)
+    # -- what it is doing ----------------------------------------------------------------------------------
 
     @property
     def nmt_state(self) -> NmtState:
@@ -370,6 +301,7 @@ class CanopenSlave:
         self._store.renumber(self.node_id, node_id)
         self.errors.set_node_id(node_id)
         self.error_control.set_node_id(node_id)
+        self.pdos.multiplexer.node_id = node_id
         self.node_id = node_id
         self.settings.told(node_id)
 
@@ -382,6 +314,7 @@ class CanopenSlave:
         self.error_control.stop()
         self.sync.stop()
         self.time.stop()
+        self.bus_watch.stop()
         self.lss.stop()
         flush = getattr(self._port, "flush", None)
         if flush is not None:
@@ -459,10 +392,8 @@ class CanopenSlave:
             data += [(*place, self.time.receive) for place in self.time.listening()]
             data += [(can_id, False, handler) for can_id, handler in self._sdo.handlers(self.node_id)]
             data.append((self.sync.can_id, self.sync.extended, self.sync.receive))
-        data += [
-            (pdo.can_id, pdo.extended, pdo.on_sync_frame if pdo.synchronous else pdo.on_event_frame)
-            for pdo in self.pdos.receivers()
-        ]
+            data += [(*place, self.bus_watch.collision) for place in self._own_identifiers()]
+        data += [(pdo.can_id, pdo.extended, pdo.handler) for pdo in self.pdos.receivers()]
         remote += [(pdo.can_id, pdo.extended, pdo.on_remote_frame) for pdo in self.pdos.requestable()]
         if state != NmtState.INITIALISING:
             data += [
@@ -470,26 +401,18 @@ class CanopenSlave:
             ]
         self._dispatcher.replace(data, remote)
 
+    def _own_identifiers(self) -> list[tuple[int, bool]]:
+        """Return what only this node may send with: nobody else's frames should have it (C301-125)."""
+        own = [(COB_ERROR_CONTROL + self.node_id, False), *self._sdo.answering(), *self.pdos.transmitted()]
+        emcy = self.errors.cob_id
+        if not emcy >> 31:
+            own.append((emcy & 0x1FFFFFFF, bool(emcy >> 29 & 1)))
+        return own
+
+    def _emcy_identifier_changed(self) -> None:
+        self.errors.flush()
+        self._rebuild()
+
     def _consumers_changed(self) -> None:
         self.error_control.configure()
         self._rebuild()
-
-    def _known(self, index: int, sub: int) -> None:
-        if index << 8 | sub not in self._store.entries:
-            raise ConfigurationError(
-                f"{self.name}: callback", f"{index:04X}h:{sub}", "an entry of the dictionary"
-            )
-
-    def _chain(self, hooks: dict[int, WriteHook], index: int, sub: int, callback: WriteHook) -> None:
-        self._known(index, sub)
-        key = index << 8 | sub
-        first = hooks.get(key)
-        if first is None:
-            hooks[key] = callback
-            return
-
-        def both(value: Any) -> None:
-            first(value)
-            callback(value)
-
-        hooks[key] = both

@@ -134,7 +134,7 @@ class ObjectStore:
         """
         entry = self.entry(index, sub)
         if not entry.readable:
-            raise SdoAbort(AbortCode.WRITE_ONLY)
+            raise SdoAbort(AbortCode.WRITE_ONLY if entry.writable else AbortCode.ACCESS)
         hook = self.read_hooks.get(entry.key)
         return entry.encode(self.values[entry.key] if hook is None else hook())
 
@@ -152,7 +152,7 @@ class ObjectStore:
         """
         entry = self.entry(index, sub)
         if not entry.writable:
-            raise SdoAbort(AbortCode.READ_ONLY)
+            raise SdoAbort(AbortCode.READ_ONLY if entry.readable else AbortCode.ACCESS)
         limit = entry.maximum_length
         if size is not None:
             if size > limit:
@@ -179,7 +179,7 @@ class ObjectStore:
         """
         entry = self.entry(index, sub)
         if not entry.writable:
-            raise SdoAbort(AbortCode.READ_ONLY)
+            raise SdoAbort(AbortCode.READ_ONLY if entry.readable else AbortCode.ACCESS)
         if not sized and 0 < entry.size <= len(data):
             data = data[: entry.size]
         self.assign(entry, entry.decode(data, exact=AbortCode.LENGTH if expedited else 0))

@@ -616,7 +616,7 @@ def test_emcy_collection(net):
     net.run(5)
     net.slave.emcy_clear()
     net.run(5)
-    net.port.send(CanFrame(0x85, b"\x10\x23\x01"))
+    net.slave._port.send(CanFrame(0x85, b"\x10\x23\x01"))
     net.run(5)
     assert [(e.code, e.register & 1, e.data) for e in net.node.emcys] == [
         (0x2310, 1, b"\x01\x02\0\0\0"),

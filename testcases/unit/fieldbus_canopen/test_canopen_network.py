@@ -142,9 +142,9 @@ def test_late_answer_is_not_taken_for_the_next(bench, node):
 
 def test_additional_sdo_channel(bench, node):
     """A client added to the node later waits in simulated time like the first."""
-    node.sdo[0x1201][1].raw = 0x640
-    node.sdo[0x1201][2].raw = 0x5C0
-    client = node.add_sdo(0x640, 0x5C0)
+    node.sdo[0x1201][1].raw = 0x6C0
+    node.sdo[0x1201][2].raw = 0x6D0
+    client = node.add_sdo(0x6C0, 0x6D0)
     client.network = node.network
     assert client.upload(0x1000, 0) == pack("<I", 0x20192)
 

@@ -152,10 +152,10 @@ def test_more_than_64_bits(bench):
 
 @pytest.mark.requirement("C301-051", "C301-089")
 @pytest.mark.parametrize(
-    ("count", "abort"), [(9, AbortCode.PDO_LENGTH), (65, AbortCode.PDO_LENGTH), (0xFE, AbortCode.VALUE)]
+    ("count", "abort"), [(9, AbortCode.PDO_LENGTH), (65, AbortCode.PDO_LENGTH), (0xFD, AbortCode.PDO_LENGTH)]
 )
 def test_count_beyond_the_record(bench, count, abort):
-    """More objects than the record has places are refused, and so are the multiplexed kinds, which do not exist here."""
+    """More objects than the record has places, or than a PDO has bits, are refused."""
     prepare(bench)
     assert bench.write(0x1600, 0, count, 1) == abort
 

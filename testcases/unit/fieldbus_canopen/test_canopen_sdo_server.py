@@ -483,11 +483,11 @@ def test_block_upload_of_nothing(bench):
 
 def test_second_server_channel(bench):
     """A second SDO server listens on the identifiers of 1201h once they are valid, with a transfer of its own."""
-    assert bench.write(0x1201, 1, 0x640, 4) == 0
-    assert bench.write(0x1201, 2, 0x5C0, 4) == 0
+    assert bench.write(0x1201, 1, 0x6C0, 4) == 0
+    assert bench.write(0x1201, 2, 0x6D0, 4) == 0
     bench.sdo(head(0x40, 0x1008) + bytes(4))
-    (answer,) = bench.ask(0x640, head(0x40, 0x1000) + bytes(4))
-    assert answer.can_id == 0x5C0
+    (answer,) = bench.ask(0x6C0, head(0x40, 0x1000) + bytes(4))
+    assert answer.can_id == 0x6D0
     assert answer.data == size(0x43, 0x1000, 0x20192)
     assert bench.sdo(b"\x60" + bytes(7)) == b"\x00Emulate"
 

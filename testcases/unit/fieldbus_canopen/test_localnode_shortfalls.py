@@ -272,9 +272,9 @@ def test_16_concurrent_clients(bench, node):
     assert [(int.from_bytes(data[1:3], "little"), data[3]) for data in answers] == requests
     assert {data[4:] for data in answers if data[1:4] == b"\x18\x10\x01"} == {b"\x34\x12\0\0"}
 
-    node.sdo[0x1201][1].raw = 0x640
-    node.sdo[0x1201][2].raw = 0x5C0
-    second = node.add_sdo(0x640, 0x5C0)
+    node.sdo[0x1201][1].raw = 0x6C0
+    node.sdo[0x1201][2].raw = 0x6D0
+    second = node.add_sdo(0x6C0, 0x6D0)
     second.network = node.network
     with (
         node.sdo.open(0x2001, 0, "wb", size=21, buffering=0) as first_stream,
