@@ -82,6 +82,8 @@ class LiveSegment:
         self.name = name
         self.log: list[LogEntry] = []
         """Every frame in the order in which it was sent or came; grows, is never replaced."""
+        self.bitrate: int | None = None
+        """Bit rate of the wire, bit/s, where somebody knows it; the adapter does not tell."""
         self.kernel: KernelBridge | None = None
         """The bridge of the kernel that this segment is on, if there is one."""
         self._reports = SideReports(name, history, bridged=bridge is not None)
@@ -92,6 +94,7 @@ class LiveSegment:
         self._ports: tuple[LivePort, ...] = ()
         self._hooks: tuple[tuple[FrameHook], ...] = ()
         self._busy_bits = 0
+        self._parted = False
         self._last_ns = scheduler.now
         self._closed = Event()
         names = side_names or ((BUS, BUS) if bridge is None else ("near", "far"))
@@ -260,8 +263,9 @@ class LiveSegment:
             raise BusError(f"{self.name} is closed")
         if port is not None and not port.online:  # went offline while its frame was delayed
             return
-        refusals = [reason for side in self.sides if (reason := self._hand_over(side, frame))]
-        if len(refusals) == len(self.sides):
+        reached = self.sides[:1] if self._parted else self.sides
+        refusals = [reason for side in reached if (reason := self._hand_over(side, frame))]
+        if len(refusals) == len(reached):
             if self._lossy:
                 return
             raise BusError(f"{self.name}: {frame!r} cannot be sent: {refusals[0]}")
@@ -292,6 +296,8 @@ class LiveSegment:
         its side waits for the scheduler, it waits too.
         """
         passed = False
+        if self._parted and side is not self.sides[0]:
+            return
         if self.bridged:
             with side.order:
                 if self._hooks or side.pending:
@@ -303,6 +309,8 @@ class LiveSegment:
 
     def _pass_on(self, side: BusSide, frame: CanFrame) -> None:
         """Give a frame of one side to the other; nobody here could do anything about it if that fails."""
+        if self._parted:
+            return
         for other in self.sides:
             if other is side:
                 continue
@@ -371,6 +379,28 @@ class LiveSegment:
             self._hooks = tuple(other for other in self._hooks if other is not entry)
 
         return remove
+
+    def cut(self) -> Callable[[], None]:
+        """Part the two sides of a bridge: local nodes stay with the first, nothing passes any more.
+
+        Returns:
+            The function that joins them again; harmless to repeat.
+
+        Raises:
+            BusError: There is no bridge, or it is parted already.
+
+        """
+        if not self.bridged or self._parted:
+            raise BusError(f"{self.name} has no bridge that could be parted")
+        self._parted = True
+
+        def mend() -> None:
+            self._parted = False
+
+        return mend
+
+    def withdraw(self, node: str) -> None:
+        """Forget what `node` has injected and what still waits: nothing waits here, the adapter has it."""
 
     def _treat(self, frame: CanFrame, sender: str, time_ns: int, go_on: Callable[[CanFrame], None]) -> None:
         """Let the hooks decide how often and when `go_on` gets the frame."""

@@ -116,6 +116,7 @@ class Bench:
                     )
                 except BusError as error:
                     raise BenchNotReadyError(str(error)) from error
+                segment.bitrate = section.bitrate
             self._segments[name] = segment
             self.recorder.add_bus(name, segment.log)
             meter = LoadMeter(segment, bitrate=section.bitrate, cycle_ns=self.cycle_ns)

@@ -146,6 +146,27 @@ def test_local_nodes_and_injection_reach_both_sides(bridge):
     assert sorted(received) == [0x020, 0x030, 0x040]
 
 
+def test_the_sides_can_be_parted(bridge):
+    """Parted, nothing passes, and local nodes stay with the first side; joined again, everything does."""
+    received = []
+    port = bridge.segment.attach("local", lambda frame, time_ns: received.append(frame.can_id))
+    mend = bridge.segment.cut()
+    with pytest.raises(BusError, match="bridge has no bridge that could be parted"):
+        bridge.segment.cut()
+    bridge.a.send(message(0x100))
+    bridge.b.send(message(0x200))
+    port.send(CanFrame(0x300))
+    assert bridge.heard(bridge.a, 1) == [0x300]
+    assert bridge.heard(bridge.b, 0) == []
+    assert received == [0x100]
+    mend()
+    mend()
+    bridge.a.send(message(0x101))
+    bridge.b.send(message(0x201))
+    assert bridge.heard(bridge.b, 1) == [0x101]
+    assert bridge.heard(bridge.a, 1) == [0x201]
+
+
 def test_bit_errors_are_refused(bridge):
     """The adapters make the bits: corruption stays impossible, with the reason."""
     bridge.segment.add_hook(lambda frame, sender, time_ns: HookResult.corrupt())
