@@ -6,6 +6,7 @@ What is imported here does not import python-can. The modules that do, and cost 
 """
 
 from fieldbus.can.arbitration import LogEntry
+from fieldbus.can.bitstream import BitError
 from fieldbus.can.confinement import ErrorCode, NodeState
 from fieldbus.can.frame import CanFrame, CanPort, CanSegment, FrameReceiver
 from fieldbus.can.hooks import FrameHook, HookResult
@@ -15,6 +16,7 @@ from fieldbus.can.registry import find_segment, register_segment
 from fieldbus.can.timing import arbitration_key, frame_bits, frame_time_ns, worst_case_bits
 
 __all__ = [
+    "BitError",
     "CanFrame",
     "CanMedium",
     "CanPort",

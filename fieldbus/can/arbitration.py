@@ -31,7 +31,8 @@ COMMIT_PRIORITY: Final = 1000
 
 _NS: Final = 1_000_000_000
 _LONGEST_BITS: Final = 256  # more than the longest frame with the longest error frame
-_COMMITTED: Final = -1
+COMMITTED: Final = -1
+"""No other frame may take the place of the chosen one any more."""
 
 
 class Arbitration(ABC):
@@ -62,14 +63,22 @@ class Arbitration(ABC):
         self._sender: MediumPort | None = None
         self._start_ns = 0
         self._end_ns = 0
-        self._open_until_ns = _COMMITTED  # last instant at which another frame may take its place
+        self._open_until_ns = COMMITTED  # last instant at which another frame may take its place
         self._timer: Timer | None = None
+        # The first frame that came after the SOF of the frame that began at `_late_ns`.
+        self._late_ns = -1
+        self._late_sequence = 0
         # The start of the next frame, while hooks are installed.
         self._commit_timer: Timer | None = None
         self._commit_ns = 0
-        self._deciding = False
+        self._deciding = False  # nobody may start a frame: hooks are asked, or the bus is followed bit by bit
+        self._bitwise = False
+        self._delicate = False  # a node disturbs every frame, or frames can be given up
         self._troubled = True  # anything beyond good frames between healthy nodes
         self._plain = False  # neither trouble nor hooks: the short way is open
+        self._careful = (
+            False  # a frame may start only by an event of its own: hooks, or nodes that disturb every frame
+        )
 
     # --------------------------------------------------------------------------------------------- sending
 
@@ -106,9 +115,15 @@ class Arbitration(ABC):
         self._backlog += 1
         current = self._entry
         if current is None:
-            if not self._deciding:
+            if self._deciding:
+                self._wake()
+            else:
                 self._arbitrate(max(self._free_ns, self.scheduler.now))
-        elif self.scheduler.now <= self._open_until_ns and (
+        elif self.scheduler.now > self._open_until_ns:
+            if self._late_ns != self._start_ns:
+                self._late_ns = self._start_ns
+                self._late_sequence = entry[1]
+        elif (
             entry[0] < current[0]
             or (entry[0] == current[0] and port is not self._sender)
             # The chosen one may be an error-passive sender that still has to wait, and this one need not.
@@ -129,10 +144,15 @@ class Arbitration(ABC):
         start, contenders = self._contend(earliest_ns)
         if not contenders:
             return
-        if self._hooks:
+        if (
+            self._careful
+            or len(contenders) > 1
+            or self._commit_timer is not None
+            or (self._troubled and self._is_special(contenders))
+        ):
             self._arm(start)
         else:
-            self._transmit(start, contenders, start)
+            self._transmit(start, contenders[0], start)
 
     def _contend(self, earliest_ns: int) -> tuple[int, list[MediumPort]]:
         """Return when the next frame can start, and the ports that then send the winning arbitration field."""
@@ -161,23 +181,18 @@ class Arbitration(ABC):
     def _withdraw(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
-        for port, entry in self._transmitters():
-            self._queue(port, entry)
+        if self._entry is not None and self._sender is not None:
+            self._queue(self._sender, self._entry)
         self._entry = None
-        self._open_until_ns = _COMMITTED
-        self._forget_trouble()
+        self._open_until_ns = COMMITTED
 
-    def _transmit(self, start_ns: int, contenders: Sequence[MediumPort], open_until_ns: int) -> None:
-        """Put the first frame of each of `contenders` (of the same arbitration field) on the wire."""
-        port = contenders[0]
+    def _transmit(self, start_ns: int, port: MediumPort, open_until_ns: int) -> None:
+        """Put the first frame of `port` on the wire."""
         self._entry = entry = heappop(port.queue)
         self._backlog -= 1
         self._sender = port
         self._start_ns = start_ns
         self._open_until_ns = open_until_ns
-        if len(contenders) > 1 or entry[5] > 0:
-            self._transmit_with_trouble(contenders[1:])
-            return
         self._end_ns = end = start_ns + self._durations[entry[4] - INTERMISSION_BITS]
         self._timer = self._at(end, self._on_end)
 
@@ -227,15 +242,27 @@ class Arbitration(ABC):
 
     def _hooks_changed(self) -> None:
         self._hooks = tuple(hook for (hook,) in self._hook_entries)
-        self._plain = not (self._troubled or self._hooks or self._deciding)
+        self._way_changed()
+
+    def _way_changed(self) -> None:
+        """Find out whether frames may go the short way, and take back what has been decided otherwise."""
+        self._careful = bool(self._hooks) or self._delicate
+        self._plain = not (
+            self._troubled or self._careful or self._deciding or self._commit_timer is not None
+        )
         if self._deciding:
             return
-        if self._commit_timer is not None and not self._hooks:
+        if self._commit_timer is not None and not self._careful:
+            self._disarm()
+            self._arbitrate(max(self._free_ns, self.scheduler.now))
+        elif self._entry is not None and self._careful and self.scheduler.now <= self._open_until_ns:
+            self._rearbitrate()
+
+    def _disarm(self) -> None:
+        if self._commit_timer is not None:
             self._commit_timer.cancel()
             self._commit_timer = None
-            self._arbitrate(max(self._free_ns, self.scheduler.now))
-        elif self._entry is not None and self._hooks and self.scheduler.now <= self._open_until_ns:
-            self._rearbitrate()
+            self._plain = not (self._troubled or self._careful or self._deciding)
 
     def _arm(self, start_ns: int) -> None:
         """Enter the start of the next frame as an event."""
@@ -244,6 +271,7 @@ class Arbitration(ABC):
                 return
             self._commit_timer.cancel()
         self._commit_ns = start_ns
+        self._plain = False
         self._commit_timer = self._at(start_ns, self._commit, priority=COMMIT_PRIORITY)
 
     def _commit(self) -> None:
@@ -255,12 +283,18 @@ class Arbitration(ABC):
         try:
             contenders = self._ask_contenders(start)
         finally:
-            self._deciding = False
-            self._plain = not (self._troubled or self._hooks)
-        if contenders:
-            self._transmit(start, contenders, _COMMITTED)
-        elif self._backlog:
-            self._arbitrate(start)
+            if not self._bitwise:
+                self._deciding = False
+                self._plain = not (self._troubled or self._careful)
+        if self._bitwise:
+            self._wake()  # a hook has disturbed the bus
+        elif not contenders:
+            if self._backlog:
+                self._arbitrate(start)
+        elif self._is_special(contenders):
+            self._transmit_bitwise(start)
+        else:
+            self._transmit(start, contenders[0], COMMITTED)
 
     def _ask_contenders(self, start_ns: int) -> list[MediumPort]:
         """Return the ports that start now, all of their frames having passed the hooks."""
@@ -269,7 +303,7 @@ class Arbitration(ABC):
             if start > start_ns:
                 return []
             for port in contenders:
-                if port.queue[0][5] == NOT_ASKED:
+                if port.queue[0][5] is NOT_ASKED:
                     sequence = self._sequence
                     passed = self._ask(port, heappop(port.queue), start_ns)
                     if passed and len(contenders) == 1 and sequence == self._sequence and port.queue:
@@ -284,7 +318,7 @@ class Arbitration(ABC):
         key, sequence, copy, frame, bits, _ = entry
         verdict = ask_hooks(self._hooks, frame, port.name, time_ns)
         if verdict is None:
-            self._queue(port, (key, sequence, copy, frame, bits, 0))
+            self._queue(port, (key, sequence, copy, frame, bits, ()))
             return True
         if verdict.dropped:
             return False
@@ -292,7 +326,7 @@ class Arbitration(ABC):
             frame = verdict.frame
             key, bits = timing_of(frame.can_id, bytes(frame.data), frame.extended, frame.remote, frame.dlc)
         entries: list[Entry] = [(key, sequence, copy, frame, bits, verdict.corruptions)]
-        entries += [(key, sequence, copy + number + 1, frame, bits, 0) for number in range(verdict.copies)]
+        entries += [(key, sequence, copy + number + 1, frame, bits, ()) for number in range(verdict.copies)]
         if not verdict.delay_ns:
             for item in entries:
                 self._queue(port, item)
@@ -309,20 +343,20 @@ class Arbitration(ABC):
     # --------------------------------------------------------------------------------------------- beyond good frames
 
     @abstractmethod
-    def _transmitters(self) -> list[tuple[MediumPort, Entry]]:
-        """Return all that send in the present frame, those included that dropped out with an error of their own."""
+    def _is_special(self, contenders: Sequence[MediumPort]) -> bool:
+        """Return whether what `contenders` send now can only be found out bit by bit."""
 
     @abstractmethod
-    def _transmit_with_trouble(self, others: Sequence[MediumPort]) -> None:
-        """Start a frame that several send, or that is to be corrupted."""
+    def _transmit_bitwise(self, start_ns: int) -> None:
+        """Start the first frames of all ports now, and follow them bit by bit."""
+
+    @abstractmethod
+    def _wake(self) -> None:
+        """Go on bit by bit if everybody is waiting for a frame."""
 
     @abstractmethod
     def _end_of_frame_in_trouble(self) -> None:
         """End a frame while the nodes are not all healthy."""
-
-    @abstractmethod
-    def _forget_trouble(self) -> None:
-        """Take back what `_transmit_with_trouble` has prepared."""
 
     @abstractmethod
     def _overrun(self, port: MediumPort) -> None:

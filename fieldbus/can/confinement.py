@@ -1,8 +1,7 @@
-"""Error confinement of a CAN node: states, error counters and the bits of an error frame (CANP-038..057)."""
+"""Error confinement of a CAN node: states, limits of the error counters, lengths (CANP-038..057)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import Enum
 from typing import Final
 
@@ -55,28 +54,3 @@ def rec_after_reception(rec: int) -> int:
     if rec >= PASSIVE_LIMIT:
         return REC_AFTER_PASSIVE
     return rec - 1 if rec else 0
-
-
-def flag_bits_after(wire: Sequence[int], *, flag_level: int) -> int:
-    """Return how many bits of error flags follow the wrong bit `wire[-1]` until the delimiter starts (CANP-038).
-
-    The transmitter's flag starts with the next bit and has `flag_level` (0 active, 1 passive). Receivers notice
-    with the sixth equal bit and then add theirs: 6 to 12 bits in all.
-    """
-    level = wire[-1]
-    run = 0
-    for bit in reversed(wire):
-        if bit != level:
-            break
-        run += 1
-    if run >= FLAG_BITS:  # a stuff error for the receivers at the very bit
-        return FLAG_BITS
-    return (FLAG_BITS - run if level == flag_level else FLAG_BITS) + FLAG_BITS
-
-
-def first_difference(wires: Sequence[Sequence[int]]) -> int | None:
-    """Return the first bit position at which the transmitters of `wires` differ; None when all are equal."""
-    for position, bits in enumerate(zip(*wires, strict=False)):
-        if len(set(bits)) > 1:
-            return position
-    return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Final, Literal, Self
 
+from fieldbus.can.bitstream import BitError
 from fieldbus.can.frame import CanFrame
 from fieldbus.can.timing import frame_bits
 from fieldbus.errors import BusError
@@ -15,15 +16,22 @@ HookKind = Literal["drop", "delay", "corrupt", "replace", "duplicate"]
 class HookResult:
     """What a hook wants done with the frame; made by the class methods."""
 
-    __slots__ = ("count", "delay_ns", "frame", "kind")
+    __slots__ = ("count", "delay_ns", "error", "frame", "kind")
 
     def __init__(
-        self, kind: HookKind, *, delay_ns: int = 0, count: int = 0, frame: CanFrame | None = None
+        self,
+        kind: HookKind,
+        *,
+        delay_ns: int = 0,
+        count: int = 0,
+        frame: CanFrame | None = None,
+        error: BitError | None = None,
     ) -> None:
         self.kind: Final = kind
         self.delay_ns: Final = delay_ns
         self.count: Final = count
         self.frame: Final = frame
+        self.error: Final = error
 
     @classmethod
     def drop(cls) -> Self:
@@ -38,11 +46,18 @@ class HookResult:
         return cls("delay", delay_ns=delay_ns)
 
     @classmethod
-    def corrupt(cls, count: int = 1) -> Self:
-        """The next `count` (>= 1) attempts end in a bit error; the sender retransmits (virtual segments only)."""
+    def corrupt(cls, count: int = 1, error: BitError | None = None) -> Self:
+        """The next `count` (>= 1) attempts suffer a bit error; what follows depends on its place (virtual segments only).
+
+        Args:
+            count: Attempts in a row.
+            error: Which bit is wrong, and for whom; default: the last bit of the CRC, for all. A frame that has no such
+                bit passes.
+
+        """
         if count < 1:
             raise BusError(f"{count} corrupted attempts: at least one is needed")
-        return cls("corrupt", count=count)
+        return cls("corrupt", count=count, error=BitError() if error is None else error)
 
     @classmethod
     def replace(cls, frame: CanFrame) -> Self:
@@ -63,7 +78,7 @@ class HookResult:
         return cls("duplicate", count=count)
 
     def __repr__(self) -> str:
-        details = {"delay_ns": self.delay_ns, "count": self.count, "frame": self.frame}
+        details = {"delay_ns": self.delay_ns, "count": self.count, "frame": self.frame, "error": self.error}
         return f"HookResult.{self.kind}({', '.join(f'{key}={value}' for key, value in details.items() if value)})"
 
 
@@ -80,7 +95,7 @@ class Verdict:
         self.frame = frame
         self.dropped = False
         self.delay_ns = 0
-        self.corruptions = 0
+        self.corruptions: tuple[BitError, ...] = ()
         self.copies = 0
 
 
@@ -105,7 +120,8 @@ def ask_hooks(hooks: Iterable[FrameHook], frame: CanFrame, sender: str, time_ns:
         elif result.kind == "delay":
             verdict.delay_ns += result.delay_ns
         elif result.kind == "corrupt":
-            verdict.corruptions += result.count
+            assert result.error is not None
+            verdict.corruptions += (result.error,) * result.count
         else:
             verdict.copies += result.count
     return verdict

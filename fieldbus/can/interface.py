@@ -129,9 +129,17 @@ class HilBus(can.BusABC):
                 f"{segment.name} does not tell about errors: only a virtual segment does"
             )
 
-        def on_error(time_ns: int, _sender: str, code: ErrorCode, _frame: CanFrame) -> None:
+        def on_error(time_ns: int, name: str, code: ErrorCode, frame: CanFrame | None, field: str) -> None:
             queue.put(
-                error_message(code, time_s=time_ns / S, channel=segment.name, tec=port.tec, rec=port.rec)
+                error_message(
+                    code,
+                    time_s=time_ns / S,
+                    channel=segment.name,
+                    tec=port.tec,
+                    rec=port.rec,
+                    field=field,
+                    sending=frame is not None and name == port.name,
+                )
             )
 
         def on_state(_old: NodeState, new: NodeState) -> None:

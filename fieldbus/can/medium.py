@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Final
 
-from fieldbus.can.confinement import BUS_OFF_LIMIT, DELIMITER_BITS, FLAG_BITS, ErrorCode, NodeState
+from fieldbus.can.confinement import BUS_OFF_LIMIT, NodeState
 from fieldbus.can.frame import CanFrame, FrameReceiver
+from fieldbus.can.partition import DivisibleSegment
 from fieldbus.can.port import MediumPort, deaf
 from fieldbus.can.registry import register_segment
-from fieldbus.can.timing import TAIL_BITS, frame_bits, timing_of
-from fieldbus.can.trouble import ErrorHandling, StateChange
+from fieldbus.can.timing import frame_bits, timing_of
+from fieldbus.can.trouble import StateChange
 from fieldbus.clock import S, Scheduler
 from fieldbus.errors import BusError, ConfigurationError
 from fieldbus.history import History
@@ -17,15 +18,16 @@ from fieldbus.history import History
 _INJECTOR_BUFFERS: Final = 1 << 20
 
 
-class CanMedium(ErrorHandling):
+class CanMedium(DivisibleSegment):
     """A CAN segment in virtual time: frame times to the bit, arbitration, acknowledge, error confinement.
 
     A frame occupies the bus for its exact length with stuff bits; the other nodes receive it at the end of its EOF, and
     the next one starts after the intermission at the earliest. A frame that no other online node acknowledges, that
     a hook corrupts or that collides with one of equal identifier ends in an error frame and is retransmitted
-    until it succeeds or its sender is bus-off.
+    until it succeeds or its sender is bus-off. Whatever disturbs the bus is followed bit by bit, with the error flags and
+    counters of every node, as ISO 11898-1 has it.
 
-    Not modelled: errors at a chosen place of the frame, overload frames, nodes with a wrong bit rate, CAN FD.
+    Not modelled: CAN FD, and positions within a bit (propagation, resynchronisation).
 
     Args:
         scheduler: Clock of the segment; its only thread.
@@ -33,6 +35,7 @@ class CanMedium(ErrorHandling):
         name: Name in logs and events; also registered for `can.Bus(interface="hil", channel=name)`.
         history: Where `can.status`, `can.bus_error`, `can.overrun` events go; good frames are only in `log`.
         keep_log: Whether `log` is written.
+        registered: Whether it is registered under its name.
 
     """
 
@@ -47,11 +50,13 @@ class CanMedium(ErrorHandling):
         name: str = "can0",
         history: History | None = None,
         keep_log: bool = True,
+        registered: bool = True,
     ) -> None:
         super().__init__(scheduler, bitrate=bitrate, name=name, history=history, keep_log=keep_log)
         self._created_ns = scheduler.now
         self._injectors: dict[str, MediumPort] = {}
-        register_segment(self)
+        if registered:
+            register_segment(self)
 
     def __repr__(self) -> str:
         return f"<CanMedium {self.name}, {self.bitrate} bit/s, {len(self._nodes)} nodes>"
@@ -67,6 +72,7 @@ class CanMedium(ErrorHandling):
         tx_buffers: int = 256,
         auto_recovery: bool = True,
         confirm: FrameReceiver | None = None,
+        one_shot: bool = False,
     ) -> MediumPort:
         """Connect a node; a frame that is on the wire at this moment passes it by.
 
@@ -77,12 +83,13 @@ class CanMedium(ErrorHandling):
             tx_buffers: Frames that can wait for the bus (>= 1).
             auto_recovery: Leave bus-off without being asked (CANP-055).
             confirm: Called with every own frame that was sent successfully.
+            one_shot: Give a frame up that loses the arbitration or ends in an error (event `can.given_up`).
 
         Raises:
             BusError: The name is taken.
 
         """
-        if any(port.name == name for port in self._nodes):
+        if any(port.name == name for port in self.ports):
             raise BusError(f"a port named {name!r} is already attached to {self.name}")
         if tx_buffers < 1:
             raise ConfigurationError("tx_buffers", tx_buffers, "at least 1")
@@ -94,11 +101,13 @@ class CanMedium(ErrorHandling):
             tx_buffers=tx_buffers,
             auto_recovery=auto_recovery,
             confirm=confirm,
+            one_shot=one_shot,
         )
         port.joining = self._on_the_wire()
         self._nodes.append(port)
         self._ports.append(port)
-        self._rebuild()
+        self._add_controller(port)
+        self.ports_changed()
         return port
 
     def detach(self, port: MediumPort) -> None:
@@ -109,12 +118,7 @@ class CanMedium(ErrorHandling):
         port.detached = True
         self._nodes.remove(port)
         self._ports.remove(port)
-        self._rebuild()
-
-    @property
-    def ports(self) -> tuple[MediumPort, ...]:
-        """The attached nodes in the order in which they came."""
-        return tuple(self._nodes)
+        self.ports_changed()
 
     def presence_changed(self, port: MediumPort) -> None:
         """Follow a change of `port.online`."""
@@ -124,6 +128,7 @@ class CanMedium(ErrorHandling):
             self._change_state(port, NodeState.ERROR_ACTIVE, changes)
             port.can_send = not port.listen_only
             port.joining = self._on_the_wire()
+            self._add_controller(port)
             self._rebuild()
             self._tell(changes)
         else:
@@ -140,7 +145,9 @@ class CanMedium(ErrorHandling):
         if port.state is NodeState.BUS_OFF and tec < BUS_OFF_LIMIT:
             self._leave_bus_off(port, changes)
         self._update_state(port, changes)
-        if port.state is NodeState.BUS_OFF:
+        if self._bitwise:
+            self._switch_off(port)
+        elif port.state is NodeState.BUS_OFF and self._entry is not None:
             self._break_off(port)
         self._assess()
         self._tell(changes)
@@ -152,31 +159,16 @@ class CanMedium(ErrorHandling):
             self._rearbitrate()
 
     def _break_off(self, port: MediumPort) -> None:
-        """Take `port` out of the present frame."""
-        if self._entry is None:
-            return
-        if not self._on_the_wire():
-            self._rearbitrate()
-            return
-        if all(port is not sender for sender, _ in self._transmitters()):
-            return
-        self._special = True
-        now = self.scheduler.now
-        self._partners = [pair for pair in self._partners if pair[0] is not port]
-        self._losers = [pair for pair in self._losers if pair[0] is not port]
-        if port is not self._sender or self._failure is not None:
-            return
-        if self._partners:  # somebody else sends the same bits
-            self._sender, self._entry = self._partners.pop(0)
-        elif now < self._end_ns - self._durations[TAIL_BITS]:
-            # The bus stays recessive: the receivers miss a stuff bit after at most six bits and send their flags.
-            assert self._timer is not None
-            self._timer.cancel()
-            wire_ns = now - self._start_ns
-            self._failure = ErrorCode.STUFF
-            self._failure_bits = wire_ns * self.bitrate // S + 2 * FLAG_BITS + DELIMITER_BITS
-            self._end_ns = now + self._durations[2 * FLAG_BITS + DELIMITER_BITS]
-            self._timer = self._at(self._end_ns, self._end_of_error_frame)
+        """Take `port` from the bus, in the middle of its frame if need be."""
+        if not self._bitwise and self._entry is not None:
+            if not self._on_the_wire():
+                self._rearbitrate()
+            elif port is self._sender:
+                self._follow_bitwise()
+        if port.online:
+            self._switch_off(port)
+        else:
+            self._drop_controller(port)
 
     # --------------------------------------------------------------------------------------------- faults
 
@@ -208,7 +200,34 @@ class CanMedium(ErrorHandling):
             return
         key, bits = timing_of(frame.can_id, bytes(frame.data), frame.extended, frame.remote, frame.dlc)
         self._sequence += 1
-        self._offer(port, (key, self._sequence, 0, frame, bits, 0))
+        self._offer(port, (key, self._sequence, 0, frame, bits, ()))
+
+    def injected(self, sender: str) -> int:
+        """Return how many injected frames of `sender` wait for the bus."""
+        port = self._injectors.get(sender)
+        return len(port.queue) if port is not None else 0
+
+    def withdraw(self, sender: str) -> None:
+        """Forget the injected frames of `sender` that wait for the bus."""
+        port = self._injectors.get(sender)
+        if port is not None:
+            self.flush(port)
+
+    def _far_side(self) -> CanMedium:
+        far = CanMedium(
+            self.scheduler,
+            bitrate=self.bitrate,
+            name=self.name,
+            history=self._history,
+            keep_log=self._keep_log,
+            registered=False,
+        )
+        far.log = self.log
+        far._spans = self._spans
+        far._hook_entries = self._hook_entries
+        far._hooks_changed()
+        far.bus_error_listeners = self.bus_error_listeners
+        return far
 
     # --------------------------------------------------------------------------------------------- load
 
@@ -239,11 +258,12 @@ class CanMedium(ErrorHandling):
         busy = 0
         for index in range(len(self.log) - 1, -1, -1):
             end, _, frame, _ = self.log[index]
-            failed = self._error_bits.get(index)
-            bits = frame_bits(frame) if failed is None else failed
-            free = end + self._intermission_ns
+            span = self._spans.get(index)
+            if span is None:
+                free = end + self._intermission_ns
+                span = free - self._durations[frame_bits(frame)], free
+            start, free = span
             if free <= since:
                 break
-            start = free - self._durations[bits]
             busy += min(free, now) - max(start, since)
         return busy / (now - since) if now > since else 0.0

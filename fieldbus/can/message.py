@@ -23,8 +23,13 @@ ERROR_FLAG: Final = 0x2000_0000
 _CONTROLLER_PASSIVE: Final = 0x10 | 0x20
 _CONTROLLER_ACTIVE: Final = 0x40
 _PROTOCOL: Final = {ErrorCode.BIT: 0x01, ErrorCode.FORM: 0x02, ErrorCode.STUFF: 0x04, ErrorCode.CRC: 0x00}
+_SENDING: Final = 0x80
 _CRC_LOCATION: Final = 0x08
 _ACK_LOCATION: Final = 0x19
+_LOCATIONS: Final = {
+    "sof": 0x03, "id": 0x02, "srr": 0x04, "rtr": 0x0C, "ide": 0x05, "id_extension": 0x07, "dlc": 0x0B, "data": 0x0A,
+    "crc": _CRC_LOCATION, "crc_delimiter": 0x18, "ack_slot": _ACK_LOCATION, "ack_delimiter": 0x1B, "eof": 0x1A,
+}  # fmt: skip
 
 
 def to_message(
@@ -66,17 +71,35 @@ def to_frame(message: can.Message) -> CanFrame:
 
 
 def error_message(
-    code: ErrorCode, *, time_s: float = 0.0, channel: str | None = None, tec: int = 0, rec: int = 0
+    code: ErrorCode,
+    *,
+    time_s: float = 0.0,
+    channel: str | None = None,
+    tec: int = 0,
+    rec: int = 0,
+    field: str = "",
+    sending: bool = False,
 ) -> can.Message:
-    """Return the error frame that SocketCAN reports for `code`."""
+    """Return the error frame that SocketCAN reports for `code`.
+
+    Args:
+        code: What went wrong.
+        time_s: Time stamp, s.
+        channel: Name of the bus.
+        tec: Transmit error counter, as data byte 6.
+        rec: Receive error counter, as data byte 7.
+        field: Where in the frame; one of `fieldbus.can.bitstream.FIELDS`, empty: not told.
+        sending: Whether the node that found the error was sending.
+
+    """
     data = bytearray(8)
     if code is ErrorCode.ACK:
         error_class = ERROR_ACK | ERROR_BUS
         data[3] = _ACK_LOCATION
     else:
         error_class = ERROR_PROTOCOL | ERROR_BUS
-        data[2] = _PROTOCOL[code]
-        data[3] = _CRC_LOCATION if code is ErrorCode.CRC else 0
+        data[2] = _PROTOCOL[code] | (_SENDING if sending else 0)
+        data[3] = _CRC_LOCATION if code is ErrorCode.CRC else _LOCATIONS.get(field, 0)
     return _error(error_class, data, time_s, channel, (tec, rec))
 
 

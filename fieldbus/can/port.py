@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.can.confinement import WARNING_LIMIT, NodeState
 from fieldbus.can.frame import CanFrame, FrameReceiver
@@ -11,13 +11,14 @@ from fieldbus.clock import Timer
 from fieldbus.errors import BusError
 
 if TYPE_CHECKING:
+    from fieldbus.can.bitstream import BitError
     from fieldbus.can.medium import CanMedium
 
-Entry = tuple[int, int, int, CanFrame, int, int]
-"""A frame waiting for the bus: arbitration key, sequence number, number of the copy, frame, bits, attempts still to be
-corrupted (`NOT_ASKED` before the hooks have seen it). The first three give the order of the queue."""
+Entry = tuple[int, int, int, CanFrame, int, "tuple[BitError, ...] | None"]
+"""A frame waiting for the bus: arbitration key, sequence number, number of the copy, frame, bits, the bit errors of its next
+attempts (`NOT_ASKED` before the hooks have seen it). The first three give the order of the queue."""
 
-NOT_ASKED = -1
+NOT_ASKED: Final = None
 
 StateListener = Callable[[NodeState, NodeState], object]
 
@@ -44,8 +45,12 @@ class MediumPort:
     """
 
     __slots__ = (
+        "_delayed",
+        "_last_due_ns",
         "_online",
+        "_receive_delay_ns",
         "acknowledged",
+        "acknowledges",
         "auto_recovery",
         "can_send",
         "confirmation",
@@ -58,9 +63,13 @@ class MediumPort:
         "medium",
         "name",
         "not_before_ns",
+        "on_overrun",
         "on_state",
+        "one_shot",
+        "overload_frames",
         "overruns",
         "queue",
+        "rate",
         "rec",
         "receive",
         "receivers",
@@ -82,6 +91,7 @@ class MediumPort:
         tx_buffers: int,
         auto_recovery: bool,
         confirm: FrameReceiver | None,
+        one_shot: bool = False,
     ) -> None:
         self.medium = medium
         self.name = name
@@ -90,8 +100,12 @@ class MediumPort:
         self.tx_buffers = tx_buffers
         self.auto_recovery = auto_recovery
         """Whether the node leaves bus-off by itself; otherwise after `recover`."""
+        self.one_shot = one_shot
+        """Whether a frame that loses the arbitration or ends in an error is given up and not repeated (CANP-030)."""
         self.on_state: list[StateListener] = []
         """Called with the old and the new state when the error state changes."""
+        self.on_overrun: list[Callable[[], object]] = []
+        """Called when frames were refused, at most once a second, as the event `can.overrun` is written."""
         self.tec = 0
         """Transmit error counter."""
         self.rec = 0
@@ -99,6 +113,14 @@ class MediumPort:
         self.state = NodeState.ERROR_ACTIVE
         self.overruns = 0
         """Frames refused because the transmit queue was full."""
+
+        # Set by the methods below.
+        self.acknowledges = True
+        self.overload_frames = 0
+        self.rate: int | None = None
+        self._receive_delay_ns = 0
+        self._delayed: FrameReceiver | None = None
+        self._last_due_ns = 0
 
         # The rest belongs to the medium.
         self._online = True
@@ -154,6 +176,58 @@ class MediumPort:
         self.medium.set_error_counters(
             self, self.tec if tec is None else tec, self.rec if rec is None else rec
         )
+
+    # --------------------------------------------------------------------------------------------- what can be wrong
+
+    def set_acknowledge(self, acknowledges: bool) -> None:
+        """Give acknowledges, or none although the node receives (CANP-059)."""
+        self.acknowledges = acknowledges
+        self.medium.ports_changed()
+
+    def set_overload_frames(self, count: int) -> None:
+        """Ask for `count` (0..2) overload frames after every frame that the node has received (CANP-041)."""
+        if not 0 <= count <= 2:
+            raise BusError(f"{count} overload frames in succession: 0 to 2 are allowed")
+        self.overload_frames = count
+        self.medium.ports_changed()
+
+    def set_bitrate(self, rate: int | None) -> None:
+        """Let the node work at `rate` bit/s (1000..1000000), None: at that of the segment (CANP-068)."""
+        if rate is not None and not 1_000 <= rate <= 1_000_000:
+            raise BusError(f"bit rate {rate} bit/s is outside 1000..1000000 bit/s")
+        self.rate = None if rate == self.medium.bitrate else rate
+        self.medium.ports_changed()
+
+    @property
+    def receive_delay_ns(self) -> int:
+        """How much later than they end frames are handed to the node, ns (>= 0); their order is kept."""
+        return self._receive_delay_ns
+
+    @receive_delay_ns.setter
+    def receive_delay_ns(self, value: int) -> None:
+        if value < 0:
+            raise BusError(f"delay {value} ns of the reception is negative")
+        self._receive_delay_ns = value
+        if value and self._delayed is None:
+            self._delayed = self.handler
+            self.handler = self._receive_late
+        self.medium.ports_changed()
+
+    def _receive_late(self, frame: CanFrame, time_ns: int) -> None:
+        scheduler = self.medium.scheduler
+        receive = self._delayed
+        assert receive is not None
+        due = max(time_ns + self._receive_delay_ns, self._last_due_ns)
+        if due <= scheduler.now:
+            receive(frame, time_ns)
+            return
+        self._last_due_ns = due
+
+        def hand_over() -> None:
+            if self._online:
+                receive(frame, due)
+
+        scheduler.at(due, hand_over)
 
     @property
     def online(self) -> bool:

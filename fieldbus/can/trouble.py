@@ -1,44 +1,39 @@
-"""What the virtual segment does when not every node is healthy: error frames, counters, bus-off and recovery.
+"""What the virtual segment does when not every node is healthy: missing acknowledges, counters, bus-off and recovery.
 
-Everything here is off the cyclic path: it runs while a counter is not zero, a node is missing its partner, or a frame
-has several senders or is to be corrupted.
+Everything here is off the cyclic path: it runs while a counter is not zero or a node is missing its partner. Frames are still
+computed as a whole; what goes wrong inside of one is followed bit by bit in `fieldbus.can.bitwise`.
 """
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from heapq import heappop
 from typing import Final
 
-from fieldbus.can.arbitration import Arbitration
+from fieldbus.can.arbitration import COMMITTED, Arbitration
 from fieldbus.can.confinement import (
-    BUS_OFF_LIMIT,
     DELIMITER_BITS,
     FLAG_BITS,
-    REC_LIMIT,
     RECOVERY_SEQUENCE_BITS,
     RECOVERY_SEQUENCES,
     SUSPEND_BITS,
     ErrorCode,
     NodeState,
-    first_difference,
-    flag_bits_after,
     rec_after_reception,
     state_of,
 )
 from fieldbus.can.frame import CanFrame
 from fieldbus.can.port import Entry, MediumPort, deaf
-from fieldbus.can.timing import INTERMISSION_BITS, wire_bits
+from fieldbus.can.timing import INTERMISSION_BITS
 from fieldbus.clock import S, Scheduler
 from fieldbus.history import History
 
-BusErrorListener = Callable[[int, str, ErrorCode, CanFrame], object]
-"""Called with time (ns), name of the transmitter, what went wrong, and the frame."""
+BusErrorListener = Callable[[int, str, ErrorCode, CanFrame | None, str], object]
+"""Called with time (ns), name of the node that found the error, what went wrong, the frame that it was sending (None: it was
+receiving) and the field of the frame."""
 
 StateChange = tuple[MediumPort, NodeState, NodeState]
 """A port, its old and its new state."""
-
-_Transmission = tuple[MediumPort, Entry]
 
 _ACK_TO_EOF_BITS: Final = 8  # ACK delimiter and EOF
 _OVERRUN_EVENT_NS: Final = S  # at most one event per node in this time
@@ -55,16 +50,12 @@ class ErrorHandling(Arbitration):
         """Called whenever the event `can.bus_error` is written."""
         self._history = history
         self._nodes: list[MediumPort] = []
-        self._error_bits: dict[int, int] = {}  # bits of the attempts that failed, by index in the log
+        self._spans: dict[
+            int, tuple[int, int]
+        ] = {}  # start and end (ns) on the bus by index in the log, if not plain
         self._quiet_since_ns = scheduler.now  # start of the last ACK or error delimiter
         self._overrun_told_ns: dict[str, int] = {}
-        # The frame on the wire, when it is not just a good one of one sender.
-        self._special = False
-        self._partners: list[_Transmission] = []  # send along with the sender
-        self._losers: list[_Transmission] = []  # error-passive, dropped out with a bit error of their own
-        self._failure: ErrorCode | None = None
-        self._failure_bits = 0
-        self._forced = False  # a hook wants the error
+        self._unacknowledged = False  # the attempt on the wire has found no acknowledge
 
     # --------------------------------------------------------------------------------------------- nodes
 
@@ -84,13 +75,13 @@ class ErrorHandling(Arbitration):
         ears = [port for port in self._nodes if port.listening]
         for port in self._ports:
             others: list[MediumPort] = [other for other in ears if other is not port]
-            port.acknowledged = any(not other.listen_only for other in others)
+            port.acknowledged = any(other.acknowledges and not other.listen_only for other in others)
             port.receivers = (*others, port.confirmation) if port.confirmation is not None else tuple(others)
         self._assess()
 
     def _assess(self) -> None:
         """Find out whether the short way is open."""
-        self._troubled = self._special or any(
+        self._troubled = self._unacknowledged or any(
             port.tec
             or port.rec
             or port.joining
@@ -98,81 +89,38 @@ class ErrorHandling(Arbitration):
             or (port.can_send and not port.acknowledged)
             for port in self._ports
         )
-        self._plain = not (self._troubled or self._hooks or self._deciding)
+        self._delicate = any(
+            port.online and (port.one_shot or port.overload_frames or port.rate is not None)
+            for port in self._nodes
+        )
+        self._careful = bool(self._hooks) or self._delicate
+        self._plain = not (
+            self._troubled or self._careful or self._deciding or self._commit_timer is not None
+        )
 
-    # --------------------------------------------------------------------------------------------- the frame
+    def ports_changed(self) -> None:
+        """Follow a change of what a port does."""
+        self._rebuild()
+        self._way_changed()
 
-    def _transmitters(self) -> list[_Transmission]:
-        if self._entry is None or self._sender is None:
-            return []
-        return [(self._sender, self._entry), *self._partners, *self._losers]
+    def _is_special(self, contenders: Sequence[MediumPort]) -> bool:
+        if len(contenders) > 1 or contenders[0].queue[0][5]:
+            return True
+        if not contenders[0].acknowledged and not all(port.listen_only for port in self._ears(contenders[0])):
+            return True
+        return self._delicate and any(
+            port.online
+            and (
+                port.overload_frames
+                or port.rate is not None
+                or (port.one_shot and port is not contenders[0] and port.queue)
+            )
+            for port in self._nodes
+        )
 
-    def _forget_trouble(self) -> None:
-        if self._special:
-            self._special = self._forced = False
-            self._partners = []
-            self._losers = []
-            self._failure = None
-            self._assess()
-
-    def _transmit_with_trouble(self, others: Sequence[MediumPort]) -> None:
-        for port in others:
-            self._partners.append((port, heappop(port.queue)))
-            self._backlog -= 1
-        self._special = self._troubled = True
-        self._plain = False
-        if not self._collide() and any(entry[5] > 0 for _, entry in self._transmitters()):
-            self._corrupt()
-        assert self._entry is not None
-        if self._failure is None:
-            self._end_ns = self._start_ns + self._durations[self._entry[4] - INTERMISSION_BITS]
-            self._timer = self._at(self._end_ns, self._on_end)
-        else:
-            self._end_ns = self._start_ns + self._durations[self._failure_bits]
-            self._timer = self._at(self._end_ns, self._end_of_error_frame)
-
-    def _collide(self) -> bool:
-        """Find out what becomes of senders with the same arbitration field; returns whether the frame fails.
-
-        Who sends recessive and reads dominant has a bit error (CANP-029). Error-active, it destroys the frame for all;
-        error-passive, its flag goes unnoticed and the others go on (CANP-039).
-        """
-        sending = [(wire_bits(entry[3]), port, entry) for port, entry in self._transmitters()]
-        while (position := first_difference([wire for wire, _, _ in sending])) is not None:
-            losing = [item for item in sending if item[0][position]]
-            if any(port.state is NodeState.ERROR_ACTIVE for _, port, _ in losing):
-                flags = FLAG_BITS
-                if len(self._audience()) > 0:
-                    flags = flag_bits_after([*sending[0][0][:position], 0], flag_level=0)
-                for wire, _, _ in sending:
-                    if not wire[
-                        position
-                    ]:  # notices with the next recessive bit that it sends, a stuff bit at the latest
-                        flags = max(flags, wire.index(1, position) - position + FLAG_BITS)
-                self._failure = ErrorCode.BIT
-                self._failure_bits = position + 1 + flags + DELIMITER_BITS
-                return True
-            self._losers += [(port, entry) for _, port, entry in losing]
-            sending = [item for item in sending if not item[0][position]]
-            (_, self._sender, self._entry), *rest = sending
-            self._partners = [(port, entry) for _, port, entry in rest]
-        return False
-
-    def _corrupt(self) -> None:
-        """Let the last bit of the stuffed region, which no receiver can take for data, arrive inverted."""
-        assert self._entry is not None
-        assert self._sender is not None
-        wire = wire_bits(self._entry[3])
-        wire[-1] ^= 1
-        passive = self._sender.state is NodeState.ERROR_PASSIVE
-        self._failure = ErrorCode.BIT
-        self._failure_bits = len(wire) + flag_bits_after(wire, flag_level=int(passive)) + DELIMITER_BITS
-        self._forced = True
-
-    def _audience(self) -> list[MediumPort]:
-        """Return the nodes that receive the present frame."""
-        sending = [port for port, _ in self._transmitters()]
-        return [port for port in self._nodes if port.listening and port not in sending]
+    def _ears(self, sender: MediumPort) -> list[MediumPort]:
+        """Return the nodes that hear `sender`."""
+        return [port for port in self._nodes if port.listening and port is not sender]
 
     # --------------------------------------------------------------------------------------------- the end
 
@@ -180,102 +128,105 @@ class ErrorHandling(Arbitration):
         entry, sender = self._entry, self._sender
         assert entry is not None
         assert sender is not None
-        audience = self._audience()
-        if all(port.listen_only for port in audience):
+        audience = self._ears(sender)
+        if not any(port.acknowledges and not port.listen_only for port in audience):
+            if not all(port.listen_only for port in audience):
+                self._follow_bitwise()
+                return
             # Nobody answered in the ACK slot: an error flag has taken the place of ACK delimiter and EOF.
-            self._special = True
-            self._failure = ErrorCode.ACK
-            self._failure_bits = entry[4] - INTERMISSION_BITS - _ACK_TO_EOF_BITS + FLAG_BITS + DELIMITER_BITS
-            self._end_ns = self._start_ns + self._durations[self._failure_bits]
-            self._timer = self._at(self._end_ns, self._end_of_error_frame)
+            self._unacknowledged = True
+            self._end_ns = self._start_ns + self._durations[self._unacknowledged_bits(entry[4])]
+            self._timer = self._at(self._end_ns, self._end_of_unacknowledged)
             return
         end = self._end_ns
         self._account_recovery(end - self._durations[_ACK_TO_EOF_BITS])
-        senders = [port for port, own in [(sender, entry), *self._partners] if own[1] > port.dead_sequence]
         changes: list[StateChange] = []
-        for port in senders:
-            if port.tec:
-                port.tec -= 1
-                self._update_state(port, changes)
+        # A sender whose queue has been emptied meanwhile is not counted for what it was before.
+        alive = entry[1] > sender.dead_sequence
+        if alive and sender.tec:
+            sender.tec -= 1
+            self._update_state(sender, changes)
         for port in audience:
             if port.rec and not port.listen_only:
                 port.rec = rec_after_reception(port.rec)
                 self._update_state(port, changes)
         self._busy_bits += entry[4]
         self._write(end, sender, entry[3], "")
-        self._punish(self._losers, ErrorCode.BIT, changes)
-        self._suspend(senders, end)
+        if alive:
+            self._suspend(sender, end)
         self._release(end)
         for port in audience:
             port.receive(entry[3], end)
-        for port in senders:
-            if port.confirmation is not None:
-                port.confirmation.receive(entry[3], end)
+        if alive and sender.confirmation is not None:
+            sender.confirmation.receive(entry[3], end)
         self._tell(changes)
 
-    def _end_of_error_frame(self) -> None:
-        entry, sender, code = self._entry, self._sender, self._failure
+    @staticmethod
+    def _unacknowledged_bits(bits: int) -> int:
+        """Return the length of an attempt without its intermission, error flag and delimiter included."""
+        return bits - INTERMISSION_BITS - _ACK_TO_EOF_BITS + FLAG_BITS + DELIMITER_BITS
+
+    def _end_of_unacknowledged(self) -> None:
+        """End an attempt of a node that nobody hears, listeners aside."""
+        entry, sender = self._entry, self._sender
         assert entry is not None
         assert sender is not None
-        assert code is not None
         end = self._end_ns
         self._account_recovery(end - self._durations[DELIMITER_BITS])
-        bits = self._failure_bits + INTERMISSION_BITS
-        self._busy_bits += bits
+        self._busy_bits += self._unacknowledged_bits(entry[4]) + INTERMISSION_BITS
         if self._keep_log:
-            self._error_bits[len(self.log)] = bits
-        self._write(end, sender, entry[3], code.value)
+            self._spans[len(self.log)] = (self._start_ns, end + self._intermission_ns)
+        self._write(end, sender, entry[3], ErrorCode.ACK.value)
         changes: list[StateChange] = []
-        for port in self._audience():  # after a missing acknowledge only those that count nothing
-            if not port.listen_only:
-                port.rec = min(port.rec + 1, REC_LIMIT)
-                self._update_state(port, changes)
-        transmitters = self._transmitters()
-        self._punish(transmitters, code, changes)
-        self._suspend([port for port, _ in transmitters], end)
+        if entry[1] > sender.dead_sequence:
+            self._give_back(sender, entry, ErrorCode.ACK)
+            # An error-passive node that only misses the acknowledge is not counted up, or it would end in bus-off.
+            if sender.state is not NodeState.ERROR_PASSIVE:
+                sender.tec += 8
+                self._tell_error(sender, ErrorCode.ACK, "ack_slot", entry[3])
+                self._update_state(sender, changes)
+            self._suspend(sender, end)
+        self._unacknowledged = False
         self._release(end)
         self._tell(changes)
 
-    def _punish(self, transmitters: list[_Transmission], code: ErrorCode, changes: list[StateChange]) -> None:
-        """Count a failed transmission and queue the frames again."""
-        alive = [(port, entry) for port, entry in transmitters if entry[1] > port.dead_sequence]
-        # An error-passive node that only misses the acknowledge is not counted up, or a lone node would end in bus-off.
-        excused = code is ErrorCode.ACK and all(port.state is NodeState.ERROR_PASSIVE for port, _ in alive)
-        for port, entry in alive:
-            corruptions = entry[5] - 1 if self._forced else entry[5]
-            self._queue(port, (*entry[:5], max(corruptions, 0)))
-            if excused:
-                continue
-            port.tec = min(port.tec + 8, BUS_OFF_LIMIT)
-            if self._history is not None:
-                self._history.emit(
-                    self.name,
-                    "can.bus_error",
-                    port=port.name,
-                    code=code.value,
-                    can_id=entry[3].can_id,
-                    tec=port.tec,
-                )
-            for listener in self.bus_error_listeners:
-                listener(self._end_ns, port.name, code, entry[3])
-            self._update_state(port, changes)
+    def _give_back(self, port: MediumPort, entry: Entry, code: ErrorCode | None) -> None:
+        """Queue a frame again that could not be sent, or give it up; `code` None: it lost the arbitration."""
+        if entry[1] <= port.dead_sequence:
+            return
+        if not port.one_shot:
+            self._queue(port, entry)
+        elif self._history is not None:
+            reason = "ARBITRATION_LOST" if code is None else code.value
+            self._history.emit(
+                self.name, "can.given_up", port=port.name, can_id=entry[3].can_id, reason=reason
+            )
 
-    def _suspend(self, transmitters: list[MediumPort], end_ns: int) -> None:
-        until = end_ns + self._durations[INTERMISSION_BITS + SUSPEND_BITS]
-        for port in transmitters:
-            if port.state is NodeState.ERROR_PASSIVE:
-                port.not_before_ns = until
+    def _tell_error(self, port: MediumPort, code: ErrorCode, field: str, frame: CanFrame | None) -> None:
+        """Tell that `port` has found an error; `frame`: what it was sending."""
+        if self._history is not None:
+            role = {"can_id": frame.can_id, "tec": port.tec} if frame is not None else {"rec": port.rec}
+            self._history.emit(
+                self.name, "can.bus_error", port=port.name, code=code.value, field=field, **role
+            )
+        for listener in tuple(self.bus_error_listeners):
+            listener(self.scheduler.now, port.name, code, frame, field)
+
+    def _suspend(self, sender: MediumPort, end_ns: int) -> None:
+        if sender.state is NodeState.ERROR_PASSIVE:
+            sender.not_before_ns = end_ns + self._durations[INTERMISSION_BITS + SUSPEND_BITS]
 
     def _release(self, end_ns: int) -> None:
         """Leave the frame behind and let the next one come."""
         self._free_ns = free = end_ns + self._intermission_ns
         self._entry = None
-        self._special = True  # so that the state of the segment is looked at again
-        self._forget_trouble()
+        self._open_until_ns = COMMITTED
         if any(port.joining for port in self._nodes):
             for port in self._nodes:
                 port.joining = False
             self._rebuild()
+        else:
+            self._assess()
         if self._backlog:
             self._arbitrate(free)
 
@@ -287,9 +238,13 @@ class ErrorHandling(Arbitration):
         port.overruns += 1
         now = self.scheduler.now
         told = self._overrun_told_ns.get(port.name)
-        if self._history is not None and (told is None or now - told >= _OVERRUN_EVENT_NS):
-            self._overrun_told_ns[port.name] = now
+        if told is not None and now - told < _OVERRUN_EVENT_NS:
+            return
+        self._overrun_told_ns[port.name] = now
+        if self._history is not None:
             self._history.emit(self.name, "can.overrun", port=port.name, count=port.overruns)
+        for listener in tuple(port.on_overrun):
+            listener()
 
     # --------------------------------------------------------------------------------------------- states
 
@@ -328,6 +283,10 @@ class ErrorHandling(Arbitration):
             port.recovery_from_ns = self.scheduler.now
             self._await_recovery(port)
 
+    @abstractmethod
+    def _follow_bitwise(self) -> None:
+        """Follow the bus bit by bit from now on, the frame that is on the wire included."""
+
     def _await_recovery(self, port: MediumPort) -> None:
         """Enter the time at which the bus, staying recessive, completes the sequences that are still missing."""
         missing = (RECOVERY_SEQUENCES - port.recovery_count) * RECOVERY_SEQUENCE_BITS
@@ -352,7 +311,9 @@ class ErrorHandling(Arbitration):
             self._await_recovery(port)
 
     def _recover(self, port: MediumPort) -> None:
-        if self._on_the_wire() and self._start_ns < self.scheduler.now:
+        if port.medium is not self:
+            return  # behind a cable break now
+        if self._bitwise or (self._on_the_wire() and self._start_ns < self.scheduler.now):
             return  # the end of this frame enters a new time
         changes: list[StateChange] = []
         port.tec = port.rec = 0

@@ -10,6 +10,7 @@ from fieldbus.canopen.emcy import EmcyProducer
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.history import History
 
+EMCY_OVERRUN: Final = 0x8110
 EMCY_ERROR_PASSIVE: Final = 0x8120
 EMCY_LIFE: Final = 0x8130
 EMCY_BUS_OFF_RECOVERED: Final = 0x8140
@@ -88,6 +89,11 @@ class CommunicationErrors:
             self.raise_error(EMCY_ERROR_PASSIVE)
         else:
             self._errors.clear(EMCY_ERROR_PASSIVE)
+
+    def overrun(self) -> None:
+        """Report that the CAN controller has lost frames; it is an error of the moment (CANP-058)."""
+        self.raise_error(EMCY_OVERRUN)
+        self._errors.clear(EMCY_OVERRUN)
 
     def _fail(self, reason: str) -> None:
         """Tell the device, then do what 1029h:1 says; without the object Operational is left (C301-113)."""

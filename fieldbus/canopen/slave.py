@@ -37,6 +37,8 @@ from fieldbus.clock import S, Scheduler, Timer
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 
+_OVERRUN_REPORT_NS: Final = 10_000_000  # later than the loss, so that the EMCY finds room itself
+
 if TYPE_CHECKING:
     import canopen
 
@@ -140,6 +142,9 @@ class CanopenSlave(DeviceAccess):
         listeners = getattr(self._port, "on_state", None)
         if isinstance(listeners, list):
             listeners.append(self._controller_state)
+        overruns = getattr(self._port, "on_overrun", None)
+        if isinstance(overruns, list):
+            overruns.append(lambda: scheduler.after(_OVERRUN_REPORT_NS, self._overrun))
         send = self._port.send
         self.errors = EmcyProducer(
             scheduler, store, send, node_id=node_id, set_value=self.set, source=name, history=history
@@ -273,6 +278,10 @@ class CanopenSlave(DeviceAccess):
     def _controller_state(self, old: Enum, new: Enum) -> None:
         if self._powered:
             self._communication.controller_state(old, new)
+
+    def _overrun(self) -> None:
+        if self._powered:
+            self._communication.overrun()
 
     def _boot(self) -> None:
         if self.node_id == UNCONFIGURED:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any, Final, NamedTuple
 
 from fieldbus.can import CanFrame, CanMedium
@@ -139,6 +140,69 @@ def can_frames() -> list[Figure]:
 
         mine, theirs = alternately(ours, peer)
     return [Figure("can_frames_ours", mine, "frames/s"), Figure("can_frames_peer", theirs, "frames/s")]
+
+
+PORTS: Final = (2, 10, 16)
+"""Numbers of ports on one bus that frames are counted with: one sends, all others receive."""
+
+
+def can_ports() -> list[Figure]:
+    """Frames on the wire and frames delivered per second, by the number of ports, with the full medium and its log off.
+
+    A frame counts once on the wire, and once for every port that receives it. The peer is python-can's virtual bus.
+    """
+    figures: list[Figure] = []
+    for count in PORTS:
+        ours, peer = _ports(count)
+        for who, rate in (("ours", ours), ("peer", peer)):
+            figures.append(Figure(f"can_frames_{count}ports_{who}", rate, "frames/s"))
+            figures.append(Figure(f"can_deliveries_{count}ports_{who}", rate * (count - 1), "deliveries/s"))
+    return figures
+
+
+def _ports(count: int) -> tuple[float, float]:
+    """Return frames per second on the wire with `count` ports: ours, python-can's."""
+    import can
+
+    scheduler = VirtualScheduler()
+    medium = CanMedium(scheduler, name=f"benchmark-{count}", keep_log=False)
+    sender = medium.attach("sender", _ignore)
+    received = 0
+
+    def take(_frame: CanFrame, _time_ns: int) -> None:
+        nonlocal received
+        received += 1
+
+    for number in range(1, count):
+        medium.attach(f"receiver {number}", take)
+    payloads = [number.to_bytes(8, "little") for number in range(FRAMES)]
+
+    def ours() -> int:
+        nonlocal received
+        received = 0
+        for payload in payloads:
+            sender.send(CanFrame(0x181, payload))
+            scheduler.run_for(200_000)
+        if received != len(payloads) * (count - 1):
+            raise CannotRunError(f"{received} frames were delivered to {count - 1} ports")
+        return len(payloads)
+
+    with ExitStack() as stack:
+        source, *sinks = [
+            stack.enter_context(can.Bus(interface="virtual", channel=f"hil-benchmark-{count}"))
+            for _ in range(count)
+        ]
+
+        def peer() -> int:
+            few = payloads[: FRAMES // count]
+            for payload in few:
+                source.send(can.Message(arbitration_id=0x181, data=payload, is_extended_id=False))
+                for sink in sinks:
+                    if sink.recv(1.0) is None:
+                        raise CannotRunError("python-can's virtual bus lost a frame")
+            return len(few)
+
+        return alternately(ours, peer)
 
 
 def _ignore(_frame: CanFrame, _time_ns: int) -> None:

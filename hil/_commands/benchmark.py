@@ -5,7 +5,15 @@ from __future__ import annotations
 import gc
 import time
 
-from hil._commands._measurements import Figure, can_frames, position_plans, sdo_uploads, speed, with_axes
+from hil._commands._measurements import (
+    Figure,
+    can_frames,
+    can_ports,
+    position_plans,
+    sdo_uploads,
+    speed,
+    with_axes,
+)
 from hil._commands.terminal import CaseProgress, print_json, quiet_stdout
 from hil.campaign import Campaign, CaseContext, CaseSettings, execute_case
 from hil.errors import CannotRunError
@@ -44,7 +52,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
     from hil.bench import load_bench
 
     figures: list[Figure] = []
-    with quiet_stdout(as_json), CaseProgress(8, "benchmark") as progress:
+    with quiet_stdout(as_json), CaseProgress(9, "benchmark") as progress:
         fast, reference = load_bench("fast").config, load_bench("reference")
         benches = [
             ("sim_factor_1axis_cia402_1ms", fast),
@@ -61,7 +69,13 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
         progress.step(4, "fault cases")
         figures.append(Figure("fault_cases_per_minute", _cases_per_minute(reference), "cases/min"))
         for number, (name, compare) in enumerate(
-            (("CAN frames", can_frames), ("SDO uploads", sdo_uploads), ("position plans", position_plans)), 5
+            (
+                ("CAN frames", can_frames),
+                ("CAN ports", can_ports),
+                ("SDO uploads", sdo_uploads),
+                ("position plans", position_plans),
+            ),
+            5,
         ):
             progress.step(number, name)
             figures.extend(compare())

@@ -5,7 +5,9 @@ from __future__ import annotations
 import difflib
 from typing import Final
 
+from fieldbus.can.bitstream import FIELDS
 from fieldbus.errors import ConfigurationError
+from hil.faults._can_catalogue import CAN_FAULTS
 from hil.faults._catalogue_drive import DRIVE_FAULTS
 from hil.faults._catalogue_machine import MACHINE_FAULTS, MOTOR_ENCODER_FAULTS
 from hil.faults._encoder_kinds import ANY_ENCODER, OWN_DEVICE
@@ -26,6 +28,7 @@ _LOCAL: Final = (
     "on a live bus only frames that a local port sends or receives, or that pass a bridge, can be touched"
 )
 _NO_WIRE: Final = "bit errors need access to the bits of the wire, which a bus adapter does not give"
+_NO_RACE: Final = "a bus adapter cannot start a frame in the very bit in which another node starts"
 
 CATALOGUE: Final[tuple[FaultType, ...]] = (
     FaultType(
@@ -39,8 +42,14 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
         example={"kind": "frame.delay", "duration_s": 0.1, "parameters": {"message": "rpdo1", "delay_s": 0.006}},
     ),
     FaultType(
-        "frame.corrupt", "A bit error on the wire: error frame, then repetition by the sender", "segment", "CAN medium",
-        (*_SELECTION, Parameter("attempts", "int", "Transmission attempts in a row that fail", minimum=1, maximum=255, default=1)),
+        "frame.corrupt", "A bit error at a place of the frame; kind of error and counters follow from the place", "segment", "CAN medium",
+        (
+            *_SELECTION,
+            Parameter("attempts", "int", "Transmission attempts in a row that are hit", minimum=1, maximum=255, default=1),
+            Parameter("field", "text", "Field that is hit; stuff: a stuff bit", default="crc", choices=FIELDS),
+            Parameter("bit", "int", "Number of the bit in the field, MSB first; negative: from its end", minimum=-64, maximum=63, default=-1),
+            Parameter("nodes", "text", "Names of the nodes that read the bit wrongly, with commas between; empty: all", default=""),
+        ),
         refused={"live": _NO_WIRE, "hardware": _NO_WIRE},
         example={"kind": "frame.corrupt", "count": 5, "parameters": {"can_id": 0x181, "attempts": 2}},
     ),
@@ -69,6 +78,23 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
         ),
         example={"kind": "frame.inject", "count": 100, "parameters": {"can_id": 0, "data": "8001"}},
     ),
+    FaultType(
+        "frame.lose_arbitration", "Rivals start together with the frame and win the arbitration", "segment", "CAN medium",
+        (
+            *_SELECTION,
+            Parameter("rivals", "int", "Frames that win in a row", minimum=1, maximum=10_000, default=1),
+            Parameter("rival_id", "int", "Identifier of the rivals", minimum=0, maximum=0x7FF, default=0x001),
+        ),
+        refused={"live": _NO_RACE, "hardware": _NO_RACE},
+        example={"kind": "frame.lose_arbitration", "count": 5, "parameters": {"message": "tpdo1", "rivals": 20}},
+    ),
+    FaultType(
+        "frame.collide", "A second node sends the same identifier with other content at the same time", "segment", "CAN medium",
+        (*_SELECTION, Parameter("data", "text", "Payload of the other, hexadecimal; empty: the inverse", default="")),
+        refused={"live": _NO_RACE, "hardware": _NO_RACE},
+        example={"kind": "frame.collide", "count": 1, "parameters": {"message": "tpdo1"}},
+    ),
+    *CAN_FAULTS,
     *DRIVE_FAULTS,
     *MACHINE_FAULTS,
     *ANY_ENCODER,

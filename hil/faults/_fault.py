@@ -120,14 +120,20 @@ class Fault:
                 "drive.refuse_transition.parameters.transition", values["transition"],
                 ", ".join(map(str, _COMMANDED)),
             )  # fmt: skip
-        if (
-            self.kind == "frame.inject"
-            and not values.get("extended", False)
-            and int(values["can_id"]) > 0x7FF
-        ):
-            raise ConfigurationError(
-                "frame.inject.parameters.can_id", values["can_id"], "0..7FFh, or extended = true"
-            )
+        if self.kind in ("frame.inject", "can.babble", "can.load") and not values.get("extended", False):
+            for name in ("can_id", "lowest_id", "highest_id"):
+                if int(values.get(name, 0)) > 0x7FF:
+                    raise ConfigurationError(
+                        f"{self.kind}.parameters.{name}", values[name], "0..7FFh, or extended = true"
+                    )
+        if self.kind == "can.load":
+            for lower, upper in (("lowest_id", "highest_id"), ("shortest", "longest")):
+                if self.value(lower) > self.value(upper):
+                    raise ConfigurationError(
+                        f"can.load.parameters.{lower}",
+                        self.value(lower),
+                        f"at most {upper} = {self.value(upper)}",
+                    )
 
     @property
     def entry(self) -> FaultType:

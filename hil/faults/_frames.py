@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import seconds_to_ns
+from fieldbus.errors import ConfigurationError
 from hil.faults._actions import Action, refuse_unless_supported
 from hil.faults._fault import Fault, parse_payload
 from hil.faults._trigger import OnFrame
@@ -17,9 +18,13 @@ if TYPE_CHECKING:
 
 Work = Callable[[], None]
 
+_RIVAL: Final = "rival"
+_TWIN: Final = "twin"
 
-def _treatment(fault: Fault) -> Callable[[CanFrame], Any]:
+
+def _treatment(fault: Fault, segment: Any) -> Callable[[CanFrame], Any]:
     """Return what is done to a frame that is hit."""
+    from fieldbus.can.bitstream import BitError
     from fieldbus.can.frame import CanFrame
     from fieldbus.can.hooks import HookResult
 
@@ -29,7 +34,13 @@ def _treatment(fault: Fault) -> Callable[[CanFrame], Any]:
         case "frame.delay":
             fixed = HookResult.delay(seconds_to_ns(fault.value("delay_s")))
         case "frame.corrupt":
-            fixed = HookResult.corrupt(fault.value("attempts"))
+            names = [name.strip() for name in str(fault.value("nodes")).split(",") if name.strip()]
+            known = [port.name for port in segment.ports]
+            for name in names:
+                if name not in known:
+                    raise ConfigurationError("frame.corrupt.parameters.nodes", name, ", ".join(known))
+            error = BitError(fault.value("field"), fault.value("bit"), frozenset(names) if names else None)
+            fixed = HookResult.corrupt(fault.value("attempts"), error)
         case "frame.duplicate":
             fixed = HookResult.duplicate(fault.value("copies"))
         case "frame.length":
@@ -37,6 +48,22 @@ def _treatment(fault: Fault) -> Callable[[CanFrame], Any]:
             return lambda frame: HookResult.replace(
                 CanFrame(frame.can_id, frame.data[:length].ljust(length, b"\0"), extended=frame.extended)
             )
+        case "frame.lose_arbitration":
+            rival = CanFrame(fault.value("rival_id"))
+
+            def outdo(_frame: CanFrame) -> None:
+                for _ in range(fault.value("rivals")):
+                    segment.inject(rival, sender=_RIVAL)
+
+            return outdo
+        case "frame.collide":
+            given = parse_payload("frame.collide.parameters.data", fault.value("data"))
+
+            def collide(frame: CanFrame) -> None:
+                data = given or bytes(byte ^ 0xFF for byte in frame.data)
+                segment.inject(CanFrame(frame.can_id, data, extended=frame.extended), sender=_TWIN)
+
+            return collide
         case _:
             data = parse_payload("frame.replace.parameters.data", fault.value("data"))
             return lambda frame: HookResult.replace(CanFrame(frame.can_id, data, extended=frame.extended))
@@ -51,7 +78,7 @@ def selected_identifier(bench: Bench, fault: Fault) -> tuple[int, int]:
 
 
 class FrameAction(Action):
-    """Drop, delay, corrupt, duplicate, cut or replace the frames that the parameters select.
+    """Do something to the frames that the parameters select.
 
     Args:
         bench: The bench.
@@ -77,7 +104,7 @@ class FrameAction(Action):
         self._bench = bench
         self._ended = ended
         self._note = note
-        self._treat = _treatment(fault)
+        self._treat = _treatment(fault, self._segment)
         self._can_id, self._mask = selected_identifier(bench, fault)
         self._sender: str = value("sender")
         self._first: int = value("first")

@@ -11,6 +11,7 @@ from hil.faults._fault import Fault
 from hil.faults._frames import FrameAction, InjectAction
 from hil.faults._kernel import KernelFrameAction
 from hil.faults._parameters import Scalar
+from hil.faults._segment import segment_action
 from hil.faults._trigger import Immediately, OnFrame, Trigger, as_trigger
 from hil.faults._watch import Stop, watch
 from hil.protocols import Bench
@@ -51,6 +52,8 @@ class ArmedFault:
             if getattr(self._bench.segment(self.fault.target or None), "kernel", None) is not None:
                 return KernelFrameAction(self._bench, self.fault, self._hit)
             return FrameAction(self._bench, self.fault, stream, self._ended, self._hit)
+        if kind.startswith("can."):
+            return segment_action(self._bench, self.fault, stream)
         if kind == "axis.alarm":
             return alarm_action(self._bench, self.fault)
         if kind.startswith("encoder."):

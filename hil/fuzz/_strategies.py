@@ -59,6 +59,9 @@ def _selection(messages: Sequence[str]) -> SearchStrategy[dict[str, Any]]:
     )
 
 
+_OF_THE_BUS = ("can.noise", "can.load")
+
+
 def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
     """Return the parameters of a kind besides the choice of frames."""
     inputs = st.sampled_from(["negative_limit", "positive_limit", "home"])
@@ -77,6 +80,9 @@ def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
             }
         ),
         "drive.refuse_transition": st.fixed_dictionaries({"transition": st.sampled_from([2, 3, 4, 15, 16])}),
+        "frame.lose_arbitration": st.fixed_dictionaries({"rivals": st.integers(1, 40)}),
+        "can.noise": st.fixed_dictionaries({"bit_error_rate": _grid(1, 10, 0.0001)}),
+        "can.load": st.fixed_dictionaries({"load_percent": _grid(1, 9, 10.0)}),
         "drive.fault": st.fixed_dictionaries({"code": st.sampled_from(_EMCY), "persistent": st.booleans()}),
         "switch.press": st.fixed_dictionaries({"input": inputs}),
         "switch.stuck": st.fixed_dictionaries({"input": inputs, "state": st.booleans()}),
@@ -134,7 +140,11 @@ which no invariant can hold."""
 
 
 def fault_kinds(bench: Any) -> list[str]:
-    """Return the kinds of the catalogue that a bench can inject."""
+    """Return the kinds of the catalogue that a bench can inject and that leave the drive to its controller.
+
+    Of the faults of the segment as a whole only noise and load are drawn; the others need the name of a node, or silence the
+    bus for so long that nothing is left to be seen. A twin node would command the drive like a foreign controller.
+    """
     where = environment(bench, bench.drive())
     has_alarms = hasattr(bench.axis(), "alarms")
     return [
@@ -145,6 +155,8 @@ def fault_kinds(bench: Any) -> list[str]:
         and entry.name not in NOT_FUZZED
         and entry.name not in _LIES
         and offered(bench.drive(), entry.name)
+        and (not entry.name.startswith("can.") or entry.name in _OF_THE_BUS)
+        and entry.name != "frame.collide"
     ]
 
 

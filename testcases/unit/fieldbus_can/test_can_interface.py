@@ -304,7 +304,7 @@ def test_error_frames(scheduler, medium, node):
         error = bus.recv(1.0)
         assert error.is_error_frame
         assert error.arbitration_id == 0x088  # CAN_ERR_PROT | CAN_ERR_BUSERROR
-        assert (error.data[2], error.data[7]) == (0x01, 0x01)  # bit error, receive error counter
+        assert (error.data[2], error.data[3]) == (0x01, 0x08)  # bit error of another node, in the CRC
         assert bus.recv(1.0).arbitration_id == 0x100
         remove()
         bus.port.set_error_counters(tec=256)

@@ -6,6 +6,7 @@ import itertools
 
 import pytest
 
+from fieldbus.can import CanFrame
 from fieldbus.canopen import AbortCode, NmtCommand, NmtState
 
 OWN = 0x705
@@ -192,7 +193,7 @@ def test_error_behaviour_to_pre_operational_only_from_operational(bench):
     assert bench.slave.nmt_state == NmtState.STOPPED
 
 
-@pytest.mark.requirement("C301-113", "C301-124")
+@pytest.mark.requirement("C301-113", "C301-124", "CANP-058")
 def test_bus_off_is_a_communication_error(bench):
     """When the CAN controller goes bus-off the device is told and 1029h acts; coming back sends EMCY 8140h."""
     reasons = []
@@ -209,7 +210,7 @@ def test_bus_off_is_a_communication_error(bench):
     assert bench.slave.errors.register == 0
 
 
-@pytest.mark.requirement("C301-122")
+@pytest.mark.requirement("C301-122", "CANP-058")
 def test_error_passive_is_reported(bench):
     """EMCY 8120h tells that the controller is error passive; it ends when the counters have fallen."""
     port = next(port for port in bench.segment.ports if port.name == "drive1")
@@ -219,6 +220,20 @@ def test_error_passive_is_reported(bench):
     assert bench.take(EMCY)[0][:3] == bytes.fromhex("20 81 11")
     for _ in range(5):
         bench.read(0x1000)
+    assert bench.slave.errors.active == {}
+
+
+@pytest.mark.requirement("CANP-058", "C301-121")
+def test_overrun_is_reported_when_there_is_room_again(bench):
+    """Frames that did not fit the transmit queue are told by EMCY 8110h a little later, once, and it ends at once."""
+    port = next(port for port in bench.segment.ports if port.name == "drive1")
+    port.tx_buffers = 2
+    bench.take()
+    for number in range(8):
+        port.send(CanFrame(0x7F0, bytes([number])))
+    assert port.overruns > 0
+    bench.run(50)
+    assert [data[:2].hex() for data in bench.take(EMCY)] == ["1081", "0000"]
     assert bench.slave.errors.active == {}
 
 

@@ -1,0 +1,112 @@
+"""A classical CAN frame bit by bit: which field every bit of the wire belongs to, and which bits are stuff bits.
+
+For what happens inside of a frame; the length alone is `fieldbus.can.timing.frame_bits`, which is faster.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Final
+
+from fieldbus.can.frame import CanFrame
+from fieldbus.can.timing import INTERMISSION_BITS, TAIL_BITS, wire_bits
+from fieldbus.errors import BusError
+
+_STANDARD: Final = (("sof", 1), ("id", 11), ("rtr", 1), ("ide", 1), ("reserved", 1), ("dlc", 4))
+_EXTENDED: Final = (
+    ("sof", 1), ("id", 11), ("srr", 1), ("ide", 1), ("id_extension", 18), ("rtr", 1), ("reserved", 2), ("dlc", 4),
+)  # fmt: skip
+_TAIL: Final = (
+    ("crc_delimiter", 1), ("ack_slot", 1), ("ack_delimiter", 1), ("eof", 7), ("intermission", INTERMISSION_BITS),
+)  # fmt: skip
+
+FIELDS: Final = (
+    "sof", "id", "srr", "ide", "id_extension", "rtr", "reserved", "dlc", "data", "crc", "stuff",
+    "crc_delimiter", "ack_slot", "ack_delimiter", "eof", "intermission",
+)  # fmt: skip
+"""The fields that a bit error can be aimed at, in the order of the wire; `stuff` counts the stuff bits (CANP-001..008)."""
+
+
+class FrameImage:
+    """The bits of a frame on the wire, from SOF to the last bit of the stuffed region, and where its fields are.
+
+    Args:
+        frame: The frame.
+
+    """
+
+    __slots__ = ("arbitration_end", "bits", "places", "stuff")
+
+    def __init__(self, frame: CanFrame) -> None:
+        self.bits: Final = wire_bits(frame)
+        """0 dominant, 1 recessive, stuff bits included."""
+        fields = [name for name, width in (_EXTENDED if frame.extended else _STANDARD) for _ in range(width)]
+        fields += ["data"] * (8 * len(frame.data)) + ["crc"] * 15
+        places: dict[str, list[int]] = {name: [] for name in FIELDS}
+        stuff: list[int] = []
+        last, run, taken = -1, 0, 0
+        for index, bit in enumerate(self.bits):
+            if run == 5:
+                stuff.append(index)
+                run = 1
+            else:
+                places[fields[taken]].append(index)
+                taken += 1
+                run = run + 1 if bit == last else 1
+            last = bit
+        places["stuff"] = stuff
+        index = len(self.bits)
+        for name, width in _TAIL:
+            places[name] = list(range(index, index + width))
+            index += width
+        assert index == len(self.bits) + TAIL_BITS + INTERMISSION_BITS
+        self.places: Final = places
+        """Positions on the wire by field."""
+        self.stuff: Final = frozenset(stuff)
+        self.arbitration_end: Final = places["rtr"][0] + 1
+        """Number of bits from SOF to RTR: who reads dominant for recessive before it has lost the arbitration."""
+
+    def position(self, field: str, bit: int) -> int | None:
+        """Return the position on the wire of bit `bit` of `field` (-1: its last); None when this frame has no such bit."""
+        places = self.places[field]
+        return places[bit] if -len(places) <= bit < len(places) else None
+
+
+@lru_cache(maxsize=512)
+def image_of(frame: CanFrame) -> FrameImage:
+    """Return the image of `frame`.
+
+    Raises:
+        BusError: It is no classical CAN frame.
+
+    """
+    return FrameImage(frame)
+
+
+class BitError:
+    """One wrong bit in a frame: where, and who reads it wrongly.
+
+    Args:
+        field: One of `FIELDS`.
+        bit: Number of the bit in the field from 0 on, MSB first; -1 is the last one.
+        nodes: Names of the nodes that read the bit inverted; None: all, the transmitter included.
+
+    Raises:
+        BusError: There is no such field, or no field has such a bit.
+
+    """
+
+    __slots__ = ("bit", "field", "nodes")
+
+    def __init__(self, field: str = "crc", bit: int = -1, nodes: frozenset[str] | None = None) -> None:
+        if field not in FIELDS:
+            raise BusError(f"{field!r} is no field of a frame; fields: {', '.join(FIELDS)}")
+        if not -64 <= bit < 64:
+            raise BusError(f"bit {bit} of a field is outside -64..63")
+        self.field: Final = field
+        self.bit: Final = bit
+        self.nodes: Final = nodes
+
+    def __repr__(self) -> str:
+        who = "all" if self.nodes is None else ", ".join(sorted(self.nodes))
+        return f"<BitError {self.field} bit {self.bit} for {who}>"

@@ -1,0 +1,265 @@
+"""Faults of the segment as a whole and of the CAN controllers on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from fieldbus.clock import S, seconds_to_ns
+from fieldbus.errors import BusError, ConfigurationError, UnsupportedFaultError
+from hil.faults._actions import Action, refuse_unless_supported
+from hil.faults._fault import Fault, parse_payload
+from hil.protocols import Bench
+
+if TYPE_CHECKING:
+    from fieldbus.can import CanFrame, MediumPort
+
+_LOAD_NODE: Final = "load"
+_QUEUED_AHEAD: Final = 2
+
+
+def _names(fault: Fault) -> list[str]:
+    return [name.strip() for name in str(fault.value("nodes")).split(",") if name.strip()]
+
+
+def _ports(segment: Any, fault: Fault) -> list[MediumPort]:
+    """Return the nodes that a fault names; all if it names none."""
+    ports: list[MediumPort] = list(segment.ports)
+    if not any(parameter.name == "nodes" for parameter in fault.entry.parameters):
+        wanted = [str(fault.value("node"))]
+    else:
+        wanted = _names(fault) or [port.name for port in ports]
+    by_name = {port.name: port for port in ports}
+    for name in wanted:
+        if name not in by_name:
+            where = "node" if "node" in fault.parameters else "nodes"
+            raise ConfigurationError(
+                f"{fault.kind}.parameters.{where}", name, ", ".join(by_name) or "no nodes"
+            )
+    return [by_name[name] for name in wanted]
+
+
+def segment_action(bench: Bench, fault: Fault, stream: str) -> Action:
+    """Return the action of a `can.` fault.
+
+    Args:
+        bench: The bench.
+        fault: What to do.
+        stream: Name of the random stream of this fault.
+
+    Raises:
+        UnsupportedFaultError: The segment is not virtual.
+        ConfigurationError: A node that the segment does not have.
+
+    """
+    segment = bench.segment(fault.target or None)
+    refuse_unless_supported(bench, fault, segment)
+    if not hasattr(segment, "flip_bit"):
+        raise UnsupportedFaultError(f"{fault.kind} cannot be injected: {segment.name} is no virtual segment")
+    value = fault.value
+    match fault.kind:
+        case "can.noise":
+            return _Noise(bench, segment, fault, stream)
+        case "can.stuck_dominant" | "can.stuck_recessive":
+            level = int(fault.kind == "can.stuck_recessive")
+            return Action(segment.name, lambda: segment.hold_level(level), lambda: segment.hold_level(None))
+        case "can.cable_break" | "can.unplug":
+            return _Break(segment, _ports(segment, fault))
+        case "can.babble":
+            return _Babble(bench, segment, fault)
+        case "can.load":
+            return _Load(bench, segment, fault, stream)
+        case "can.no_ack":
+            return _each(segment, _ports(segment, fault), lambda port, on: port.set_acknowledge(not on))
+        case "can.wrong_bitrate":
+            rate = value("bitrate")
+            return _each(
+                segment, _ports(segment, fault), lambda port, on: port.set_bitrate(rate if on else None)
+            )
+        case "can.overload":
+            frames = value("frames")
+            return _each(
+                segment,
+                _ports(segment, fault),
+                lambda port, on: port.set_overload_frames(frames if on else 0),
+            )
+        case "can.receive_delay":
+            delay_ns = seconds_to_ns(value("delay_s"))
+
+            def delay(port: MediumPort, on: bool) -> None:
+                port.receive_delay_ns = delay_ns if on else 0
+
+            return _each(segment, _ports(segment, fault), delay)
+        case "can.transmit_overrun":
+            return _ShortQueue(segment, _ports(segment, fault)[0], value("buffers"))
+        case "can.bus_off":
+            return _BusOff(segment, _ports(segment, fault)[0], automatic=value("recovery") == "automatic")
+    raise UnsupportedFaultError(f"{fault.kind} has no action at a segment")
+
+
+def _each(segment: Any, ports: list[MediumPort], change: Callable[[MediumPort, bool], object]) -> Action:
+    def switch(on: bool) -> None:
+        for port in ports:
+            if not port.detached:
+                change(port, on)
+
+    return Action(segment.name, lambda: switch(True), lambda: switch(False))
+
+
+class _Break(Action):
+    """Cuts the cable, and mends it."""
+
+    __slots__ = ("_mend", "_ports", "_segment")
+
+    def __init__(self, segment: Any, ports: list[MediumPort]) -> None:
+        super().__init__(segment.name, self._cut, self._join)
+        self._segment = segment
+        self._ports = ports
+        self._mend: Callable[[], None] | None = None
+
+    def _cut(self) -> None:
+        try:
+            self._mend = self._segment.cut([port.name for port in self._ports])
+        except BusError as error:
+            raise UnsupportedFaultError(f"the cable cannot be broken there: {error}") from error
+
+    def _join(self) -> None:
+        if self._mend is not None:
+            self._mend()
+            self._mend = None
+
+
+class _BusOff(Action):
+    """Puts a node into bus-off."""
+
+    __slots__ = ("_automatic", "_port", "_was_automatic")
+
+    def __init__(self, segment: Any, port: MediumPort, *, automatic: bool) -> None:
+        super().__init__(segment.name, self._switch_off, self._recover)
+        self._port = port
+        self._automatic = automatic
+        self._was_automatic = port.auto_recovery
+
+    def _switch_off(self) -> None:
+        self._was_automatic = self._port.auto_recovery
+        self._port.auto_recovery = self._automatic
+        self._port.set_error_counters(tec=256)
+
+    def _recover(self) -> None:
+        self._port.auto_recovery = self._was_automatic
+        self._port.recover()
+
+
+class _ShortQueue(Action):
+    """Leaves a node a few transmit buffers only."""
+
+    __slots__ = ("_buffers", "_port", "_usual")
+
+    def __init__(self, segment: Any, port: MediumPort, buffers: int) -> None:
+        super().__init__(segment.name, self._shorten, self._restore)
+        self._port = port
+        self._buffers = buffers
+        self._usual = port.tx_buffers
+
+    def _shorten(self) -> None:
+        self._usual = self._port.tx_buffers
+        self._port.tx_buffers = self._buffers
+
+    def _restore(self) -> None:
+        self._port.tx_buffers = self._usual
+
+
+class _Noise(Action):
+    """Inverts bits at random; the distance of two wrong bits has a geometric distribution."""
+
+    __slots__ = ("_bench", "_names", "_rate", "_rng", "_segment", "_timer")
+
+    def __init__(self, bench: Bench, segment: Any, fault: Fault, stream: str) -> None:
+        super().__init__(segment.name, self._next, self._stop)
+        self._bench = bench
+        self._segment = segment
+        self._rate = float(fault.value("bit_error_rate"))
+        self._names = [port.name for port in _ports(segment, fault)] if _names(fault) else None
+        self._rng = bench.rng(stream)
+        self._timer: Any = None
+
+    def _next(self) -> None:
+        bits = int(self._rng.geometric(self._rate))
+        self._timer = self._bench.scheduler.after(bits * S // self._segment.bitrate, self._flip)
+
+    def _flip(self) -> None:
+        self._segment.flip_bit(self._names)
+        self._next()
+
+    def _stop(self) -> None:
+        self._timer.cancel()
+
+
+class _Babble(Action):
+    """Keeps a foreign node's queue filled."""
+
+    __slots__ = ("_bench", "_frame", "_node", "_period_ns", "_segment", "_timer")
+
+    def __init__(self, bench: Bench, segment: Any, fault: Fault) -> None:
+        from fieldbus.can import CanFrame, frame_time_ns
+
+        super().__init__(segment.name, self._begin, self._stop)
+        self._bench = bench
+        self._segment = segment
+        self._node = str(fault.value("node"))
+        data = parse_payload("can.babble.parameters.data", fault.value("data"))
+        self._frame = CanFrame(fault.value("can_id"), data, extended=fault.value("extended"))
+        self._period_ns = frame_time_ns(self._frame, segment.bitrate)
+        self._timer: Any = None
+
+    def _begin(self) -> None:
+        for _ in range(_QUEUED_AHEAD):
+            self._segment.inject(self._frame, sender=self._node)
+        self._send()
+
+    def _send(self) -> None:
+        if self._segment.injected(self._node) < _QUEUED_AHEAD:
+            self._segment.inject(self._frame, sender=self._node)
+        self._timer = self._bench.scheduler.after(self._period_ns, self._send)
+
+    def _stop(self) -> None:
+        self._timer.cancel()
+        self._segment.withdraw(self._node)
+
+
+class _Load(Action):
+    """A foreign node that sends random frames; each is followed by as much time as makes the load."""
+
+    __slots__ = ("_bench", "_extended", "_ids", "_lengths", "_rng", "_segment", "_share", "_timer")
+
+    def __init__(self, bench: Bench, segment: Any, fault: Fault, stream: str) -> None:
+        super().__init__(segment.name, self._send, self._stop)
+        value = fault.value
+        self._bench = bench
+        self._segment = segment
+        self._share = float(value("load_percent")) / 100.0
+        self._ids = int(value("lowest_id")), int(value("highest_id"))
+        self._lengths = int(value("shortest")), int(value("longest"))
+        self._extended = bool(value("extended"))
+        self._rng = bench.rng(stream)
+        self._timer: Any = None
+
+    def _send(self) -> None:
+        from fieldbus.can import frame_time_ns
+
+        frame = self._draw()
+        self._segment.inject(frame, sender=_LOAD_NODE)
+        pause = round(frame_time_ns(frame, self._segment.bitrate) / self._share)
+        self._timer = self._bench.scheduler.after(pause, self._send)
+
+    def _draw(self) -> CanFrame:
+        from fieldbus.can import CanFrame
+
+        rng = self._rng
+        can_id = int(rng.integers(self._ids[0], self._ids[1] + 1))
+        data = rng.bytes(int(rng.integers(self._lengths[0], self._lengths[1] + 1)))
+        return CanFrame(can_id, data, extended=self._extended)
+
+    def _stop(self) -> None:
+        self._timer.cancel()
+        self._segment.withdraw(_LOAD_NODE)
