@@ -35,7 +35,7 @@ class FrameImage:
 
     """
 
-    __slots__ = ("arbitration_end", "bits", "places", "stuff")
+    __slots__ = ("arbitration_end", "bits", "fields", "places", "stuff")
 
     def __init__(self, frame: CanFrame) -> None:
         self.bits: Final = wire_bits(frame)
@@ -44,6 +44,7 @@ class FrameImage:
         fields += ["data"] * (8 * len(frame.data)) + ["crc"] * 15
         places: dict[str, list[int]] = {name: [] for name in FIELDS}
         stuff: list[int] = []
+        along: list[str] = []
         last, run, taken = -1, 0, 0
         for index, bit in enumerate(self.bits):
             if run == 5:
@@ -53,8 +54,11 @@ class FrameImage:
                 places[fields[taken]].append(index)
                 taken += 1
                 run = run + 1 if bit == last else 1
+            along.append(fields[taken - 1])
             last = bit
         places["stuff"] = stuff
+        self.fields: Final = tuple(along)
+        """Name of the field of every bit; a stuff bit belongs to that of the bit before."""
         index = len(self.bits)
         for name, width in _TAIL:
             places[name] = list(range(index, index + width))

@@ -24,7 +24,7 @@ from fieldbus.can.confinement import (
     rec_after_reception,
 )
 from fieldbus.can.frame import CanFrame
-from fieldbus.can.parser import CRC_BITS, FrameParser
+from fieldbus.can.parser import FrameParser
 from fieldbus.can.port import Entry, MediumPort
 from fieldbus.can.timing import INTERMISSION_BITS
 
@@ -322,15 +322,9 @@ class Controller(FrameParser):
         """Return the name of the field of the present bit."""
         step = self.step
         if step == self.frame:
-            taken = self.taken
-            if taken <= 1:
-                return "sof"
-            for name, end in (("id", 12), ("rtr", 13), ("ide", 14)):
-                if taken <= end:
-                    return name
-            if taken <= self.header:
-                return "dlc" if taken > self.header - 4 else "id_extension"
-            return "data" if taken <= self.total - CRC_BITS else "crc"
+            if self.image is not None:
+                return self.image.fields[self.index - 1]
+            return self.field()
         return _FIELD_OF_STATE.get(step.__name__, "")
 
     def _fail(self, code: ErrorCode, *, excused: bool = False, in_flag: bool = False) -> None:

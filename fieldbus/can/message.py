@@ -27,7 +27,7 @@ _SENDING: Final = 0x80
 _CRC_LOCATION: Final = 0x08
 _ACK_LOCATION: Final = 0x19
 _LOCATIONS: Final = {
-    "sof": 0x03, "id": 0x02, "srr": 0x04, "rtr": 0x0C, "ide": 0x05, "id_extension": 0x07, "dlc": 0x0B, "data": 0x0A,
+    "sof": 0x03, "id": 0x02, "srr": 0x04, "rtr": 0x0C, "ide": 0x05, "id_extension": 0x07, "reserved": 0x09, "dlc": 0x0B, "data": 0x0A,
     "crc": _CRC_LOCATION, "crc_delimiter": 0x18, "ack_slot": _ACK_LOCATION, "ack_delimiter": 0x1B, "eof": 0x1A,
 }  # fmt: skip
 

@@ -12,6 +12,10 @@ _STANDARD_HEADER: Final = 19  # SOF to DLC
 _EXTENDED_HEADER: Final = 39
 _IDE_COUNT: Final = 14  # bits from SOF to IDE
 _NO_TOTAL: Final = 1 << 20
+_STANDARD_ENDS: Final = (("sof", 1), ("id", 12), ("rtr", 13), ("ide", 14), ("reserved", 15), ("dlc", 19))
+_EXTENDED_ENDS: Final = (
+    ("sof", 1), ("id", 12), ("srr", 13), ("ide", 14), ("id_extension", 32), ("rtr", 33), ("reserved", 35), ("dlc", 39),
+)  # fmt: skip
 
 
 class FrameParser:
@@ -45,6 +49,14 @@ class FrameParser:
             remote = value >> 6 & 1
             length = 0 if remote else min(value & 0xF, 8)
             self.total = taken + 8 * length + CRC_BITS
+
+    def field(self) -> str:
+        """Return the name of the field of the last bit; see `fieldbus.can.bitstream.FIELDS`."""
+        extended = self.header == _EXTENDED_HEADER
+        for name, end in _EXTENDED_ENDS if extended else _STANDARD_ENDS:
+            if self.taken <= end:
+                return name
+        return "data" if self.taken <= self.total - CRC_BITS else "crc"
 
     def received_frame(self) -> CanFrame:
         """Return what has been received."""

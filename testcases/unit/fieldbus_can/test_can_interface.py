@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import can
 import pytest
 
-from fieldbus.can import CanFrame, CanMedium, HookResult, NodeState, frame_bits, register_segment
+from fieldbus.can import BitError, CanFrame, CanMedium, HookResult, NodeState, frame_bits, register_segment
 from fieldbus.can.interface import HilBus
 from fieldbus.clock import MS, US, RealtimeScheduler, S, VirtualScheduler
 
@@ -410,3 +410,24 @@ def test_bus_keeps_the_segment_alive_but_the_registry_does_not(scheduler):
     with can.Bus(interface="hil", channel="short-lived") as other:
         assert other.segment is bus.segment
     bus.shutdown()
+
+
+@pytest.mark.requirement("CANP-059")
+@pytest.mark.parametrize(
+    ("field", "bit", "kind", "place"),
+    [
+        ("id", 2, 0x01, 0x02), ("reserved", 0, 0x01, 0x09), ("dlc", 0, 0x01, 0x0B), ("data", 5, 0x01, 0x0A), ("crc", 1, 0x01, 0x08),
+        ("crc_delimiter", 0, 0x02, 0x18), ("ack_delimiter", 0, 0x02, 0x1B), ("eof", 0, 0x02, 0x1A),
+    ],
+)  # fmt: skip
+def test_error_frames_tell_kind_and_place_as_socketcan_does(medium, node, field, bit, kind, place):
+    """An error while sending carries CAN_ERR_PROT_TX, the kind, the place in the frame and the counters."""
+    with can.Bus(interface="hil", channel=medium, error_frames=True) as bus:
+        medium.add_hook(lambda frame, sender, time_ns: HookResult.corrupt(1, BitError(field, bit)))
+        bus.send(message(0x2AA, b"\x55\x55"))
+        error = bus.recv(1.0)
+        assert error.is_error_frame
+        assert error.arbitration_id == 0x088
+        assert (error.data[2], error.data[3], error.data[6]) == (0x80 | kind, place, 8)
+        assert bus.recv(0.1) is None
+    assert node.frames == [CanFrame(0x2AA, b"\x55\x55")]
