@@ -5,7 +5,7 @@ from __future__ import annotations
 from emulators.drive.brake import HoldingBrake
 from emulators.drive.core import ServoCore, ServoTuning
 from emulators.drive.protection import WindowTimer
-from emulators.drive.ramp import PositionProfile
+from emulators.drive.ramp import PositionProfile, ProfileForm, RampShape
 from emulators.drive.supply import DcLink, SupplyConfig
 from emulators.drive.thermal import ThermalConfig, ThermalModel, ThermalNode
 
@@ -13,6 +13,8 @@ __all__ = [
     "DcLink",
     "HoldingBrake",
     "PositionProfile",
+    "ProfileForm",
+    "RampShape",
     "ServoCore",
     "ServoTuning",
     "SupplyConfig",

@@ -68,6 +68,7 @@ class ServoState:
         "_step_mechanics",
         "_stop_pending",
         "_stop_steps",
+        "_torque",
         "_tracks_position",
         "_velocity_source",
         "_velocity_step",
@@ -159,7 +160,7 @@ class ServoState:
         self._model = self._predicted = 0.0
         self._velocity_target = self._velocity_step = self._braking_step = 0.0
         self._next_position = self._position_target = self.position
-        self._ramped_velocity = 0.0
+        self._ramped_velocity = self._torque = 0.0
         self._left = self._coast = self._coast_length = 0
         self._tracks_position = False
         self._stop_pending = False
@@ -208,6 +209,13 @@ class ServoState:
         return self._next_position if self.controls_position else self.position
 
     @property
+    def position_ahead(self) -> float:
+        """Where the demand, or an axis without position control, will be at the next servo instant, rad."""
+        if self.controls_position:
+            return self._next_position
+        return self.position + self.velocity * self._period
+
+    @property
     def interpolating(self) -> bool:
         """Whether the last `command_velocity` or `command_position` is still on its way."""
         return self._left > 0
@@ -221,6 +229,16 @@ class ServoState:
     def precontrol_velocity(self) -> float:
         """Velocity demand without the position controller's part, rad/s."""
         return self._feedforward
+
+    @property
+    def commanded_torque(self) -> float:
+        """Present value of the torque command without the offset, Nm; meaningful in torque control."""
+        return self._torque
+
+    @property
+    def controls_torque(self) -> bool:
+        """Whether the torque is commanded."""
+        return self._source == TORQUE
 
     @property
     def stopping(self) -> bool:

@@ -22,6 +22,8 @@ All quantities are those of the motor shaft: rad, rad/s, Nm, as the encoder show
 
 from __future__ import annotations
 
+import math
+
 from emulators.drive._servo_state import POSITION, PROFILE, RAMP, SMOOTHED, TORQUE, VELOCITY, ServoState
 from emulators.drive.ramp import PositionProfile
 from emulators.drive.tuning import RPM, ServoTuning
@@ -124,11 +126,31 @@ class ServoCore(ServoState):
             self._profile.reset(self._next_position, self._feedforward)
         return self._profile
 
-    def command_torque(self, torque_Nm: float) -> None:
-        """Control the torque, limited by torque and speed limits; Nm."""
+    def command_torque(self, torque_Nm: float, steps: int = 1) -> None:
+        """Control the torque, limited by torque and speed limits.
+
+        Args:
+            torque_Nm: Torque, Nm.
+            steps: Servo steps within which it is reached linearly; 1 = with the next one.
+
+        """
         if self._source != TORQUE:
+            present = self.torque_demand - self.torque_offset
             self._take_over(TORQUE)
+            self._torque = present
+        self._stop_pending = False
         self._velocity_target = torque_Nm
+        self._velocity_step = (torque_Nm - self._torque) / steps
+        self._left = steps
+
+    def limited_torque(self, torque_Nm: float) -> float:
+        """Return a torque within the torque limits, Nm."""
+        return min(max(torque_Nm, self._limit_low), self._limit_high)
+
+    def take_torque_offset(self, torque_Nm: float) -> None:
+        """Replace the additive torque without changing the torque: the integral part takes the difference, Nm."""
+        self._integral += self.torque_offset - torque_Nm
+        self.torque_offset = torque_Nm
 
     def ramp(
         self,
@@ -165,6 +187,13 @@ class ServoCore(ServoState):
         self.ramp(0.0, slope, track_position=track_position)
         self._stop_pending = True
         self._standing_steps = self._stop_steps = 0
+
+    def stop_torque(self, slope: float) -> None:
+        """Take the torque to zero with a slope (Nm/s) and report by `on_standstill` when it is; the axis coasts."""
+        present = self._torque if self._source == TORQUE else self.torque_demand - self.torque_offset
+        steps = abs(present) / (slope * self._period) if slope > 0.0 else 0.0
+        self.command_torque(0.0, max(1, math.ceil(steps - 1e-9)))
+        self._stop_pending = True
 
     # -- one servo step ----------------------------------------------------------------------------------------
 
@@ -281,6 +310,12 @@ class ServoCore(ServoState):
             correction = 0.0
             new = old + (self._ramped_velocity - old) * self._reference_share
         else:
+            left = self._left
+            if left:
+                self._left = left = left - 1
+                self._torque = self._torque + self._velocity_step if left else self._velocity_target
+            elif self._stop_pending:
+                self._end_stop()
             self.position_demand = angle
             self.velocity_demand = self.velocity
             return self.velocity, self.velocity
@@ -305,7 +340,7 @@ class ServoCore(ServoState):
         return new if new > target else target  # noqa: FURB136 - as above
 
     def _torque_command(self, velocity: float) -> float:
-        torque = self._velocity_target + self.torque_offset
+        torque = self._torque + self.torque_offset
         high = self._proportional_gain * (self._speed_limit - velocity)
         low = -self._proportional_gain * (self._speed_limit + velocity)
         self.speed_limited = not low <= torque <= high
@@ -321,16 +356,19 @@ class ServoCore(ServoState):
             self._standing_steps > self.standstill_steps
             or self._stop_steps * self._period >= self.tuning.standstill_timeout_s
         ):
-            self._stop_pending = False
-            if self.on_standstill is not None:
-                self.on_standstill()
+            self._end_stop()
+
+    def _end_stop(self) -> None:
+        self._stop_pending = False
+        if self.on_standstill is not None:
+            self.on_standstill()
 
     def _take_over(self, source: int) -> None:
         """Change the setpoint source without a bump."""
         previous = self._source
         if previous == TORQUE:
             self._feedforward = self._middle = self._model = self._predicted = self.velocity
-            self._integral = self.torque_demand
+            self._integral = self.torque_demand - self.torque_offset
             self.speed_limited = False
         if not self.controls_position:
             # The next servo instant finds the axis one period further on.
@@ -345,7 +383,7 @@ class ServoCore(ServoState):
         self._left = self._coast = self._coast_length = 0
         self._stop_pending = False
         self._integral = self._feedforward = self._middle = self._model = self._predicted = 0.0
-        self._velocity_target = self.velocity_demand = self._ramped_velocity = 0.0
+        self._velocity_target = self.velocity_demand = self._ramped_velocity = self._torque = 0.0
         self.position_demand = self._next_position = self.position
         self.torque_offset = 0.0
         self.torque_limited = self.speed_limited = False

@@ -1,20 +1,75 @@
 """Profile generator for positioning: trapezoidal velocity, optionally smoothed to a bounded jerk.
 
 The trapezoid is planned in closed form from any position and velocity, with separate acceleration and deceleration, and
-evaluated exactly at the servo instants. The jerk-limited profile is the moving average of the trapezoid over the time
-`max(acceleration, deceleration) / jerk`: it keeps all limits of the trapezoid, ends exactly at the target and takes a
-new target at any moment without a step in acceleration.
+evaluated exactly at the servo instants. A sin² or a jerk-free profile has the same segments, but in each of them the
+velocity follows an S instead of a line; its steepest point keeps the acceleration. The jerk-limited profile is the moving
+average of the trapezoid over the longest time that an acceleration needs to rise: it keeps all limits of the trapezoid,
+ends exactly at the target and takes a new target at any moment without a step in acceleration.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Final
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Final, NamedTuple
 
 from fieldbus.errors import ConfigurationError
 
 _LONGEST_FILTER_STEPS: Final = 1 << 14
+
+
+class RampShape(IntEnum):
+    """How a quantity gets from one value to another within the time of a ramp."""
+
+    LINEAR = 0
+    SIN2 = 1
+    """The square of a sine: the slope rises and falls as a sine."""
+    JERK_FREE = 2
+    """A polynomial of the fifth degree: slope and curvature begin and end at zero."""
+
+
+def _sin2(x: float) -> tuple[float, float]:
+    """Return height and area of the unit ramp at 0 <= x <= 1."""
+    return 0.5 - 0.5 * math.cos(math.pi * x), 0.5 * x - math.sin(math.pi * x) / (2.0 * math.pi)
+
+
+def _smooth(x: float) -> tuple[float, float]:
+    cube = x * x * x
+    return cube * (10.0 + x * (6.0 * x - 15.0)), cube * x * (2.5 + x * (x - 3.0))
+
+
+_SHAPES: Final[dict[int, Callable[[float], tuple[float, float]]]] = {
+    RampShape.SIN2: _sin2,
+    RampShape.JERK_FREE: _smooth,
+}
+STEEPNESS: Final[dict[int, float]] = {
+    RampShape.LINEAR: 1.0,
+    RampShape.SIN2: 0.5 * math.pi,
+    RampShape.JERK_FREE: 1.875,
+}
+"""Steepest slope of a shape in proportion to its mean slope."""
+
+
+class ProfileForm(NamedTuple):
+    """How a positioning gets from one speed to another."""
+
+    shape: RampShape = RampShape.LINEAR
+    """A new target in the middle of a ramp begins a ramp of its own."""
+    jerk: float = 0.0
+    """rad/s^3 while the speed grows; 0 = not limited. While the axis moves, the smoothing time of its profile is kept."""
+    braking_jerk: float = 0.0
+    """rad/s^3 while the speed falls; 0 = as `jerk`."""
+
+
+TRAPEZOID: Final = ProfileForm()
+
+
+def ramp_height(shape: RampShape, x: float) -> float:
+    """Return how much of the way a ramp has covered after the share `x` (0..1) of its time."""
+    form = _SHAPES.get(shape)
+    return x if form is None else form(x)[0]
 
 
 def _plan(  # noqa: PLR0917 - the kinematic quantities in their usual order
@@ -85,6 +140,7 @@ class PositionProfile:
         "_raw_position",
         "_raw_velocity",
         "_segments",
+        "_shape",
         "_step",
         "_sum_position",
         "_sum_velocity",
@@ -99,6 +155,7 @@ class PositionProfile:
             raise ConfigurationError("step_s", step_s, "> 0")
         self._step = step_s
         self._segments: list[tuple[float, float]] = []
+        self._shape: Callable[[float], tuple[float, float]] | None = None
         self._index = 0
         self._elapsed = 0.0
         self._base_position = self._raw_position = 0.0
@@ -136,7 +193,7 @@ class PositionProfile:
         acceleration: float,
         deceleration: float,
         end_velocity: float = 0.0,
-        jerk: float = 0.0,
+        form: ProfileForm = TRAPEZOID,
     ) -> None:
         """Plan the way to `target` from the present state.
 
@@ -146,18 +203,23 @@ class PositionProfile:
             acceleration: rad/s^2, > 0.
             deceleration: rad/s^2, > 0.
             end_velocity: Speed at the target in the direction of motion, rad/s, >= 0; kept afterwards.
-            jerk: rad/s^3; 0 = trapezoid. While the axis moves, the smoothing time of the running profile is kept.
+            form: Shape and jerk of the ramps.
 
         """
         if not (velocity > 0.0 and acceleration > 0.0 and deceleration > 0.0):
             raise ConfigurationError("profile", (velocity, acceleration, deceleration), "all > 0")
-        self._set_filter(max(acceleration, deceleration) / jerk if jerk > 0.0 else 0.0)
+        smoothing = 0.0
+        if form.jerk > 0.0:
+            smoothing = max(acceleration / form.jerk, deceleration / (form.braking_jerk or form.jerk))
+        self._set_filter(smoothing)
+        steepness = STEEPNESS[form.shape]
+        self._shape = _SHAPES.get(form.shape)
         self._segments = _plan(
             target - self._raw_position,
             self._raw_velocity,
             velocity,
-            acceleration,
-            deceleration,
+            acceleration / steepness,
+            deceleration / steepness,
             end_velocity,
         )
         self._index = 0
@@ -189,8 +251,16 @@ class PositionProfile:
                     self._base_velocity = 0.0
                 self.raw_done = True
                 acceleration = 0.0
-            position = self._base_position + (self._base_velocity + 0.5 * acceleration * elapsed) * elapsed
-            velocity = self._base_velocity + acceleration * elapsed
+            if self._shape is None or not acceleration:
+                position = (
+                    self._base_position + (self._base_velocity + 0.5 * acceleration * elapsed) * elapsed
+                )
+                velocity = self._base_velocity + acceleration * elapsed
+            else:
+                height, area = self._shape(elapsed / duration)
+                change = acceleration * duration
+                position = self._base_position + self._base_velocity * elapsed + change * area * duration
+                velocity = self._base_velocity + change * height
         self._elapsed = elapsed
         self._raw_position = position
         self._raw_velocity = velocity

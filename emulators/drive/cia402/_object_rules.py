@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Callable, Container, Iterable
 from typing import TYPE_CHECKING, Any, Final
 
+from emulators.drive.cia402._mode_rules import ALLOWED, mode_checks, mode_readers
 from emulators.drive.cia402._objects_protection import clear_history, protection_readers
-from emulators.drive.cia402.axis import interpolation_period_s
+from emulators.drive.cia402.axis import OPTION_CODES, interpolation_period_s
 from emulators.drive.cia402.objects import STRING, all_objects
 from emulators.drive.cia402.units import velocity_unit_rad_s, wrap32
-from emulators.drive.core import RPM
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.dictionary import INTEGERS
 from fieldbus.errors import ConfigurationError
@@ -17,22 +18,15 @@ from fieldbus.errors import ConfigurationError
 if TYPE_CHECKING:
     from emulators.drive.cia402.device import DriveDevice
 
-_OPTIONS: Final[dict[int, tuple[int, ...]]] = {
-    0x6007: (0, 1, 2, 3),
-    0x605A: (0, 1, 2, 3, 4, 5, 6, 7, 8),
-    0x605B: (0, 1),
-    0x605C: (0, 1),
-    0x605D: (1, 2, 3, 4),
-    0x605E: (0, 1, 2, 3, 4),
-    0x6086: (0, 3),
-    0x60A3: (1, 2),
-    0x60C0: (0,),
+_ALLOWED: Final[dict[int, Container[int]]] = {
+    **{index: allowed for index, allowed, _ in OPTION_CODES.values()},
+    **ALLOWED,
 }
 """Objects with a few allowed values; anything else is 06090030h (C402-073, C402-095)."""
 
 _FIRST_PROFILE_OBJECT: Final = 0x6000
 _REQUIRED: Final = (0x6040, 0x6041, 0x6060, 0x6061)
-_FACTORS: Final = (0x608F, 0x6091, 0x6092, 0x6096)
+_FACTORS: Final = (0x608F, 0x6090, 0x6091, 0x6092, 0x6093, 0x6094, 0x6096, 0x6097)
 _PARAMETERS: Final = (0x6072, 0x6073, 0x607C, 0x607F, 0x6080, 0x60C5, 0x60C6, 0x60C8, 0x60C9, 0x60E0, 0x60E1)
 
 
@@ -93,12 +87,11 @@ def _readers(drive: DriveDevice) -> dict[int, Callable[[], Any]]:
         0x200001: lambda: drive.slave.sync.lost,
         0x200002: lambda: axis.missing_count,
         0x604100: drive.status_word.read,
-        0x604300: lambda: round(core.velocity_demand / RPM),
-        0x604400: lambda: round(core.velocity / RPM),
+        **mode_readers(drive),
         0x606200: lambda: axis.demand_position,
         0x606300: lambda: wrap32(axis.internal_increments),
         0x606400: lambda: axis.actual_position,
-        0x606900: lambda: round(core.velocity / core.encoder.radians_per_increment),
+        0x606900: lambda: round(core.velocity / math.tau * axis.units.speed_increments),
         0x606B00: lambda: axis.demand_velocity,
         0x606C00: lambda: axis.actual_velocity,
         0x607400: lambda: axis.permille(core.torque_demand),
@@ -138,7 +131,7 @@ def _checks(drive: DriveDevice) -> dict[int, Callable[[Any], object]]:
     def add(keys: Iterable[int], check: Callable[[Any], object]) -> None:
         checks.update(dict.fromkeys(keys, check))
 
-    def one_of(allowed: tuple[int, ...]) -> Callable[[Any], None]:
+    def one_of(allowed: Container[int]) -> Callable[[Any], None]:
         def check(value: Any) -> None:
             if value not in allowed:
                 raise SdoAbort(AbortCode.VALUE)
@@ -154,7 +147,7 @@ def _checks(drive: DriveDevice) -> dict[int, Callable[[Any], object]]:
 
         return check
 
-    for index, allowed in _OPTIONS.items():
+    for index, allowed in _ALLOWED.items():
         checks[index << 8] = one_of(allowed)
     for index in _FACTORS:
         for sub in (1, 2):
@@ -189,16 +182,6 @@ def _checks(drive: DriveDevice) -> dict[int, Callable[[Any], object]]:
     checks[0x607D01] = lower_limit
     checks[0x607D02] = upper_limit
 
-    def range_limit(off: int) -> Callable[[Any], None]:
-        def check(value: Any) -> None:
-            if value != off:
-                raise SdoAbort(AbortCode.VALUE)  # modulo positions are not supported
-
-        return check
-
-    checks[0x607B01] = range_limit(-0x80000000)
-    checks[0x607B02] = range_limit(0x7FFFFFFF)
-
     def homing_method(value: Any) -> None:
         methods = [values[0x60E300 | sub] for sub in range(1, values[0x60E300] + 1)]
         if value and value not in methods:
@@ -222,9 +205,5 @@ def _checks(drive: DriveDevice) -> dict[int, Callable[[Any], object]]:
     def fresh(_value: Any) -> None:
         axis.fresh = True
 
-    def primed(_value: Any) -> None:
-        axis.fresh = axis.primed = True
-
-    checks[0x607A00] = primed
     add((0x60FF00, 0x607100), fresh)
-    return checks
+    return {**checks, **mode_checks(drive)}

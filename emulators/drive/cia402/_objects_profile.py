@@ -26,8 +26,8 @@ from emulators.drive.cia402.objects import (
     var,
 )
 
-SUPPORTED_MODES: Final = 1 << 0 | 1 << 2 | 1 << 5 | 1 << 7 | 1 << 8 | 1 << 9
-"""6502h: pp, pv, hm, csp, csv, cst."""
+SUPPORTED_MODES: Final = 0x3EF
+"""6502h: all modes of the profile but cstca."""
 SUPPORTED_HOMING: Final = tuple(supported_methods(DEFAULT_STOP_METHODS))
 """60E3h of a drive with the hard-stop methods of the specification."""
 _LOWEST: Final = -0x80000000
@@ -221,7 +221,7 @@ def _cyclic() -> tuple[ObjectRow, ...]:
         array(
             0x60C1,
             "Interpolation data record",
-            ("Set-point 1", "Set-point 2"),
+            ("Set-point 1",),
             I32,
             "rw",
             "RT",

@@ -100,7 +100,12 @@ class StatusWord:
                 or axis.derated
             ):
                 status |= _INTERNAL_LIMIT
-        elif state is DriveState.QUICK_STOP_ACTIVE and not self._core.stopping and not function.mode.cyclic:
+        elif (
+            state is DriveState.QUICK_STOP_ACTIVE
+            and function.mode.tells_arrival
+            and self._core.standing
+            and not self._core.stopping
+        ):
             status |= _TARGET_REACHED
         if self._quirky:
             status = self._with_quirks(status)

@@ -7,13 +7,25 @@ from typing import Any, Final
 
 from emulators.drive.cia402.config import DriveConfig
 from emulators.drive.cia402.statemachine import OptionCodes, StopOption
-from emulators.drive.cia402.units import Units, wrap32
+from emulators.drive.cia402.units import RANGE_OFF, Units
 from emulators.drive.core import RPM, ServoCore
+from emulators.drive.ramp import ProfileForm, RampShape
 from fieldbus.errors import ConfigurationError
 
 UNLIMITED: Final = 0xFFFFFFFF
 """A window of 6065h or 6067h that is switched off."""
+_JERK_LIMITED: Final = 3
+"""Value of 6086h."""
 _SPAN: Final = 1 << 32
+OPTION_CODES: Final = {
+    "abort_connection": (0x6007, range(4), 1),
+    "quick_stop": (0x605A, range(9), 2),
+    "shutdown": (0x605B, range(2), 0),
+    "disable_operation": (0x605C, range(2), 1),
+    "halt": (0x605D, range(1, 5), 1),
+    "fault_reaction": (0x605E, range(5), 2),
+}
+"""Object, allowed values and default of every option code (C402-049 to C402-073)."""
 
 
 class ProfileAxis:
@@ -29,15 +41,18 @@ class ProfileAxis:
 
     __slots__ = (
         "_rad_per_inc",
+        "backward_speed",
         "blocked_negative",
         "blocked_positive",
         "config",
         "control_period_s",
         "control_steps",
+        "control_word",
         "core",
         "demand_excess",
         "derated",
         "fitted_inputs",
+        "forward_speed",
         "fresh",
         "halted",
         "home_shift",
@@ -75,6 +90,8 @@ class ProfileAxis:
         self.home_shift = 0
         """Added to the increments of the encoder, so that homing does not move the control loop."""
         self.homed = False
+        self.control_word = 0
+        """Last control word."""
         self.halted = False
         """Bit 8 of the control word has stopped the axis."""
         self.blocked_positive = False
@@ -113,6 +130,9 @@ class ProfileAxis:
         self.max_speed = self.upper_speed = math.inf
         """Largest speed, rad/s; `upper_speed` and `lower_speed` include 60C8h and 60C9h."""
         self.lower_speed = -math.inf
+        self.forward_speed = math.inf
+        """The same for positioning, rad/s: 60C8h and 60C9h hold a motion back, but start none."""
+        self.backward_speed = -math.inf
         self.software_limits: tuple[int, int] | None = None
         """Effective 607Dh in position units; None = off."""
 
@@ -124,12 +144,10 @@ class ProfileAxis:
         units = self.units
         units.update(values)
         options = self.options
-        options.abort_connection = values[0x600700]
-        options.quick_stop = values[0x605A00]
-        options.shutdown = values[0x605B00]
-        options.disable_operation = values[0x605C00]
-        options.halt = values[0x605D00]
-        options.fault_reaction = values[0x605E00]
+        for name, (index, allowed, default) in OPTION_CODES.items():
+            value = values[index << 8]
+            # An EDS may bring values of its manufacturer.
+            setattr(options, name, value if value in allowed else default)
         torque = min(values[0x607200], values[0x607300])
         positive = min(torque, values[0x60E000]) * units.torque
         negative = min(torque, values[0x60E100]) * units.torque
@@ -149,10 +167,12 @@ class ProfileAxis:
             lower, upper = -upper, -lower
         self.lower_speed = max(-self.max_speed, lower)
         self.upper_speed = min(self.max_speed, upper)
+        self.forward_speed = max(self.upper_speed, 0.0)
+        self.backward_speed = min(self.lower_speed, 0.0)
         self.period_s = interpolation_period_s(values[0x60C201], values[0x60C202])
         self.period_steps = max(1, round(self.period_s / self.core.period_s))
         low, high, offset = values[0x607D01], values[0x607D02], values[0x607C00]
-        off = (low, high) == (-0x80000000, 0x7FFFFFFF) or low > high
+        off = (low, high) == RANGE_OFF or low > high
         self.software_limits = None if off else (low - offset, high - offset)
 
     # -- positions ---------------------------------------------------------------------------------------------
@@ -185,13 +205,22 @@ class ProfileAxis:
         """60F4h, position units."""
         if not self.core.controls_position:
             return 0
-        return wrap32(self.demand_position - self.actual_position)
+        return self.units.difference(self.demand_position, self.actual_position)
 
-    def angle_of(self, position: int) -> float:
-        """Return the motor angle of a position in position units, rad; on an endless axis the nearest turn."""
+    @property
+    def commanded_position(self) -> int:
+        """Where the demand will be at the end of the servo interval, position units."""
+        increments = math.floor(self.core.position_command / self._rad_per_inc + 0.5)
+        return self.units.to_user_position(increments + self.home_shift)
+
+    def angle_of(self, position: int, near: float | None = None) -> float:
+        """Return the motor angle of a position in position units, rad.
+
+        Where positions repeat, it is the one nearest to the angle `near`, rad; None = to the present demand.
+        """
         increments = self.units.to_increments(position) - self.home_shift
-        distance = increments - self.core.position_command / self._rad_per_inc
-        span = _SPAN * self.units.inc_numerator / self.units.inc_denominator
+        distance = increments - (self.core.position_command if near is None else near) / self._rad_per_inc
+        span = (self.units.turn or _SPAN) * self.units.inc_numerator / self.units.inc_denominator
         if abs(distance) > 0.5 * span:
             increments -= round(distance / span) * span
         return increments * self._rad_per_inc
@@ -246,15 +275,24 @@ class ProfileAxis:
             value = min(value, limit)
         return value * self.units.acceleration * self.ramp_scale if value else math.inf
 
-    def profile_jerk(self) -> float:
-        """Return the jerk of the motion profile, rad/s^3; 0 = not limited (6086h, 60A3h, 60A4h)."""
+    def profile_form(self) -> ProfileForm:
+        """Return the shape of the motion profile: 6086h, 60A3h, 60A4h."""
         values = self.values
-        if values[0x608600] != 3:
-            return 0.0
-        jerk = values[0x60A401]
+        kind = values[0x608600]
+        if kind in (RampShape.SIN2, RampShape.JERK_FREE):
+            return ProfileForm(shape=RampShape(kind))
+        if kind != _JERK_LIMITED:
+            return ProfileForm()
+        jerk = braking = values[0x60A401]
         if values[0x60A300] == 2 and values[0x60A402]:
-            jerk = min(jerk, values[0x60A402])
-        return float(jerk * self.units.acceleration)
+            braking = values[0x60A402]
+        unit = self.units.acceleration
+        return ProfileForm(jerk=float(jerk * unit), braking_jerk=float(braking * unit))
+
+    @property
+    def halt_option(self) -> StopOption:
+        """How a halt stops (605Dh)."""
+        return StopOption(self.options.halt)
 
     def stop_slope(self, option: int) -> float:
         """Return the deceleration of a stop option 1 to 4, rad/s^2; inf = at the torque limit."""

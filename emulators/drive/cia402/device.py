@@ -10,6 +10,11 @@ from emulators.drive.cia402._eds import drive_dictionary
 from emulators.drive.cia402._fault_log import FaultLog
 from emulators.drive.cia402._fault_reactions import FaultReactions
 from emulators.drive.cia402._inputs import DigitalInputs
+from emulators.drive.cia402._mode_rules import (
+    coupled_values,
+    interpolation,
+    restore_buffer,
+)
 from emulators.drive.cia402._objects_profile import SUPPORTED_HOMING
 from emulators.drive.cia402._safety import SafetyFunctions
 from emulators.drive.cia402._status_word import StatusWord
@@ -40,6 +45,12 @@ if TYPE_CHECKING:
 _CONTROL_PRIORITY: Final = 1
 """The control cycle follows the servo step of the same instant."""
 _STATUSWORD: Final = 0x604100
+_REFUSALS: Final = (
+    DriveWarning.MODE_REFUSED
+    | DriveWarning.TARGET_REFUSED
+    | DriveWarning.SETPOINT_REFUSED
+    | DriveWarning.BUFFER_EMPTY
+)
 _SYNC_PAUSE_NS: Final = 100 * MS
 _PROBE_LEVELS: Final = 3 << 16
 
@@ -129,6 +140,7 @@ class DriveDevice:
         self.function = DriveFunction(scheduler, machine=self.machine, axis=self.axis)
         self.function.on_following = self._on_following
         self.homing = self._homing_mode()
+        interpolation(self).on_empty = self._on_buffer_empty
         self.faults = FaultMemory(
             self.slave, name=name, history=history, codes=config.emcy, log=FaultLog(scheduler)
         )
@@ -179,6 +191,7 @@ class DriveDevice:
         store = self.slave.store
         derived = {
             (0x608F, 1): config.encoder.counts_per_revolution,
+            (0x6090, 1): config.encoder.counts_per_revolution,
             (0x6075, 0): round(config.rated_current_A * 1000.0),
             (0x6076, 0): round(config.rated_torque_Nm * 1000.0),
             (0x6510, 1): config.servo_period_ns // 1000,
@@ -189,7 +202,7 @@ class DriveDevice:
             listed += [0] * (len(SUPPORTED_HOMING) - len(listed))
             derived.update({(0x60E3, sub): method for sub, method in enumerate(listed, 1)})
         _object_rules.prepare_values(self)
-        for (index, sub), value in {**derived, **config.objects}.items():
+        for (index, sub), value in {**derived, **coupled_values(config.objects), **config.objects}.items():
             entry = store.entries.get(index << 8 | sub)
             if entry is not None:
                 entry.default = entry.coerce(value)
@@ -259,10 +272,11 @@ class DriveDevice:
         self.reactions.forget()
         self.status_word.forget()
         self.touch_probe.reset()
+        restore_buffer(self)
         self.parameters_changed = True
         self.function.start()
         self._cancel_self_test()
-        self.protection.warn(DriveWarning.MODE_REFUSED, False)
+        self.protection.warn(_REFUSALS, False)
         self.protection.restart()
         if self.config.quirks.silent_until_ready:
             self.slave.pdos.mute(frozenset((_STATUSWORD,)))
@@ -433,6 +447,13 @@ class DriveDevice:
             self.slave.emcy(faults.LIMIT_SWITCH)
         else:
             self.slave.emcy_clear(faults.LIMIT_SWITCH)
+
+    def _on_buffer_empty(self, empty: bool) -> None:
+        self.protection.warn(DriveWarning.BUFFER_EMPTY, empty)
+        if empty:
+            self.slave.emcy(faults.BUFFER_EMPTY)
+        else:
+            self.slave.emcy_clear(faults.BUFFER_EMPTY)
 
     @property
     def inputs(self) -> int:

@@ -35,6 +35,8 @@ RPDO_TIMEOUT: Final = 0x8250
 SYNC_LOST: Final = 0x8700
 EXTERNAL: Final = 0x9000
 SAFE_TORQUE_OFF: Final = 0xFF80
+BUFFER_EMPTY: Final = 0xFF70
+"""Warning: interpolated position mode has run out of set-points."""
 SAFE_STOP: Final = 0xFF81
 
 

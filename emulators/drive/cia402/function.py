@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 from emulators.drive.cia402.axis import ProfileAxis
@@ -13,6 +14,10 @@ from fieldbus.clock import Scheduler, Timer, seconds_to_ns
 _UNSEEN_CYCLES: Final = 4
 """Transition 4 follows 3 after this many control cycles when nobody samples the status word."""
 _HALT: Final = 0x100
+_MODE_BITS: Final = 0x270
+"""Bits 4, 5, 6 and 9 of the control word."""
+_MODE_PRIORITY: Final = 50
+"""The bits of the mode are looked at after all else of the instant in which they come."""
 
 
 class DriveFunction:
@@ -78,27 +83,36 @@ class DriveFunction:
         """Begin as after power-on: everything off, no mode."""
         self.off()
         self.mode = self.modes[0]
-        self.word = 0
+        self.word = self.axis.control_word = 0
         self.machine.start()
 
     def control(self, word: int) -> None:
         """Take a control word."""
         machine = self.machine
         changed = word ^ self.word
-        self.word = word
+        self.word = self.axis.control_word = word
         machine.remote = not self.local_control
         self.execute(machine.control(word))
         if self.axis.core.enabled and machine.follows_commands and not self.local_control:
             if bool(word & _HALT) is not self.axis.halted:
                 self._halt(bool(word & _HALT))
-            if self.released:
-                self.mode.control(word, changed)
+            if self.released and changed & _MODE_BITS:
+                # The set-point of the same PDO may stand behind the control word.
+                self._scheduler.at(
+                    self._scheduler.now, partial(self._mode_control, word, changed), priority=_MODE_PRIORITY
+                )
+
+    def _mode_control(self, word: int, changed: int) -> None:
+        if self.released and self.axis.core.enabled and self.machine.follows_commands:
+            self.mode.control(word, changed)
+            self.on_change()
 
     def evaluate_again(self) -> None:
         """Evaluate the last control word again, because an obstacle is gone."""
         self.machine.release()
         if not self.word & 0x80:
             self.execute(self.machine.control(self.word))
+        self._mode_control(self.word, 0)
 
     def change_mode(self, number: int) -> None:
         """Put another mode in force (C402-089)."""
@@ -111,6 +125,7 @@ class DriveFunction:
         self.following = False
         self.settle()
         if following:
+            self.axis.core.take_torque_offset(mode.torque_offset)
             mode.enter()
 
     def cycle(self) -> None:
@@ -162,10 +177,7 @@ class DriveFunction:
             _cancel(self._closing_timer)
             self._closing_timer = None
             self.limit_stop = False
-            core.stop(
-                self.axis.stop_slope(machine.stop_option),
-                track_position=self.mode.position_controlled and machine.stop_option <= StopOption.QUICK_STOP,
-            )
+            self.mode.stop(machine.stop_option)
         elif action is Action.CONTINUE:
             _cancel(self._closing_timer)
             self._closing_timer = None
@@ -233,11 +245,7 @@ class DriveFunction:
         self.settle()
 
     def _stop_for_halt(self) -> None:
-        option = self.machine.options.halt
-        self.axis.core.stop(
-            self.axis.stop_slope(option),
-            track_position=self.mode.position_controlled and option <= StopOption.QUICK_STOP,
-        )
+        self.mode.stop(self.axis.halt_option)
 
     def _on_standstill(self) -> None:
         machine = self.machine

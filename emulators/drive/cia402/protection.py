@@ -45,6 +45,12 @@ class DriveWarning(IntFlag):
     """The torque is limited because of overload or temperature."""
     MODE_REFUSED = 1 << 12
     """6060h asks for a mode that the drive does not have (C402-090)."""
+    TARGET_REFUSED = 1 << 13
+    """607Ah asks for a position outside of 607Bh (C402-164)."""
+    SETPOINT_REFUSED = 1 << 14
+    """60C1h has met a full buffer (C402-172)."""
+    BUFFER_EMPTY = 1 << 15
+    """Interpolated position mode has run out of set-points (C402-099)."""
     INJECTED = 1 << 31
     """Set by a test."""
 

@@ -1,6 +1,8 @@
 """Factor group: from the user's units to rad, rad/s, rad/s^2 and increments, and back (C402-165 to C402-167).
 
-Velocities of 60A9h in revolutions refer to the motor shaft; the acceleration unit is the velocity unit per second.
+Velocities of 60A9h in revolutions refer to the motor shaft. The acceleration unit is the velocity unit per second, times
+6097h. The older factors come on top, so that 1/1 leaves all to the newer objects: 6093h multiplies the increments of a
+position unit, 6094h and 6096h the velocity unit. 6089h to 608Eh and 60A8h name units and convert nothing.
 """
 
 from __future__ import annotations
@@ -12,6 +14,8 @@ from typing import Any, Final
 
 from fieldbus.errors import ConfigurationError
 
+RANGE_OFF: Final = (-0x80000000, 0x7FFFFFFF)
+"""Values of 607Bh and 607Dh for no limit."""
 _TAU: Final = 2.0 * math.pi
 _REVOLUTION: Final = 0xB4
 _SECOND: Final = 0x03
@@ -78,14 +82,17 @@ class Units:
 
     __slots__ = (
         "_counts",
+        "_lowest",
         "acceleration",
         "inc_denominator",
         "inc_numerator",
         "plain",
         "position",
         "position_sign",
+        "speed_increments",
         "torque",
         "torque_sign",
+        "turn",
         "velocity",
         "velocity_sign",
     )
@@ -106,6 +113,11 @@ class Units:
         self.torque = rated_torque_Nm / 1000.0
         """Size of a torque unit, Nm."""
         self.position_sign = self.velocity_sign = self.torque_sign = 1
+        self.turn = 0
+        """Position units after which positions of a rotary axis repeat (607Bh); 0 = a linear axis."""
+        self._lowest = 0
+        self.speed_increments = float(counts_per_revolution)
+        """What 6069h shows at one motor revolution per second (6090h)."""
 
     def update(self, values: Mapping[int, Any]) -> None:
         """Read the factor group from the values of the device.
@@ -123,28 +135,46 @@ class Units:
                 )
             return Fraction(int(numerator), int(denominator))
 
-        increments = ratio(0x608F) * ratio(0x6091) / ratio(0x6092)
+        increments = ratio(0x608F) * ratio(0x6091) / ratio(0x6092) * ratio(0x6093)
         position = float(increments) * _TAU / self._counts
-        velocity = velocity_unit_rad_s(values[0x60A900], position) * float(ratio(0x6096))
+        velocity = velocity_unit_rad_s(values[0x60A900], position) * float(ratio(0x6096) * ratio(0x6094))
+        acceleration = velocity * float(ratio(0x6097))
+        speed_increments = float(ratio(0x6090))
+        lowest, highest = values[0x607B01], values[0x607B02]
         polarity = values[0x607E00]
         self.inc_numerator = increments.numerator
         self.inc_denominator = increments.denominator
         self.position = position
         self.velocity = velocity
-        self.acceleration = velocity
+        self.acceleration = acceleration
+        self.speed_increments = speed_increments
         self.torque = values[0x607600] * 1e-6
         self.position_sign = -1 if polarity & _POLARITY_POSITION else 1
         self.velocity_sign = -1 if polarity & _POLARITY_VELOCITY else 1
         self.torque_sign = -1 if polarity & _POLARITY_TORQUE else 1
-        self.plain = increments == 1 and self.position_sign == 1
+        self._lowest = lowest
+        self.turn = 0 if lowest >= highest or (lowest, highest) == RANGE_OFF else highest - lowest + 1
+        self.plain = increments == 1 and self.position_sign == 1 and not self.turn
 
     def to_user_position(self, increments: int) -> int:
         """Return a number of increments in position units, 32 bits (rounded to nearest, ties away from zero)."""
         if self.plain:
             return (increments + 0x80000000 & 0xFFFFFFFF) - 0x80000000
-        return wrap32(
+        return self.wrap(
             round_half_away(self.position_sign * increments * self.inc_denominator, self.inc_numerator)
         )
+
+    def wrap(self, position: int) -> int:
+        """Return a position as the drive shows it: within 607Bh, or within 32 bits (C402-164)."""
+        if self.turn:
+            return (position - self._lowest) % self.turn + self._lowest
+        return wrap32(position)
+
+    def difference(self, position: int, origin: int) -> int:
+        """Return the shortest way from `origin` to `position`, position units."""
+        if self.turn:
+            return (position - origin + self.turn // 2) % self.turn - self.turn // 2
+        return wrap32(position - origin)
 
     def to_increments(self, user_position: int) -> float:
         """Return position units in increments, not rounded."""

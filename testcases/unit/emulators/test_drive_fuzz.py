@@ -174,7 +174,7 @@ def test_no_frames_bring_the_drive_down():
     sent = 0
     while sent < FRAMES:
         if sent % 200 == 0:
-            lead_to_operation(drive, scheduler, (1, 3, 6, 8, 9, 10)[sent // 200 % 6])
+            lead_to_operation(drive, scheduler, (1, 2, 3, 4, 6, 7, 8, 9, 10)[sent // 200 % 9])
         for _ in range(50):
             medium.inject(fuzzer.frame(), sender="fuzzer")
         sent += 50
@@ -190,7 +190,7 @@ def test_no_frames_bring_the_drive_down():
             scheduler.run_for(5 * MS)
             master.nmt(NmtCommand.START, 1)
     assert states >= set(DriveState) - {DriveState.NOT_READY_TO_SWITCH_ON, DriveState.FAULT_REACTION_ACTIVE}
-    assert modes == {0, 1, 3, 6, 8, 9, 10}
+    assert modes == {0, 1, 2, 3, 4, 6, 7, 8, 9, 10}
     assert running > 0.1 * FRAMES / 50
 
     master.nmt(NmtCommand.RESET_NODE, 1)

@@ -17,7 +17,8 @@ RPM = 2 * math.pi / 60
 def units(**changes: int) -> Units:
     values = {
         0x608F01: 131072, 0x608F02: 1, 0x609101: 1, 0x609102: 1, 0x609201: 131072, 0x609202: 1, 0x609601: 1, 0x609602: 1,
-        0x60A900: 0x00B44700, 0x607E00: 0, 0x607600: 2000,
+        0x60A900: 0x00B44700, 0x607E00: 0, 0x607600: 2000, 0x609001: 131072, 0x609002: 1, 0x609301: 1, 0x609302: 1,
+        0x609401: 1, 0x609402: 1, 0x609701: 1, 0x609702: 1, 0x607B01: -0x80000000, 0x607B02: 0x7FFFFFFF,
     }  # fmt: skip
     values.update({int(key[1:], 16): value for key, value in changes.items()})
     result = Units(counts_per_revolution=131072, rated_torque_Nm=2.0)
@@ -98,5 +99,44 @@ def test_zero_factors_are_refused():
     """Numerator or denominator 0 leaves the old factors in force."""
     factor = units()
     with pytest.raises(ConfigurationError):
-        factor.update({**dict.fromkeys((0x608F01, 0x608F02, 0x609101, 0x609102, 0x609201, 0x609202), 0)})
+        factor.update(
+            {
+                **dict.fromkeys(
+                    (0x608F01, 0x608F02, 0x609101, 0x609102, 0x609201, 0x609202, 0x609301, 0x609302), 0
+                )
+            }
+        )
     assert factor.to_increments(7) == 7.0
+
+
+@pytest.mark.requirement("C402-167", "C402-236", "C402-237", "C402-238", "C402-239")
+def test_older_factors_come_on_top():
+    """6093h scales positions, 6094h and 6096h velocities, 6097h accelerations; 1/1 leaves all to the newer objects."""
+    plain = units()
+    factor = units(_609301=5, _609302=2, _609401=3, _609402=4, _609601=2, _609602=1, _609701=7, _609702=10)
+    assert factor.to_increments(1000) == pytest.approx(2500)
+    assert factor.to_user_position(2500) == 1000
+    assert factor.velocity == pytest.approx(plain.velocity * 0.75 * 2)
+    assert factor.acceleration == pytest.approx(plain.velocity * 0.75 * 2 * 0.7)
+    assert plain.acceleration == plain.velocity
+
+
+@pytest.mark.requirement("C402-164")
+@given(increments=st.integers(-(2**40), 2**40), low=st.integers(-5000, 5000), span=st.integers(2, 10000))
+def test_rotary_positions_stay_in_the_range(increments: int, low: int, span: int):
+    """607Bh: every position is shown within the range, and repeats after modulo = max - min + 1."""
+    factor = units(_607B01=low, _607B02=low + span - 1, _609201=3600)
+    shown = factor.to_user_position(increments)
+    assert low <= shown <= low + span - 1
+    assert factor.wrap(shown + span) == factor.wrap(shown - span) == shown
+    assert abs(factor.difference(shown, factor.wrap(shown + 1))) == 1
+    assert abs(factor.difference(low, shown)) <= span / 2
+
+
+@pytest.mark.requirement("C402-164")
+@pytest.mark.parametrize("limits", [(5, 5), (-0x80000000, 0x7FFFFFFF)])
+def test_no_range_is_a_linear_axis(limits: tuple[int, int]):
+    """Minimum = maximum or the defaults: positions do not wrap but at 32 bits."""
+    factor = units(_607B01=limits[0], _607B02=limits[1])
+    assert factor.turn == 0
+    assert factor.to_user_position(2**31) == -(2**31)

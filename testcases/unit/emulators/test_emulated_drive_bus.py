@@ -35,7 +35,7 @@ def test_identification(bench, node):
     assert sdo[0x1000].raw == 0x00020192
     assert sdo[0x1008].raw == "Emulated servo drive CiA 402"
     assert sdo[0x1018][2].raw == 0x402
-    assert sdo[0x6502].raw == 0x3A5
+    assert sdo[0x6502].raw == 0x3EF
     assert sdo[0x67FF].raw == 0x00020192
 
 

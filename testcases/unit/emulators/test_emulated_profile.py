@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emulators.drive import PositionProfile
+from emulators.drive import PositionProfile, ProfileForm
 from fieldbus.errors import ConfigurationError
 
 DT = 0.00025
@@ -66,7 +66,13 @@ def test_any_state_leads_to_the_target_within_the_limits(
     """From any position and speed the profile is continuous, keeps speed and acceleration limits and ends exactly."""
     profile = PositionProfile(step_s=0.001)
     profile.reset(start, speed)
-    profile.move(target, velocity=limit, acceleration=acceleration, deceleration=deceleration, jerk=jerk)
+    profile.move(
+        target,
+        velocity=limit,
+        acceleration=acceleration,
+        deceleration=deceleration,
+        form=ProfileForm(jerk=jerk),
+    )
     points = play(profile)
     assert points[-1][0] == target
     steepest = max(acceleration, deceleration)
@@ -80,7 +86,7 @@ def test_any_state_leads_to_the_target_within_the_limits(
 def test_jerk_limit():
     """With a jerk the acceleration changes by at most jerk * dt, and the target is still met exactly."""
     profile = PositionProfile(step_s=DT)
-    profile.move(5.0, velocity=4.0, acceleration=10.0, deceleration=10.0, jerk=100.0)
+    profile.move(5.0, velocity=4.0, acceleration=10.0, deceleration=10.0, form=ProfileForm(jerk=100.0))
     points = play(profile)
     assert points[-1] == (5.0, 0.0)
     velocities = [v for _, v in points]
@@ -102,7 +108,7 @@ def test_new_targets_at_any_moment(changes: list[tuple[int, float]], jerk: float
     last = 0.0
     steepest = 0.0
     for steps, target in changes:
-        profile.move(target, velocity=3.0, acceleration=20.0, deceleration=30.0, jerk=jerk)
+        profile.move(target, velocity=3.0, acceleration=20.0, deceleration=30.0, form=ProfileForm(jerk=jerk))
         for _ in range(steps):
             profile.advance()
             steepest = max(steepest, abs(profile.velocity - last))

@@ -6,19 +6,35 @@ from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.modes._base import ModeOfOperation, NoMode
 from emulators.drive.cia402.modes._cyclic import CyclicPosition, CyclicTorque, CyclicVelocity
 from emulators.drive.cia402.modes._homing import Homing
+from emulators.drive.cia402.modes._interpolated import InterpolatedPosition
+from emulators.drive.cia402.modes._interpolation_buffer import InterpolationBuffer
 from emulators.drive.cia402.modes._profile_position import ProfilePosition
+from emulators.drive.cia402.modes._profile_torque import ProfileTorque
 from emulators.drive.cia402.modes._profile_velocity import ProfileVelocity
+from emulators.drive.cia402.modes._velocity import FULL as VL_FULL
+from emulators.drive.cia402.modes._velocity import Velocity
+from emulators.drive.cia402.modes._velocity import in_units as vl_units
+from emulators.drive.cia402.modes._velocity import percentage as vl_percentage
+from emulators.drive.cia402.modes._velocity import scale as vl_scale
 
 __all__ = [
+    "VL_FULL",
     "CyclicPosition",
     "CyclicTorque",
     "CyclicVelocity",
     "Homing",
+    "InterpolatedPosition",
+    "InterpolationBuffer",
     "ModeOfOperation",
     "NoMode",
     "ProfilePosition",
+    "ProfileTorque",
     "ProfileVelocity",
+    "Velocity",
     "all_modes",
+    "vl_percentage",
+    "vl_scale",
+    "vl_units",
 ]
 
 
@@ -27,8 +43,11 @@ def all_modes(axis: ProfileAxis) -> dict[int, ModeOfOperation]:
     modes: tuple[ModeOfOperation, ...] = (
         NoMode(axis),
         ProfilePosition(axis),
+        Velocity(axis),
         ProfileVelocity(axis),
+        ProfileTorque(axis),
         Homing(axis),
+        InterpolatedPosition(axis),
         CyclicPosition(axis),
         CyclicVelocity(axis),
         CyclicTorque(axis),

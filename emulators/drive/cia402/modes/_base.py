@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from emulators.drive.cia402.axis import ProfileAxis
+from emulators.drive.cia402.statemachine import StopOption
 
 BIT_10: Final = 1 << 10
 BIT_12: Final = 1 << 12
@@ -27,6 +28,8 @@ class ModeOfOperation:
     """Whether stops of this mode keep the position control."""
     cyclic: bool = False
     """Whether set-points come with every SYNC."""
+    tells_arrival: bool = True
+    """Whether bit 10 of the status word is "target reached" (C402-044)."""
     target_key: int = 0
     """Key of the cyclic set-point."""
 
@@ -43,7 +46,20 @@ class ModeOfOperation:
 
     def enter(self) -> None:
         """Begin with set-point = actual value (C402-089)."""
-        self.axis.core.hold_position()
+        self.rest()
+
+    def rest(self) -> None:
+        """Hold the axis; one that moves is braked with 6084h before."""
+        core = self.axis.core
+        if core.standing and core.precontrol_velocity == 0.0:
+            core.hold_position()
+        else:
+            core.ramp(0.0, self.axis.stop_slope(StopOption.SLOW_DOWN), track_position=True)
+
+    @property
+    def torque_offset(self) -> float:
+        """Torque that the mode adds to the demand, Nm."""
+        return 0.0
 
     def leave(self) -> None:
         """Cease: pulses are about to be inhibited, or another mode takes over."""
@@ -63,6 +79,17 @@ class ModeOfOperation:
     def stopped(self) -> None:
         """Update `status` while a stop by the drive (halt, limit switch) holds the mode up."""
         self.status = 0 if self.axis.core.stopping else BIT_10
+
+    def stop(self, option: StopOption) -> None:
+        """Bring the axis to rest as an option code says (C402-074)."""
+        self.axis.core.stop(
+            self.stop_slope(option),
+            track_position=self.position_controlled and option <= StopOption.QUICK_STOP,
+        )
+
+    def stop_slope(self, option: StopOption) -> float:
+        """Return the deceleration of a stop, rad/s^2; inf = at the torque limit."""
+        return self.axis.stop_slope(option)
 
     def resume(self) -> None:
         """Go on after a halt or after a stop at a limit switch."""

@@ -14,14 +14,20 @@ class _CyclicMode(ModeOfOperation):
     __slots__ = ("_started",)
 
     cyclic = True
+    tells_arrival = False
 
     def __init__(self, axis: ProfileAxis) -> None:
         super().__init__(axis)
         self._started = False
 
+    @property
+    def torque_offset(self) -> float:
+        """See `ModeOfOperation.torque_offset`: 60B2h."""
+        units = self.axis.units
+        return float(self.axis.values[0x60B200] * units.torque * units.torque_sign)
+
     def enter(self) -> None:
         """See `ModeOfOperation.enter`."""
-        super().enter()
         self.missed = 0
         self._started = False
         self.axis.fresh = False
@@ -74,12 +80,10 @@ class CyclicVelocity(_CyclicMode):
 
     def enter(self) -> None:
         """See `ModeOfOperation.enter`."""
+        super().enter()
         core = self.axis.core
         core.command_velocity(core.precontrol_velocity, 1)
-        self.missed = 0
-        self._started = False
         self._last = None
-        self.axis.fresh = False
 
     def _apply(self, steps: int) -> None:
         axis = self.axis
@@ -109,10 +113,15 @@ class CyclicTorque(_CyclicMode):
     position_controlled = False
     target_key = 0x607100
 
+    @property
+    def torque_offset(self) -> float:
+        """See `ModeOfOperation.torque_offset`: 60B2h is part of the command here."""
+        return 0.0
+
     def enter(self) -> None:
-        """See `ModeOfOperation.enter`."""
+        """Begin with the present torque (C402-089)."""
         super().enter()
-        self.axis.core.command_torque(0.0)
+        self.axis.core.command_torque(self.axis.core.torque_demand)
 
     def _apply(self, _steps: int) -> None:
         axis = self.axis
@@ -124,7 +133,11 @@ class CyclicTorque(_CyclicMode):
 
 
 class CyclicPosition(_CyclicMode):
-    """csp: 607Ah + 60B0h, reached linearly within 60C2h."""
+    """csp: 607Ah + 60B0h, reached linearly within 60C2h.
+
+    It starts with the present velocity, for at most one period, so that a controller that goes on as the axis moves
+    makes no jump.
+    """
 
     __slots__ = ("_last_target", "_velocity")
 
@@ -139,17 +152,30 @@ class CyclicPosition(_CyclicMode):
     def enter(self) -> None:
         """See `ModeOfOperation.enter`."""
         super().enter()
-        self._velocity = self.axis.core.precontrol_velocity
-        self._last_target = None
-
-    def _apply(self, steps: int) -> None:
         axis = self.axis
-        if not axis.primed and not axis.config.quirks.csp_jumps_unprimed:
-            return  # nobody has given a target since power-on: stay where `enter` holds
+        core = axis.core
+        self._last_target = None
+        if not axis.primed:
+            self._velocity = 0.0
+            self.rest()
+            return
+        self._velocity = velocity = core.velocity if core.controls_torque else core.precontrol_velocity
+        steps = axis.period_steps
+        core.command_position(
+            core.position_ahead + velocity * steps * core.period_s, steps, precontrol=velocity
+        )
+
+    def _apply(self, steps: int, wanted: int | None = None) -> None:
+        """Go on to the target, or to another position in position units, as far as the limits allow."""
+        axis = self.axis
         values = axis.values
         core = axis.core
         units = axis.units
-        wanted = values[0x607A00] + values[0x60B000]
+        if wanted is None:
+            if not axis.primed and not axis.config.quirks.csp_jumps_unprimed:
+                self._velocity = core.precontrol_velocity
+                return  # nobody has given a target since power-on: stay where `enter` holds
+            wanted = values[0x607A00] + values[0x60B000]
         allowed = axis.within_software_limits(wanted)
         target = axis.angle_of(allowed)
         start = core.position_command
@@ -194,17 +220,16 @@ class CyclicPosition(_CyclicMode):
         last = self._velocity
         faster = values[0x60C500] * axis.units.acceleration
         slower = values[0x60C600] * axis.units.acceleration
-        high = axis.max_speed
-        low = -high
+        high, low = axis.forward_speed, axis.backward_speed
         if faster and slower:
             high = min(high, last + (faster if last >= 0.0 else slower) * duration)
             low = max(low, last - (faster if last <= 0.0 else slower) * duration)
             # Who catches up with a target must be able to brake down to the velocity of the target.
             previous, self._last_target = self._last_target, target
-            moving = 0.0 if previous is None else (target - previous) / duration
+            moving = last if previous is None else (target - previous) / duration
             braking = math.sqrt(2.0 * slower * abs(distance))
             if distance >= 0.0:
                 high = min(high, max(moving, 0.0) + braking)
             else:
                 low = max(low, min(moving, 0.0) - braking)
-        return high, max(low, -axis.max_speed) if low <= high else high
+        return high, max(low, axis.backward_speed) if low <= high else high

@@ -1,4 +1,4 @@
-"""Profile position mode: handshake, buffer of one set-point, trapezoid or jerk-limited profile (C402-091 to C402-095)."""
+"""Profile position mode: handshake, buffer of one set-point, linear and rotary axes, four profiles (C402-091 to C402-095)."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from typing import Final, NamedTuple
 from emulators.drive.cia402.axis import UNLIMITED, ProfileAxis
 from emulators.drive.cia402.modes._base import BIT_10, BIT_12, BIT_13, ModeOfOperation
 from emulators.drive.protection import WindowTimer
+from emulators.drive.ramp import STEEPNESS, ProfileForm
 
 _NEW_SETPOINT: Final = 0x10
 _IMMEDIATELY: Final = 0x20
 _RELATIVE: Final = 0x40
 _PASS: Final = 0x200
+_ONLY_NEGATIVE: Final = 1
+_ONLY_POSITIVE: Final = 2
+_SHORTEST: Final = 3
 _STEEPEST: Final = 1e9
 """rad/s^2 that stand for "no limit"."""
 
@@ -22,7 +26,7 @@ class _SetPoint(NamedTuple):
     velocity: float
     acceleration: float
     deceleration: float
-    jerk: float
+    form: ProfileForm
     end_velocity: float
 
 
@@ -37,6 +41,7 @@ class ProfilePosition(ModeOfOperation):
         "_next",
         "_passes",
         "_target",
+        "_target_angle",
         "_window",
         "_word",
     )
@@ -53,6 +58,7 @@ class ProfilePosition(ModeOfOperation):
         self._passes = False
         self._held = False
         self._target = 0
+        self._target_angle = 0.0
         self._word = 0
 
     def enter(self) -> None:
@@ -62,6 +68,7 @@ class ProfilePosition(ModeOfOperation):
         self._acknowledge = self._held = False
         self._arrived = True
         self._target = self.axis.actual_position
+        self._target_angle = self.axis.core.position
 
     def control(self, word: int, changed: int) -> None:
         """Take a set-point with a rising edge of bit 4."""
@@ -89,10 +96,8 @@ class ProfilePosition(ModeOfOperation):
                 self._arrived = True
             elif profile.raw_done and profile.velocity != 0.0 and self._current.end_velocity > 0.0:
                 # Nothing follows the end velocity: come to rest behind the target.
-                rest = (
-                    profile.position
-                    + 0.5 * profile.velocity * abs(profile.velocity) / self._current.deceleration
-                )
+                mean = self._current.deceleration / STEEPNESS[self._current.form.shape]
+                rest = profile.position + 0.5 * profile.velocity * abs(profile.velocity) / mean
                 self._move(self._current._replace(angle=rest, end_velocity=0.0))
         self._update_status()
 
@@ -109,7 +114,7 @@ class ProfilePosition(ModeOfOperation):
                 self._take(self._word)
                 return
         if self._current is None:
-            self.axis.core.hold_position()
+            self.rest()
         else:
             self._start(self._current)
 
@@ -126,6 +131,7 @@ class ProfilePosition(ModeOfOperation):
         set_point = self._read(word)
         self._acknowledge = True
         self._target = set_point.position
+        self._target_angle = set_point.angle
         if self._current is None or word & _IMMEDIATELY:
             self._start(set_point)
             return
@@ -138,23 +144,53 @@ class ProfilePosition(ModeOfOperation):
         axis = self.axis
         values = axis.values
         units = axis.units
-        wanted = values[0x607A00]
-        if word & _RELATIVE:
-            origin = values[0x60F200] & 3
-            wanted += (
-                axis.actual_position if origin == 2 else axis.demand_position if origin == 1 else self._target
-            )
-        position = axis.within_software_limits(wanted)
-        self.limited = position != wanted
+        position, angle = self._destination(word)
         return _SetPoint(
             position=position,
-            angle=axis.angle_of(position),
+            angle=angle,
             velocity=min(values[0x608100] * units.velocity, axis.max_speed),
             acceleration=min(axis.acceleration(0x6083, 0x60C5), _STEEPEST),
             deceleration=min(axis.acceleration(0x6084, 0x60C6), _STEEPEST),
-            jerk=axis.profile_jerk(),
+            form=axis.profile_form(),
             end_velocity=values[0x608200] * units.velocity,
         )
+
+    def _destination(self, word: int) -> tuple[int, float]:
+        """Return where 607Ah leads to, in position units and as motor angle (C402-093, C402-094)."""
+        axis = self.axis
+        units = axis.units
+        option = axis.values[0x60F200]
+        wanted = axis.values[0x607A00]
+        if word & _RELATIVE:
+            origin = option & 3
+            if origin == 2:
+                start, start_angle = axis.actual_position, axis.core.position
+            elif origin == 1:
+                start, start_angle = axis.demand_position, axis.core.position_command
+            else:
+                start, start_angle = self._target, self._target_angle
+            position = axis.within_software_limits(start + wanted)
+            self.limited = position != start + wanted
+            if not units.turn:
+                return position, axis.angle_of(position)
+            # On a rotary axis the way counts, also over several turns.
+            near = start_angle + (position - start) * units.position * units.position_sign
+            return units.wrap(position), axis.angle_of(units.wrap(position), near)
+        position = axis.within_software_limits(wanted)
+        self.limited = position != wanted
+        if not units.turn:
+            return position, axis.angle_of(position)
+        start = axis.commanded_position
+        way = position - start
+        direction = option >> 6 & 3
+        if direction == _ONLY_NEGATIVE:
+            way = -(-way % units.turn)
+        elif direction == _ONLY_POSITIVE:
+            way %= units.turn
+        elif direction == _SHORTEST:
+            way = units.difference(position, start)
+        near = axis.core.position_command + way * units.position * units.position_sign
+        return position, axis.angle_of(position, near)
 
     def _start(self, set_point: _SetPoint) -> None:
         self._current = set_point
@@ -167,19 +203,19 @@ class ProfilePosition(ModeOfOperation):
         axis = self.axis
         distance = set_point.angle - axis.core.position_command
         blocked = (distance > 0.0 and axis.blocked_positive) or (distance < 0.0 and axis.blocked_negative)
-        if blocked or not set_point.velocity > 0.0:
+        speed = min(set_point.velocity, axis.forward_speed if distance >= 0.0 else -axis.backward_speed)
+        if blocked or not speed > 0.0:
             self.limited = True
             self._current = None
-            if blocked:
-                axis.core.hold_position()
+            self.rest()
             return
         axis.core.follow_profile().move(
             set_point.angle,
-            velocity=set_point.velocity,
+            velocity=speed,
             acceleration=set_point.acceleration,
             deceleration=set_point.deceleration,
             end_velocity=set_point.end_velocity,
-            jerk=set_point.jerk,
+            form=set_point.form,
         )
 
     def _update_status(self) -> None:
@@ -193,7 +229,7 @@ class ProfilePosition(ModeOfOperation):
             reached = self._arrived
         else:
             self._window.time_s = values[0x606800] * 1e-3
-            inside = abs(self._target - axis.actual_position) <= window
+            inside = abs(axis.units.difference(self._target, axis.actual_position)) <= window
             reached = self._window.update(inside, axis.control_period_s)
         if reached and self._next is None:
             status |= BIT_10

@@ -1,0 +1,134 @@
+"""Interpolated position mode (C402-083, C402-099, C402-172)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from emulators.drive.cia402.axis import UNLIMITED, ProfileAxis
+from emulators.drive.cia402.modes._base import BIT_10, BIT_12, BIT_13
+from emulators.drive.cia402.modes._cyclic import CyclicPosition
+from emulators.drive.cia402.modes._interpolation_buffer import InterpolationBuffer
+from emulators.drive.protection import WindowTimer
+
+_ENABLE: Final = 0x10
+
+
+class InterpolatedPosition(CyclicPosition):
+    """ip: one set-point of the buffer in every period 60C2h, joined by straight lines, while bit 4 is 1.
+
+    With SYNC the periods begin at every SYNC, without one the drive counts them. When no set-point waits, the axis holds the
+    last one, bit 12 is 0, and a warning tells of it; the next set-point goes on. While a halt lasts, the set-points run
+    out unseen. Limits and the offsets 60B1h and 60B2h act as in csp.
+    """
+
+    __slots__ = ("_active", "_arrival", "_elapsed", "_last", "_word", "buffer", "on_empty", "starved")
+
+    number = 7
+    cyclic = False
+    tells_arrival = True
+    target_key = 0
+
+    def __init__(self, axis: ProfileAxis) -> None:
+        super().__init__(axis)
+        self.buffer = InterpolationBuffer()
+        self.on_empty: Callable[[bool], None] | None = None
+        """Called with True when the buffer has run empty, with False when that is over."""
+        self.starved = False
+        """The axis waits for a set-point in the middle of an interpolation."""
+        self._active = False
+        self._elapsed = 0.0
+        self._last: int | None = None
+        self._word = 0
+        self._arrival = WindowTimer()
+
+    def enter(self) -> None:
+        """See `ModeOfOperation.enter`."""
+        self._word = self.axis.control_word
+        self._interrupt()
+
+    def leave(self) -> None:
+        """See `ModeOfOperation.leave`."""
+        super().leave()
+        self._active = False
+        self._starve(False)
+
+    def control(self, word: int, changed: int) -> None:
+        """Enable the interpolation with bit 4, or hold the axis."""
+        self._word = word
+        if changed & _ENABLE and not word & _ENABLE:
+            self._interrupt()
+
+    def sync(self) -> None:
+        """See `ModeOfOperation.sync`."""
+        self._next()
+
+    def cycle(self) -> None:
+        """See `ModeOfOperation.cycle`."""
+        axis = self.axis
+        if not axis.synchronised:
+            if self._elapsed > axis.period_s - 0.5 * axis.control_period_s:
+                self._next()
+            self._elapsed += axis.control_period_s
+        status = BIT_12 if self._active else 0
+        if self.following_error:
+            status |= BIT_13
+        core = axis.core
+        slow = core.standstill_speed
+        resting = not self._active and abs(self._velocity) <= slow and abs(core.precontrol_velocity) <= slow
+        window = axis.values[0x606700]
+        if window != UNLIMITED:
+            self._arrival.time_s = axis.values[0x606800] * 1e-3
+            target = axis.commanded_position if self._last is None else self._last
+            inside = resting and abs(axis.units.difference(target, axis.actual_position)) <= window
+            resting = self._arrival.update(inside, axis.control_period_s)
+        self.status = status | BIT_10 if resting else status
+
+    def stopped(self) -> None:
+        """Let the set-points of a halt run out: they are not resumed (C402-076)."""
+        axis = self.axis
+        self._active = False
+        if self._word & _ENABLE and axis.halted:
+            self._elapsed += axis.control_period_s
+            if self._elapsed > axis.period_s - 0.5 * axis.control_period_s:
+                self._elapsed = 0.0
+                self.buffer.take()
+        self.status = 0 if axis.core.stopping else BIT_10
+
+    def _next(self) -> None:
+        """Begin a period: with the next set-point, or on the way to the last one."""
+        if not self._word & _ENABLE:
+            return
+        axis = self.axis
+        self._elapsed = 0.0
+        position = self.buffer.take()
+        if position is None:
+            if self._active:
+                self._active = False
+                self._starve(True)
+            if self._last is not None:
+                self._apply(axis.period_steps, self._last)
+            return
+        if self._last is None:
+            self._velocity = axis.core.precontrol_velocity
+            self._last_target = None
+        self._last = position
+        self._active = True
+        self._starve(False)
+        self._apply(axis.period_steps, position)
+
+    def _interrupt(self) -> None:
+        """Brake and hold; the next set-point begins a period of its own."""
+        self.rest()
+        self._active = False
+        self._last = None
+        self._velocity = 0.0
+        self._elapsed = self.axis.period_s
+        self._arrival.reset()
+        self._starve(False)
+
+    def _starve(self, starved: bool) -> None:
+        if starved is not self.starved:
+            self.starved = starved
+            if self.on_empty is not None:
+                self.on_empty(starved)
