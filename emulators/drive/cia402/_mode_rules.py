@@ -14,6 +14,14 @@ from fieldbus.canopen.abort import AbortCode, SdoAbort
 if TYPE_CHECKING:
     from emulators.drive.cia402.device import DriveDevice
 
+REFUSALS: Final = (
+    DriveWarning.MODE_REFUSED
+    | DriveWarning.TARGET_REFUSED
+    | DriveWarning.SETPOINT_REFUSED
+    | DriveWarning.BUFFER_EMPTY
+)
+"""Warnings because of what the controller has sent."""
+
 ALLOWED: Final[dict[int, tuple[int, ...]]] = {
     0x606A: (0, 1),  # one encoder gives position and velocity
     0x6086: (0, 1, 2, 3),

@@ -153,6 +153,7 @@ class DriveConfig:
         blocked_time_s: Torque limit at standstill for this long is the fault 7121h, s; 0 = not watched.
         limit_switch_reaction: `stop` with 6085h, `fault` 8612h, or `none`: the controller watches alone (C402-161).
         following_error_reaction: `fault` 8611h or `status` bit 13 only (C402-153).
+        slippage_reaction: pv: `status` bit 13 only, or `fault` 8400h as well (C402-159).
         sync_loss_reaction: `fault` 8700h, `warning` or `none` (C301-037).
         missing_setpoints: Reaction 6007h after this many periods without set-point; 0 = never (C402-104).
         home_offset: `profile` (6064h = -607Ch at the home point) or `vendor` (+607Ch) (C402-138).
@@ -190,6 +191,7 @@ class DriveConfig:
     blocked_time_s: float = 0.0
     limit_switch_reaction: Literal["stop", "fault", "none"] = "stop"
     following_error_reaction: Literal["fault", "status"] = "fault"
+    slippage_reaction: Literal["fault", "status"] = "status"
     sync_loss_reaction: Literal["fault", "warning", "none"] = "fault"
     missing_setpoints: int = 2
     home_offset: Literal["profile", "vendor"] = "profile"
@@ -221,6 +223,7 @@ class DriveConfig:
         for name, allowed in (
             ("limit_switch_reaction", ("stop", "fault", "none")),
             ("following_error_reaction", ("fault", "status")),
+            ("slippage_reaction", ("fault", "status")),
             ("sync_loss_reaction", ("fault", "warning", "none")),
             ("home_offset", ("profile", "vendor")),
             ("homing_move", ("none", "zero")),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from emulators.drive.brake import HoldingBrake
@@ -11,6 +12,7 @@ from emulators.drive.cia402._fault_log import FaultLog
 from emulators.drive.cia402._fault_reactions import FaultReactions
 from emulators.drive.cia402._inputs import DigitalInputs
 from emulators.drive.cia402._mode_rules import (
+    REFUSALS,
     coupled_values,
     interpolation,
     restore_buffer,
@@ -24,7 +26,7 @@ from emulators.drive.cia402.config import DriveConfig
 from emulators.drive.cia402.faults import FaultMemory, Monitors
 from emulators.drive.cia402.function import DriveFunction
 from emulators.drive.cia402.homing_methods import supported_methods
-from emulators.drive.cia402.modes import Homing, ModeOfOperation
+from emulators.drive.cia402.modes import Homing, ModeOfOperation, ProfileVelocity
 from emulators.drive.cia402.protection import DriveWarning, Protection
 from emulators.drive.cia402.statemachine import PowerStateMachine
 from emulators.drive.core import ServoCore
@@ -45,12 +47,6 @@ if TYPE_CHECKING:
 _CONTROL_PRIORITY: Final = 1
 """The control cycle follows the servo step of the same instant."""
 _STATUSWORD: Final = 0x604100
-_REFUSALS: Final = (
-    DriveWarning.MODE_REFUSED
-    | DriveWarning.TARGET_REFUSED
-    | DriveWarning.SETPOINT_REFUSED
-    | DriveWarning.BUFFER_EMPTY
-)
 _SYNC_PAUSE_NS: Final = 100 * MS
 _PROBE_LEVELS: Final = 3 << 16
 
@@ -141,6 +137,9 @@ class DriveDevice:
         self.function.on_following = self._on_following
         self.homing = self._homing_mode()
         interpolation(self).on_empty = self._on_buffer_empty
+        velocity = self.function.modes[ProfileVelocity.number]
+        if config.slippage_reaction == "fault" and isinstance(velocity, ProfileVelocity):
+            velocity.on_slippage = partial(self.raise_fault, faults.SLIPPAGE)
         self.faults = FaultMemory(
             self.slave, name=name, history=history, codes=config.emcy, log=FaultLog(scheduler)
         )
@@ -266,17 +265,17 @@ class DriveDevice:
             self.axis.home_shift = 0
         self.axis.synchronised = False
         self.axis.missing_count = 0
+        restore_buffer(self)
         self.axis.primed = False
         self.faults.clear()
         self.monitors.reset()
         self.reactions.forget()
         self.status_word.forget()
         self.touch_probe.reset()
-        restore_buffer(self)
         self.parameters_changed = True
         self.function.start()
         self._cancel_self_test()
-        self.protection.warn(_REFUSALS, False)
+        self.protection.warn(REFUSALS, False)
         self.protection.restart()
         if self.config.quirks.silent_until_ready:
             self.slave.pdos.mute(frozenset((_STATUSWORD,)))

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from emulators.drive.cia402.device import DriveDevice
 
 FOLLOWING_ERROR: Final = 0x8611
+SLIPPAGE: Final = 0x8400
 LIMIT_SWITCH: Final = 0x8612
 OVERLOAD: Final = 0x2310
 STAGE_OVERLOAD: Final = 0x2350

@@ -6,6 +6,7 @@ from typing import Final
 
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.modes._base import ModeOfOperation
+from emulators.drive.ramp import TRAPEZOID
 
 _FAR_RAD: Final = 1e6
 """A target that is never reached."""
@@ -23,7 +24,7 @@ SEARCH_DISTANCE: Final = 0x201005
 class HomingMotion(ModeOfOperation):
     """The motions of homing mode; 6099h, 609Ah and 6086h are those of the start of the run."""
 
-    __slots__ = ("_acceleration", "_direction", "_fast_speed", "_jerk", "_slow", "_slow_speed")
+    __slots__ = ("_acceleration", "_direction", "_fast_speed", "_form", "_slow", "_slow_speed")
 
     def __init__(self, axis: ProfileAxis) -> None:
         super().__init__(axis)
@@ -32,7 +33,7 @@ class HomingMotion(ModeOfOperation):
         self._slow = False
         self._fast_speed = self._slow_speed = 0.0
         self._acceleration = _STEEPEST
-        self._jerk = 0.0
+        self._form = TRAPEZOID
 
     def _read_dynamics(self) -> None:
         axis = self.axis
@@ -40,7 +41,7 @@ class HomingMotion(ModeOfOperation):
         self._fast_speed = min(float(values[0x609901]) * axis.units.velocity, axis.max_speed)
         self._slow_speed = min(float(values[0x609902]) * axis.units.velocity, axis.max_speed)
         self._acceleration = min(axis.acceleration(0x609A, 0x60C5), _STEEPEST)
-        self._jerk = axis.profile_jerk()
+        self._form = axis.profile_form()
 
     def _move(self, direction: int) -> None:
         """Move in a direction until told otherwise: fast, or slowly once an edge has been passed (C402-133)."""
@@ -57,7 +58,7 @@ class HomingMotion(ModeOfOperation):
             velocity=speed,
             acceleration=self._acceleration,
             deceleration=self._acceleration,
-            jerk=self._jerk,
+            form=self._form,
         )
 
     def _press_against(self, direction: int) -> None:

@@ -91,14 +91,15 @@ class ProfilePosition(ModeOfOperation):
                 self._next = None
                 if not self._word & _NEW_SETPOINT:
                     self._acknowledge = False
-            elif profile.done:
-                self._current = None
-                self._arrived = True
             elif profile.raw_done and profile.velocity != 0.0 and self._current.end_velocity > 0.0:
                 # Nothing follows the end velocity: come to rest behind the target.
                 mean = self._current.deceleration / STEEPNESS[self._current.form.shape]
                 rest = profile.position + 0.5 * profile.velocity * abs(profile.velocity) / mean
-                self._move(self._current._replace(angle=rest, end_velocity=0.0))
+                self._current = self._current._replace(angle=rest, end_velocity=0.0)
+                self._move(self._current)
+            elif profile.done:
+                self._current = None
+                self._arrived = True
         self._update_status()
 
     def stopped(self) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.modes._base import BIT_10, BIT_12, BIT_13, ModeOfOperation
 from emulators.drive.protection import WindowTimer
@@ -10,7 +12,7 @@ from emulators.drive.protection import WindowTimer
 class ProfileVelocity(ModeOfOperation):
     """pv: the drive ramps to 60FFh with 6083h and 6084h; changes count at once."""
 
-    __slots__ = ("_command", "_standing", "_within")
+    __slots__ = ("_command", "_standing", "_within", "on_slippage")
 
     number = 3
     position_controlled = False
@@ -20,6 +22,8 @@ class ProfileVelocity(ModeOfOperation):
         self._command: tuple[float, float, float] | None = None
         self._within = WindowTimer()
         self._standing = WindowTimer()
+        self.on_slippage: Callable[[], None] | None = None
+        """Called when bit 13 comes, if slippage is a fault."""
 
     def enter(self) -> None:
         """See `ModeOfOperation.enter`."""
@@ -66,4 +70,6 @@ class ProfileVelocity(ModeOfOperation):
         slippage = values[0x60F800]
         if slippage > 0 and abs(axis.demand_velocity - actual) > slippage:
             status |= BIT_13
+            if not self.status & BIT_13 and self.on_slippage is not None:
+                self.on_slippage()
         self.status = status
