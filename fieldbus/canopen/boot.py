@@ -166,6 +166,8 @@ def boot_script(
             )
     if not in_place:
         yield from _prepare(setup, halt)
+    if not setup.pdos and not setup.parameters:
+        return  # it is as it is
     enter(BootState.VERIFICATION)
     stamp = yield from read.optional(BootState.VERIFICATION, 0x1020, 1)
     date, time = setup.signature
@@ -185,7 +187,8 @@ def boot_script(
 
 
 def _prepare(setup: NodeSetup, halt: Callable[[], None]) -> Script:
-    halt()
+    if setup.prepare or setup.pdos or setup.parameters:
+        halt()
     for parameter in setup.prepare:
         yield from _write(setup, BootState.CONFIGURATION, parameter)
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from numpy.random import Generator, SeedSequence, default_rng
 
-from fieldbus.canopen.boot import BootState
+from fieldbus.canopen.boot import BootFailure, BootState
 from fieldbus.canopen.master import CanopenMaster
 from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler, VirtualScheduler, seconds_to_ns
 from fieldbus.errors import BusError, ConfigurationError, HilError
@@ -30,7 +30,7 @@ from motion.runtime import AxisHandle, Runtime
 if TYPE_CHECKING:
     from fieldbus.can.frame import CanFrame
     from fieldbus.canopen.node import RemoteNode
-    from hil.bench.encoders import EncoderStarter
+    from hil.bench.encoders import EncoderNodes
     from hil.bench.remote import RemoteDrives
     from hil.bench.words import BenchWords
 
@@ -78,7 +78,7 @@ class Bench:
         self._drives: dict[str, Any] = {}
         self._encoders: dict[str, Any] = {}
         self._devices: dict[str, Any] = {}
-        self._encoder_starter: EncoderStarter | None = None
+        self._encoder_nodes: EncoderNodes | None = None
         self._ports: dict[str, Cia402Port] = {}
         self._axes: dict[str, AxisHandle] = {}
         self._cycle_callbacks: list[Callable[[], object]] = []
@@ -162,7 +162,7 @@ class Bench:
 
     def _build_encoders(self) -> None:
         from hil.bench.encoder_config import encoder_names
-        from hil.bench.encoders import ENCODER_METHODS, EncoderStarter, build_encoder
+        from hil.bench.encoders import ENCODER_METHODS, EncoderNodes, build_encoder
 
         for name in encoder_names(self.config):
             if self._remote is not None:
@@ -174,7 +174,7 @@ class Bench:
             )  # fmt: skip
             self._encoders[name] = encoder
             self._record(name, encoder)
-        self._encoder_starter = EncoderStarter(self._masters, self.config)
+        self._encoder_nodes = EncoderNodes(self._masters, self.config)
 
     def _build_devices(self) -> None:
         from hil.bench.devices import DEVICE_METHODS, build_device
@@ -257,8 +257,8 @@ class Bench:
             if any(heartbeats):
                 master.produce_heartbeat(min(filter(None, heartbeats)) * MS)
         self.runtime.start()
-        if self._encoder_starter is not None:
-            self._start_encoders(self._encoder_starter)
+        if self._encoder_nodes is not None:
+            self._start_encoders(self._encoder_nodes)
         if not self.scheduler.run_until(self._linked, _LINK_TIMEOUT_NS):
             missing = [
                 name
@@ -269,11 +269,14 @@ class Bench:
                 f"no cyclic data from {', '.join(missing)} within {_LINK_TIMEOUT_NS // S} s"
             )
 
-    def _start_encoders(self, starter: EncoderStarter) -> None:
-        starter.start()
-        if not self.scheduler.run_until(lambda: not starter.missing, _BOOT_TIMEOUT_NS):
+    def _start_encoders(self, encoders: EncoderNodes) -> None:
+        try:
+            encoders.check()
+        except BootFailure as failure:
+            raise BenchNotReadyError(str(failure)) from None
+        if not self.scheduler.run_until(lambda: not encoders.missing, _BOOT_TIMEOUT_NS):
             raise BenchNotReadyError(
-                f"no heartbeat in Operational from {', '.join(starter.missing)} within {_BOOT_TIMEOUT_NS // S} s"
+                f"no heartbeat in Operational from {', '.join(encoders.missing)} within {_BOOT_TIMEOUT_NS // S} s"
             )
 
     @property
@@ -308,6 +311,8 @@ class Bench:
 
         An optional drive is waited for as long as it goes on answering.
         """
+        if self._encoder_nodes is not None:
+            self._encoder_nodes.start()
         nodes = [port.node for port in self._ports.values()]
         for node in nodes:
             node.boot()
@@ -316,7 +321,11 @@ class Bench:
             failure = node.failure
             return node.started or (failure is not None and (node.setup.optional or not failure.silent))
 
-        self.scheduler.run_until(lambda: all(settled(node) for node in nodes), _BOOT_TIMEOUT_NS)
+        encoders = self._encoder_nodes
+        self.scheduler.run_until(
+            lambda: all(settled(node) for node in nodes) and (encoders is None or encoders.settled),
+            _BOOT_TIMEOUT_NS,
+        )
         for node in nodes:
             if not node.started and not node.setup.optional:
                 raise self._not_started(node)
@@ -402,7 +411,9 @@ class Bench:
         return part
 
     def node(self, drive_name: str | None = None) -> RemoteNode:
-        """Return a drive as its controller sees it on the network, by name, or that of the first axis."""
+        """Return a drive or an encoder as its controller sees it, by name; default: the drive of the first axis."""
+        if self._encoder_nodes is not None and drive_name in self._encoder_nodes.nodes:
+            return self._encoder_nodes.nodes[drive_name]
         port: Cia402Port = self._part("drive with an axis", self._ports, drive_name)
         return port.node
 

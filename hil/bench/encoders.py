@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldbus.canopen.nmt import COB_ERROR_CONTROL, NmtCommand, NmtState
+from fieldbus.canopen.node_setup import NodeSetup
 
 if TYPE_CHECKING:
     import canopen
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from hil.bench.encoder_config import EncoderSection
 
 _RPM: Final = 2.0 * math.pi / 60.0
+_PROFILE: Final = 406
+_HEARTBEATS: Final = 3
+"""Periods without a heartbeat after which an encoder counts as lost."""
 _SENSOR_SHARE: Final = 0.25
 """The second sensor of a multi-sensor device sits a quarter of the scale behind the first."""
 
@@ -143,10 +146,10 @@ def _own_shaft(scheduler: Scheduler, section: EncoderSection) -> DrivenShaft:
     return shaft
 
 
-class EncoderStarter:
-    """Starts encoders as their controller does: NMT start after every boot-up, and once at the beginning.
+class EncoderNodes:
+    """The encoders that the controller leads, as nodes of its network: checked, started, started again.
 
-    Encoders on a segment that somebody else leads are left to him.
+    Encoders on a segment that somebody else leads are left to him. Nothing is written to them.
 
     Args:
         masters: CANopen services of the controller, by segment.
@@ -155,38 +158,50 @@ class EncoderStarter:
     """
 
     def __init__(self, masters: Mapping[str, CanopenMaster], config: BenchConfig) -> None:
-        self._masters = masters
         self._sections = {
             name: section for name, section in config.encoder.items() if config.leads(section.segment)
         }
-        self._states: dict[str, int] = {}
-        for name, section in self._sections.items():
-            master = masters[section.segment]
-            master.subscribe(
-                COB_ERROR_CONTROL + section.node_id, self._listener(name, master, section.node_id)
+        self.nodes = {
+            name: masters[section.segment].add_node(
+                NodeSetup(
+                    section.node_id,
+                    name,
+                    device_profile=_PROFILE,
+                    # The period of a physical one is not known.
+                    heartbeat_timeout_ms=_HEARTBEATS * section.heartbeat_ms
+                    if section.device == "emulated"
+                    else 0,
+                )
             )
-
-    def _listener(self, name: str, master: CanopenMaster, node_id: int) -> Callable[[bytes, int], None]:
-        def hear(data: bytes, _time_ns: int) -> None:
-            if len(data) != 1:
-                return
-            self._states[name] = data[0] & 0x7F
-            if data == b"\0":
-                master.nmt(NmtCommand.START, node_id)
-
-        return hear
+            for name, section in self._sections.items()
+        }
 
     def start(self) -> None:
-        """Start the encoders that have booted before anybody listened, or were not started since."""
-        for name, section in self._sections.items():
-            if self._states.get(name) != NmtState.OPERATIONAL:
-                self._masters[section.segment].nmt(NmtCommand.START, section.node_id)
+        """Begin to take all of them into service."""
+        for node in self.nodes.values():
+            node.boot()
+
+    @property
+    def settled(self) -> bool:
+        """Whether every encoder has been started, or there is a reason why not."""
+        return all(node.started or node.failure is not None for node in self.nodes.values())
+
+    def check(self) -> None:
+        """Raise what stands against one that answers.
+
+        Raises:
+            BootFailure: It is no encoder, or does not let itself be read.
+
+        """
+        for node in self.nodes.values():
+            if node.failure is not None and not node.failure.silent:
+                raise node.failure
 
     @property
     def missing(self) -> list[str]:
-        """Encoders whose heartbeat does not say that they are Operational; one without heartbeat cannot be missed."""
+        """Encoders that are not in service; one without heartbeat cannot be missed."""
         return [
             name
             for name, section in self._sections.items()
-            if section.heartbeat_ms and self._states.get(name) != NmtState.OPERATIONAL
+            if section.heartbeat_ms and not self.nodes[name].in_service
         ]

@@ -403,3 +403,25 @@ def test_every_bit_rate(bitrate, cycle_ms):
         before = [log[n - 1][2].can_id for n, end in ends.items() if end != min(ends.values())]
         assert len(ends) >= 3
         assert not [can_id for can_id in before if 0x580 <= can_id <= 0x67F]
+
+
+def test_encoder_comes_back():
+    """An encoder of its own is a node too: started, lost, and started again, without a word written to it."""
+    text = TWO_AXES.format(first="", second="") + '\n[encoder.scale]\nsegment = "can0"\nnode_id = 30\n'
+    with BenchFile("encoder.toml", text).build() as bench:
+        node = bench.node("scale")
+        assert node.in_service
+        assert node.report.device_type is not None
+        assert node.report.device_type & 0xFFFF == 406
+        encoder = bench.encoder("scale")
+        encoder.power_off()
+        bench.run_for(0.5)
+        assert node.boot_state is BootState.LOST
+        encoder.power_on()
+        bench.run_for(0.3)
+        assert node.in_service
+        assert encoder.slave.nmt_state is NmtState.OPERATIONAL
+        assert node.report.written == []
+        assert bench.axis("axis1").alarms.engine.number == 0
+        sent = [frame.data[0] >> 5 for _, _, frame, _ in bench.segment().log if frame.can_id == 0x600 + 30]
+        assert 1 not in sent  # no download
