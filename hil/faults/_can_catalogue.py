@@ -9,6 +9,9 @@ from hil.faults._parameters import Environment, FaultType, Parameter
 _NO_WIRE: Final = "it needs access to the bits of the wire, which a bus adapter does not give"
 _NO_NODE: Final = "it needs a seam in the CAN controller of the node, which a bus adapter does not give"
 _NO_CABLE: Final = "it needs a hand at the cable"
+_BRIDGE: Final = (
+    "on a live segment with a bridge, whose sides are the nodes; without one it needs a hand at the cable"
+)
 _NODE: Final = Parameter("node", "text", "Name of the node on the segment", required=True)
 _NODES: Final = Parameter(
     "nodes", "text", "Names of the nodes that are concerned, with commas between; empty: all", default=""
@@ -40,12 +43,12 @@ CAN_FAULTS: Final[tuple[FaultType, ...]] = (
     FaultType(
         "can.cable_break", "The cable breaks: the named nodes go on among themselves, and so do the others", "segment", "CAN medium",
         (Parameter("nodes", "text", "Names of the nodes of one side, with commas between", required=True),),
-        refused=_nowhere_else(_NO_CABLE),
+        remark=_BRIDGE,
         example={"kind": "can.cable_break", "target": "can0", "duration_s": 0.5, "parameters": {"nodes": "drive1"}},
     ),
     FaultType(
         "can.unplug", "The connector of a node is pulled: it runs on, alone on its bus", "segment", "CAN medium", (_NODE,),
-        refused=_nowhere_else(_NO_CABLE), example={"kind": "can.unplug", "duration_s": 0.5, "parameters": {"node": "drive1"}},
+        remark=_BRIDGE, example={"kind": "can.unplug", "duration_s": 0.5, "parameters": {"node": "drive1"}},
     ),
     FaultType(
         "can.babble", "A babbling node sends frame after frame without a pause", "segment", "CAN medium",
@@ -55,7 +58,7 @@ CAN_FAULTS: Final[tuple[FaultType, ...]] = (
             Parameter("extended", "bool", "29-bit identifier", default=False),
             Parameter("node", "text", "Name of the sender in the log", default="babbler"),
         ),
-        refused=_nowhere_else("frame.inject with a short period_s floods a live bus"),
+        remark="on a live bus in bursts, a millisecond long each, or as many frames as the adapter takes",
         example={"kind": "can.babble", "duration_s": 0.05, "parameters": {"can_id": 0x001}},
     ),
     FaultType(
@@ -68,7 +71,7 @@ CAN_FAULTS: Final[tuple[FaultType, ...]] = (
             Parameter("longest", "int", "Greatest number of data bytes", minimum=0, maximum=8, default=8),
             Parameter("extended", "bool", "29-bit identifiers", default=False),
         ),
-        refused=_nowhere_else("the exact length of a frame on the wire is not known there; frame.inject loads a live bus"),
+        remark="on a live bus the load that the frames make at the bit rate of the bench file",
         example={"kind": "can.load", "duration_s": 0.5, "parameters": {"load_percent": 40.0}},
     ),
     FaultType(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldbus.clock import S, seconds_to_ns
+from fieldbus.clock import MS, S, seconds_to_ns
 from fieldbus.errors import BusError, ConfigurationError, UnsupportedFaultError
 from hil.faults._actions import Action, refuse_unless_supported
 from hil.faults._fault import Fault, parse_payload
+from hil.faults._live_segment import break_bridge, live_babble
 from hil.protocols import Bench
 
 if TYPE_CHECKING:
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 
 _LOAD_NODE: Final = "load"
 _QUEUED_AHEAD: Final = 2
+_CATCH_UP_NS: Final = 100 * MS
 
 
 def _names(fault: Fault) -> list[str]:
@@ -54,7 +57,12 @@ def segment_action(bench: Bench, fault: Fault, stream: str) -> Action:
     """
     segment = bench.segment(fault.target or None)
     refuse_unless_supported(bench, fault, segment)
-    if not hasattr(segment, "flip_bit"):
+    live = hasattr(segment, "sides")
+    if live and fault.kind in ("can.cable_break", "can.unplug"):
+        return break_bridge(segment, fault)
+    if live and fault.kind == "can.babble":
+        return live_babble(bench, segment, fault)
+    if not hasattr(segment, "flip_bit") and not live:
         raise UnsupportedFaultError(f"{fault.kind} cannot be injected: {segment.name} is no virtual segment")
     value = fault.value
     match fault.kind:
@@ -230,10 +238,10 @@ class _Babble(Action):
 class _Load(Action):
     """A foreign node that sends random frames; each is followed by as much time as makes the load."""
 
-    __slots__ = ("_bench", "_extended", "_ids", "_lengths", "_rng", "_segment", "_share", "_timer")
+    __slots__ = ("_bench", "_due_ns", "_extended", "_ids", "_lengths", "_rng", "_segment", "_share", "_timer")
 
     def __init__(self, bench: Bench, segment: Any, fault: Fault, stream: str) -> None:
-        super().__init__(segment.name, self._send, self._stop)
+        super().__init__(segment.name, self._begin, self._stop)
         value = fault.value
         self._bench = bench
         self._segment = segment
@@ -242,15 +250,25 @@ class _Load(Action):
         self._lengths = int(value("shortest")), int(value("longest"))
         self._extended = bool(value("extended"))
         self._rng = bench.rng(stream)
+        self._due_ns = 0
         self._timer: Any = None
+
+    def _begin(self) -> None:
+        self._due_ns = self._bench.scheduler.now
+        self._send()
 
     def _send(self) -> None:
         from fieldbus.can import frame_time_ns
 
         frame = self._draw()
-        self._segment.inject(frame, sender=_LOAD_NODE)
-        pause = round(frame_time_ns(frame, self._segment.bitrate) / self._share)
-        self._timer = self._bench.scheduler.after(pause, self._send)
+        with suppress(BusError):  # the adapter of a live bus may be at its limit
+            self._segment.inject(frame, sender=_LOAD_NODE)
+        # From when the frame was due, so that the lateness of a real clock does not add up; but no flood after a pause.
+        now = self._bench.scheduler.now
+        if now - self._due_ns > _CATCH_UP_NS:
+            self._due_ns = now
+        self._due_ns += round(frame_time_ns(frame, self._segment.bitrate) / self._share)
+        self._timer = self._bench.scheduler.at(max(self._due_ns, now), self._send)
 
     def _draw(self) -> CanFrame:
         from fieldbus.can import CanFrame
