@@ -366,7 +366,6 @@ def test_activate_bit_timing(kit):
     bench = kit.Bench(od, bitrate=1_000_000)
     bench.slave.power_on()
     bench.run()
-    assert bench.write(0x1017, 0, 10, 2) == 0
     changes = []
     bench.slave.settings.on_bitrate.append(lambda rate: changes.append((bench.scheduler.now, rate)))
     configuration(bench)
@@ -375,18 +374,42 @@ def test_activate_bit_timing(kit):
     assert changes == []  # configured is not activated
     bench.received.clear()
     begin = bench.scheduler.now
+    presence = []
+    bench.scheduler.every(MS, lambda: presence.append((bench.scheduler.now, bench.slave._port.online)))
     bench.send(MASTER, b"\x15" + (100).to_bytes(2, "little") + bytes(5))
     bench.run(190)
     ((changed_ns, rate),) = changes
     assert rate == bench.slave.settings.bitrate == 250_000
     assert 100 * MS <= changed_ns - begin < 101 * MS
-    assert [time_ns for time_ns, _ in bench.received if time_ns > begin + MS] == []
     bench.run(60)
-    heartbeats = [
-        time_ns for time_ns, frame in bench.received if frame.can_id == 0x705 and time_ns > begin + MS
-    ]
-    assert heartbeats
-    assert min(heartbeats) >= begin + 200 * MS
+    silent = [time_ns - begin for time_ns, online in presence if not online]
+    assert silent
+    assert 0 < min(silent) <= 2 * MS
+    assert 199 * MS <= max(silent) < 201 * MS
+    assert len(silent) >= 198
+    assert bench.slave._port.online
+
+
+@pytest.mark.requirement("C301-157")
+def test_other_bit_rate_on_the_segment(kit):
+    """After the change the node works at the other bit rate: a master at the old one does not reach it, one at the new one does."""
+    od = kit.dictionary()
+    od.device_information.allowed_baudrates = set()
+    bench = kit.Bench(od)
+    bench.slave.power_on()
+    bench.run()
+    configuration(bench)
+    lss(bench, 0x13, b"\x00\x03")
+    bench.send(MASTER, b"\x15\x0a" + bytes(6))
+    bench.run(15)
+    bench.port.set_bitrate(250_000)  # the master changes meanwhile
+    bench.run(15)
+    assert bench.read(0x1018, 1) == IDENTITY[0]
+    bench.port.set_bitrate(None)
+    bench.received.clear()
+    bench.send(0x605, "40 18 10 01 00 00 00 00")
+    bench.run(20)
+    assert bench.take(0x585) == []
 
 
 @pytest.mark.requirement("C301-157")
