@@ -93,7 +93,7 @@ class BitwiseSegment(FrameAccount):
             self._entry = None
             self._open_until_ns = COMMITTED
             self._unacknowledged = False
-            self._begin(start)
+            self._begin(start, sender)
             self._repeat_start(sender, entry)
             self._note_sof()
             self._note_sender()
@@ -154,14 +154,14 @@ class BitwiseSegment(FrameAccount):
                     self._backlog -= 1
                     controller.begin(first)
 
-    def _begin(self, origin_ns: int) -> None:
-        """Give every node a controller that expects a frame from `origin_ns` on."""
+    def _begin(self, origin_ns: int, sender: MediumPort | None = None) -> None:
+        """Give every node, and `sender` in any case, a controller that expects a frame from `origin_ns` on."""
         self._disarm()
         self._join_grid(origin_ns, 0)
         self._controllers = []
         for port in self._ports:
             foreign = port not in self._nodes
-            if port is not self._sender and (not port.online or (foreign and not port.queue)):
+            if port is not sender and (not port.online or (foreign and not port.queue)):
                 continue
             controller = Controller(self, port, silent=port.listen_only or foreign)
             if port.state is NodeState.BUS_OFF:

@@ -571,6 +571,18 @@ def test_one_of_two_identical_senders_disappears():
     assert [(sender, error) for _, sender, _, error in bench.medium.log] == [("b", "")]
 
 
+def test_node_that_is_off_does_not_answer_the_collision_of_the_others():
+    """A node that was first to send and is unplugged at once takes no part in what the others do."""
+    bench = Bench("a", "b", "c")
+    for name in "cab":
+        bench.ports[name].send(CanFrame(0x100))
+    bench.run(1)
+    bench.ports["c"].online = False
+    bench.run(300)
+    assert set(bench.errors()) == {"ACK_ERROR"}
+    assert len(bench.errors()) > 3
+
+
 def test_last_receiver_disappears():
     """A receiver that goes away before the ACK slot leaves the sender without acknowledge."""
     bench = Bench("a", "b")
@@ -617,7 +629,9 @@ def test_any_disturbance_leaves_a_working_segment(steps):
         def act(kind, who, what):
             port = ports[who]
             if kind == "send":
-                port.send(CanFrame(0x100 + what, bytes([who] * what)))
+                port.send(
+                    CanFrame(0x100 + what, bytes([who] * (what + 1)))
+                )  # identical ones of all would never end
             elif kind == "off":
                 port.online = False
             elif kind == "on":
