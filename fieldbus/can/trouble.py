@@ -23,7 +23,7 @@ from fieldbus.can.confinement import (
     state_of,
 )
 from fieldbus.can.frame import CanFrame
-from fieldbus.can.port import Entry, MediumPort, deaf
+from fieldbus.can.port import NOT_ASKED, Entry, MediumPort, deaf
 from fieldbus.can.timing import INTERMISSION_BITS
 from fieldbus.clock import S, Scheduler
 from fieldbus.history import History
@@ -194,6 +194,8 @@ class ErrorHandling(Arbitration):
         """Queue a frame again that could not be sent, or give it up; `code` None: it lost the arbitration."""
         if entry[1] <= port.dead_sequence:
             return
+        if code is not None and entry[5] is NOT_ASKED:
+            entry = (*entry[:5], ())  # hooks that come later are for new frames
         if not port.one_shot:
             self._queue(port, entry)
         elif self._history is not None:

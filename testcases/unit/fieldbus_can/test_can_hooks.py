@@ -138,6 +138,18 @@ def test_hooks_act_together_in_their_order(scheduler, medium, port, received):
     assert seen == [SECOND, CanFrame(0x7F)]
 
 
+def test_hook_is_not_asked_about_a_repetition(scheduler, medium):
+    """A hook that comes after the first attempt of a frame is not asked when the frame is repeated."""
+    port = medium.attach("a", lambda frame, time_ns: None)
+    port.send(FIRST)  # nobody acknowledges
+    scheduler.run_for(MS)
+    asked = []
+    medium.add_hook(lambda frame, sender, time_ns: asked.append(frame))
+    scheduler.run_for(MS)
+    assert len(medium.log) > 10
+    assert asked == []
+
+
 def test_removed_hook_is_not_asked(scheduler, medium, port, received):
     """The remover ends the hook, also between queueing and start of the frame; removing twice is harmless."""
     remove = medium.add_hook(only(0x100, HookResult.drop()))
