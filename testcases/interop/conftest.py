@@ -18,8 +18,8 @@ from testcases.interop_master import LibraryMaster
 NODE = 5
 
 
-def make_station(name):
-    """Return a new reference axis at node 5, still switched off; `run(seconds)` lets time pass.
+def make_station(name, config=None):
+    """Return a new reference axis at node 5, or another drive there, still switched off; `run(seconds)` lets time pass.
 
     Who is to hear the boot-up has to be on the bus before: alone, the drive would get no acknowledgement.
     """
@@ -29,7 +29,7 @@ def make_station(name):
     drive = CiA402Drive(
         scheduler,
         medium,
-        DriveConfig.reference(node_id=NODE),
+        config or DriveConfig.reference(node_id=NODE),
         name="drive",
         history=history,
         rng=np.random.default_rng(1),
