@@ -193,7 +193,8 @@ class CanUtils:
         self.dump = Reader([program("candump"), "-L", channel], stream="stdout")
         # candump does not say when it listens: call until it answers
         end = time.monotonic() + PATIENCE_S
-        while not self.dump.lines and time.monotonic() < end:
+        # the drive's heartbeat may be the first that it shows
+        while not any(self.PROBE in line for line in self.dump.lines) and time.monotonic() < end:
             self.send(self.PROBE)
             time.sleep(0.05)
         self.dump.wait_for(self.PROBE)
