@@ -127,11 +127,12 @@ def test_no_sdo_while_stopped(station, ready):
 
 
 @pytest.mark.requirement("C402-141", "C402-090")
-def test_refusals_reach_the_library(ready):
+def test_refusals_reach_the_library(station, ready):
     """The library refuses a mode by 6502h; the drive itself refuses mode and homing method with an abort code."""
+    station.drive.slave.values[0x650200] &= ~0x8  # a drive without profile torque
     with pytest.raises(TypeError, match="PROFILED TORQUE"):
         ready.node.op_mode = "PROFILED TORQUE"
-    for index, value in ((0x6060, 4), (0x6098, 16)):
+    for index, value in ((0x6060, 4), (0x6060, 11), (0x6098, 16)):
         with pytest.raises(canopen.SdoAbortedError) as refusal:
             ready.node.sdo[index].raw = value
         assert refusal.value.code == 0x06090030

@@ -123,7 +123,7 @@ def test_segmented_download(desk):
         ("40 18 10 05 00 00 00 00", "80 18 10 05 11 00 09 06"),  # no such sub-index
         ("23 00 10 00 01 00 00 00", "80 00 10 00 02 00 01 06"),  # read-only
         ("40 c4 60 05 00 00 00 00", "80 c4 60 05 01 00 01 06"),  # write-only
-        ("2f 60 60 00 04 00 00 00", "80 60 60 00 30 00 09 06"),  # a mode that the drive has not
+        ("2f 60 60 00 0b 00 00 00", "80 60 60 00 30 00 09 06"),  # a mode that the drive has not
         ("23 40 60 00 06 00 00 00", "80 40 60 00 10 00 07 06"),  # four bytes for a word
         ("e7 00 10 00 00 00 00 00", "80 00 10 00 01 00 04 05"),  # no such command
     ],
