@@ -181,6 +181,11 @@ class Row:
     default: int | None
 
     @property
+    def requirements(self) -> tuple[str, ...]:
+        """The row, and for motor and drive data the rule that names them."""
+        return (self.requirement, "C402-170") if 0x6402 <= self.index <= 0x67FF else (self.requirement,)
+
+    @property
     def length(self) -> int:
         return BITS[self.kind] // 8
 
@@ -215,7 +220,7 @@ def each_row(condition=lambda _row: True):
         "row",
         [
             pytest.param(
-                row, id=f"{row.index:04X}h:{row.sub}", marks=pytest.mark.requirement(row.requirement)
+                row, id=f"{row.index:04X}h:{row.sub}", marks=pytest.mark.requirement(*row.requirements)
             )
             for row in rows()
             if condition(row)
