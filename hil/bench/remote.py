@@ -42,7 +42,7 @@ _ORPHAN_S: Final = 3.0
 """How long a drive process may take to end by itself when its bench is gone."""
 
 FAULT_METHODS: Final = frozenset((
-    "raise_fault", "clear_fault_cause", "set_sto", "freeze_encoder", "jump_encoder", "miss_index", "jam", "load_force",
+    "raise_fault", "clear_fault_cause", "set_sto", "freeze_encoder", "jump_encoder", "miss_index", "invert_input", "swap_limit_switches", "jam", "load_force",
     "force_input", "stop_heartbeat", "power_off", "power_on",
     "set_encoder_noise", "reverse_encoder", "lose_encoder_steps",
     "set_ss1", "open_interlock", "delay_heartbeat", "cut_mains",

@@ -100,6 +100,7 @@ _PAIRS: Final[dict[str, _Pair]] = {
     "drive.sdo_timeout": _Pair("silence_sdo"),
     "drive.emcy_storm": _Pair("storm_emcy", lambda value: (value("code"), value("period_s")), (None,)),
     "mechanics.jam": _Pair("jam"),
+    "switch.swapped": _Pair("swap_limit_switches"),
     "mechanics.load_step": _Pair("load_force", lambda value: (value("force_N"),), (0.0,)),
 }
 
@@ -154,6 +155,9 @@ def drive_action(bench: Bench, fault: Fault, stream: str) -> Action:
             return Action(
                 name, lambda: force(value("input"), value("state")), lambda: force(value("input"), None)
             )
+        case "switch.inverted":
+            invert = _method(drive, "invert_input", fault)
+            return Action(name, lambda: invert(value("input"), True), lambda: invert(value("input"), False))
         case "switch.bounce":
             bounce = _Bounce(bench, fault, _method(drive, "force_input", fault), stream)
             return Action(name, bounce.apply, bounce.remove)

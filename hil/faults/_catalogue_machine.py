@@ -40,6 +40,16 @@ MACHINE_FAULTS: Final[tuple[FaultType, ...]] = (
         example={"kind": "switch.bounce", "target": "drive1", "parameters": {"input": "home", "pulses": 8}},
     ),
     FaultType(
+        "switch.inverted", "A switch reports the opposite of what the load does, as one that is wired the wrong way", "switch", "switch",
+        (Parameter("input", "text", "Which switch", required=True, choices=_INPUTS),),
+        refused={"hardware": _NO_HAND},
+        example={"kind": "switch.inverted", "target": "drive1", "parameters": {"input": "home"}},
+    ),
+    FaultType(
+        "switch.swapped", "The wires of the two limit switches are exchanged", "switch", "switch",
+        refused={"hardware": _NO_HAND}, example={"kind": "switch.swapped", "target": "drive1"},
+    ),
+    FaultType(
         "probe.pulse", "A touch probe input is actuated for a moment, at any time between two cycles", "switch", "switch",
         (
             Parameter("input", "text", "Which probe", required=True, choices=("probe1", "probe2")),

@@ -86,6 +86,7 @@ def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
         "drive.fault": st.fixed_dictionaries({"code": st.sampled_from(_EMCY), "persistent": st.booleans()}),
         "switch.press": st.fixed_dictionaries({"input": inputs}),
         "switch.stuck": st.fixed_dictionaries({"input": inputs, "state": st.booleans()}),
+        "switch.inverted": st.fixed_dictionaries({"input": inputs}),
         "switch.bounce": st.fixed_dictionaries({"input": inputs, "pulses": st.integers(1, 8)}),
         "probe.pulse": st.fixed_dictionaries(
             {"input": st.sampled_from(["probe1", "probe2"]), "width_s": _grid(1, 20, 0.0007)}

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Final
 
 from emulators.drive.cia402._machine_config import INPUT_BITS, PROBE_INPUTS
 from emulators.mechanics import SwitchModel
 from fieldbus.clock import Scheduler, Timer, seconds_to_ns
+
+LIMIT_SWITCHES: Final = ("negative_limit", "positive_limit")
 
 
 class DigitalInputs:
@@ -32,6 +35,7 @@ class DigitalInputs:
         "fitted",
         "on_change",
         "on_probe",
+        "swapped",
         "value",
     )
 
@@ -43,6 +47,8 @@ class DigitalInputs:
         self._levels = 0
         self.fitted = sum(self._switches)
         """Bits that a switch is wired to."""
+        self.swapped = False
+        """The wires of the limit switches are exchanged."""
         self.value = 0
         """60FDh; what is not wired is 0."""
         self.on_change: Callable[[int], None] = _nothing
@@ -65,6 +71,18 @@ class DigitalInputs:
         """Set an input that is no switch on the travel, `bit` as it shows in 60FDh."""
         self._levels = self._levels | bit if active else self._levels & ~bit
         self._set(self.value | bit if active else self.value & ~bit)
+
+    def swap_limits(self, swapped: bool) -> None:
+        """Exchange the wires of the two limit switches, which both have to be fitted, or put them right again."""
+        if swapped is self.swapped:
+            return
+        self.swapped = swapped
+        first, second = (1 << INPUT_BITS[name] for name in LIMIT_SWITCHES)
+        switches = self._switches
+        switches[first], switches[second] = switches[second], switches[first]
+        for bit in (first, second):
+            switches[bit].on_change = partial(self._changed, bit)
+            self._changed(bit)
 
     def _changed(self, bit: int) -> None:
         if not self._filter_ns:

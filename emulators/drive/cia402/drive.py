@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from emulators.drive.cia402._injection import InjectableDrive
+from emulators.drive.cia402._inputs import LIMIT_SWITCHES
 from emulators.drive.cia402._machine_config import LinearAxisConfig
 from emulators.drive.cia402._trace import TRACE_ENUMS, trace_columns, trace_row
 from emulators.drive.cia402.config import DriveConfig
@@ -171,6 +172,17 @@ class CiA402Drive(InjectableDrive):
 
         """
         self._switch(name).inverted = inverted
+
+    def swap_limit_switches(self, swapped: bool) -> None:
+        """Exchange the wires of the two limit switches, or put them right again.
+
+        Raises:
+            UnsupportedFaultError: The machine has not both.
+
+        """
+        for name in LIMIT_SWITCHES:
+            self._switch(name)
+        self.digital_inputs.swap_limits(swapped)
 
     def _switch(self, name: str) -> SwitchModel:
         switch = self.switches.get(name)

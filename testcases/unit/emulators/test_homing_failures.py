@@ -15,6 +15,7 @@ from emulators.drive.cia402 import SwitchConfig
 from fieldbus.canopen import SdoAbort
 from fieldbus.cia402 import DriveState
 from fieldbus.clock import MS
+from fieldbus.errors import UnsupportedFaultError
 from testcases.unit.emulators.homing_rig import (
     COUNTS,
     FAST_MM_S,
@@ -122,15 +123,30 @@ def test_a_switch_that_is_not_there(make_bench, method):
 @pytest.mark.parametrize(("method", "start"), [(1, 0.0), (2, 0.0), (7, 20.0), (11, -20.0)])
 def test_limit_switches_that_are_swapped(make_bench, method, start):
     """The switch of the wrong side comes in motion: error, before the end stop is reached."""
-    config = machine(start_mm=start, home=CAM)
-    switches = dict(config.mechanics.switches)
-    switches["negative_limit"], switches["positive_limit"] = (
-        switches["positive_limit"],
-        switches["negative_limit"],
-    )
-    run = home(make_bench(replace(config, mechanics=replace(config.mechanics, switches=switches))), method)
+    bench = make_bench(machine(start_mm=start, home=CAM))
+    bench.drive.swap_limit_switches(True)
+    run = home(bench, method)
     fails(run)
     assert all(abs(position) < STOP_MM for _, position, _ in run.samples)
+
+
+@pytest.mark.requirement("C402-168", "C402-311")
+def test_swapped_limit_switches_come_back(make_bench):
+    """Exchanged wires show at once, with the filter too, and are put right again."""
+    for filter_s in (0.0, 0.002):
+        bench = make_bench(machine(start_mm=-50.0, input_filter_s=filter_s))
+        seen = []
+        for swapped in (True, True, False, False):
+            bench.drive.swap_limit_switches(swapped)
+            bench.run(0.003)
+            seen.append(bench.read(0x60FD) & 3)
+        assert seen == [2, 2, 1, 1]
+        bench.drive.swap_limit_switches(True)
+        bench.drive.mechanics.place(0.0)
+        bench.run(0.003)
+        assert bench.read(0x60FD) & 3 == 0
+    with pytest.raises(UnsupportedFaultError, match="negative_limit"):
+        make_bench(machine(limits=False)).drive.swap_limit_switches(True)
 
 
 @pytest.mark.requirement("C402-137")

@@ -57,7 +57,7 @@ def press(bench, name: str, state: bool | None, at_ns: int) -> None:
     bench.scheduler.at(at_ns, partial(bench.drive.force_input, name, state))
 
 
-@pytest.mark.requirement("C402-142", "C402-145", "C402-146", "C402-147", "C402-149", "C402-152")
+@pytest.mark.requirement("C402-142", "C402-145", "C402-146", "C402-147", "C402-149", "C402-152", "C402-259")
 @pytest.mark.parametrize("probe", [1, 2])
 @pytest.mark.parametrize("edge", ["positive", "negative"])
 @pytest.mark.parametrize("rpm", [1500.0, -700.0])
@@ -161,7 +161,7 @@ def test_first_event_and_continuous(make_bench, probe, continuous, edges):
     assert changed == edges.bit_count()
 
 
-@pytest.mark.requirement("C402-150")
+@pytest.mark.requirement("C402-150", "C402-260")
 def test_counters_wrap(make_bench):
     """60D5h to 60D8h are 16 bits wide and begin again at 0."""
     bench = make_bench()
@@ -243,7 +243,20 @@ def test_both_probes_on_one_input(make_bench):
     assert way == pytest.approx(5 * COUNTS * 0.010, abs=2)
 
 
-@pytest.mark.requirement("C402-144")
+@pytest.mark.requirement("C402-148")
+def test_manufacturer_bits_mean_nothing_here(make_bench):
+    """Bits 6, 7, 14 and 15 of 60B8h are taken and change nothing."""
+    bench = make_bench()
+    bench.write(0x60B8, 0xC0C0)
+    assert bench.read(0x60B9) == 0
+    bench.write(0x60B8, 0xC0C0 | ON | POSITIVE)
+    assert bench.read(0x60B9) == 0x01
+    bench.drive.force_input("probe1", True)
+    bench.run(0.001)
+    assert bench.read(0x60B9) == 0x83
+
+
+@pytest.mark.requirement("C402-144", "C402-258")
 def test_reserved_sources_are_refused(make_bench):
     """Source 3 in 60B8h and values of 60D0h that the profile does not know: 06090030h, and nothing is switched on."""
     bench = make_bench()

@@ -133,3 +133,20 @@ def test_an_index_that_is_missing_as_a_fault():
         bench.run_for(0.15)
         assert node.sdo[0x60B9].raw == 0x03
         assert node.sdo[0x60BA].raw % 10000 == 0
+
+
+@pytest.mark.requirement("C402-311")
+@pytest.mark.parametrize(
+    ("kind", "parameters", "inputs"),
+    [("switch.swapped", {}, 0b110), ("switch.inverted", {"input": "home"}, 0b001)],
+)
+def test_switches_that_are_wired_wrongly(kind, parameters, inputs):
+    """Exchanged limit switches and an inverted home switch, until the fault is removed."""
+    with file().build() as bench:
+        drive = bench.drive()
+        drive.mechanics.place(-0.552)
+        assert drive.inputs == 0b101
+        armed = Injector(bench).inject(kind, "drive1", **parameters)
+        assert drive.inputs == inputs
+        armed.remove()
+        assert drive.inputs == 0b101

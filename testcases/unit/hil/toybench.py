@@ -161,6 +161,12 @@ class ToyDrive:
     def miss_index(self, missing):
         pass
 
+    def invert_input(self, name, inverted):
+        pass
+
+    def swap_limit_switches(self, swapped):
+        pass
+
     def jam(self, active):
         self.jammed = active
 
