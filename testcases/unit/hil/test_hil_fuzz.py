@@ -52,7 +52,7 @@ def test_all_jobs_and_all_faults_of_the_catalogue_are_in_reach():
     reached = set()
 
     @seed(1)
-    @settings(max_examples=200, database=None)
+    @settings(max_examples=500, database=None)
     @given(program=PROGRAMS)
     def gather(program):
         reached.update(
