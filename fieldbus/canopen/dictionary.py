@@ -199,7 +199,10 @@ class Entry:
     def encode(self, value: Any) -> bytes:
         """Return the bytes of `value`; numbers outside the type are held at its end."""
         if self.integer:
-            return self.saturated(value).to_bytes(self.size, "little", signed=self.signed)
+            if type(value) is not int or not self.type_range[0] <= value <= self.type_range[1]:
+                value = self.saturated(value)
+            content: bytes = value.to_bytes(self.size, "little", signed=self.signed)
+            return content
         if self.real is not None:
             try:
                 return self.real.pack(value)

@@ -213,7 +213,7 @@ class PumpedQueue:
         if not items and block:
             _refuse_in_callback(self._scheduler, "an SDO answer")
             limit_s = LONGEST_WAIT_S if timeout is None else timeout
-            self._scheduler.run_until(lambda: items, seconds_to_ns(limit_s))
+            self._scheduler.run_until(items.__len__, seconds_to_ns(limit_s))
         if not items:
             raise queue.Empty
         return items.popleft()

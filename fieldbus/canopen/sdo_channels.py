@@ -138,7 +138,7 @@ class _Channel:
         owner = self._owner
         if owner.silent:
             return
-        refused = owner.refused(data)
+        refused = None if owner.refusal is None else owner.refused(data)
         answers = self._server.request(data) if refused is None else [refused]
         if answers:
             if owner.response_delay_ns:

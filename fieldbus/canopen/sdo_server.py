@@ -94,7 +94,8 @@ class SdoServer:
     def reset(self) -> None:
         """Drop the running transfer silently."""
         self._state = _IDLE
-        self._buffer = bytearray()
+        if self._buffer:
+            self._buffer = bytearray()
 
     def expire(self) -> bytes:
         """End the running transfer because the client has been silent; return the abort frame (C301-072)."""
