@@ -14,7 +14,11 @@ from hil.errors import CannotRunError
 from reports import ReportPaths, replay_command, summary, write_report
 from reports.model import RunResult, Verdict
 
-DEMO: Final = ("testcases.campaigns.stop_modes", "testcases.campaigns.fault_reactions")
+DEMO: Final = (
+    "testcases.campaigns.stop_modes",
+    "testcases.campaigns.fault_reactions",
+    "testcases.campaigns.drive_faults",
+)
 """Campaigns of `hil demo`; they ship with the product."""
 
 _KEEP: Final = ("failed", "all", "none")
