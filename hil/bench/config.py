@@ -249,6 +249,8 @@ class DriveSection(_Model):
     """Time constant of the emulated drive's closed speed loop, ms; at least three servo periods."""
     sync_loss: Literal["fault", "warning", "none"] = "fault"
     """What the emulated drive does when SYNC stays away."""
+    sync_jitter_percent: Annotated[float, Field(ge=0.0, le=50.0)] = 0.0
+    """Deviation of SYNC from the bus cycle from which on the emulated drive does the same; 0 = not watched."""
     missing_setpoints: Annotated[int, Field(ge=0, le=1000)] = 2
     """Cycles without a setpoint after which the emulated drive reacts as to a lost connection (6007h); 0 = never."""
     following_error: Literal["fault", "status"] = "fault"

@@ -130,6 +130,7 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
         # The axis watches the limit switches; a drive that stopped by itself would fight its ramp.
         limit_switch_reaction="none",
         sync_loss_reaction=section.sync_loss,
+        sync_jitter=section.sync_jitter_percent / 100.0,
         missing_setpoints=section.missing_setpoints,
         eds=None if section.eds is None else Path(section.eds),
         storage=None if section.storage is None else Path(section.storage),

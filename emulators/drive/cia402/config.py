@@ -155,6 +155,8 @@ class DriveConfig:
         following_error_reaction: `fault` 8611h or `status` bit 13 only (C402-153).
         slippage_reaction: pv: `status` bit 13 only, or `fault` 8400h as well (C402-159).
         sync_loss_reaction: `fault` 8700h, `warning` or `none` (C301-037).
+        sync_jitter: Part of 60C2h by which SYNC may come early or late in the cyclic modes before the same reaction
+            follows, 0 to 0.5; 0 = not watched (CANP-071).
         missing_setpoints: Reaction 6007h after this many periods without set-point; 0 = never (C402-104).
         home_offset: `profile` (6064h = -607Ch at the home point) or `vendor` (+607Ch) (C402-138).
         homing_move: After the home position is known: `none` = come to rest, `zero` = move to position 0 (C402-138).
@@ -193,6 +195,7 @@ class DriveConfig:
     following_error_reaction: Literal["fault", "status"] = "fault"
     slippage_reaction: Literal["fault", "status"] = "status"
     sync_loss_reaction: Literal["fault", "warning", "none"] = "fault"
+    sync_jitter: float = 0.0
     missing_setpoints: int = 2
     home_offset: Literal["profile", "vendor"] = "profile"
     homing_move: Literal["none", "zero"] = "none"
@@ -231,6 +234,8 @@ class DriveConfig:
             if getattr(self, name) not in allowed:
                 raise ConfigurationError(name, getattr(self, name), ", ".join(allowed))
         supported_methods(self.hard_stop_methods)
+        if not 0.0 <= self.sync_jitter <= 0.5:
+            raise ConfigurationError("sync_jitter", self.sync_jitter, "0 to 0.5 of the period")
         if self.missing_setpoints < 0:
             raise ConfigurationError("missing_setpoints", self.missing_setpoints, ">= 0")
 

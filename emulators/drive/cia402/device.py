@@ -20,6 +20,7 @@ from emulators.drive.cia402._mode_rules import (
 from emulators.drive.cia402._objects_profile import SUPPORTED_HOMING
 from emulators.drive.cia402._safety import SafetyFunctions
 from emulators.drive.cia402._status_word import StatusWord
+from emulators.drive.cia402._sync_jitter import SyncJitter
 from emulators.drive.cia402._touch_probe import TouchProbe
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.config import DriveConfig
@@ -171,6 +172,8 @@ class DriveDevice:
         """An object that the drive keeps converted has been written."""
         _object_rules.install(self)
         self.slave.on_sync.append(self._on_sync)
+        if config.sync_jitter:
+            self.slave.on_sync.append(SyncJitter(self, config.sync_jitter).on_sync)
         self.slave.on_nmt_state.append(self._on_nmt_state)
         self.slave.on_communication_error.append(self.reactions.communication_lost)
         self.slave.on_reset.append(self._on_reset)

@@ -688,6 +688,34 @@ def test_lost_sync(make_bench, reaction, state):
     assert codes == {"fault": [0x8700], "warning": [0x8700, 0], "none": []}[reaction]
 
 
+@pytest.mark.requirement("CANP-070", "CANP-071")
+@pytest.mark.parametrize(
+    ("jitter", "shift_us", "reaction", "codes"),
+    [
+        (0.10, 300, "fault", []),
+        (0.10, 500, "fault", [0x8700]),
+        (0.10, -500, "fault", [0x8700]),
+        (0.25, 500, "fault", []),
+        (0.10, 500, "warning", [0x8700, 0]),
+        (0.0, 1500, "fault", []),
+    ],
+)
+def test_sync_jitter(make_bench, jitter, shift_us, reaction, codes):
+    """A drive that follows SYNC with a clock of its own trips when one SYNC comes too early or too late."""
+    bench = make_bench(replace(DriveConfig.reference(), sync_jitter=jitter, sync_loss_reaction=reaction))
+    bench.start_cyclic(9)
+    bench.enable_cyclic()
+    bench.run(0.1)
+    assert bench.emcys == []
+    bench.master.stop_sync()
+    period_us = 4000
+    bench.scheduler.run_for((period_us + shift_us - bench.scheduler.now // 1000 % period_us) * 1000)
+    bench.master.start_sync(period_us * 1000, bench.scheduler.now % (period_us * 1000))
+    bench.run(0.05)
+    assert [code for code, _ in bench.emcys][:2] == codes
+    assert (bench.state is S.OPERATION_ENABLED) is (reaction == "warning" or not codes)
+
+
 def test_cyclic_velocity_without_sync(bench):
     """Mode csv by SDO without SYNC: the target counts all the same."""
     bench.enable(9)
