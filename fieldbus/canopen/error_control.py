@@ -156,6 +156,8 @@ class ErrorControl:
             self._producer_timer.cancel()
             self._producer_timer = None
         period_ms = self._store.values.get(_PRODUCER_TIME, 0)
+        if period_ms:
+            self._end_life_guarding()  # requests are not answered any more, so that none can be missed (C301-024)
         if period_ms and self._state != NmtState.INITIALISING:
             self._producer_timer = self._scheduler.after(period_ms * MS, self._produce)
 
@@ -249,8 +251,17 @@ class ErrorControl:
     def _restart_life(self) -> None:
         armed = self._life_timer is not None
         self._cancel_life()
-        if armed:
+        if not self._life_time_ns():
+            self._end_life_guarding()
+        elif armed:
             self._arm_life(self._guarded)
+
+    def _end_life_guarding(self) -> None:
+        """Watch the master no longer; it cannot be missing then."""
+        self._cancel_life()
+        if self._life_lost:
+            self._life_lost = False
+            self._found()
 
     def _cancel_life(self) -> None:
         if self._life_timer is not None:

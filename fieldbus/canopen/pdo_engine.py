@@ -46,6 +46,7 @@ class PdoEngine:
         "_on_timeout",
         "_other_sync",
         "_scanned",
+        "_stale",
         "_sync_receive",
         "_watchers",
         "length_errors",
@@ -100,6 +101,7 @@ class PdoEngine:
         self._other_sync: tuple[TransmitPdo, ...] = ()
         self._watchers: dict[int, tuple[TransmitPdo | ScannedObject, ...]] = {}
         self._scanned: tuple[ScannedObject, ...] = ()
+        self._stale = False
         self.multiplexer = Multiplexer(store, send, emcy=emcy, emcy_clear=emcy_clear)
         self.receive = [ReceivePdo(self, *place) for place in self._places(*_RPDO)]
         self.transmit = [TransmitPdo(self, *place) for place in self._places(*_TPDO)]
@@ -126,11 +128,14 @@ class PdoEngine:
             rpdo.restart()
         for pdo in (*self.receive, *self.transmit):
             self._read(pdo, restart=True)
+        self._stale = False
         self.refresh()
 
     def enter_operational(self) -> None:
         """Start all valid PDOs."""
         self.operational = True
+        if self._stale:
+            self._recompile()
         self.refresh()
         for pdo in self.transmit:
             if pdo.valid:
@@ -151,7 +156,13 @@ class PdoEngine:
         self.touch_all()
 
     def recompile(self) -> None:
-        """Build the code of all PDOs anew, because the device has registered a hook."""
+        """Build the code of all PDOs anew, because the device has registered a hook; at the latest before it is used."""
+        self._stale = True
+        if self.operational:
+            self._recompile()
+
+    def _recompile(self) -> None:
+        self._stale = False
         for rpdo in self.receive:
             rpdo.compile(applier(rpdo.layout, self.store))
         for tpdo in self.transmit:

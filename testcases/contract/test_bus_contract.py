@@ -363,5 +363,5 @@ def test_hooks_and_injection(backend, near, far):
     remove()
     segment.inject(CanFrame(0x055), sender="intruder")
     near.expect(CanFrame(0x055))
-    assert far.frames[-1] == CanFrame(0x055)
+    assert backend.scheduler.run_until(lambda: far.frames[-1] == CanFrame(0x055), WAIT)
     assert segment.log[-1][1:] == ("intruder", CanFrame(0x055), "")

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from fieldbus.canopen.object_table import (
     ARRAY,
     BOOLEAN,
@@ -47,6 +49,7 @@ __all__ = [
 ]
 
 
+@cache
 def all_objects() -> tuple[ObjectRow, ...]:
     """Return the whole table in ascending order."""
     from emulators.drive.cia402._objects_communication import communication_objects

@@ -28,6 +28,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -116,9 +117,21 @@ def load_personality(reference: str | Path) -> Personality:
 
     """
     text = str(reference)
-    file = Path(text) if text.endswith(".toml") else FOLDER / f"{text}.toml"
-    if not text.endswith(".toml") and text not in personality_names():
-        raise ConfigurationError("personality", text, f"{', '.join(personality_names())}, or a file *.toml")
+    if text.endswith(".toml"):
+        return _load(Path(text))
+    return _shipped(text)
+
+
+@cache
+def _shipped(name: str) -> Personality:
+    """Return a personality of the product; its file does not change while it runs, and every bench asks for it."""
+    if name not in personality_names():
+        raise ConfigurationError("personality", name, f"{', '.join(personality_names())}, or a file *.toml")
+    return _load(FOLDER / f"{name}.toml")
+
+
+def _load(file: Path) -> Personality:
+    text = str(file)
     try:
         content = tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:

@@ -86,6 +86,27 @@ def test_life_guarding(bench):
     assert bench.take(EMCY) == [BACK]
 
 
+@pytest.mark.requirement("C301-024", "C301-029")
+@pytest.mark.parametrize(
+    "change", [(0x1017, 100, 2), (0x100C, 0, 2), (0x100D, 0, 1)], ids=["heartbeat", "guard-time", "factor"]
+)
+@pytest.mark.parametrize("overdue", [False, True], ids=["in-time", "overdue"])
+def test_life_guarding_ends_when_guarding_does(bench, change, overdue):
+    """A master that goes over to heartbeat, or switches guarding off, is not missed; if it was, it is no longer."""
+    bench.write(0x100C, 0, 20, 2)
+    bench.write(0x100D, 0, 3, 1)
+    bench.ask(OWN, remote=True, dlc=1)
+    if overdue:
+        bench.run(100)
+        assert bench.take(EMCY) == [LOST]
+    index, value, size = change
+    bench.received.clear()
+    bench.write(index, 0, value, size)
+    bench.run(500)
+    assert bench.take(EMCY) == ([BACK] if overdue else [])
+    assert bench.slave.get(0x1001) == 0
+
+
 @pytest.mark.requirement("C301-025", "C301-026", "C301-123")
 def test_heartbeat_consumer(bench):
     """Monitoring starts with the first heartbeat; a missing one gives EMCY 8130h and tells the device; the next resolves it."""

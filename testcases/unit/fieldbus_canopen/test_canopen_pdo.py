@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from fieldbus.canopen import AbortCode, NmtCommand, SdoAbort
+from fieldbus.canopen import AbortCode, NmtCommand, SdoAbort, pdo_engine
 
 EMCY = 0x085
 TPDO1 = 0x185
@@ -509,6 +509,36 @@ def test_read_callback_is_asked_when_a_tpdo_samples(bench):
     bench.slave.on_read(0x6064, 0, lambda: 0x01020304)
     sync(bench)
     assert bench.take(TPDO2)[-1] == bytes.fromhex("00 00 04 03 02 01")
+
+
+@pytest.mark.requirement("C301-056")
+def test_callbacks_count_whenever_they_are_registered(bench):
+    """A callback that comes before the boot, in Pre-operational or in Operational is asked from then on."""
+    asked = []
+    bench.slave.on_read(0x6041, 0, lambda: 0x1234)
+    bench.nmt(NmtCommand.START)
+    assert bench.take(TPDO1) == [b"\x34\x12"]
+    bench.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
+    bench.slave.on_read(0x6041, 0, lambda: 0x5678)
+    bench.slave.on_write(0x6040, 0, lambda value: asked.append(("early", value)))
+    bench.received.clear()
+    bench.nmt(NmtCommand.START)
+    assert bench.take(TPDO1) == [b"\x78\x56"]
+    bench.slave.on_write(0x6040, 0, lambda value: asked.append(("late", value)))
+    bench.send(0x205, "0F 00")
+    bench.run()
+    assert asked == [("early", 0x0F), ("late", 0x0F)]
+
+
+def test_pdos_are_built_once_for_all_callbacks(bench, monkeypatch):
+    """However many callbacks a device registers before it is Operational, its PDOs are built once for them."""
+    built = []
+    original = pdo_engine.sampler
+    monkeypatch.setattr(pdo_engine, "sampler", lambda *args: built.append(args) or original(*args))
+    for _ in range(50):
+        bench.slave.on_read(0x6041, 0, lambda: 1)
+    bench.nmt(NmtCommand.START)
+    assert len(built) == len(bench.slave.pdos.transmit)
 
 
 def test_values_outside_the_type_do_not_stop_the_cycle(bench):

@@ -323,3 +323,22 @@ def test_pictures_are_small_enough(name):
     assert struct.unpack(">II", content[16:24]) == (1440, 900)
     assert len(content) < IMAGE_LIMIT
     assert f"docs/images/{name}" in page("README.md")
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_nothing_is_said_twice_in_a_table_or_list(name):
+    """No two rows of a table begin with the same two cells, no two points of a page with the same words in bold."""
+    text = page(name)
+    said: list[tuple[str, ...]] = []
+    table = -1
+    for number, line in enumerate(text.splitlines()):
+        if not line.startswith("|"):
+            table = -1
+            if found := re.match(r"\* (\*\*.+?\*\*)", line):
+                said.append((found[1],))
+            continue
+        table = number if table < 0 else table
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if set(line) - set("|- :"):
+            said.append((str(table), *cells[:2]))
+    assert sorted(said) == sorted(set(said))
