@@ -1,0 +1,645 @@
+"""The encoder interface Gx: every row of its transition table, every error code, and what holds for any control words."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emulators.encoder import AbsoluteEncoder, IncrementalEncoder
+from emulators.encoder.profidrive import EncoderAbilities, EncoderFormat, EncoderInterface, EncoderState
+from fieldbus.errors import ConfigurationError
+from fieldbus.profidrive import ENCODER_ERRORS
+
+MS = 1_000_000
+SD1, SD2, SD3, SD4, SD5, SD7, SD10, SD11, SD12 = EncoderState
+FUNCTION_1, FUNCTION_2, FUNCTION_3, FUNCTION_4 = 1, 2, 4, 8
+ACTIVATE, READ, CANCEL = 0x10, 0x20, 0x30
+MEASURE = 0x80
+SHIFT, HOME, ABSOLUTE, PARK, ACKNOWLEDGE = 0x800, 0x1000, 0x2000, 0x4000, 0x8000
+SEARCH = ACTIVATE | FUNCTION_1
+MEASURING = MEASURE | ACTIVATE | FUNCTION_1 | FUNCTION_2
+
+
+class Rig:
+    """An interface with an absolute multi-turn encoder of 1000 steps, and the time in cycles of 4 ms."""
+
+    def __init__(self, *, start=0, incremental=False, **abilities):
+        self.encoder = (
+            IncrementalEncoder(counts_per_revolution=1000, zero_mark_counts=100)
+            if incremental
+            else AbsoluteEncoder(turns=16, counts_per_revolution=1000, zero_mark_counts=100)
+        )
+        self.form = EncoderFormat(
+            periods=1000,
+            shift_xist1=4,
+            shift_xist2=1,
+            revolutions=0 if incremental else 16,
+            start_value=start,
+        )
+        self.gx = EncoderInterface(self.encoder, self.form, EncoderAbilities(**abilities))
+        self.now = 0
+        self.words = self.gx.words()
+
+    def __call__(self, *words):
+        """Step with control words; returns the last state."""
+        for word in words:
+            self.now += 4 * MS
+            self.words = self.gx.step(word, self.now)
+        return self.gx.state
+
+    @property
+    def zsw(self):
+        return self.words[0]
+
+    @property
+    def xist1(self):
+        return self.words[1]
+
+    @property
+    def xist2(self):
+        return self.words[2]
+
+    def turn(self, steps):
+        """Turn to a place, steps; the zero mark at 100 is passed on the way."""
+        self.encoder.sample(steps * math.tau / 1000)
+
+    def edge(self, steps=7, *, probe=1, rising=True):
+        self.gx.probe_edge(probe, rising, steps)
+
+    def stop_waiting(self):
+        """Let 100 ms pass with the last word."""
+        self.now += 100 * MS
+
+
+def normal(_):
+    """Nothing: it begins there."""
+
+
+def acknowledging(rig):
+    rig.gx.report(0x1001)
+    rig(0, ACKNOWLEDGE)
+
+
+def failed(rig):
+    rig.gx.report(0x1001)
+    rig(0)
+
+
+def reference_shown(rig):
+    waiting_for_mark(rig)
+    rig.turn(150)
+    rig(0, READ | FUNCTION_1)
+
+
+def waiting_for_mark(rig):
+    rig(SEARCH)
+
+
+def homing(rig):
+    rig(HOME)
+
+
+def measuring(rig):
+    rig(MEASURING)
+
+
+def measured_shown(rig):
+    measuring(rig)
+    rig.edge()
+    rig(MEASURE | READ | FUNCTION_1)
+
+
+def parked(rig):
+    rig(PARK)
+
+
+INTO = {
+    SD1: normal,
+    SD2: acknowledging,
+    SD3: failed,
+    SD4: reference_shown,
+    SD5: waiting_for_mark,
+    SD7: homing,
+    SD10: measuring,
+    SD11: measured_shown,
+    SD12: parked,
+}
+OPERATING = (SD1, SD4, SD5, SD7, SD10, SD11)
+
+
+def find_mark(rig):
+    rig.turn(150)
+
+
+def rising(rig):
+    rig.edge()
+
+
+def both_edges(rig):
+    rig.edge()
+    rig.edge(9, rising=False)
+
+
+def falling(rig):
+    rig.edge(9, rising=False)
+
+
+def broken(rig):
+    rig.gx.fail(0x0001)
+
+
+def broken_code_only(rig):
+    rig.gx.fail(0x0002)
+
+
+def invalid(rig):
+    rig.gx.valid = False
+
+
+def wait(rig):
+    rig.stop_waiting()
+
+
+def measured_before(rig):
+    rig(MEASURING)
+    both_edges(rig)
+    rig(MEASURE)
+
+
+# Row: identifiers, from, what happens before, control word, to, Gx_ZSW there.
+ROWS = [
+    *((("PD-151", "PTO-222"), state, None, PARK, SD12, 0x4000) for state in OPERATING),
+    *((("PD-152", "PTO-223"), state, broken, 0, SD3, 0x8000) for state in OPERATING),
+    *(
+        (("PD-152", "PTO-223", "PTO-245"), state, None, command << 4, SD3, 0x8000)
+        for state in OPERATING
+        for command in (4, 5, 6, 7)
+    ),
+    (("PD-153", "PTO-226"), SD1, None, SEARCH, SD5, 0x0001),
+    (("PD-153",), SD1, None, ACTIVATE, SD1, 0),
+    (("PD-154", "PTO-227"), SD5, find_mark, 0, SD1, 0),
+    (("PD-154", "PTO-227"), SD5, None, 0, SD5, 0x0001),
+    (("PD-154", "PTO-246"), SD5, find_mark, SEARCH, SD5, 0),
+    (("PD-154", "PTO-228"), SD5, None, CANCEL | FUNCTION_1, SD1, 0),
+    (("PD-155",), SD1, None, READ | FUNCTION_1, SD1, 0),
+    (("PD-156", "PTO-225"), SD4, None, 0, SD1, 0),
+    (("PD-156",), SD4, None, READ | FUNCTION_1, SD4, 0x0010),
+    (("PD-157", "PTO-230"), SD1, None, MEASURING, SD10, 0x0003),
+    (("PD-158", "PTO-231"), SD10, None, MEASURE | CANCEL, SD1, 0),
+    (("PD-158", "PTO-232"), SD10, both_edges, MEASURE, SD1, 0),
+    (("PD-158", "PTO-232"), SD10, rising, MEASURE, SD10, 0x0102),
+    (("PTO-235",), SD10, both_edges, MEASURE | ACTIVATE | FUNCTION_3, SD10, 0x0004),
+    (("PD-159", "PTO-236"), SD10, rising, MEASURE | READ | FUNCTION_1, SD11, 0x0112),
+    (("PD-159", "PTO-236"), SD10, falling, MEASURE | READ | FUNCTION_2, SD11, 0x0021),
+    (("PD-159",), SD10, falling, MEASURE | READ | FUNCTION_1, SD10, 0x0001),
+    (("PD-159", "PTO-233"), SD1, measured_before, MEASURE | READ | FUNCTION_2, SD11, 0x0020),
+    (("PD-160", "PTO-234"), SD11, falling, MEASURE, SD1, 0),
+    (("PD-160", "PTO-234"), SD11, None, MEASURE | CANCEL, SD1, 0x0100),
+    (("PD-161", "PTO-237"), SD11, None, MEASURE, SD10, 0x0102),
+    (("PD-161", "PTO-237"), SD11, None, MEASURE | ACTIVATE | FUNCTION_3, SD10, 0x0106),
+    (("PTO-238",), SD11, falling, MEASURE | READ | FUNCTION_2, SD11, 0x0020),
+    (("PD-162", "PTO-229"), SD1, None, HOME, SD7, 0x1000),
+    (("PD-162", "PTO-229"), SD1, None, HOME | SHIFT, SD7, 0x1000),
+    (("PD-163", "PTO-229"), SD7, None, 0, SD1, 0),
+    (("PD-163",), SD7, None, HOME, SD7, 0x1000),
+    (("PD-164", "PTO-239"), SD3, None, ACKNOWLEDGE, SD2, 0x0800),
+    (("PD-164", "PTO-239"), SD3, broken_code_only, ACKNOWLEDGE, SD2, 0x8800),
+    (("PTO-244",), SD3, invalid, ACKNOWLEDGE, SD3, 0x8000),
+    (("PD-165", "PTO-240"), SD2, None, 0, SD1, 0),
+    (("PD-165",), SD2, None, ACKNOWLEDGE, SD2, 0x0800),
+    (("PD-166", "PTO-241"), SD2, broken_code_only, 0, SD3, 0x8000),
+    (("PD-167", "PTO-242"), SD2, None, PARK, SD12, 0x4000),
+    (("PD-167", "PTO-242"), SD3, None, PARK, SD12, 0x4000),
+    (("PD-167", "PTO-242"), SD2, invalid, 0, SD12, 0x4000),
+    (("PD-167", "PTO-242"), SD3, invalid, 0, SD12, 0x4000),
+    (("PD-168", "PTO-243"), SD12, wait, 0, SD1, 0),
+    (("PD-168", "PTO-243"), SD12, wait, PARK, SD12, 0x4000),
+    (("PD-168", "PTO-247"), SD12, None, 0, SD12, 0x4000),
+]
+
+
+@pytest.mark.requirement(*sorted({identifier for row in ROWS for identifier in row[0]}))
+@pytest.mark.parametrize(
+    "row",
+    ROWS,
+    ids=lambda row: f"{row[0][0]}-{row[1].name}-{row[2].__name__ if row[2] else ''}-{row[3]:04X}",
+)
+def test_transition(row):
+    """From the state, with what happens, the control word leads into the state of the table and shows its bits."""
+    _, before, happens, word, after, zsw = row
+    rig = Rig()
+    INTO[before](rig)
+    assert rig.gx.state is before
+    if happens is not None:
+        happens(rig)
+    rig(word)
+    assert rig.gx.state is after
+    assert rig.zsw == zsw
+
+
+TABLE = {(row[1], row[4]) for row in ROWS} | {
+    (SD1, SD4),  # PD-155, tested with the whole sequence
+    *((state, SD12) for state in OPERATING),
+}
+
+
+@pytest.mark.requirement("PD-151", "PTO-219", "PD-169")
+def test_parking_shows_nothing_else():
+    """While parking only bit 14 is set and both values are 0, whatever else is requested; it ends in SD1 (PD-151)."""
+    rig = Rig()
+    rig.turn(700)
+    rig(ABSOLUTE)
+    assert rig.xist1 == 700 * 16
+    assert rig.xist2 == 700 * 2
+    for _ in range(3):
+        rig(PARK | ABSOLUTE | MEASURING)
+        assert rig.words == (0x4000, 0, 0)
+    rig(ABSOLUTE)
+    assert rig.words == (0x4000, 0, 0)
+    rig.turn(710)
+    rig.stop_waiting()
+    rig(ABSOLUTE)
+    assert rig.words == (0x2000, 710 * 16, 710 * 2)
+
+
+@pytest.mark.requirement("PD-168", "PTO-247")
+def test_parking_is_shown_for_100_ms():
+    """The request is taken back after 4 ms; 100 ms after the beginning parking ends, not one cycle earlier."""
+    rig = Rig()
+    rig(PARK)
+    began = rig.now
+    while rig(0) is SD12:
+        assert rig.now - began < 100 * MS
+    assert rig.now - began == 100 * MS
+
+
+@pytest.mark.requirement("PTO-248", "PD-151")
+def test_parking_goes_before_an_error():
+    """An error and a parking request in the same cycle: parking."""
+    rig = Rig()
+    rig.gx.fail(0x0001)
+    assert rig(PARK) is SD12
+
+
+@pytest.mark.requirement("PD-155", "PTO-224", "PD-173", "PD-143", "PD-141", "PD-142")
+def test_reference_mark_search():
+    """The mark is latched where it is, not where the encoder stands at the next cycle, in the format of Gx_XIST1."""
+    rig = Rig()
+    rig(SEARCH)
+    assert rig.zsw == 0x0001
+    rig.turn(60)
+    rig(SEARCH)
+    assert rig.zsw == 0x0001
+    rig.turn(163)
+    rig.turn(190)
+    rig(SEARCH)
+    assert (rig.gx.state, rig.zsw) == (SD5, 0)
+    rig(0)
+    assert rig(READ | FUNCTION_1) is SD4
+    assert rig.words == (0x0010, 190 * 16, 100 * 16)
+    assert rig(0) is SD1
+    assert rig.xist2 == 0
+
+
+def test_second_mark_is_not_taken():
+    """Of two marks before the reading the first counts."""
+    rig = Rig()
+    rig(SEARCH)
+    rig.turn(150)
+    rig.turn(1150)
+    rig(0, READ | FUNCTION_1)
+    assert rig.xist2 == 100 * 16
+
+
+@pytest.mark.requirement("PD-143")
+def test_further_reference_marks():
+    """Function n searches reference mark n; each has its own value."""
+    rig = Rig(reference_marks=4)
+    rig(ACTIVATE | 0b1111)
+    rig.gx.reference_mark(3, 333)
+    rig(0)
+    assert rig.zsw == 0b1011
+    rig.gx.reference_mark(2, 222)
+    rig.gx.reference_mark(4, 444)
+    rig.turn(150)
+    assert rig(0) is SD1
+    for function, place in ((1, 100), (2, 222), (4, 333), (8, 444)):
+        assert rig(READ | function) is SD4
+        assert (rig.zsw, rig.xist2) == (function << 4, place * 16)
+        rig(0)
+
+
+@pytest.mark.requirement("PD-143", "PD-144", "PTO-250")
+@pytest.mark.parametrize(
+    ("function", "probe", "up"), [(1, 1, True), (2, 1, False), (4, 2, True), (8, 2, False)]
+)
+def test_each_measuring_function(function, probe, up):
+    """Functions 1 to 4 are the rising and falling edge of probe 1 and 2: each takes its edge alone, once."""
+    rig = Rig()
+    rig(MEASURE | ACTIVATE | function)
+    for other in (1, 2):
+        for rise in (True, False):
+            if (other, rise) != (probe, up):
+                rig.edge(1, probe=other, rising=rise)
+    rig(MEASURE | ACTIVATE | function)
+    assert rig.zsw & 0xFF == function
+    rig.edge(4321, probe=probe, rising=up)
+    rig.edge(5000, probe=probe, rising=up)
+    rig(MEASURE | ACTIVATE | function)
+    assert rig.zsw & 0xFF == 0
+    rig(MEASURE | READ | function)
+    assert rig.zsw & 0xFF == function << 4
+    assert rig.xist2 == 4321 * 16
+
+
+def test_probe_levels():
+    """Bits 8 and 9 show the levels of the probes in the mode of measurement, and in that mode alone."""
+    rig = Rig()
+    rig.edge(probe=2)
+    rig(MEASURE)
+    assert rig.zsw == 0x0200
+    rig.edge(probe=1)
+    rig(MEASURE)
+    assert rig.zsw == 0x0300
+    rig(0)
+    assert rig.zsw == 0
+    rig.edge(probe=2, rising=False)
+    rig(MEASURE)
+    assert rig.zsw == 0x0100
+
+
+@pytest.mark.requirement("PTO-249")
+def test_new_activation_forgets():
+    """A value that was found and not read is gone when its function is activated anew."""
+    rig = Rig()
+    measured_before(rig)
+    rig(MEASURE | ACTIVATE | FUNCTION_1)
+    assert rig(MEASURE | READ | FUNCTION_1) is SD10
+    assert rig(MEASURE | READ | FUNCTION_2) is SD11
+    assert rig.xist2 == 9 * 16
+
+
+@pytest.mark.requirement("PD-145", "PD-146", "PD-171")
+def test_home_position():
+    """Set makes the absolute value the home position, shift adds it, once per request; Gx_XIST1 goes on as it was."""
+    rig = Rig()
+    rig.turn(700)
+    rig.gx.home_steps = 5000
+    rig(HOME | ABSOLUTE, HOME | ABSOLUTE)
+    assert rig.words == (0x3000, 700 * 16, 5000 * 2)
+    rig(ABSOLUTE)
+    rig.turn(720)
+    rig(HOME | SHIFT | ABSOLUTE, HOME | SHIFT | ABSOLUTE)
+    assert rig.words == (0x3000, 720 * 16, 10020 * 2)
+    rig(ABSOLUTE)
+    rig(HOME | SHIFT | ABSOLUTE)
+    assert rig.xist2 == 15020 * 2
+    rig(ABSOLUTE, HOME | SHIFT | ABSOLUTE)
+    assert rig.xist2 == 4020 * 2  # 16 turns of 1000 steps are the range
+
+
+@pytest.mark.requirement("PD-171")
+def test_preset_of_the_encoder_profile():
+    """In the encoder profile the preset moves Gx_XIST1 as well."""
+    rig = Rig(preset_counter=True)
+    rig.turn(700)
+    rig.gx.home_steps = 40
+    rig(HOME)
+    assert rig.xist1 == 40 * 16
+    rig(0)
+    rig.turn(701)
+    rig(HOME | SHIFT)
+    assert rig.xist1 == 81 * 16
+
+
+@pytest.mark.requirement("PD-147", "PD-169", "PTO-250")
+def test_priority_of_xist2():
+    """Parking before error before a latched value before the absolute value."""
+    rig = Rig()
+    rig.turn(150)
+    rig(ABSOLUTE)
+    assert rig.words == (0x2000, 150 * 16, 300)
+    rig(ABSOLUTE | MEASURING)
+    assert (rig.zsw, rig.xist2) == (0x2003, 300)
+    rig.edge(7)
+    rig(ABSOLUTE | MEASURE | READ | FUNCTION_1)
+    assert (rig.zsw, rig.xist2) == (0x0112, 7 * 16)
+    rig.gx.report(0x1001)
+    rig(ABSOLUTE | MEASURE | READ | FUNCTION_1)
+    assert (rig.zsw, rig.xist2) == (0x8000, 0x1001)
+    rig(ABSOLUTE | ACKNOWLEDGE)
+    assert (rig.zsw, rig.xist2) == (0x0800, 0)
+    rig(PARK | ABSOLUTE)
+    assert rig.words == (0x4000, 0, 0)
+
+
+@pytest.mark.requirement("PD-150", "PD-170")
+def test_absolute_value_before_communication():
+    """The absolute value can be there before the first control word; afterwards bit 13 follows the request."""
+    encoder = AbsoluteEncoder(turns=16, counts_per_revolution=1000)
+    encoder.power_on(0.77 * math.tau)
+    form = EncoderFormat(periods=1000, shift_xist1=4, shift_xist2=1, revolutions=16)
+    gx = EncoderInterface(encoder, form, EncoderAbilities(absolute_at_start=True))
+    assert gx.words() == (0x2000, 0, 770 * 2)
+    assert gx.step(0, 0) == (0, 0, 0)
+    assert EncoderInterface(encoder, form).words() == (0, 0, 0)
+
+
+# -- errors --------------------------------------------------------------------------------------------------
+
+LEADS_TO = {0x0003: PARK, 0x0008: ABSOLUTE, 0x000A: ABSOLUTE}
+ABORTS = {0x0004: SD5, 0x0005: SD4, 0x0006: SD10, 0x0007: SD11}
+HOLDS = {SD4: READ | FUNCTION_1, SD5: SEARCH, SD10: MEASURING, SD11: MEASURE | READ | FUNCTION_1}
+
+
+@pytest.mark.requirement(
+    *(f"PD-{number}" for number in range(175, 187)), "PTO-198", "PTO-200", "PTO-243", "PTO-262"
+)
+@pytest.mark.parametrize("code", ENCODER_ERRORS, ids=lambda code: f"{code:04X}h")
+def test_lasting_fault(code):
+    """Every code: it comes where its cause matters, stays through an acknowledgement with the cause, and goes without."""
+    rig = Rig()
+    if code not in ABORTS:
+        rig.turn(150)
+    word = LEADS_TO.get(code, 0)
+    state = ABORTS.get(code, SD1)
+    INTO[state](rig)
+    word |= HOLDS.get(state, 0)
+    rig.gx.fail(code)
+    if code in LEADS_TO:
+        assert rig(0) is SD1
+    assert rig(word) is SD3
+    assert (rig.zsw, rig.xist2) == (0x8000, code)
+    if code in ABORTS:  # the function has ended, and so has what aborted it
+        assert rig(word | ACKNOWLEDGE) is SD2
+        assert (rig.zsw, rig.xist2) == (0x0800, 0)
+        return
+    if code == 0x0001:  # without a valid position nothing can be acknowledged
+        assert rig(word | ACKNOWLEDGE) is SD3
+    else:
+        assert rig(word | ACKNOWLEDGE) is SD2
+        assert (rig.zsw, rig.xist2) == (0x8800, code)
+        assert rig(word) is SD3
+        assert (rig.zsw, rig.xist2) == (0x8000, code)
+    rig.gx.heal(code)
+    assert rig(0) is SD3
+    assert rig.xist2 == code
+    assert rig(ACKNOWLEDGE) is SD2
+    assert (rig.zsw, rig.xist2) == (0x0800, 0)
+    assert rig(0) is SD1
+    assert rig.words == (0, 150 * 16, 0)
+
+
+@pytest.mark.requirement("PTO-201")
+@pytest.mark.parametrize("code", ENCODER_ERRORS, ids=lambda code: f"{code:04X}h")
+def test_reported_once(code):
+    """An error without a lasting cause is shown until it is acknowledged; a second one meanwhile changes nothing."""
+    rig = Rig()
+    rig.gx.report(code)
+    rig(0)
+    assert (rig.zsw, rig.xist2) == (0x8000, code)
+    rig.gx.report(0x0F02 if code != 0x0F02 else 0x0002)
+    rig(0)
+    assert rig.xist2 == code
+    rig(ACKNOWLEDGE)
+    assert (rig.zsw, rig.xist2) == (0x0800, 0)
+    assert rig(0) is SD1
+
+
+def test_unknown_code_is_refused():
+    """Only codes of the profile can be brought about; the message lists them."""
+    with pytest.raises(ConfigurationError, match="0F02h"):
+        Rig().gx.fail(0x0042)
+    with pytest.raises(ConfigurationError, match="0F02h"):
+        Rig().gx.report(0x0042)
+
+
+ABORTING = [
+    ("PTO-172", SD5, SEARCH | FUNCTION_2, 0x0004),
+    ("PTO-173", SD5, SEARCH | MEASURE, 0x0004),
+    ("PTO-174", SD4, READ | FUNCTION_1 | MEASURE, 0x0005),
+    ("PTO-179", SD10, MEASURING | FUNCTION_3, 0x0006),
+    ("PTO-179", SD10, MEASURING & ~MEASURE, 0x0006),
+    ("PTO-180", SD11, READ | FUNCTION_1, 0x0007),
+    ("PTO-077", SD1, ACTIVATE | FUNCTION_2, 0x0004),
+    ("PTO-078", SD1, ACTIVATE | FUNCTION_3, 0x0004),
+    ("PTO-079", SD1, ACTIVATE | FUNCTION_4, 0x0004),
+    ("PTO-078", SD1, MEASURE | ACTIVATE | FUNCTION_3, 0x0006),
+    ("PTO-079", SD1, MEASURE | ACTIVATE | FUNCTION_4, 0x0006),
+    ("PTO-083", SD1, SHIFT, 0x0F01),
+    ("PTO-084", SD1, HOME, 0x0F01),
+    ("PTO-085", SD1, ABSOLUTE, 0x0008),
+    ("PTO-134", SD1, PARK, 0x0003),
+    ("PTO-176", SD1, 0x40, 0x0F01),
+]
+
+
+@pytest.mark.requirement("PD-187", *sorted({row[0] for row in ABORTING}))
+@pytest.mark.parametrize("row", ABORTING, ids=lambda row: f"{row[0]}-{row[1].name}-{row[2]:04X}")
+def test_unsupported_or_aborted(row):
+    """With one mark, one probe and nothing else, what is not supported and what contradicts a running function is an error."""
+    _, state, word, code = row
+    rig = Rig(incremental=True, measuring=2, home=False, parking=False)
+    INTO[state](rig)
+    assert rig.gx.state is state
+    assert rig(word) is SD3
+    assert (rig.zsw, rig.xist2) == (0x8000, code)
+
+
+@pytest.mark.requirement("PD-187", "PTO-189", "PTO-191", "PTO-192", "PTO-193", "PTO-194")
+@pytest.mark.parametrize(("state", "code"), [(SD5, 4), (SD4, 5), (SD10, 6), (SD11, 7), (SD1, 0), (SD7, 0)])
+def test_controller_stops(state, code):
+    """A stop of the controller ends what runs with the error of the phase; where nothing runs, nothing happens."""
+    rig = Rig()
+    INTO[state](rig)
+    rig.gx.abort()
+    rig(HOLDS.get(state, HOME if state is SD7 else 0))
+    assert rig.gx.error == code
+    assert (rig.gx.state is SD3) is bool(code)
+
+
+@pytest.mark.requirement("PD-176")
+def test_zero_mark_monitoring():
+    """Lost increments between two zero marks are found with the second mark."""
+    rig = Rig(zero_mark_tolerance=2)
+    for place in (500, 1500, 2500, 1900, 2600):
+        rig.turn(place)
+        assert rig(0) is SD1
+    rig.encoder.lose_steps(100)
+    rig.turn(3500)
+    assert rig(0) is SD3
+    assert rig.xist2 == 0x0002
+
+
+# -- any control word -------------------------------------------------------------------------------------------
+
+WORDS = st.one_of(
+    st.integers(0, 0xFFFF),
+    st.builds(
+        lambda functions, command, measure, rest: functions | command << 4 | measure << 7 | rest,
+        st.integers(0, 15),
+        st.integers(0, 4),
+        st.integers(0, 1),
+        st.sampled_from([0, 0, 0, HOME, ABSOLUTE, PARK, ACKNOWLEDGE]),
+    ),
+)
+STEPS = st.lists(
+    st.tuples(
+        WORDS,
+        st.integers(-1500, 1500),
+        st.sampled_from([None, (1, True), (1, False), (2, True), (2, False), 1, 2, 0x1001, -1, -2, -0x1001]),
+        st.sampled_from([4 * MS, 60 * MS]),
+    ),
+    max_size=60,
+)
+
+
+def allowed(before, after):
+    return before is after or (before, after) in TABLE
+
+
+@pytest.mark.requirement(
+    "PTO-211", "PTO-212", "PTO-213", "PTO-214", "PTO-215", "PTO-216", "PTO-217", "PTO-218", "PTO-313"
+)
+@given(STEPS)
+def test_any_sequence(steps):
+    """Only transitions of the table; the bits say the state; an error code if and only if bit 15 or 11; Gx_XIST1 continuous."""
+    rig = Rig(start=0xFFFF_FF00)
+    place = 0
+    for word, way, event, time in steps:
+        before = rig.gx.state
+        place += way
+        rig.turn(place)
+        if isinstance(event, tuple):
+            rig.edge(place, probe=event[0], rising=event[1])
+        elif event is not None:
+            (rig.gx.fail if event > 0 else rig.gx.heal)(abs(event))
+        rig.now += time
+        zsw, xist1, xist2 = rig.words = rig.gx.step(word, rig.now)
+        state = rig.gx.state
+        assert allowed(before, state)
+        assert bool(zsw & 0x4000) is (state is SD12)
+        assert bool(zsw & 0x0800) is (state is SD2)
+        assert bool(zsw & 0x1000) is (state is SD7)
+        assert bool(zsw & 0x00F0) is (state in {SD4, SD11})
+        assert zsw & 0x0400 == 0
+        if state is SD3:
+            assert zsw == 0x8000
+        elif state is not SD2:
+            assert not zsw & 0x8000
+        if zsw & 0x8000:
+            assert xist2 in ENCODER_ERRORS
+        if zsw & 0x000F:
+            assert state in {SD5, SD10, SD11}
+        if state is SD12:
+            assert zsw == 0x4000
+            assert xist1 == xist2 == 0
+        elif rig.gx.valid:
+            assert xist1 == ((place * 16 - 0x100 + 0x8000_0000) % 0x1_0000_0000) - 0x8000_0000
+        if zsw & 0x2000:
+            assert xist2 == place % 16000 * 2
+        elif state in {SD1, SD5, SD7, SD10}:
+            assert xist2 == 0
