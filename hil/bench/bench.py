@@ -292,8 +292,9 @@ class Bench:
 
     @property
     def allowed_lateness_s(self) -> float:
-        """Lateness up to which measured times mean something, s: `tolerance.time_s` of the bench file."""
-        return self.config.tolerance.time_s
+        """Lateness up to which measured times and distances mean something, s: `[tolerance]` of the bench file."""
+        section = self.config.tolerance
+        return section.time_s if section.lateness_s is None else section.lateness_s
 
     def _linked(self) -> bool:
         return all(

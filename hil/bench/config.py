@@ -90,6 +90,8 @@ class ToleranceSection(_Model):
     """Seconds on top of times (scheduling noise of a live bench)."""
     distance_mm: NotNegative = 0.0
     """Millimetres on top of distances."""
+    lateness_s: NotNegative | None = None
+    """Lateness of a live bench up to which a failed case counts as failed, s; None = `time_s`."""
 
 
 Option = bool | int | float | str

@@ -50,6 +50,6 @@ def test_encoders_on_a_live_bench(vcan_channel):
     assert position[-1] > 1_050_000
     assert np.diff(position).max() > 4000
     assert np.abs(error[:10]).max() <= 1, "at rest; in motion two rows of one cycle are of two instants"
-    assert np.abs(error[-10:] - 5000).max() <= 1
+    assert np.abs(error[-10:] - 5000).max() <= 10, "the last micrometres of the halt may still be under way"
     assert trace["own.position_value"].values[-1] > 8192
     assert {0x280 + 22, 0x280 + 23, 0x180 + 23, 0x700 + 22} <= seen

@@ -88,3 +88,14 @@ def test_trigger_argument_that_is_no_usable_number(make, value):
     """A trigger says at once which argument is wrong and what is allowed."""
     with pytest.raises(ConfigurationError, match=make.__name__):
         make(value)
+
+
+@pytest.mark.parametrize(
+    ("lines", "allowed"), [("time_s = 0.15", 0.15), ("time_s = 0.15\nlateness_s = 0.016", 0.016), ("", 0.0)]
+)
+def test_lateness_that_is_allowed(lines, allowed):
+    """How late a machine may be before a failure says nothing about what was tested; by default the tolerance of times."""
+    text = VIRTUAL.format(drive='"d"', axis='"a"') + f"\n[tolerance]\n{lines}\n"
+    with BenchFile("own.toml", text).build() as bench:
+        assert bench.allowed_lateness_s == allowed
+        assert bench.lateness_s == 0.0
