@@ -57,18 +57,26 @@ class ProfilePosition(ModeOfOperation):
         self._next: _SetPoint | None = None
         self._passes = False
         self._held = False
-        self._target = 0
+        self._target: int | None = None
         self._target_angle = 0.0
         self._word = 0
 
     def enter(self) -> None:
         """See `ModeOfOperation.enter`."""
         super().enter()
+        self._forget()
+
+    def leave(self) -> None:
+        """See `ModeOfOperation.leave`."""
+        super().leave()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Give all set-points up. Until the next one the target is the demand: where a motion comes to rest."""
         self._current = self._next = None
         self._acknowledge = self._held = False
         self._arrived = True
-        self._target = self.axis.actual_position
-        self._target_angle = self.axis.core.position
+        self._target = None
 
     def control(self, word: int, changed: int) -> None:
         """Take a set-point with a rising edge of bit 4."""
@@ -118,6 +126,7 @@ class ProfilePosition(ModeOfOperation):
             self.rest()
         else:
             self._start(self._current)
+            self._pass_by()
 
     # -- set-points --------------------------------------------------------------------------------------------
 
@@ -138,8 +147,13 @@ class ProfilePosition(ModeOfOperation):
             return
         self._next = set_point
         self._passes = bool(word & _PASS)
-        if self._passes and not self.axis.halted:
-            self._move(self._current._replace(end_velocity=self._current.velocity))
+        self._pass_by()
+
+    def _pass_by(self) -> None:
+        """Go past the present target with its velocity, if the waiting set-point asks for it."""
+        current = self._current
+        if self._next is not None and current is not None and self._passes and not self.axis.halted:
+            self._move(current._replace(end_velocity=current.velocity))
 
     def _read(self, word: int) -> _SetPoint:
         axis = self.axis
@@ -168,6 +182,8 @@ class ProfilePosition(ModeOfOperation):
                 start, start_angle = axis.actual_position, axis.core.position
             elif origin == 1:
                 start, start_angle = axis.demand_position, axis.core.position_command
+            elif self._target is None:
+                start, start_angle = axis.commanded_position, axis.core.position_command
             else:
                 start, start_angle = self._target, self._target_angle
             position = axis.within_software_limits(start + wanted)
@@ -206,8 +222,11 @@ class ProfilePosition(ModeOfOperation):
         blocked = (distance > 0.0 and axis.blocked_positive) or (distance < 0.0 and axis.blocked_negative)
         speed = min(set_point.velocity, axis.forward_speed if distance >= 0.0 else -axis.backward_speed)
         if blocked or not speed > 0.0:
+            # There is no way to this target, and none of those behind it would ever be reached in its turn.
             self.limited = True
-            self._current = None
+            self._current = self._next = None
+            if not self._word & _NEW_SETPOINT:
+                self._acknowledge = False
             self.rest()
             return
         axis.core.follow_profile().move(
@@ -226,7 +245,9 @@ class ProfilePosition(ModeOfOperation):
         if self.following_error:
             status |= BIT_13
         window = values[0x606700]
-        if window == UNLIMITED:
+        if self._target is None:
+            reached = axis.core.precontrol_velocity == 0.0
+        elif window == UNLIMITED:
             reached = self._arrived
         else:
             self._window.time_s = values[0x606800] * 1e-3
