@@ -36,8 +36,10 @@ from fieldbus.profidrive.words import (
     POS_ZSW2,
     STW1,
     STW2,
+    STW2_ENC,
     ZSW1,
     ZSW2,
+    ZSW2_ENC,
     describe_word,
 )
 
@@ -57,9 +59,11 @@ __all__ = [
     "SIGNALS",
     "STW1",
     "STW2",
+    "STW2_ENC",
     "WITH_750",
     "ZSW1",
     "ZSW2",
+    "ZSW2_ENC",
     "Layout",
     "Telegram",
     "TelegramError",

@@ -157,6 +157,21 @@ class POS_ZSW2(IntEnum):  # noqa: N801
     COMMAND_ACTIVE = 0x8000
 
 
+class STW2_ENC(IntEnum):  # noqa: N801
+    """Control word of an encoder of its own (PD-084); bits 12..15 are the sign of life."""
+
+    ACKNOWLEDGE = 0x0080
+    CONTROL_BY_PLC = 0x0400
+
+
+class ZSW2_ENC(IntEnum):  # noqa: N801
+    """Status word of an encoder of its own (PD-084); bits 12..15 are the sign of life."""
+
+    FAULT = 0x0008
+    WARNING = 0x0080
+    CONTROL_REQUESTED = 0x0200
+
+
 class G_STW(IntEnum):  # noqa: N801
     """Encoder control word (PD-141 to PD-149); bits 4..6 are the command."""
 
@@ -220,7 +235,8 @@ ENCODER_ERRORS: Final = MappingProxyType(
 """Codes in Gx_XIST2 while Gx_ZSW.15 is set (PD-175 to PD-187, PTO-262)."""
 
 _FLAGS: Final[dict[str, type[IntEnum]]] = {
-    "STW1": STW1, "ZSW1": ZSW1, "STW2": STW2, "ZSW2": ZSW2, "MELDW": MELDW, "POS_STW1": POS_STW1, "POS_STW2": POS_STW2,
+    "STW1": STW1, "ZSW1": ZSW1, "STW2": STW2, "ZSW2": ZSW2, "MELDW": MELDW, "STW2_ENC": STW2_ENC, "ZSW2_ENC": ZSW2_ENC,
+    "POS_STW1": POS_STW1, "POS_STW2": POS_STW2,
     "POS_ZSW1": POS_ZSW1, "POS_ZSW2": POS_ZSW2, "G1_STW": G_STW, "G2_STW": G_STW, "G1_ZSW": G_ZSW, "G2_ZSW": G_ZSW,
 }  # fmt: skip
 _WITH_SIGN_OF_LIFE: Final = frozenset({"STW2", "ZSW2", "STW2_ENC", "ZSW2_ENC", "CU_STW1", "CU_ZSW1"})

@@ -1,4 +1,7 @@
-"""The PROFIdrive face of an encoder: the interface Gx_STW, Gx_ZSW, Gx_XIST1, Gx_XIST2 and its format P979."""
+"""The PROFIdrive face of an encoder: interface Gx_STW, Gx_ZSW, Gx_XIST1, Gx_XIST2, format P979, and a device with them.
+
+The device is `emulators.encoder.profidrive.device.ProfidriveEncoder`; the interface alone is what a drive builds in.
+"""
 
 from __future__ import annotations
 

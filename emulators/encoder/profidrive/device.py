@@ -1,0 +1,333 @@
+"""PROFIdrive encoder: a device of its own with telegram 81, 82, 83 or 84. Takes and gives frames; knows no bus."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+from emulators.drive.profidrive.messages import FaultBuffer, FaultMessage
+from emulators.encoder._encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
+from emulators.encoder._mounting import Mounting
+from emulators.encoder.profidrive._abilities import EncoderAbilities, EncoderState
+from emulators.encoder.profidrive.format import EncoderFormat, p979
+from emulators.encoder.profidrive.interface import SIGN_OF_LIFE_FAILED, EncoderInterface
+from emulators.mechanics import SwitchModel
+from fieldbus.clock import MS, S, Scheduler
+from fieldbus.errors import ConfigurationError
+from fieldbus.profidrive import STW2_ENC, ZSW2_ENC, telegram, to_n2, to_n4
+from fieldbus.profidrive.sign_of_life import UNMONITORED, SignOfLife
+from fieldbus.profidrive.words import SIGN_OF_LIFE_SHIFT
+
+if TYPE_CHECKING:
+    import numpy as np
+
+_TAU: Final = 2.0 * math.pi
+TELEGRAMS: Final = (81, 82, 83, 84)
+PROBES_MAX: Final = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfidriveEncoderConfig:
+    """An encoder as a device of its own.
+
+    Args:
+        form: Formats, kind and resolution.
+        telegram: 81 to 84 (PD-010 to PD-013); 84 needs `form.wide`.
+        abilities: What the encoder interface can do.
+        zero_mark: Place of the zero mark, increments of the model, 0..form.counts - 1.
+        reversed_direction: Counts the other way round.
+        mounting_offset: Value where the machine is at zero, increments of the model; only for absolute encoders.
+        reference_speed: 100 % of NIST_A and NIST_B: rpm, linear: mm/s; > 0.
+        isochronous: The sign of life is evaluated and sent (PD-130).
+        tolerance: Tolerated failures of the sign of life (PNU 925), 0..65535.
+        factor: Bus cycles in an application cycle of the controller, >= 1.
+        compatible: True: G1_STW counts without control by PLC, as in the compatibility mode of the encoder profile.
+
+    Raises:
+        ConfigurationError: A value is out of its range, or they do not fit together.
+
+    """
+
+    form: EncoderFormat
+    telegram: int = 81
+    abilities: EncoderAbilities = field(default_factory=EncoderAbilities)
+    zero_mark: int = 0
+    reversed_direction: bool = False
+    mounting_offset: int = 0
+    reference_speed: float = 3000.0
+    isochronous: bool = False
+    tolerance: int = 1
+    factor: int = 1
+    compatible: bool = False
+
+    def __post_init__(self) -> None:
+        if self.telegram not in TELEGRAMS:
+            raise ConfigurationError("encoder telegram", self.telegram, ", ".join(map(str, TELEGRAMS)))
+        if self.telegram == 84 and not self.form.wide:
+            raise ConfigurationError("encoder telegram", 84, "81 to 83 without 64-bit values (wide)")
+        if not (math.isfinite(self.reference_speed) and self.reference_speed > 0.0):
+            raise ConfigurationError("encoder reference_speed", self.reference_speed, "a finite number > 0")
+        if self.mounting_offset and not self.form.absolute:
+            raise ConfigurationError(
+                "encoder mounting_offset", self.mounting_offset, "0 for an incremental encoder"
+            )
+        if not 0 <= self.tolerance <= UNMONITORED:
+            raise ConfigurationError("encoder tolerance", self.tolerance, f"0..{UNMONITORED}")
+        if self.factor < 1:
+            raise ConfigurationError("encoder factor", self.factor, "1 or more")
+
+
+class ProfidriveEncoder:
+    """A PROFIdrive encoder. It is off until `power_on`.
+
+    Per bus cycle: `receive` with the frame that has come, if one has, then `cycle`, then `transmit`.
+
+    Args:
+        scheduler: Time of the bench.
+        config: The encoder.
+        mounting: What it measures; a coordinate in rad, or in m for a linear encoder.
+        probes: Switches of probe 1 and 2 along the coordinate of the encoder; looked at in every cycle, latched where they
+            are. Others call `probe_edge`.
+        marks: Cams of reference mark 2 and following; the rising edge is the mark.
+        rng: Source of the noise; None: it cannot be made noisy.
+
+    Raises:
+        ConfigurationError: More probes or marks than the interface has.
+
+    """
+
+    __slots__ = (
+        "_addressed",
+        "_angle",
+        "_frame",
+        "_full_speed",
+        "_g1_stw",
+        "_mounting",
+        "_pending",
+        "_per_coordinate",
+        "_sampled_ns",
+        "_scheduler",
+        "_signs",
+        "_stw2",
+        "_switches",
+        "_telegram",
+        "config",
+        "encoder",
+        "faults",
+        "interface",
+        "powered",
+        "refused",
+        "speed",
+        "warnings",
+    )
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        config: ProfidriveEncoderConfig,
+        mounting: Mounting,
+        *,
+        probes: tuple[SwitchModel, ...] = (),
+        marks: tuple[SwitchModel, ...] = (),
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        if 2 * len(probes) > config.abilities.measuring + 1 or len(probes) > PROBES_MAX:
+            raise ConfigurationError("encoder probes", len(probes), "one per two measuring functions")
+        if len(marks) >= max(1, config.abilities.reference_marks):
+            raise ConfigurationError("encoder marks", len(marks), "one less than reference_marks")
+        self.config: Final = config
+        self._scheduler = scheduler
+        self._mounting = mounting
+        form = config.form
+        self.encoder: Final = _model(config, rng)
+        """The model, with the faults that can be brought about there."""
+        length_m = form.periods * form.grid_nm * 1e-9
+        self._per_coordinate = _TAU / length_m if form.linear else 1.0
+        reference = config.reference_speed
+        self._full_speed = reference * 1e-3 * self._per_coordinate if form.linear else reference * _TAU / 60.0
+        self.interface: Final = EncoderInterface(self.encoder, form, config.abilities)
+        """State machine of the words, with the errors that can be brought about there."""
+        self._telegram = telegram(config.telegram)
+        self._signs = SignOfLife(tolerance=config.tolerance, factor=config.factor)
+        self.faults: Final = FaultBuffer()
+        """Fault situations; the number of a message is the code of the encoder error."""
+        self.warnings: Final[set[int]] = set()
+        """Numbers of the warnings that are there."""
+        self.refused = 0
+        """Frames of a wrong length since construction."""
+        self.powered = False
+        self._pending: bytes | None = None
+        self._switches = (*probes, *marks)
+        for number, switch in enumerate(probes, 1):
+            switch.on_change = partial(self._probe_changed, number, switch)
+        for number, switch in enumerate(marks, 2):
+            switch.on_change = partial(self._cam_changed, number, switch)
+        self._reset()
+
+    @property
+    def p979(self) -> tuple[int, ...]:
+        """Encoder format, PNU 979."""
+        return p979(self.config.form)
+
+    def power_on(self) -> None:
+        """Start up where the machine stands; absolute encoders know the place, others begin to count."""
+        shaft = self._shaft()
+        self.encoder.power_on(shaft)
+        self.interface.power_on()
+        self.powered = True
+        self._reset()
+        for switch in self._switches:
+            switch.update(self._mounting.coordinate())
+        self._angle = self.encoder.sample(shaft)
+        self._build(self.interface.words())
+
+    def power_off(self) -> None:
+        """Take the supply away: nothing is received or sent, and the fault situations are gone."""
+        self.powered = False
+        self.faults.clear()
+
+    # -- bus ---------------------------------------------------------------------------------------------------
+
+    def receive(self, frame: bytes) -> bool:
+        """Take a frame for the next cycle; return False when it is refused: wrong length (PD-030), or no supply."""
+        if not self.powered:
+            return False
+        if len(frame) != self._telegram.setpoint.length:
+            self.refused += 1
+            return False
+        self._pending = frame
+        return True
+
+    def transmit(self) -> bytes | None:
+        """Return the frame of the last cycle; None without supply."""
+        return self._frame if self.powered else None
+
+    def cycle(self) -> None:
+        """Sample, evaluate what was received and build what is sent: once per bus cycle."""
+        if not self.powered:
+            return
+        self._sample()
+        if self._pending is not None:
+            self._take_over(self._pending)
+            self._pending = None
+        if self.config.isochronous and self._signs.step(self._stw2 >> SIGN_OF_LIFE_SHIFT):
+            self.interface.report(SIGN_OF_LIFE_FAILED)
+        words = self.interface.step(self._g1_stw, self._scheduler.now)
+        if self.interface.state is EncoderState.SD3:
+            self._enter_fault(self.interface.error)
+        self._build(words)
+
+    # -- edges -------------------------------------------------------------------------------------------------
+
+    def probe_edge(self, number: int, rising: bool, coordinate: float | None = None) -> None:
+        """Bring an edge of probe 1 or 2.
+
+        Args:
+            number: 1 or 2.
+            rising: Direction.
+            coordinate: Where the encoder was at the edge, rad or m; None: where it is now.
+
+        """
+        self.interface.probe_edge(number, rising, self._increments(coordinate))
+
+    def reference_cam(self, number: int, coordinate: float | None = None) -> None:
+        """Bring reference mark 2, 3 or 4; arguments as `probe_edge`."""
+        self.interface.reference_mark(number, self._increments(coordinate))
+
+    # -- inside ------------------------------------------------------------------------------------------------
+
+    def _reset(self) -> None:
+        self._pending = None
+        self._stw2 = 0
+        self._g1_stw = 0
+        self._addressed = False
+        self._frame = bytes(self._telegram.actual.length)
+        self._angle = 0.0
+        self._sampled_ns = self._scheduler.now
+        self.speed = 0.0
+        """Speed since the cycle before, share of the reference speed."""
+        self._signs.reset()
+
+    def _shaft(self) -> float:
+        return self._mounting.coordinate() * self._per_coordinate
+
+    def _increments(self, coordinate: float | None) -> int:
+        where = self._shaft() if coordinate is None else coordinate * self._per_coordinate
+        return self.encoder.increments_at(where)
+
+    def _sample(self) -> None:
+        now = self._scheduler.now
+        angle = self.encoder.sample(self._shaft())
+        if self._switches:
+            coordinate = self._mounting.coordinate()
+            for switch in self._switches:
+                switch.update(coordinate, moving=True)
+        elapsed = now - self._sampled_ns
+        if elapsed > 0:
+            self.speed = (angle - self._angle) / (elapsed / S * self._full_speed)
+            self._angle = angle
+            self._sampled_ns = now
+
+    def _take_over(self, frame: bytes) -> None:
+        before = self._stw2
+        stw2, g1_stw = self._telegram.setpoint.unpack(frame)
+        if stw2 & STW2_ENC.CONTROL_BY_PLC or self.config.compatible:
+            self._g1_stw = g1_stw
+            if stw2 & ~before & STW2_ENC.ACKNOWLEDGE:
+                self.faults.acknowledge()
+        # Bit 9 says from now on that there is somebody to ask for control (PD-081).
+        self._addressed = True
+        self._stw2 = stw2
+
+    def _enter_fault(self, code: int) -> None:
+        self.faults.enter(FaultMessage(number=code, code=code, time_ms=self._scheduler.now // MS))
+
+    def _build(self, words: tuple[int, int, int]) -> None:
+        zsw2 = self._signs.value << SIGN_OF_LIFE_SHIFT if self.config.isochronous else 0
+        if self.faults.present:
+            zsw2 |= ZSW2_ENC.FAULT
+        if self.warnings:
+            zsw2 |= ZSW2_ENC.WARNING
+        if self._addressed:
+            zsw2 |= ZSW2_ENC.CONTROL_REQUESTED
+        zsw, xist1, xist2 = words
+        speed = 0.0 if self.interface.state is EncoderState.SD12 else self.speed
+        number = self.config.telegram
+        pack = self._telegram.actual.pack
+        if number == 81:
+            self._frame = pack(zsw2, zsw, xist1, xist2)
+        elif number == 82:
+            self._frame = pack(zsw2, zsw, xist1, xist2, to_n2(speed))
+        elif number == 83:
+            self._frame = pack(zsw2, zsw, xist1, xist2, to_n4(speed))
+        else:
+            self._frame = pack(zsw2, zsw, self.interface.xist3, xist2, to_n4(speed))
+
+    def _probe_changed(self, number: int, switch: SwitchModel) -> None:
+        if self.powered:
+            self.probe_edge(number, switch.state, switch.edge)
+
+    def _cam_changed(self, number: int, switch: SwitchModel) -> None:
+        if self.powered and switch.state:
+            self.reference_cam(number, switch.edge)
+
+
+def _model(config: ProfidriveEncoderConfig, rng: np.random.Generator | None) -> RotaryEncoder:
+    form = config.form
+    if form.absolute:
+        return AbsoluteEncoder(
+            turns=form.revolutions,
+            mounting_offset=config.mounting_offset,
+            counts_per_revolution=form.counts,
+            reversed_direction=config.reversed_direction,
+            zero_mark_counts=config.zero_mark,
+            rng=rng,
+        )
+    return IncrementalEncoder(
+        counts_per_revolution=form.counts,
+        reversed_direction=config.reversed_direction,
+        zero_mark_counts=config.zero_mark,
+        rng=rng,
+    )
