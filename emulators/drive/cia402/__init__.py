@@ -17,12 +17,8 @@ Delays, all in terms of the frame end of a SYNC (default servo period 0.25 ms, S
 from __future__ import annotations
 
 from emulators.drive.cia402._eds import EDS_PATH, drive_dictionary, eds_text
-from emulators.drive.cia402._machine_config import LinearAxisConfig, RotaryAxisConfig, SwitchConfig
 from emulators.drive.cia402.config import (
-    BrakeConfig,
     DriveConfig,
-    EncoderConfig,
-    SafetyConfig,
 )
 from emulators.drive.cia402.drive import CiA402Drive
 from emulators.drive.cia402.fault_rules import COASTING_FAULTS, RULES, FaultRule, fault_rule
@@ -30,6 +26,14 @@ from emulators.drive.cia402.personality import Personality, load_personality, pe
 from emulators.drive.cia402.protection import DriveWarning
 from emulators.drive.cia402.quirks import EmcyCode, Quirks
 from emulators.drive.cia402.statemachine import Action, OptionCodes, PowerStateMachine, StopOption
+from emulators.drive.machine import (
+    BrakeConfig,
+    EncoderConfig,
+    LinearAxisConfig,
+    RotaryAxisConfig,
+    SafetyConfig,
+    SwitchConfig,
+)
 
 __all__ = [
     "COASTING_FAULTS",

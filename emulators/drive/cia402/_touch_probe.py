@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from emulators.drive.cia402._machine_config import INPUT_BITS, PROBE_INPUTS
+from emulators.drive.machine import INPUT_BITS, PROBE_INPUTS
 from emulators.mechanics import SwitchModel, passing_time, position_within
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.clock import S, Scheduler

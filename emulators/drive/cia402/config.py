@@ -2,131 +2,30 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final, Literal
 
-from emulators.drive.cia402._machine_config import (
-    LinearAxisConfig,
-    RotaryAxisConfig,
-    SwitchConfig,
-)
 from emulators.drive.cia402.fault_rules import COASTING_FAULTS
 from emulators.drive.cia402.homing_methods import DEFAULT_STOP_METHODS, supported_methods
 from emulators.drive.cia402.quirks import EmcyCode, Quirks
 from emulators.drive.core import ServoTuning
+from emulators.drive.machine import (
+    BrakeConfig,
+    EncoderConfig,
+    LinearAxisConfig,
+    RotaryAxisConfig,
+    SafetyConfig,
+    SwitchConfig,
+    check_number,
+)
 from emulators.drive.supply import SupplyConfig
 from emulators.drive.thermal import ThermalConfig
-from emulators.encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
 from fieldbus.clock import MS, US
 from fieldbus.errors import ConfigurationError
 
-if TYPE_CHECKING:
-    import numpy as np
-
-
 _HOME_SWITCH: Final = SwitchConfig(high=-0.5, hysteresis=0.0005)
-
-
-def _check(where: str, value: float, *, positive: bool = False) -> None:
-    if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
-        raise ConfigurationError(where, value, "a finite number " + ("> 0" if positive else ">= 0"))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EncoderConfig:
-    """Motor encoder.
-
-    Args:
-        kind: `incremental` loses its position at power-off, `absolute` keeps it.
-        counts_per_revolution: Increments per revolution.
-        turns: Distinguishable revolutions of an absolute encoder.
-        zero_mark_counts: Place of the zero mark, increments.
-        reversed_direction: Counts down in positive direction.
-        interpolated: The control loop sees fractions of an increment.
-
-    """
-
-    kind: Literal["incremental", "absolute"] = "incremental"
-    counts_per_revolution: int = 131072
-    turns: int = 4096
-    zero_mark_counts: int = 0
-    reversed_direction: bool = False
-    interpolated: bool = True
-
-    def __post_init__(self) -> None:
-        if self.kind not in ("incremental", "absolute"):
-            raise ConfigurationError("encoder kind", self.kind, "incremental, absolute")
-        self.build(None)
-
-    def build(self, rng: np.random.Generator | None) -> RotaryEncoder:
-        """Return a new encoder."""
-        if self.kind == "absolute":
-            return AbsoluteEncoder(
-                turns=self.turns,
-                counts_per_revolution=self.counts_per_revolution,
-                reversed_direction=self.reversed_direction,
-                zero_mark_counts=self.zero_mark_counts,
-                interpolated=self.interpolated,
-                rng=rng,
-            )
-        return IncrementalEncoder(
-            counts_per_revolution=self.counts_per_revolution,
-            reversed_direction=self.reversed_direction,
-            zero_mark_counts=self.zero_mark_counts,
-            interpolated=self.interpolated,
-            rng=rng,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BrakeConfig:
-    """Holding brake of the motor.
-
-    Args:
-        torque_Nm: Holding torque, Nm; 0 = no brake.
-        opening_time_s: s.
-        closing_time_s: s.
-
-    """
-
-    torque_Nm: float = 0.0
-    opening_time_s: float = 0.0
-    closing_time_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        _check("brake torque_Nm", self.torque_Nm)
-        _check("brake opening_time_s", self.opening_time_s)
-        _check("brake closing_time_s", self.closing_time_s)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SafetyConfig:
-    """Safety inputs of the drive (C402-030, C402-168).
-
-    Args:
-        sto: Safe torque off leads to `inhibit` (Switch on disabled with warning) or to the `fault` FF80h.
-        ss1_time_s: Safe stop 1: from the input to safe torque off, s.
-        ss1_monitored: The ramp of safe stop 1 is watched: torque off at standstill, and fault FF81h when the speed does not fall
-            as it has to; False: torque off when the time has passed.
-        interlock: Input 60FDh bit 3: `none` is wired; or what opening it does: `inhibit` (torque off), `quick_stop`, `fault` 9000h.
-
-    """
-
-    sto: Literal["inhibit", "fault"] = "inhibit"
-    ss1_time_s: float = 0.5
-    ss1_monitored: bool = True
-    interlock: Literal["none", "inhibit", "quick_stop", "fault"] = "none"
-
-    def __post_init__(self) -> None:
-        _check("ss1_time_s", self.ss1_time_s, positive=True)
-        for name, allowed in (
-            ("sto", ("inhibit", "fault")), ("interlock", ("none", "inhibit", "quick_stop", "fault")),
-        ):  # fmt: skip
-            if getattr(self, name) not in allowed:
-                raise ConfigurationError(name, getattr(self, name), ", ".join(allowed))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,9 +119,9 @@ class DriveConfig:
                 f"a divisor of control_period_ns = {self.control_period_ns}",
             )
         for name in ("rated_current_A", "rated_torque_Nm", "thermal_time_constant_s"):
-            _check(name, getattr(self, name), positive=True)
+            check_number(name, getattr(self, name), positive=True)
         for name in ("boot_time_s", "self_test_s", "power_on_delay_s", "blocked_time_s"):
-            _check(name, getattr(self, name))
+            check_number(name, getattr(self, name))
         for name, allowed in (
             ("limit_switch_reaction", ("stop", "fault", "none")),
             ("following_error_reaction", ("fault", "status")),
@@ -267,8 +166,8 @@ class DriveConfig:
             position_m: Start position of the slide, m.
 
         """
-        _check("ramp_down_s", ramp_down_s, positive=True)
-        _check("quick_stop_s", quick_stop_s, positive=True)
+        check_number("ramp_down_s", ramp_down_s, positive=True)
+        check_number("quick_stop_s", quick_stop_s, positive=True)
         if not 1 <= sync_period_ms <= 255:
             raise ConfigurationError("sync_period_ms", sync_period_ms, "1..255")
         speed = max_speed_rpm * 1000

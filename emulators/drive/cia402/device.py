@@ -10,7 +10,6 @@ from emulators.drive.cia402 import _object_rules, faults
 from emulators.drive.cia402._eds import drive_dictionary
 from emulators.drive.cia402._fault_log import FaultLog
 from emulators.drive.cia402._fault_reactions import FaultReactions
-from emulators.drive.cia402._inputs import DigitalInputs
 from emulators.drive.cia402._mode_rules import (
     REFUSALS,
     coupled_values,
@@ -31,6 +30,7 @@ from emulators.drive.cia402.modes import Homing, ModeOfOperation, ProfileVelocit
 from emulators.drive.cia402.protection import DriveWarning, Protection
 from emulators.drive.cia402.statemachine import PowerStateMachine
 from emulators.drive.core import ServoCore
+from emulators.drive.inputs import DigitalInputs
 from emulators.drive.supply import DcLink
 from emulators.encoder import AbsoluteEncoder
 from fieldbus.can.frame import CanSegment

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from emulators.drive.cia402._injection import InjectableDrive
-from emulators.drive.cia402._inputs import LIMIT_SWITCHES
-from emulators.drive.cia402._machine_config import LinearAxisConfig
 from emulators.drive.cia402._trace import TRACE_ENUMS, trace_columns, trace_row
 from emulators.drive.cia402.config import DriveConfig
+from emulators.drive.inputs import LIMIT_SWITCHES
+from emulators.drive.machine import LinearAxisConfig
 from fieldbus.can.frame import CanSegment
 from fieldbus.clock import Scheduler
 from fieldbus.errors import UnsupportedFaultError

@@ -1,14 +1,18 @@
-"""The machine behind an emulated drive: travel, inertias, friction, end stops and switches, as configuration."""
+"""The machine behind an emulated drive: travel, inertias, friction, end stops, switches, encoder and brake, as configuration."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final, Literal
 
+from emulators.encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
 from emulators.mechanics import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics, SwitchModel
 from fieldbus.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 INPUT_BITS: Final[Mapping[str, int]] = {
     "negative_limit": 0,
@@ -171,3 +175,108 @@ def _built_switches(switches: Mapping[str, SwitchConfig]) -> dict[str, SwitchMod
         for name in INPUT_BITS
         if name in switches or name in PROBE_INPUTS
     }
+
+
+def check_number(where: str, value: float, *, positive: bool = False) -> None:
+    """Check a quantity of a configuration.
+
+    Raises:
+        ConfigurationError: It is negative (0, if it has to be positive) or not finite.
+
+    """
+    if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
+        raise ConfigurationError(where, value, "a finite number " + ("> 0" if positive else ">= 0"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EncoderConfig:
+    """Motor encoder.
+
+    Args:
+        kind: `incremental` loses its position at power-off, `absolute` keeps it.
+        counts_per_revolution: Increments per revolution.
+        turns: Distinguishable revolutions of an absolute encoder.
+        zero_mark_counts: Place of the zero mark, increments.
+        reversed_direction: Counts down in positive direction.
+        interpolated: The control loop sees fractions of an increment.
+
+    """
+
+    kind: Literal["incremental", "absolute"] = "incremental"
+    counts_per_revolution: int = 131072
+    turns: int = 4096
+    zero_mark_counts: int = 0
+    reversed_direction: bool = False
+    interpolated: bool = True
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("incremental", "absolute"):
+            raise ConfigurationError("encoder kind", self.kind, "incremental, absolute")
+        self.build(None)
+
+    def build(self, rng: np.random.Generator | None) -> RotaryEncoder:
+        """Return a new encoder."""
+        if self.kind == "absolute":
+            return AbsoluteEncoder(
+                turns=self.turns,
+                counts_per_revolution=self.counts_per_revolution,
+                reversed_direction=self.reversed_direction,
+                zero_mark_counts=self.zero_mark_counts,
+                interpolated=self.interpolated,
+                rng=rng,
+            )
+        return IncrementalEncoder(
+            counts_per_revolution=self.counts_per_revolution,
+            reversed_direction=self.reversed_direction,
+            zero_mark_counts=self.zero_mark_counts,
+            interpolated=self.interpolated,
+            rng=rng,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrakeConfig:
+    """Holding brake of the motor.
+
+    Args:
+        torque_Nm: Holding torque, Nm; 0 = no brake.
+        opening_time_s: s.
+        closing_time_s: s.
+
+    """
+
+    torque_Nm: float = 0.0
+    opening_time_s: float = 0.0
+    closing_time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_number("brake torque_Nm", self.torque_Nm)
+        check_number("brake opening_time_s", self.opening_time_s)
+        check_number("brake closing_time_s", self.closing_time_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafetyConfig:
+    """Safety inputs of the drive (C402-030, C402-168).
+
+    Args:
+        sto: Safe torque off leads to `inhibit` (no torque, no fault) or to a `fault` (FF80h, F30600).
+        ss1_time_s: Safe stop 1: from the input to safe torque off, s.
+        ss1_monitored: The ramp of safe stop 1 is watched: torque off at standstill, and a fault (FF81h, F01600) when the speed does not fall
+            as it has to; False: torque off when the time has passed.
+        interlock: Input bit 3: `none` is wired; or what opening it does: `inhibit` (torque off), `quick_stop`, `fault` 9000h.
+
+    """
+
+    sto: Literal["inhibit", "fault"] = "inhibit"
+    ss1_time_s: float = 0.5
+    ss1_monitored: bool = True
+    interlock: Literal["none", "inhibit", "quick_stop", "fault"] = "none"
+
+    def __post_init__(self) -> None:
+        check_number("ss1_time_s", self.ss1_time_s, positive=True)
+        for name, allowed in (
+            ("sto", ("inhibit", "fault")), ("interlock", ("none", "inhibit", "quick_stop", "fault")),
+        ):  # fmt: skip
+            if getattr(self, name) not in allowed:
+                raise ConfigurationError(name, getattr(self, name), ", ".join(allowed))

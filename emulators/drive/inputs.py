@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final
 
-from emulators.drive.cia402._machine_config import INPUT_BITS, PROBE_INPUTS
+from emulators.drive.machine import INPUT_BITS, PROBE_INPUTS
 from emulators.mechanics import SwitchModel
 from fieldbus.clock import Scheduler, Timer, seconds_to_ns
 
