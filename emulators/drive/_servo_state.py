@@ -20,6 +20,7 @@ POSITION: Final = 2
 PROFILE: Final = 3
 TORQUE: Final = 4
 SMOOTHED: Final = 5
+SERVO: Final = 6
 
 
 class ServoState:
@@ -61,7 +62,9 @@ class ServoState:
         "_proportional_gain",
         "_ramped_velocity",
         "_reference_share",
+        "_reference_step",
         "_sample",
+        "_servo_gain",
         "_source",
         "_speed_limit",
         "_standing_steps",
@@ -161,6 +164,7 @@ class ServoState:
         self._velocity_target = self._velocity_step = self._braking_step = 0.0
         self._next_position = self._position_target = self.position
         self._ramped_velocity = self._torque = 0.0
+        self._reference_step = self._servo_gain = 0.0
         self._left = self._coast = self._coast_length = 0
         self._tracks_position = False
         self._stop_pending = False

@@ -24,7 +24,16 @@ from __future__ import annotations
 
 import math
 
-from emulators.drive._servo_state import POSITION, PROFILE, RAMP, SMOOTHED, TORQUE, VELOCITY, ServoState
+from emulators.drive._servo_state import (
+    POSITION,
+    PROFILE,
+    RAMP,
+    SERVO,
+    SMOOTHED,
+    TORQUE,
+    VELOCITY,
+    ServoState,
+)
 from emulators.drive.ramp import PositionProfile
 from emulators.drive.tuning import RPM, ServoTuning
 
@@ -114,6 +123,31 @@ class ServoCore(ServoState):
         self._position_target = target
         self._left = steps
         self._coast = self._coast_length = coast
+
+    def command_servo(self, velocity: float, reference: float, gain: float, steps: int) -> None:
+        """Close a position loop around a velocity that comes from outside: velocity + gain * (reference - position).
+
+        The loop runs in every servo step (dynamic servo control, PD-195). Velocity and reference are reached linearly.
+
+        Args:
+            velocity: rad/s.
+            reference: Position that the axis should have, rad.
+            gain: 1/s, >= 0.
+            steps: Servo steps, >= 1; 1 = at once.
+
+        """
+        if self._source != SERVO:
+            self._take_over(SERVO)
+        self._velocity_target = velocity
+        self._velocity_step = (velocity - self._feedforward) / steps
+        self._servo_gain = gain
+        self._left = steps
+        self._position_target = reference
+        if steps == 1:
+            self._next_position = reference
+            self._reference_step = 0.0
+        else:
+            self._reference_step = (reference - self._next_position) / steps
 
     def hold_position(self) -> None:
         """Stay at the present position demand (the present position, if no position is controlled)."""
@@ -299,6 +333,20 @@ class ServoCore(ServoState):
                 correction = 0.0
             if self._stop_pending and new == 0.0:
                 self._watch_standstill()
+        elif source == SERVO:
+            self.position_demand = demand = self._next_position
+            correction = self._servo_gain * (demand - angle)
+            left = self._left
+            if left:
+                self._left = left = left - 1
+                if left:
+                    new = old + self._velocity_step
+                    self._next_position = demand + self._reference_step
+                else:
+                    new = self._velocity_target
+                    self._next_position = self._position_target
+            else:
+                new = old
         elif source == SMOOTHED:
             left = self._left
             if left:

@@ -34,6 +34,12 @@ class Off(IntFlag):
     OFF3 = 4
 
 
+# Plain integers: operations on flags cost ten times as much.
+_OFF1 = int(Off.OFF1)
+_OFF2 = int(Off.OFF2)
+_OFF3 = int(Off.OFF3)
+
+
 class Action(Enum):
     """What a transition asks of the drive."""
 
@@ -71,7 +77,7 @@ class GeneralStateMachine:
         self,
         stw1: int,
         *,
-        off: Off = Off.NONE,
+        off: int = 0,
         standstill: bool,
         ready: bool = True,
         synchronised: bool = True,
@@ -80,15 +86,15 @@ class GeneralStateMachine:
 
         Args:
             stw1: Control word in force: the last one with control by PLC.
-            off: Stop commands of faults and safety functions.
+            off: Stop commands of faults and safety functions, bits of `Off`.
             standstill: The axis stands (ends S5).
             ready: The power stage can be enabled: DC link, drive ready, no delay running (PD-103).
             synchronised: The sign of life allows S2 (PD-131).
 
         """
-        on = bool(stw1 & STW1.ON) and not off & Off.OFF1
-        no_off2 = bool(stw1 & STW1.NO_OFF2) and not off & Off.OFF2
-        no_off3 = bool(stw1 & STW1.NO_OFF3) and not off & Off.OFF3
+        on = bool(stw1 & STW1.ON) and not off & _OFF1
+        no_off2 = bool(stw1 & STW1.NO_OFF2) and not off & _OFF2
+        no_off3 = bool(stw1 & STW1.NO_OFF3) and not off & _OFF3
         operate = bool(stw1 & STW1.ENABLE_OPERATION)
         state = self.state
         if state is AxisState.S4:

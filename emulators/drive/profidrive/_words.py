@@ -1,0 +1,224 @@
+"""Status words of the axis, and the frame that it sends (PD-060 to PD-085)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+from emulators.drive.core import RPM
+from emulators.drive.profidrive.fault_catalogue import DriveWarning
+from emulators.drive.profidrive.statemachine import AxisState, Off
+from emulators.drive.protection import WindowTimer
+from fieldbus.profidrive.formats import to_n2, to_n4
+from fieldbus.profidrive.telegrams import SIGNALS
+from fieldbus.profidrive.words import MELDW, SIGN_OF_LIFE_SHIFT, STW2, ZSW1, ZSW2
+
+if TYPE_CHECKING:
+    from emulators.drive.profidrive.device import ProfidriveDrive
+
+_NO_OFF2: Final = int(ZSW1.NO_OFF2)
+_NO_OFF3: Final = int(ZSW1.NO_OFF3)
+_FAULT: Final = int(ZSW1.FAULT)
+_WARNING: Final = int(ZSW1.WARNING)
+_IN_TOLERANCE: Final = int(ZSW1.DEVIATION_IN_TOLERANCE)
+_REQUESTED: Final = int(ZSW1.CONTROL_REQUESTED)
+_REACHED: Final = int(ZSW1.SPEED_REACHED)
+_TORQUE: Final = int(ZSW1.TORQUE_LIMIT_NOT_REACHED)
+_BRAKE: Final = int(ZSW1.BRAKE_OPEN)
+_COOL_MOTOR: Final = int(ZSW1.NO_MOTOR_OVERTEMPERATURE)
+_POSITIVE: Final = int(ZSW1.POSITIVE_DIRECTION)
+_NO_OVERLOAD: Final = int(ZSW1.NO_POWER_UNIT_OVERLOAD)
+_OPERATION: Final = int(ZSW1.OPERATION_ENABLED)
+_OFF2: Final = int(Off.OFF2)
+_OFF3: Final = int(Off.OFF3)
+_PULSES: Final = int(ZSW2.PULSES_ENABLED)
+_PARKING: Final = int(ZSW2.PARKING)
+_BITS: Final = {state: state.bits for state in AxisState}
+
+
+class StatusWords:
+    """Forms the words of the telegram to the controller.
+
+    Args:
+        drive: The drive.
+
+    """
+
+    __slots__ = ("_cleared", "_cycle_s", "_deviation", "_drive", "_frozen", "_getters", "_pack", "_set")
+
+    def __init__(self, drive: ProfidriveDrive) -> None:
+        self._drive = drive
+        self._cycle_s = drive.config.cycle_ns / 1e9
+        self._deviation = WindowTimer()
+        self._frozen: int | None = None
+        self._set = 0
+        self._cleared = 0
+        layout = drive.telegram.actual
+        self._pack = layout.pack
+        self._getters = tuple(self._getter(name) for name in layout.names)
+
+    def frame(self) -> bytes:
+        """Return the telegram to the controller with the values of now."""
+        return self._pack(*[get() for get in self._getters])
+
+    def restart(self) -> None:
+        """Begin as after power-on."""
+        self._deviation.reset()
+
+    # -- lies -------------------------------------------------------------------------------------------------------
+
+    def freeze(self, frozen: bool) -> None:
+        """Let ZSW1 show what it shows now, whatever happens."""
+        self._frozen = self._true_zsw1() if frozen else None
+
+    def lie(self, *, set_bits: int = 0, clear_bits: int = 0) -> None:
+        """Show bits of ZSW1 as 1, or as 0, whatever they should be."""
+        self._set = set_bits & 0xFFFF
+        self._cleared = clear_bits & 0xFFFF
+
+    # -- words ------------------------------------------------------------------------------------------------------
+
+    def watch_deviation(self) -> None:
+        """Look at the speed deviation; once per bus cycle (PD-079)."""
+        drive = self._drive
+        core = drive.core
+        if not core.enabled:
+            self._deviation.reset()
+            return
+        settings = drive.settings
+        self._deviation.time_s = settings.deviation_time_s
+        difference = abs(core.precontrol_velocity - core.velocity)
+        self._deviation.update(difference > settings.deviation_rpm * RPM, self._cycle_s)
+
+    def zsw1(self) -> int:
+        """Return ZSW1, or the lie about it."""
+        word = self._true_zsw1() if self._frozen is None else self._frozen
+        return (word | self._set) & ~self._cleared & 0xFFFF
+
+    def _true_zsw1(self) -> int:
+        drive = self._drive
+        if not drive.controlled_cyclically:
+            return 0
+        core = drive.core
+        state = drive.machine.state
+        word = _BITS[state] | _REQUESTED
+        faults = drive.faults
+        off = faults.off | drive.safety.off
+        stw1 = drive.stw1
+        if stw1 & 0x0002 and not off & _OFF2:
+            word |= _NO_OFF2
+        if stw1 & 0x0004 and not off & _OFF3 and state is not AxisState.S5B:
+            word |= _NO_OFF3
+        if faults.present:
+            word |= _FAULT
+        warnings = faults.warnings
+        if not warnings:
+            word |= _COOL_MOTOR | _NO_OVERLOAD
+        else:
+            word |= _WARNING
+            if DriveWarning.MOTOR_TEMPERATURE not in warnings:
+                word |= _COOL_MOTOR
+            if DriveWarning.STAGE_TEMPERATURE not in warnings:
+                word |= _NO_OVERLOAD
+        if not self._deviation.expired:
+            word |= _IN_TOLERANCE
+        velocity = core.velocity
+        if abs(velocity) >= drive.settings.comparison_speed_rpm * RPM:
+            word |= _REACHED
+        if velocity >= 0.0:
+            word |= _POSITIVE
+        if not core.torque_limited:
+            word |= _TORQUE
+        brake = core.brake
+        if brake.fitted and not brake.closed:
+            word |= _BRAKE
+        if drive.config.operation_while_braking and state in (AxisState.S5A, AxisState.S5B):
+            word |= _OPERATION
+        return word
+
+    def zsw2(self) -> int:
+        """Return ZSW2 with the drive's sign of life."""
+        drive = self._drive
+        word = drive.sign_of_life.value << SIGN_OF_LIFE_SHIFT | drive.stw2 & 0x1F
+        if drive.core.enabled:
+            word |= _PULSES
+        if drive.stw2 & STW2.PARKING and not drive.core.enabled:
+            word |= _PARKING
+        return word
+
+    def meldw(self) -> int:
+        """Return the message word (PD-085)."""
+        drive = self._drive
+        core = drive.core
+        settings = drive.settings
+        speed = abs(core.velocity) / RPM
+        warnings = drive.faults.warnings
+        limit = drive.torque_limit_Nm
+        word = 0
+        if not core.enabled or abs(core.precontrol_velocity - drive.channel.target) < 1e-9:
+            word |= MELDW.RAMP_COMPLETED
+        if not limit or abs(core.torque) < settings.torque_threshold_percent * 0.01 * limit:
+            word |= MELDW.TORQUE_BELOW_THRESHOLD
+        if speed < settings.speed_threshold_3_rpm:
+            word |= MELDW.SPEED_BELOW_THRESHOLD_3
+        if speed <= settings.speed_threshold_2_rpm:
+            word |= MELDW.SPEED_BELOW_THRESHOLD_2
+        if DriveWarning.MOTOR_TEMPERATURE not in warnings:
+            word |= MELDW.NO_MOTOR_OVERTEMPERATURE
+        if DriveWarning.STAGE_TEMPERATURE not in warnings:
+            word |= MELDW.NO_POWER_UNIT_OVERLOAD
+        if not self._deviation.expired:
+            word |= MELDW.DEVIATION_IN_TOLERANCE
+        if core.enabled:
+            word |= MELDW.CONTROLLER_ENABLED | MELDW.PULSES_ENABLED
+        if drive.ready and not drive.faults.present:
+            word |= MELDW.READY
+        return int(word)
+
+    # -- one function per signal --------------------------------------------------------------------------------------
+
+    def _getter(self, name: str) -> Callable[[], int]:
+        drive = self._drive
+        core = drive.core
+        encoder = drive.encoder_words
+        settings = drive.settings
+
+        def speed_n4() -> int:
+            return to_n4(core.velocity / (settings.reference_speed_rpm * RPM))
+
+        def speed_n2() -> int:
+            return to_n2(core.velocity / (settings.reference_speed_rpm * RPM))
+
+        def torque() -> int:
+            return to_n2(core.torque / settings.reference_torque_Nm)
+
+        def power() -> int:
+            rated = settings.reference_torque_Nm * settings.reference_speed_rpm * RPM
+            return to_n2(core.torque * core.velocity / rated)
+
+        getters: dict[str, Callable[[], int]] = {
+            "ZSW1": self.zsw1,
+            "ZSW2": self.zsw2,
+            "MELDW": self.meldw,
+            "NIST_A": speed_n2,
+            "NIST_A_GLATT": speed_n2,
+            "NIST_B": speed_n4,
+            "M_ACT": torque,
+            "MIST_GLATT": torque,
+            "IAIST_GLATT": lambda: to_n2(abs(core.torque) / settings.reference_torque_Nm),
+            "PIST_GLATT": power,
+            "G1_ZSW": lambda: encoder.status,
+            "G1_XIST1": lambda: encoder.xist1,
+            "G1_XIST2": lambda: encoder.xist2,
+            # A second encoder is not fitted: it shows itself as parked (PD-151).
+            "G2_ZSW": lambda: 0x4000,
+            "FAULT_CODE": lambda: drive.faults.number,
+            "WARN_CODE": lambda: drive.faults.warning_number,
+            "E_DIGITAL": lambda: drive.inputs & 0xFFFF,
+        }
+        assert name in SIGNALS
+        return getters.get(name, _zero)
+
+
+def _zero() -> int:
+    return 0

@@ -1,0 +1,247 @@
+"""Configuration of an emulated PROFIdrive drive with its machine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+from emulators.drive.core import ServoTuning
+from emulators.drive.machine import (
+    BrakeConfig,
+    EncoderConfig,
+    LinearAxisConfig,
+    RotaryAxisConfig,
+    SafetyConfig,
+    SwitchConfig,
+    check_number,
+)
+from emulators.drive.supply import SupplyConfig
+from emulators.drive.thermal import ThermalConfig
+from fieldbus.clock import MS, US
+from fieldbus.errors import ConfigurationError
+from fieldbus.profidrive import FREE_CONFIGURATION, Telegram, free_telegram, telegram
+
+AXIS_TELEGRAMS = (1, 2, 3, 4, 5, 6, 102, 103, 105, 106, FREE_CONFIGURATION)
+"""Telegrams that the speed axis takes."""
+
+
+@dataclass(slots=True, kw_only=True)
+class DriveSettings:
+    """Parameters of the drive that may change while it works; in the drive's own numbers and units.
+
+    Args:
+        operating_mode: PNU 930: 1 full ramp-function generator, 3 reduced setpoint channel.
+        reference_speed_rpm: p2000, what 4000h (4000 0000h) means, rpm.
+        reference_torque_Nm: p2003, Nm.
+        max_speed_rpm: p1082, speed to which the ramp times refer, and limit of the setpoint, rpm.
+        ramp_up_s: p1120, from 0 to p1082, s; 0 = at once.
+        ramp_down_s: p1121, OFF1, s; 0 = at the torque limit.
+        quick_stop_s: p1135, OFF3, s; 0 = at the torque limit.
+        jog_rpm: p1058, p1059.
+        torque_limits_Nm: p1520 and -p1521, Nm, both >= 0.
+        momred_evaluation_percent: p1544.
+        sign_of_life_tolerance: PNU 925; 65535 = not monitored.
+        setpoint_monitoring_s: p2040: without process data for so long F01910, s; 0 = not monitored.
+        comparison_speed_rpm: ZSW1 bit 10 from here on.
+        deviation_rpm: ZSW1 bit 8: tolerance of the speed, rpm.
+        deviation_time_s: ... and for how long it has to be exceeded, s.
+        speed_threshold_2_rpm: MELDW bit 3.
+        speed_threshold_3_rpm: MELDW bit 2.
+        torque_threshold_percent: MELDW bit 1, percent of the torque limit.
+
+    """
+
+    operating_mode: int = 3
+    reference_speed_rpm: float = 3000.0
+    reference_torque_Nm: float = 2.0
+    max_speed_rpm: float = 3000.0
+    ramp_up_s: float = 10.0
+    ramp_down_s: float = 10.0
+    quick_stop_s: float = 0.0
+    jog_rpm: tuple[float, float] = (150.0, -150.0)
+    torque_limits_Nm: tuple[float, float] = (6.0, 6.0)
+    momred_evaluation_percent: float = 100.0
+    sign_of_life_tolerance: int = 1
+    setpoint_monitoring_s: float = 0.1
+    comparison_speed_rpm: float = 100.0
+    deviation_rpm: float = 90.0
+    deviation_time_s: float = 0.01
+    speed_threshold_2_rpm: float = 900.0
+    speed_threshold_3_rpm: float = 5.0
+    torque_threshold_percent: float = 90.0
+
+    def __post_init__(self) -> None:
+        if self.operating_mode not in (1, 3):
+            raise ConfigurationError("operating_mode (PNU 930)", self.operating_mode, "1, 3")
+        for name in ("reference_speed_rpm", "reference_torque_Nm", "max_speed_rpm"):
+            check_number(name, getattr(self, name), positive=True)
+        for name in (
+            "ramp_up_s", "ramp_down_s", "quick_stop_s", "momred_evaluation_percent", "setpoint_monitoring_s",
+            "comparison_speed_rpm", "deviation_rpm", "deviation_time_s", "speed_threshold_2_rpm", "speed_threshold_3_rpm",
+            "torque_threshold_percent",
+        ):  # fmt: skip
+            check_number(name, getattr(self, name))
+        for value in self.torque_limits_Nm:
+            check_number("torque_limits_Nm", value)
+        for value in self.jog_rpm:
+            if not math.isfinite(value):
+                raise ConfigurationError("jog_rpm", value, "a finite number")
+        if not 0 <= self.sign_of_life_tolerance <= 65_535:
+            raise ConfigurationError(
+                "sign_of_life_tolerance (PNU 925)", self.sign_of_life_tolerance, "0..65535"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfidriveConfig:
+    """An emulated PROFIdrive axis; knows no bus.
+
+    Args:
+        telegram: Number, one of `AXIS_TELEGRAMS`.
+        torque_telegram: Supplement 750 behind it.
+        free_setpoint: Signals of telegram 999, from the controller.
+        free_actual: Signals of telegram 999, to the controller.
+        isochronous: Operation with clock and sign of life; None = wherever the telegram has one (CFG-190).
+        cycle_ns: Bus cycle, ns; a multiple of `servo_period_ns`.
+        servo_period_ns: Servo step, ns; a divisor of `control_period_ns`.
+        control_period_ns: Cycle of monitoring, ns.
+        settings: Start values of the parameters.
+        mechanics: The machine.
+        encoder: The motor encoder; its counts are those of P979[2], without fine resolution.
+        fine_xist1: p0418, bits.
+        fine_xist2: p0419, bits.
+        brake: The holding brake.
+        tuning: Gains of the cascade.
+        rated_torque_Nm: Torque that the motor bears for ever, Nm.
+        thermal_time_constant_s: i2t of the motor, s.
+        supply: DC link and mains.
+        thermal: Temperatures and overload.
+        safety: Safety inputs; an interlock is not among them.
+        power_on_delay_s: From S3 to S4, s (PD-103).
+        blocked_time_s: Torque limit at standstill for this long is F07900, s; 0 = not watched.
+        input_filter_s: A limit or home switch counts when it has been stable for this long, s.
+        interpolation: Setpoints of operating mode 3 are reached linearly within the bus cycle; False: at once.
+        operation_while_braking: ZSW1 bit 2 stays 1 during OFF1 and OFF3, as some drives show it.
+
+    Raises:
+        ConfigurationError: A value is out of range, or values do not fit together.
+
+    """
+
+    telegram: int = 3
+    torque_telegram: bool = False
+    free_setpoint: tuple[str, ...] = ()
+    free_actual: tuple[str, ...] = ()
+    isochronous: bool | None = None
+    cycle_ns: int = 4 * MS
+    servo_period_ns: int = 250 * US
+    control_period_ns: int = 1 * MS
+    settings: DriveSettings = field(default_factory=DriveSettings)
+    mechanics: LinearAxisConfig | RotaryAxisConfig = field(default_factory=LinearAxisConfig)
+    encoder: EncoderConfig = field(default_factory=lambda: EncoderConfig(counts_per_revolution=2048))
+    fine_xist1: int = 11
+    fine_xist2: int = 9
+    brake: BrakeConfig = field(default_factory=BrakeConfig)
+    tuning: ServoTuning = field(default_factory=ServoTuning)
+    rated_torque_Nm: float = 2.0
+    thermal_time_constant_s: float = 40.0
+    supply: SupplyConfig = field(default_factory=SupplyConfig)
+    thermal: ThermalConfig = field(default_factory=ThermalConfig)
+    safety: SafetyConfig = field(default_factory=SafetyConfig)
+    power_on_delay_s: float = 0.0
+    blocked_time_s: float = 0.0
+    input_filter_s: float = 0.0
+    interpolation: bool = True
+    operation_while_braking: bool = False
+
+    def __post_init__(self) -> None:
+        if self.telegram not in AXIS_TELEGRAMS:
+            raise ConfigurationError("telegram", self.telegram, ", ".join(map(str, AXIS_TELEGRAMS)))
+        if self.servo_period_ns <= 0 or self.control_period_ns % self.servo_period_ns:
+            raise ConfigurationError(
+                "servo_period_ns",
+                self.servo_period_ns,
+                f"a divisor of control_period_ns = {self.control_period_ns}",
+            )
+        if self.cycle_ns <= 0 or self.cycle_ns % self.servo_period_ns:
+            raise ConfigurationError(
+                "cycle_ns", self.cycle_ns, f"a multiple of servo_period_ns = {self.servo_period_ns}"
+            )
+        for name in ("rated_torque_Nm", "thermal_time_constant_s"):
+            check_number(name, getattr(self, name), positive=True)
+        for name in ("power_on_delay_s", "blocked_time_s", "input_filter_s"):
+            check_number(name, getattr(self, name))
+        for name in ("fine_xist1", "fine_xist2"):
+            if not 0 <= getattr(self, name) <= 20:
+                raise ConfigurationError(name, getattr(self, name), "0..20")
+        if self.encoder.counts_per_revolution << self.fine_xist1 > 1 << 31:
+            raise ConfigurationError(
+                "encoder", f"{self.encoder.counts_per_revolution} * 2^{self.fine_xist1}", "at most 2^31"
+            )
+        if self.isochronous and not self.build_telegram().isochronous:
+            raise ConfigurationError(
+                "isochronous", f"telegram {self.telegram}", "a telegram with a sign of life"
+            )
+        if self.safety.interlock != "none":
+            raise ConfigurationError("safety interlock", self.safety.interlock, "none")
+
+    def build_telegram(self) -> Telegram:
+        """Return the telegram, with its supplement."""
+        if self.telegram == FREE_CONFIGURATION:
+            chosen = free_telegram(self.free_setpoint, self.free_actual)
+        else:
+            chosen = telegram(self.telegram)
+        return chosen.with_supplement() if self.torque_telegram else chosen
+
+    @property
+    def encoder_with_fine_resolution(self) -> EncoderConfig:
+        """The encoder with the counts of G1_XIST1."""
+        return replace(
+            self.encoder,
+            counts_per_revolution=self.encoder.counts_per_revolution << self.fine_xist1,
+            zero_mark_counts=self.encoder.zero_mark_counts << self.fine_xist1,
+        )
+
+    @classmethod
+    def reference(
+        cls,
+        *,
+        telegram: int = 105,
+        cycle_ms: int = 4,
+        max_speed_rpm: float = 3000.0,
+        ramp_down_s: float = 1.0,
+        quick_stop_s: float = 0.5,
+        operating_mode: int = 3,
+        position_m: float = 0.0,
+    ) -> ProfidriveConfig:
+        """Return the reference axis of the worked numbers (STP-008 to STP-014), as `DriveConfig.reference` of CiA 402 does.
+
+        Args:
+            telegram: Number of the telegram.
+            cycle_ms: Bus cycle, ms.
+            max_speed_rpm: p1082, rpm.
+            ramp_down_s: p1120 and p1121, s.
+            quick_stop_s: p1135, s.
+            operating_mode: PNU 930.
+            position_m: Start position of the slide, m.
+
+        """
+        return cls(
+            telegram=telegram,
+            cycle_ns=cycle_ms * MS,
+            settings=DriveSettings(
+                operating_mode=operating_mode,
+                max_speed_rpm=max_speed_rpm,
+                ramp_up_s=ramp_down_s,
+                ramp_down_s=ramp_down_s,
+                quick_stop_s=quick_stop_s,
+            ),
+            mechanics=LinearAxisConfig(
+                position_m=position_m,
+                switches={
+                    "negative_limit": SwitchConfig(high=-0.55, hysteresis=0.0005),
+                    "positive_limit": SwitchConfig(low=0.55, hysteresis=0.0005),
+                    "home": SwitchConfig(high=-0.5, hysteresis=0.0005),
+                },
+            ),
+        )

@@ -1,0 +1,96 @@
+"""Faults and warnings of the emulated PROFIdrive axis, with their numbers, reactions and EMCY codes (PD-133, PD-139).
+
+The numbers are those under which such drives report these events; FAULT_CODE and WARN_CODE show them.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Final, NamedTuple
+
+from emulators.drive.profidrive.statemachine import Off
+
+
+class Fault(NamedTuple):
+    """One fault.
+
+    Args:
+        number: 1..65535.
+        reaction: How the drive stops; NONE: it only reports.
+        emcy: Code of the EMCY on CANopen.
+        text: A few words.
+
+    """
+
+    number: int
+    reaction: Off
+    emcy: int
+    text: str
+
+
+SAFE_STOP: Final = 1600
+SETPOINT_TIMEOUT: Final = 1910
+CLOCK_FAILURE: Final = 1911
+SIGN_OF_LIFE: Final = 1912
+MOTOR_TEMPERATURE: Final = 7011
+EXTERNAL: Final = 7860
+BLOCKED: Final = 7900
+OVERSPEED: Final = 7901
+MOTOR_OVERLOAD: Final = 7936
+CAN_ERROR: Final = 8700
+OVERCURRENT: Final = 30001
+OVERVOLTAGE: Final = 30002
+UNDERVOLTAGE: Final = 30003
+STAGE_TEMPERATURE: Final = 30004
+STAGE_OVERLOAD: Final = 30005
+PHASE_LOSS: Final = 30011
+SAFE_TORQUE_OFF: Final = 30600
+ENCODER_SERIAL: Final = 31110
+ENCODER_SIGNAL: Final = 31115
+
+_ROWS: Final = (
+    Fault(SAFE_STOP, Off.OFF2, 0xFF81, "safe stop violated"),
+    Fault(SETPOINT_TIMEOUT, Off.OFF3, 0x8100, "setpoints timed out"),
+    Fault(CLOCK_FAILURE, Off.OFF1, 0x8700, "clock of isochronous operation failed"),
+    Fault(SIGN_OF_LIFE, Off.OFF1, 0x8700, "sign of life of the controller failed"),
+    Fault(MOTOR_TEMPERATURE, Off.OFF2, 0x4310, "motor overtemperature"),
+    Fault(EXTERNAL, Off.OFF2, 0x9000, "external fault"),
+    Fault(BLOCKED, Off.OFF2, 0x7121, "motor blocked"),
+    Fault(OVERSPEED, Off.OFF2, 0x8480, "motor overspeed"),
+    Fault(MOTOR_OVERLOAD, Off.OFF2, 0x2310, "motor overloaded"),
+    Fault(CAN_ERROR, Off.OFF3, 0x8130, "communication on the bus failed"),
+    Fault(OVERCURRENT, Off.OFF2, 0x2320, "overcurrent"),
+    Fault(OVERVOLTAGE, Off.OFF2, 0x3210, "DC link overvoltage"),
+    Fault(UNDERVOLTAGE, Off.OFF2, 0x3220, "DC link undervoltage"),
+    Fault(STAGE_TEMPERATURE, Off.OFF2, 0x4210, "heat sink overtemperature"),
+    Fault(STAGE_OVERLOAD, Off.OFF2, 0x2350, "power stage overloaded"),
+    Fault(PHASE_LOSS, Off.OFF2, 0x3130, "mains phase missing"),
+    Fault(SAFE_TORQUE_OFF, Off.OFF2, 0xFF80, "safe torque off"),
+    Fault(ENCODER_SERIAL, Off.OFF2, 0x7320, "encoder: serial communication"),
+    Fault(ENCODER_SIGNAL, Off.OFF2, 0x7305, "encoder: signal level too low"),
+)
+
+CATALOGUE: Final = {row.number: row for row in _ROWS}
+"""By number."""
+_BY_EMCY: Final = {row.emcy: row for row in reversed(_ROWS)}
+_MANUFACTURER: Final = 0xFF00
+
+
+def fault(code: int) -> Fault:
+    """Return the fault of a number, or of the EMCY code of one; any other number is a manufacturer's fault with OFF2."""
+    row = CATALOGUE.get(code) or _BY_EMCY.get(code)
+    return Fault(code, Off.OFF2, _MANUFACTURER, f"fault {code}") if row is None else row
+
+
+class DriveWarning(IntEnum):
+    """Warnings (PD-138), by number."""
+
+    SAFE_TORQUE_OFF = 1699
+    DSC_WITHOUT_CLOCK = 1932
+    CHOPPER = 6905
+    MOTOR_TEMPERATURE = 7910
+    JOG_CONTRADICTION = 7220
+    MOTOR_OVERLOAD = 7805
+    STAGE_TEMPERATURE = 30502
+    INJECTED = 7850
+    MAINS_MISSING = 7840
