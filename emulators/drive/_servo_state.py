@@ -37,6 +37,7 @@ class ServoState:
 
     __slots__ = (
         "_braking_step",
+        "_catching_up_limit",
         "_coast",
         "_coast_length",
         "_correction_gain",
@@ -157,6 +158,7 @@ class ServoState:
         self._limit_high = math.inf
         self._limit_low = -math.inf
         self._speed_limit = math.inf
+        self._catching_up_limit = math.inf
         self._profile = PositionProfile(step_s=period_s)
         self._source = VELOCITY
         self._feedforward = self._middle = self._integral = 0.0

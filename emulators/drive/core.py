@@ -23,6 +23,7 @@ All quantities are those of the motor shaft: rad, rad/s, Nm, as the encoder show
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from emulators.drive._servo_state import (
     POSITION,
@@ -38,6 +39,9 @@ from emulators.drive.ramp import PositionProfile
 from emulators.drive.tuning import RPM, ServoTuning
 
 __all__ = ["RPM", "ServoCore", "ServoTuning"]
+
+_HEADROOM: Final = 1.05
+"""Share of the speed limit up to which the position controller may catch up: at the limit itself it needs some room."""
 
 
 class ServoCore(ServoState):
@@ -69,8 +73,9 @@ class ServoCore(ServoState):
         self._limit_low = -negative_Nm
 
     def set_speed_limit(self, speed: float) -> None:
-        """Limit the speed in torque control, rad/s."""
+        """Limit the speed in torque control and while the position controller catches up, rad/s."""
         self._speed_limit = speed
+        self._catching_up_limit = speed * _HEADROOM
 
     def enable_pulses(self) -> None:
         """Close the loops at the present position and release the brake.
@@ -367,8 +372,15 @@ class ServoCore(ServoState):
             self.position_demand = angle
             self.velocity_demand = self.velocity
             return self.velocity, self.velocity
-        self.velocity_demand = new + correction
-        return self._middle + correction, new
+        wanted = self._middle + correction
+        limit = self._catching_up_limit
+        if -limit <= wanted <= limit:
+            self.speed_limited = False
+            self.velocity_demand = new + correction
+            return wanted, new
+        self.speed_limited = True
+        self.velocity_demand = wanted = math.copysign(limit, wanted)
+        return wanted, new
 
     def _ramped(self, old: float) -> float:
         """Return the demand one step nearer to the target: acceleration away from zero, braking towards it."""
@@ -417,7 +429,7 @@ class ServoCore(ServoState):
         if previous == TORQUE:
             self._feedforward = self._middle = self._model = self._predicted = self.velocity
             self._integral = self.torque_demand - self.torque_offset
-            self.speed_limited = False
+        self.speed_limited = False
         if not self.controls_position:
             # The next servo instant finds the axis one period further on.
             self._next_position = self.position + self.velocity * self._period

@@ -110,3 +110,27 @@ def test_pp_entered_in_motion_begins_where_it_comes_to_rest():
     bench.run(1.0)
     assert bench.read(0x6064) == pytest.approx(rest + REV, abs=4)
     assert bench.status & 0x400
+
+
+@pytest.mark.requirement("C402-095", "C402-103")
+@pytest.mark.parametrize("mode", [1, 8], ids=["pp", "csp"])
+def test_catching_up_keeps_the_motor_below_its_speed_limit(mode):
+    """A following error, however large, does not drive the motor beyond 6080h (by more than 5 %); bit 11 tells it."""
+    bench = DriveBench(replace(DriveConfig.reference(sync_period_ms=1), following_error_reaction="status"))
+    bench.configure({0x6081: SPEED, 0x6083: 6_000_000, 0x6084: 6_000_000, 0x6072: 27})
+    bench.enable(1)
+    give(bench, 20 * REV)
+    bench.run(2.0)
+    error = bench.read(0x60F4)
+    assert error > 5 * REV
+    if mode == 8:
+        bench.write(0x6060, 8)
+        bench.run(0.002)
+    seen: list[tuple[int, int]] = []
+    bench.scheduler.every(MS, lambda: seen.append((bench.read(0x606C), bench.status)))
+    bench.write(0x6072, 3000)
+    bench.run(1.0)
+    assert 2_900_000 < max(speed for speed, _ in seen) < 3_200_000
+    assert all(status & 0x800 for speed, status in seen if speed > 3_100_000)
+    assert bench.read(0x6064) == pytest.approx(20 * REV, abs=2)
+    assert not bench.status & 0x800
