@@ -1,10 +1,12 @@
-"""Modbus: requests and responses, a server without I/O, register maps. Knows no device and no axis.
+"""Modbus: requests and responses, register maps, server, clients, and both links in simulated time.
 
+Knows no device and no axis. Servers and clients do no I/O: bytes and time go in, bytes and results come out.
 Importing this package loads pymodbus (0.1 s).
 """
 
 from __future__ import annotations
 
+from fieldbus.modbus.client import Job, Outcome, Result
 from fieldbus.modbus.codes import (
     LIMITS,
     Diagnostic,
@@ -13,6 +15,7 @@ from fieldbus.modbus.codes import (
     exception_text,
     function_text,
 )
+from fieldbus.modbus.decode import RtuDecoder, TcpDecoder
 from fieldbus.modbus.errors import ModbusError, ResponseError
 from fieldbus.modbus.framing import (
     RtuFace,
@@ -24,6 +27,7 @@ from fieldbus.modbus.framing import (
     tcp_frame,
     unwrap_rtu,
 )
+from fieldbus.modbus.hooks import Change, LinkHook
 from fieldbus.modbus.pdu import (
     Request,
     Response,
@@ -33,26 +37,58 @@ from fieldbus.modbus.pdu import (
     is_well_formed,
 )
 from fieldbus.modbus.registers import Area, Block, RegisterMap, RegisterRefusal, WordOrder
+from fieldbus.modbus.rtu_client import RtuClient
+from fieldbus.modbus.serial_line import (
+    FrameAssembler,
+    Parity,
+    SerialFormat,
+    SerialFrame,
+    SerialLine,
+    SerialPort,
+)
 from fieldbus.modbus.server import ModbusServer
+from fieldbus.modbus.stations import RtuStation, TcpStation
+from fieldbus.modbus.tcp_client import TcpClient
+from fieldbus.modbus.tcp_link import TcpEnd, TcpLink, TcpSegment
 
 __all__ = [
     "LIMITS",
     "Area",
     "Block",
+    "Change",
     "Diagnostic",
     "ExceptionCode",
+    "FrameAssembler",
     "Function",
+    "Job",
+    "LinkHook",
     "ModbusError",
     "ModbusServer",
+    "Outcome",
+    "Parity",
     "RegisterMap",
     "RegisterRefusal",
     "Request",
     "Response",
     "ResponseError",
+    "Result",
+    "RtuClient",
+    "RtuDecoder",
     "RtuFace",
+    "RtuStation",
+    "SerialFormat",
+    "SerialFrame",
+    "SerialLine",
+    "SerialPort",
+    "TcpClient",
+    "TcpDecoder",
+    "TcpEnd",
     "TcpFace",
     "TcpFrame",
+    "TcpLink",
+    "TcpSegment",
     "TcpSplitter",
+    "TcpStation",
     "WordOrder",
     "crc16",
     "decode_request",

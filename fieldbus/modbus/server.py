@@ -40,6 +40,8 @@ _COUNTERS: Final = {
     Diagnostic.BUSY: "busy",
     Diagnostic.CHARACTER_OVERRUNS: "character_overruns",
 }
+SERVED: Final = frozenset(map(int, Function))
+"""Function codes that are known at all."""
 _BASIC, _REGULAR, _EXTENDED, _SPECIFIC = 1, 2, 3, 4
 _GROUP_ENDS: Final = {_BASIC: 0x03, _REGULAR: 0x80, _EXTENDED: 0x100}
 
@@ -72,7 +74,7 @@ class ModbusServer:
         if unit is not None and not 1 <= unit <= 247:
             raise ConfigurationError("unit", unit, "1..247, or None for any")
         for function in functions:
-            if function not in Function._value2member_map_:
+            if function not in SERVED:
                 raise ConfigurationError("functions", function, ", ".join(str(int(one)) for one in Function))
         for function, count in (limits or {}).items():
             highest = LIMITS.get(function, 0)

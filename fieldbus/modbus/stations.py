@@ -1,0 +1,136 @@
+"""Servers at the virtual links: a station on a serial line, a station behind TCP."""
+
+from __future__ import annotations
+
+from fieldbus.clock import MS, Scheduler
+from fieldbus.modbus.framing import RtuFace, TcpFace
+from fieldbus.modbus.serial_line import FrameAssembler, SerialFormat, SerialLine
+from fieldbus.modbus.server import ModbusServer
+from fieldbus.modbus.tcp_link import TcpEnd, TcpLink
+
+
+class RtuStation:
+    """A server on a serial line.
+
+    Args:
+        scheduler: Time.
+        line: Where it hangs.
+        server: What answers.
+        name: On the line.
+        format_: Rate and parity, where they are not those of the line.
+        processing_ns: From the end of the request, which is t3.5 behind its last character, to the response, ns.
+        lenient: Accept pauses between t1.5 and t3.5 within a frame.
+        t15_ns: Longest pause within a frame, ns; default that of the rate (p2024[1], PD-291).
+        t35_ns: Pause that ends a frame, ns; default that of the rate (p2024[2], PD-291).
+
+    """
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        line: SerialLine,
+        server: ModbusServer,
+        *,
+        name: str = "station",
+        format_: SerialFormat | None = None,
+        processing_ns: int = MS,
+        lenient: bool = False,
+        t15_ns: int | None = None,
+        t35_ns: int | None = None,
+    ) -> None:
+        self._scheduler = scheduler
+        self.server = server
+        self.processing_ns = processing_ns
+        self._face = RtuFace(server)
+        rate = format_ if format_ is not None else line.format
+        self.assembler = FrameAssembler(
+            scheduler,
+            rate.t15_ns if t15_ns is None else t15_ns,
+            rate.t35_ns if t35_ns is None else t35_ns,
+            self._frame,
+            lenient=lenient,
+        )
+        self.port = line.attach(name, self.assembler, format_)
+        self.missed = 0
+        """Frames that came while a response was not sent yet, and were ignored (MODB-010)."""
+        self._pending = False
+
+    def _frame(self, frame: bytes, damaged: bool) -> None:
+        if self._pending:
+            self.missed += 1
+            return
+        answer = self._face.receive(frame, damaged=damaged)
+        if answer is not None:
+            self._pending = True
+            self._scheduler.after(self.processing_ns, lambda: self._send(answer))
+
+    def _send(self, answer: bytes) -> None:
+        self._pending = False
+        self.port.send(answer)
+
+
+class TcpStation:
+    """A server behind TCP, with any number of connections.
+
+    Args:
+        scheduler: Time.
+        link: Network.
+        server: What answers.
+        processing_ns: From a request to its response, ns.
+        connections: Most connections at the same time; a further one is refused.
+
+    """
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        link: TcpLink,
+        server: ModbusServer,
+        *,
+        processing_ns: int = MS,
+        connections: int = 16,
+    ) -> None:
+        self.scheduler = scheduler
+        self.server = server
+        self.processing_ns = processing_ns
+        self._limit = connections
+        self.ends: list[TcpEnd] = []
+        """Its ends of the open connections."""
+        link.listen(self._accept)
+
+    def _accept(self, end: TcpEnd) -> _Served | None:
+        if len(self.ends) >= self._limit:
+            return None
+        self.ends.append(end)
+        return _Served(self, end)
+
+
+class _Served:
+    """A connection of a station."""
+
+    __slots__ = ("_end", "_face", "_station")
+
+    def __init__(self, station: TcpStation, end: TcpEnd) -> None:
+        self._station = station
+        self._end = end
+        self._face = TcpFace(station.server)
+
+    def opened(self) -> None:
+        """Nothing to do: a server waits."""
+
+    def receive(self, data: bytes) -> None:
+        """Answer what is complete; a wrong header ends the connection (MODB-037)."""
+        station, end = self._station, self._end
+        for answer in self._face.responses(data):
+            station.scheduler.after(station.processing_ns, lambda answer=answer: end.send(answer))  # type: ignore[misc]
+        if self._face.broken and end.open:
+            station.scheduler.after(station.processing_ns, self._close)
+
+    def _close(self) -> None:
+        self._end.close()
+        self.closed("closed")
+
+    def closed(self, reason: str) -> None:  # noqa: ARG002 - whatever the reason
+        """Forget the connection."""
+        if self._end in self._station.ends:
+            self._station.ends.remove(self._end)
