@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from emulators.drive.profidrive.config import AXIS_TELEGRAMS, DriveSettings, ProfidriveConfig
+from emulators.drive.profidrive.definitions import ParameterDefinition, WriteRule, load_definitions
 from emulators.drive.profidrive.device import ProfidriveDrive
 from emulators.drive.profidrive.encoder_words import EncoderInterface
 from emulators.drive.profidrive.fault_catalogue import CATALOGUE, DriveWarning, Fault
 from emulators.drive.profidrive.messages import FaultBuffer, FaultMessage
+from emulators.drive.profidrive.parameter_channel import ChannelError, ParameterChannel
+from emulators.drive.profidrive.parameter_server import ParameterServer
+from emulators.drive.profidrive.parameters import ParameterStore
+from emulators.drive.profidrive.profile_parameters import Identification, ParameterMemory
+from emulators.drive.profidrive.sdo_parameters import ParameterWindow
 from emulators.drive.profidrive.statemachine import Action, AxisState, GeneralStateMachine, Off
 
 __all__ = [
@@ -14,6 +20,7 @@ __all__ = [
     "CATALOGUE",
     "Action",
     "AxisState",
+    "ChannelError",
     "DriveSettings",
     "DriveWarning",
     "EncoderInterface",
@@ -21,7 +28,16 @@ __all__ = [
     "FaultBuffer",
     "FaultMessage",
     "GeneralStateMachine",
+    "Identification",
     "Off",
+    "ParameterChannel",
+    "ParameterDefinition",
+    "ParameterMemory",
+    "ParameterServer",
+    "ParameterStore",
+    "ParameterWindow",
     "ProfidriveConfig",
     "ProfidriveDrive",
+    "WriteRule",
+    "load_definitions",
 ]

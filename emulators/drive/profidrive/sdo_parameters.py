@@ -1,0 +1,83 @@
+"""Drive parameters as objects of a CANopen dictionary (PD-343), and the abort codes for refused ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from fieldbus.errors import ConfigurationError
+from fieldbus.profidrive.requests import ParameterError
+
+FIRST_INDEX: Final = 0x2000
+OFFSETS: Final = (0, 10_000, 20_000, 30_000)
+"""By p8630[2]."""
+WINDOW: Final = 10_000
+"""Parameters that can be seen at a time: 2000h to 470Fh."""
+PAGE: Final = 256
+"""Elements that can be seen at a time."""
+
+ABORT_CODES: Final = MappingProxyType(
+    {
+        ParameterError.NUMBER: 0x06020000,
+        ParameterError.READ_ONLY: 0x06010002,
+        ParameterError.LIMIT: 0x06090030,
+        ParameterError.SUB_INDEX: 0x06090011,
+        ParameterError.NO_ARRAY: 0x06090011,
+        ParameterError.TYPE: 0x06070010,
+        ParameterError.RESET_ONLY: 0x06090030,
+        ParameterError.NO_CONTROL: 0x08000021,
+        ParameterError.OPERATING_STATE: 0x08000022,
+        ParameterError.VALUE: 0x06090030,
+        0x6B: 0x08000022,
+        0x77: 0x08000022,
+        0xC8: 0x06090032,
+        0xC9: 0x06090031,
+    }
+)
+"""Abort code of CiA 301 by error number of the parameter; any other is 08000000h."""
+GENERAL_ERROR: Final = 0x08000000
+
+
+def abort_code(error: int) -> int:
+    """Return the abort code of an error number."""
+    return ABORT_CODES.get(error, GENERAL_ERROR)
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterWindow:
+    """What p8630 lets be seen of the parameters.
+
+    Args:
+        enabled: p8630[0] = 1; otherwise no parameter is an object.
+        page: p8630[1], 0..255: element of sub-index 0 is 256 * page.
+        offset: p8630[2], 0..3: parameter of index 2000h.
+
+    Raises:
+        ConfigurationError: A value is out of its range.
+
+    """
+
+    enabled: bool = True
+    page: int = 0
+    offset: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.page <= 0xFF:
+            raise ConfigurationError("p8630[1]", self.page, "0..255")
+        if not 0 <= self.offset < len(OFFSETS):
+            raise ConfigurationError("p8630[2]", self.offset, "0..3")
+
+    def parameter(self, index: int, sub_index: int) -> tuple[int, int] | None:
+        """Return parameter number and element of an object; None for an object that is no parameter."""
+        if not self.enabled or not 0 <= index - FIRST_INDEX < WINDOW or not 0 <= sub_index <= 0xFF:
+            return None
+        number = index - FIRST_INDEX + OFFSETS[self.offset]
+        return (number, PAGE * self.page + sub_index) if number else None
+
+    def object(self, number: int, element: int = 0) -> tuple[int, int] | None:
+        """Return index and sub-index of an element; None where it cannot be seen through this window."""
+        place, sub_index = number - OFFSETS[self.offset], element - PAGE * self.page
+        if not self.enabled or number <= 0 or not 0 <= place < WINDOW or not 0 <= sub_index <= 0xFF:
+            return None
+        return FIRST_INDEX + place, sub_index
