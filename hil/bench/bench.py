@@ -449,9 +449,18 @@ class Bench:
         return self.config.axis[name].drive
 
     def cob_ids(self, drive_name: str) -> dict[str, int]:
-        """Return the identifiers that a drive or an encoder uses, by name; an encoder has no RPDOs."""
-        encoder = self.config.encoder.get(drive_name)
-        node = (self.config.drive[drive_name] if encoder is None else encoder).node_id
+        """Return the identifiers that a drive, an encoder or a device uses, by name; an encoder has no RPDOs.
+
+        Raises:
+            ConfigurationError: There is no such node.
+
+        """
+        config = self.config
+        nodes: dict[str, Any] = {**config.drive, **config.encoder, **config.device}
+        if drive_name not in nodes:
+            raise ConfigurationError("drive", drive_name, ", ".join(nodes) or "no nodes")
+        encoder = config.encoder.get(drive_name)
+        node = nodes[drive_name].node_id
         ids = {"nmt": 0, "sync": 0x80, "emcy": 0x80 + node, "heartbeat": 0x700 + node,
                "sdo_rx": 0x600 + node, "sdo_tx": 0x580 + node, "controller_heartbeat": 0x700 + _MASTER_NODE}  # fmt: skip
         for number in range(1, 5):

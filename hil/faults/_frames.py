@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import seconds_to_ns
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from hil.faults._actions import Action, refuse_unless_supported
 from hil.faults._fault import Fault, parse_payload
 from hil.faults._trigger import OnFrame
@@ -20,6 +20,9 @@ Work = Callable[[], None]
 
 _RIVAL: Final = "rival"
 _TWIN: Final = "twin"
+_STRANGER: Final = "fault"
+_FOREIGN: Final = (_STRANGER, _RIVAL, _TWIN, "load", "babbler")
+"""Senders that faults bring with them."""
 
 
 def _treatment(fault: Fault, segment: Any) -> Callable[[CanFrame], Any]:
@@ -77,6 +80,28 @@ def selected_identifier(bench: Bench, fault: Fault) -> tuple[int, int]:
     return (message_id(bench, fault.value("drive"), message) if message else can_id or 0) & mask, mask
 
 
+def _known_sender(segment: Any, fault: Fault) -> str:
+    """Return the sender that the fault names, checked: of one that nobody is no frame would ever be hit.
+
+    Raises:
+        ConfigurationError: No node of the segment has this name.
+        UnsupportedFaultError: It is a live bus, where frames of others are known by the side from which they come.
+
+    """
+    name: str = fault.value("sender")
+    sides = getattr(segment, "sides", ())
+    known = [part.name for part in (*getattr(segment, "ports", ()), *sides)]
+    if not name or not known or name in (*known, *_FOREIGN):
+        return name
+    if sides:
+        raise UnsupportedFaultError(
+            f"{fault.kind} cannot be injected: on {segment.name} senders are known as {', '.join(known)}, not as {name!r}"
+        )
+    raise ConfigurationError(
+        f"{fault.kind}.parameters.sender", name, f"{', '.join(known)}, or {', '.join(_FOREIGN)} of other faults"
+    )
+
+
 class FrameAction(Action):
     """Do something to the frames that the parameters select.
 
@@ -106,7 +131,7 @@ class FrameAction(Action):
         self._note = note
         self._treat = _treatment(fault, self._segment)
         self._can_id, self._mask = selected_identifier(bench, fault)
-        self._sender: str = value("sender")
+        self._sender: str = _known_sender(self._segment, fault)
         self._first: int = value("first")
         self._every: int = value("every")
         self._chance: float = value("probability")
@@ -203,7 +228,7 @@ class InjectAction(Action):
         self._timer: Any = None
 
     def _send(self) -> None:
-        self._segment.inject(self._frame, sender="fault")
+        self._segment.inject(self._frame, sender=_STRANGER)
         if self._left is not None:
             self._left -= 1
             if self._left == 0:

@@ -42,6 +42,19 @@ def _ports(segment: Any, fault: Fault) -> list[MediumPort]:
     return [by_name[name] for name in wanted]
 
 
+def _far_side(segment: Any, fault: Fault) -> list[MediumPort]:
+    """Return the nodes that a break of the cable cuts off; somebody has to be left on the other side."""
+    ports = _ports(segment, fault)
+    if len(set(ports)) == len(segment.ports):
+        key = "nodes" if "nodes" in fault.parameters else "node"
+        raise ConfigurationError(
+            f"{fault.kind}.parameters.{key}",
+            fault.value(key),
+            f"some of {', '.join(port.name for port in segment.ports)}, not all: a break has two sides",
+        )
+    return ports
+
+
 def segment_action(bench: Bench, fault: Fault, stream: str) -> Action:
     """Return the action of a `can.` fault.
 
@@ -72,7 +85,7 @@ def segment_action(bench: Bench, fault: Fault, stream: str) -> Action:
             level = int(fault.kind == "can.stuck_recessive")
             return Action(segment.name, lambda: segment.hold_level(level), lambda: segment.hold_level(None))
         case "can.cable_break" | "can.unplug":
-            return _Break(segment, _ports(segment, fault))
+            return _Break(segment, _far_side(segment, fault))
         case "can.babble":
             return _Babble(bench, segment, fault)
         case "can.load":

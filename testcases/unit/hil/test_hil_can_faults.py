@@ -175,6 +175,13 @@ def test_cable_break_leaves_two_working_parts(bench, faults):
     assert 0x703 in heard["near"]
 
 
+@pytest.mark.parametrize("nodes", ["drive1, controller", ""])
+def test_a_break_has_two_sides(faults, nodes):
+    """A break with all nodes on one side would break nothing: refused, with the names that there are."""
+    with pytest.raises(ConfigurationError, match=r"can\.cable_break\.parameters\.nodes.*drive1.*not all"):
+        faults.inject("can.cable_break", nodes=nodes)
+
+
 @pytest.mark.requirement("CANP-056", "CANP-078")
 def test_unplugged_node_stays_error_passive_and_comes_back(bench, faults):
     """Alone on its piece of cable it repeats without an acknowledge at 128; plugged in again it gets through."""

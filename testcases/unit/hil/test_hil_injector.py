@@ -410,6 +410,8 @@ def test_unknown_names_are_refused(faults):
         faults.inject("frame.drop", message="tpdo9")
     with pytest.raises(ConfigurationError, match="drive1"):
         faults.inject("drive.sto", "drive9")
+    with pytest.raises(ConfigurationError, match=r"frame\.drop\.parameters\.sender: 'drive9'.*drive1"):
+        faults.inject("frame.drop", sender="drive9")
     assert faults.armed == []
 
 
