@@ -98,7 +98,9 @@ def _known_sender(segment: Any, fault: Fault) -> str:
             f"{fault.kind} cannot be injected: on {segment.name} senders are known as {', '.join(known)}, not as {name!r}"
         )
     raise ConfigurationError(
-        f"{fault.kind}.parameters.sender", name, f"{', '.join(known)}, or {', '.join(_FOREIGN)} of other faults"
+        f"{fault.kind}.parameters.sender",
+        name,
+        f"{', '.join(known)}, or {', '.join(_FOREIGN)} of other faults",
     )
 
 
