@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Final
 
 from fieldbus.can.frame import CanFrame, CanSegment
-from fieldbus.canopen.nmt import COB_EMCY, COB_ERROR_CONTROL, COB_NMT, COB_SYNC, NmtState
+from fieldbus.canopen.nmt import COB_EMCY, COB_ERROR_CONTROL, COB_NMT, COB_SYNC, NmtCommand, NmtState
 from fieldbus.canopen.node import RemoteNode
 from fieldbus.canopen.node_setup import NodeSetup
 from fieldbus.canopen.node_user import NodeUser
@@ -20,6 +20,7 @@ from fieldbus.history import History, Scalar
 SYNC_PRIORITY: Final = -10
 """SYNC goes before everything else of its instant."""
 
+_NMT_COMMANDS: Final = frozenset(NmtCommand)
 _FRAME_BITS: Final = 135
 """Longest frame of a PDO or SDO with all its stuff bits, and the gap behind it."""
 _SDO_IN_A_ROW: Final = 16
@@ -140,7 +141,17 @@ class CanopenMaster:
 
         A managed node (`add_node`) that is taken out of Operational in this way stays out until it is told to start or
         starts anew.
+
+        Raises:
+            ConfigurationError: There is no such command, or no such node-ID. A frame that is wrong on purpose goes through
+                the segment (`inject`), as that of a stranger.
+
         """
+        if command not in _NMT_COMMANDS:
+            allowed = ", ".join(f"{one:02X}h {one.name}" for one in NmtCommand)
+            raise ConfigurationError("NMT command", f"{command:02X}h", allowed)
+        if not 0 <= node <= 127:
+            raise ConfigurationError("NMT node", node, "1..127, or 0 for all")
         self._port.send(CanFrame(COB_NMT, bytes((command, node))))
         for managed in self._nodes.values():
             if node in (0, managed.node_id):

@@ -182,9 +182,13 @@ class SdoClient:
             block: Use the block protocol; None = from `BLOCK_FROM_BYTES` on.
 
         Raises:
-            ConfigurationError: Index or sub-index is out of range.
+            ConfigurationError: Index or sub-index is out of range, or `data` is not bytes.
 
         """
+        if not isinstance(data, (bytes, bytearray, memoryview)):
+            raise ConfigurationError(
+                f"SDO data for {index:04X}h:{sub}", data, "bytes, little-endian, as long as the object is"
+            )
         wanted = len(data) >= BLOCK_FROM_BYTES if block is None else block
         return self._queue(
             SdoJob(self, SdoDownload(index, sub, data, block=wanted and not self._no_block), on_done)

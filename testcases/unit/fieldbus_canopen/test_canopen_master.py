@@ -46,6 +46,15 @@ def test_nmt_frame(line):
     assert [frame for _, frame in line.heard] == [CanFrame(0, b"\x01\x05"), CanFrame(0, b"\x02\x00")]
 
 
+@pytest.mark.parametrize(("command", "node"), [(0, 5), (3, 5), (0x83, 0), (1, -1), (1, 128), (2, 300)])
+def test_nmt_command_that_does_not_exist_is_refused(line, command, node):
+    """A command or node-ID that NMT does not have is a mistake of the caller, named with what there is; nothing is sent."""
+    with pytest.raises(ConfigurationError, match=r"NMT (command: .* 01h START|node: .* 1\.\.127)"):
+        line.master.nmt(command, node)
+    line.run(1)
+    assert line.heard == []
+
+
 @pytest.mark.requirement("C301-002")
 def test_sync_is_on_the_grid_and_first(line):
     """SYNC starts at k * period + phase, before whatever else happens at that instant."""

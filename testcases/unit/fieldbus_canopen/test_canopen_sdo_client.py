@@ -330,6 +330,8 @@ def test_bad_arguments(net):
     ):
         with pytest.raises(ConfigurationError, match=r"\.\."):
             make()
+    with pytest.raises(ConfigurationError, match=r"1017h:0: 100 is not allowed; allowed: bytes"):
+        net.master.sdo(5).download(0x1017, 0, 100)
 
 
 # -- the transfer alone: bytes in, bytes out -------------------------------------------------------------------------

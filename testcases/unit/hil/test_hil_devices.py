@@ -158,22 +158,20 @@ def test_messages_of_a_device_can_be_named(bench_file, place):
     """Frame faults and triggers know the messages of a device by name; a name that nothing has is refused with those that are."""
     with bench_file(NODE).build() as bench:
         faults = Injector(bench)
-        where = {"message": "sdo_tx", "drive": "io"}
-        if place == "fault":
-            armed = faults.inject("frame.drop", **where)
-        else:
-            armed = faults.inject("frame.drop", can_id=0x594, trigger=frame(**where))
+
+        def drop(drive: str):
+            if place == "fault":
+                return faults.inject("frame.drop", message="sdo_tx", drive=drive)
+            return faults.inject("frame.drop", can_id=0x594, trigger=frame(message="sdo_tx", drive=drive))
+
+        armed = drop("io")
         with PumpedNetwork(bench.segment()) as network:
             node = network.add_node(20, canopen.ObjectDictionary())
             with pytest.raises(canopen.SdoCommunicationError):
                 node.sdo.upload(0x1000, 0)
         assert armed.applied_ns is not None
-        where["drive"] = "ghost"
         with pytest.raises(ConfigurationError, match="'ghost' is not allowed; allowed: io"):
-            if place == "fault":
-                faults.inject("frame.drop", **where)
-            else:
-                faults.inject("frame.drop", trigger=frame(**where))
+            drop("ghost")
 
 
 def test_node_beside_a_drive_changes_nothing_for_the_axis(bench_file):
