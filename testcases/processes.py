@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -31,13 +32,23 @@ def hil_command() -> list[str]:
     return [str(installed)] if installed.exists() else [sys.executable, "-m", "hil.cli"]
 
 
+_HEARING = "import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_DFL); os.execvp(sys.argv[1], sys.argv[1:])"
+
+
+def _hearing_ctrl_c(command: list[str]) -> list[str]:
+    """Return a command that hears Ctrl-C, which a shell lets what it starts in the background ignore, for good."""
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        return command
+    return [sys.executable, "-c", _HEARING, *command]
+
+
 class Reader:
     """A process whose lines are read as they come, so that it never waits for us."""
 
     def __init__(self, command: list[str], *, stream: str, cwd: Path | None = None) -> None:
         pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.STDOUT, stream: subprocess.PIPE}
         self.process = subprocess.Popen(
-            command,
+            _hearing_ctrl_c(command),
             stdin=subprocess.DEVNULL,
             text=True,
             bufsize=1,
