@@ -83,7 +83,7 @@ class Bench:
         self._axes: dict[str, AxisHandle] = {}
         self._cycle_callbacks: list[Callable[[], object]] = []
         self._remote: RemoteDrives | None = None
-        self._words: BenchWords | None = None
+        self._words: dict[str | None, BenchWords] = {}
         self._closed = False
         # What a bench allocates lives as long as it does: frames, events, samples. Looking through all of it for cycles
         # again and again costs a tenth of the cyclic path and finds nothing.
@@ -469,15 +469,34 @@ class Bench:
                 ids[f"rpdo{number}"] = 0x100 + 0x100 * number + node
         return ids
 
-    def decode(self, frame: CanFrame) -> str:
-        """Return the meaning of a frame in words, by the mapping that the bench, or without axes somebody, has written."""
-        if self._words is None:
+    def nodes_on(self, segment: str) -> tuple[str, ...]:
+        """Return the names of the drives, encoders and devices on a segment, in this order."""
+        config = self.config
+        nodes: dict[str, Any] = {**config.drive, **config.encoder, **config.device}
+        return tuple(name for name, section in nodes.items() if section.segment == segment)
+
+    def decode(self, frame: CanFrame, *, segment: str | None = None) -> str:
+        """Return the meaning of a frame in words, by the mapping that the bench, or without axes somebody, has written.
+
+        Args:
+            frame: The frame.
+            segment: Where it was, for a bench with several segments whose nodes have equal node-IDs; None = anywhere.
+
+        Raises:
+            ConfigurationError: There is no such segment.
+
+        """
+        words = self._words.get(segment)
+        if words is None:
             from hil.bench.drives import build_decoder
             from hil.bench.words import BenchWords
 
-            logs = [] if self._axes else [segment.log for segment in self._segments.values()]
-            self._words = BenchWords(lambda: build_decoder(self.config, self._ports), logs)
-        return self._words.decode(frame)
+            places = list(self._segments.values()) if segment is None else [self.segment(segment)]
+            logs = [] if self._axes else [place.log for place in places]
+            words = self._words[segment] = BenchWords(
+                lambda: build_decoder(self.config, self._ports, segment=segment), logs
+            )
+        return words.decode(frame)
 
     # -- time -------------------------------------------------------------------------------------------------
 

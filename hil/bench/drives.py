@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from fieldbus.history import History
     from hil.bench.config import BenchConfig, DriveSection
     from hil.bench.device_config import DeviceSection
+    from hil.bench.encoder_config import EncoderSection
     from motion.drives.cia402 import Cia402Port
 
 
@@ -175,18 +176,28 @@ def build_drive(
     )
 
 
-def build_decoder(config: BenchConfig, ports: Mapping[str, Cia402Port]) -> FrameDecoder:
-    """Return a decoder that knows names, dictionary and commissioned mapping of every drive."""
+def build_decoder(
+    config: BenchConfig, ports: Mapping[str, Cia402Port], *, segment: str | None = None
+) -> FrameDecoder:
+    """Return a decoder that knows names, dictionary and commissioned mapping of every node, of one segment or of all."""
     from fieldbus.canopen.decode import FrameDecoder
     from hil.bench.encoders import encoder_dictionary
 
-    made_of_eds: dict[str, DriveSection | DeviceSection] = {**config.drive, **config.device}
+    def here(section: DriveSection | DeviceSection | EncoderSection) -> bool:
+        return segment is None or section.segment == segment
+
+    every: dict[str, DriveSection | DeviceSection] = {**config.drive, **config.device}
+    made_of_eds = {name: section for name, section in every.items() if here(section)}
     names = {section.node_id: name for name, section in made_of_eds.items()}
     dictionaries = {section.node_id: object_dictionary(section.eds) for section in made_of_eds.values()}
     for name, encoder in config.encoder.items():
-        names[encoder.node_id] = name
-        dictionaries[encoder.node_id] = encoder_dictionary(encoder.type)
+        if here(encoder):
+            names[encoder.node_id] = name
+            dictionaries[encoder.node_id] = encoder_dictionary(encoder.type)
     decoder = FrameDecoder({**names, 127: "controller"}, dictionaries)
-    for port in ports.values():
-        decoder.set_mapping(port.node_id, {(index, sub): value for index, sub, value in port.parameters()})
+    for name, port in ports.items():
+        if name in made_of_eds:
+            decoder.set_mapping(
+                port.node_id, {(index, sub): value for index, sub, value in port.parameters()}
+            )
     return decoder

@@ -14,7 +14,7 @@ from hil.faults._encoder_kinds import ANY_ENCODER, OWN_DEVICE
 from hil.faults._parameters import FaultType, Parameter
 
 _SELECTION: Final = (
-    Parameter("drive", "text", "Drive, encoder or device whose identifiers `message` names; empty: the default drive", default=""),
+    Parameter("drive", "text", "Drive, encoder or device of the segment whose identifiers `message` names; empty: the default drive", default=""),
     Parameter("message", "text", "A message of it: rpdo1, tpdo1, sync, emcy, heartbeat, sdo_rx, sdo_tx, ...; empty: use can_id", default=""),
     Parameter("can_id", "int", "Identifier to hit; without it and without a message every frame is hit", minimum=0, maximum=0x1FFFFFFF),
     Parameter("mask", "int", "Bits of the identifier that are compared", minimum=0, maximum=0x1FFFFFFF, default=0x1FFFFFFF),

@@ -73,11 +73,12 @@ def _treatment(fault: Fault, segment: Any) -> Callable[[CanFrame], Any]:
     return lambda frame: fixed  # noqa: ARG005 - the same for every frame
 
 
-def selected_identifier(bench: Bench, fault: Fault) -> tuple[int, int]:
+def selected_identifier(bench: Bench, fault: Fault, segment: str) -> tuple[int, int]:
     """Return the identifier that the parameters select, and the bits of it that count; 0 bits: every frame."""
     message, can_id = fault.value("message"), fault.value("can_id")
     mask: int = fault.value("mask") if message or can_id is not None else 0
-    return (message_id(bench, fault.value("drive"), message) if message else can_id or 0) & mask, mask
+    wanted = message_id(bench, fault.value("drive"), message, segment) if message else can_id or 0
+    return wanted & mask, mask
 
 
 def _known_sender(segment: Any, fault: Fault) -> str:
@@ -132,7 +133,7 @@ class FrameAction(Action):
         self._ended = ended
         self._note = note
         self._treat = _treatment(fault, self._segment)
-        self._can_id, self._mask = selected_identifier(bench, fault)
+        self._can_id, self._mask = selected_identifier(bench, fault, self._segment.name)
         self._sender: str = _known_sender(self._segment, fault)
         self._first: int = value("first")
         self._every: int = value("every")
@@ -149,7 +150,7 @@ class FrameAction(Action):
 
     def arm_with(self, trigger: OnFrame, apply: Work) -> Work:
         """Begin with the frame that fulfils `trigger`, that frame included; returns the function that ends waiting."""
-        self._trigger_matches = frame_matcher(self._bench, trigger)
+        self._trigger_matches = frame_matcher(self._bench, trigger, self._segment.name)
         self._on_trigger = apply
         self._hook_up()
         return self._stop_waiting

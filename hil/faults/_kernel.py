@@ -50,7 +50,7 @@ class KernelFrameAction(Action):
                 )
         super().__init__(str(segment.name), self._begin, self._finish)
         self._bridge: KernelBridge = segment.kernel
-        self._can_id, self._mask = selected_identifier(bench, fault)
+        self._can_id, self._mask = selected_identifier(bench, fault, segment.name)
         self._sender: str = fault.value("sender")
         self._data = (
             parse_payload("frame.replace.parameters.data", fault.value("data"))

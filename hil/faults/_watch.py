@@ -135,10 +135,12 @@ def _watch_event(bench: Bench, trigger: OnEvent, fire: Callable[[], None]) -> St
     return stop
 
 
-def frame_matcher(bench: Bench, trigger: OnFrame) -> Callable[[int], bool]:
-    """Return the function that is true from the n-th matching identifier on."""
+def frame_matcher(bench: Bench, trigger: OnFrame, segment: str) -> Callable[[int], bool]:
+    """Return the function that is true from the n-th matching identifier on this segment on."""
     wanted = (
-        trigger.can_id if trigger.can_id is not None else message_id(bench, trigger.drive, trigger.message)
+        trigger.can_id
+        if trigger.can_id is not None
+        else message_id(bench, trigger.drive, trigger.message, segment)
     )
     seen = 0
 
@@ -154,7 +156,7 @@ def frame_matcher(bench: Bench, trigger: OnFrame) -> Callable[[int], bool]:
 
 def _watch_frame(bench: Bench, trigger: OnFrame, fire: Callable[[], None]) -> Stop:
     segment = bench.segment(trigger.segment or None)
-    matches = frame_matcher(bench, trigger)
+    matches = frame_matcher(bench, trigger, segment.name)
 
     def look(frame: Any, sender: str, time_ns: int) -> None:  # noqa: ARG001 - signature of a segment's hook
         if matches(frame.can_id):
@@ -164,15 +166,21 @@ def _watch_frame(bench: Bench, trigger: OnFrame, fire: Callable[[], None]) -> St
     return stop
 
 
-def message_id(bench: Bench, drive: str, message: str) -> int:
-    """Return the identifier of a named message of a drive.
+def message_id(bench: Bench, drive: str, message: str, segment: str) -> int:
+    """Return the identifier of a named message of a node on a segment; without a name the first drive there.
 
     Raises:
-        ConfigurationError: The drive has no such message.
+        ConfigurationError: There is no such node on the segment, or it has no such message.
 
     """
+    nodes_on = getattr(bench, "nodes_on", None)
+    there: tuple[str, ...] | None = None if nodes_on is None else nodes_on(segment)
     name = drive or bench.drive().name
+    if there and not drive and name not in there:
+        name = there[0]
     known = bench.cob_ids(name)
+    if there is not None and name not in there:
+        raise ConfigurationError("drive", name, f"{', '.join(there) or 'no node'} (nodes on {segment})")
     if message not in known:
         raise ConfigurationError("message", message, f"{', '.join(known)} (messages of {name})")
     return known[message]

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from emulators.drive.cia402 import CiA402Drive
+from fieldbus.can import CanFrame
 from fieldbus.can.hooks import HookResult
 from fieldbus.canopen import BootState, NmtState
 from fieldbus.clock import MS, S
 from hil.bench import BenchFile
 from hil.errors import BlockedError, ConfigurationError
+from hil.faults import Injector, frame
 from motion.drives.cia402 import CommissioningError
 
 TWO_AXES = """
@@ -154,6 +156,50 @@ def test_optional_drive_may_be_missing(monkeypatch):
             assert bench.run_until(bench.axis("axis2").reset().done, 1.0)
         enable(bench, "axis2")
         assert bench.run_until(bench.axis("axis2").move_relative(10.0).done, 3.0)
+
+
+# -- two segments ----------------------------------------------------------------------------------------------------
+
+TWO_SEGMENTS = (
+    TWO_AXES.format(first="", second="")
+    .replace("[segment.can0]", "[segment.can0]\n\n[segment.can1]")
+    .replace('[drive.drive2]\nsegment = "can0"', '[drive.drive2]\nsegment = "can1"')
+)
+
+
+@pytest.mark.parametrize("place", ["fault", "trigger"])
+def test_messages_are_those_of_a_node_on_the_segment(place):
+    """A message without a drive is one of the first drive on the segment; a drive of another segment is refused."""
+    with BenchFile("two.toml", TWO_SEGMENTS).build() as bench:
+        faults = Injector(bench)
+
+        def drop(drive: str):
+            if place == "fault":
+                return faults.inject("frame.drop", "can1", count=1, message="tpdo1", drive=drive)
+            return faults.inject(
+                "frame.drop", "can1", count=1, trigger=frame(message="tpdo1", drive=drive, segment="can1")
+            )
+
+        for drive in ("", "drive2"):
+            armed = drop(drive)
+            bench.run_for(0.02)
+            assert armed.over
+        with pytest.raises(
+            ConfigurationError, match=r"'drive1' is not allowed; allowed: drive2 \(nodes on can1\)"
+        ):
+            drop("drive1")
+
+
+def test_frames_of_equal_node_ids_are_told_apart_by_their_segment():
+    """Decoded for its segment, a frame is that of the node there; a segment that there is not is named."""
+    text = TWO_SEGMENTS.replace("node_id = 6", "node_id = 5")
+    with BenchFile("two.toml", text).build() as bench:
+        heartbeat = CanFrame(0x705, b"\x05")
+        for segment, drive in (("can0", "drive1"), ("can1", "drive2")):
+            assert drive in bench.decode(heartbeat, segment=segment)
+            assert "Statusword" in bench.decode(CanFrame(0x185, bytes(8)), segment=segment)
+        with pytest.raises(ConfigurationError, match="can9"):
+            bench.decode(heartbeat, segment="can9")
 
 
 # -- supervision -----------------------------------------------------------------------------------------------------
