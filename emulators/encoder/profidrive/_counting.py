@@ -2,9 +2,29 @@
 
 from __future__ import annotations
 
-from emulators.encoder._encoder import RotaryEncoder
+from typing import Protocol
+
+from emulators.encoder._encoder import ZeroMarkListener
 from emulators.encoder.profidrive.format import EncoderFormat
 from fieldbus.errors import ConfigurationError
+
+
+class PositionSource(Protocol):
+    """What counts: an encoder model, or a counter of pulses."""
+
+    @property
+    def counts_per_revolution(self) -> int:
+        """Increments per revolution."""
+
+    @property
+    def increments(self) -> int:
+        """Present position, whole increments, not wrapped."""
+
+    def watch_zero_mark(self, listener: ZeroMarkListener) -> None:
+        """Call `listener` at every zero mark from now on."""
+
+    def unwatch_zero_mark(self, listener: ZeroMarkListener) -> None:
+        """Call `listener` no more."""
 
 
 def signed32(value: int) -> int:
@@ -31,7 +51,7 @@ class Counting:
 
     __slots__ = ("_base", "_encoder", "_fine1", "_fine2", "_form", "_mask", "_range", "home")
 
-    def __init__(self, encoder: RotaryEncoder, form: EncoderFormat) -> None:
+    def __init__(self, encoder: PositionSource, form: EncoderFormat) -> None:
         if encoder.counts_per_revolution != form.counts:
             raise ConfigurationError(
                 "encoder format periods",

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from emulators.encoder._encoder import RotaryEncoder
 from emulators.encoder.profidrive._abilities import EncoderAbilities, EncoderState
-from emulators.encoder.profidrive._counting import Counting, signed32
+from emulators.encoder.profidrive._counting import Counting, PositionSource, signed32
 from emulators.encoder.profidrive.format import EncoderFormat
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive.words import COMMAND_SHIFT, ENCODER_ERRORS, FUNCTION_MASK, G_STW, G_ZSW
@@ -72,7 +71,7 @@ class EncoderInterface:
 
     def __init__(
         self,
-        encoder: RotaryEncoder,
+        encoder: PositionSource,
         form: EncoderFormat,
         abilities: EncoderAbilities = EncoderAbilities(),  # noqa: B008 - frozen
     ) -> None:
