@@ -95,7 +95,13 @@ class ArmedFault:
         last = self.applications >= self._limit
         self.active = True
         self._emit("fault.applied", **self.fault.parameters)
-        self._action.apply()
+        try:
+            self._action.apply()
+        except HilError:
+            # Refused when its trigger came: nothing has to be taken back.
+            self.active = False
+            self._finish()
+            raise
         if self._has_ended():
             return
         if self._action.remove is None:

@@ -128,7 +128,14 @@ class CiA406Encoder(EncoderDevice):
         self.forget_sample()
 
     def miss_index(self, missing: bool) -> None:
-        """Let the reference mark never come, or come again; an incremental encoder that waits for it goes on warning."""
+        """Let the reference mark never come, or come again; an incremental encoder that waits for it goes on warning.
+
+        Raises:
+            UnsupportedFaultError: An absolute encoder has no mark.
+
+        """
+        if not self._incremental:
+            raise UnsupportedFaultError(f"{self.name}: an absolute encoder has no index")
         for channel in self.channels:
             channel.sensor.encoder.zero_mark_present = not missing
 

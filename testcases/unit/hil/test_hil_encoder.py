@@ -13,7 +13,7 @@ from fieldbus.canopen import PumpedNetwork
 from fieldbus.clock import MS
 from hil.bench import BenchFile, BenchFileError, load_bench
 from hil.errors import ConfigurationError, UnsupportedFaultError
-from hil.faults import CATALOGUE, Fault, Injector, on_event, velocity
+from hil.faults import CATALOGUE, Fault, Injector, after, on_event, velocity
 from hil.faults._encoder_kinds import ALARM_BITS, OWN_DEVICE_NAMES, WARNING_BITS
 
 ENCODERS = """
@@ -207,6 +207,19 @@ def test_bench_without_encoders_has_none():
             bench.encoder()
         with pytest.raises(UnsupportedFaultError, match="no encoder with a node"):
             Injector(bench).inject("encoder.preset", "drive1", value=1)
+
+
+def test_an_encoder_without_index_cannot_miss_it(bench):
+    """Refused for absolute encoders, at once or when the trigger comes, and then there is nothing to take back."""
+    injector = Injector(bench)
+    with pytest.raises(UnsupportedFaultError, match="wheel: an absolute encoder has no index"):
+        injector.inject("encoder.index_missing", "wheel")
+    armed = injector.inject("encoder.index_missing", "wheel", trigger=after(0.01))
+    with pytest.raises(UnsupportedFaultError, match="no index"):
+        bench.run_for(0.02)
+    assert armed.over
+    assert not armed.active
+    injector.remove_all()
 
 
 # -- faults --------------------------------------------------------------------------------------------------------
