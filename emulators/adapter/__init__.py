@@ -6,7 +6,7 @@ segment and to a pseudo-terminal, which any program opens as it would `/dev/ttyA
 
 from emulators.adapter._acceptance import AcceptanceFilter
 from emulators.adapter._device import SlcanDevice
-from emulators.adapter._pty import PtyLine
 from emulators.adapter._slcan import ChannelState, SlcanAdapter, StatusFlag
+from fieldbus.pty_line import PtyLine
 
 __all__ = ["AcceptanceFilter", "ChannelState", "PtyLine", "SlcanAdapter", "SlcanDevice", "StatusFlag"]

@@ -36,6 +36,7 @@ from fieldbus.modbus.pdu import (
     encode_response,
     is_well_formed,
 )
+from fieldbus.modbus.pty_server import PtyServer
 from fieldbus.modbus.registers import Area, Block, RegisterMap, RegisterRefusal, WordOrder
 from fieldbus.modbus.rtu_client import RtuClient
 from fieldbus.modbus.serial_line import (
@@ -47,6 +48,7 @@ from fieldbus.modbus.serial_line import (
     SerialPort,
 )
 from fieldbus.modbus.server import ModbusServer
+from fieldbus.modbus.sockets import SocketNetwork
 from fieldbus.modbus.stations import RtuStation, TcpStation
 from fieldbus.modbus.tcp_client import TcpClient
 from fieldbus.modbus.tcp_link import TcpEnd, TcpLink, TcpSegment
@@ -66,6 +68,7 @@ __all__ = [
     "ModbusServer",
     "Outcome",
     "Parity",
+    "PtyServer",
     "RegisterMap",
     "RegisterRefusal",
     "Request",
@@ -80,6 +83,7 @@ __all__ = [
     "SerialFrame",
     "SerialLine",
     "SerialPort",
+    "SocketNetwork",
     "TcpClient",
     "TcpDecoder",
     "TcpEnd",

@@ -2,11 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar
+
 from fieldbus.clock import MS, Scheduler
 from fieldbus.modbus.framing import RtuFace, TcpFace
 from fieldbus.modbus.serial_line import FrameAssembler, SerialFormat, SerialLine
 from fieldbus.modbus.server import ModbusServer
-from fieldbus.modbus.tcp_link import TcpEnd, TcpLink
+from fieldbus.modbus.tcp_link import TcpHandler
+
+
+class ServerEnd(Protocol):
+    """A server's end of a connection, virtual or real."""
+
+    @property
+    def open(self) -> bool:
+        """Whether bytes can be sent."""
+
+    def send(self, data: bytes) -> None:
+        """Send bytes."""
+
+    def close(self) -> None:
+        """End the connection."""
+
+
+End = TypeVar("End", bound=ServerEnd)
+End_co = TypeVar("End_co", bound=ServerEnd, covariant=True)
+
+
+class Network(Protocol[End_co]):
+    """Where connections come from: `TcpLink` or `SocketNetwork`."""
+
+    def listen(self, accept: Callable[[End_co], TcpHandler | None] | None) -> None:
+        """Call `accept` with every new connection."""
 
 
 class RtuStation:
@@ -69,8 +97,8 @@ class RtuStation:
         self.port.send(answer)
 
 
-class TcpStation:
-    """A server behind TCP, with any number of connections.
+class TcpStation(Generic[End]):
+    """A server behind TCP, virtual or real, with several connections.
 
     Args:
         scheduler: Time.
@@ -84,7 +112,7 @@ class TcpStation:
     def __init__(
         self,
         scheduler: Scheduler,
-        link: TcpLink,
+        link: Network[End],
         server: ModbusServer,
         *,
         processing_ns: int = MS,
@@ -94,23 +122,23 @@ class TcpStation:
         self.server = server
         self.processing_ns = processing_ns
         self._limit = connections
-        self.ends: list[TcpEnd] = []
+        self.ends: list[End] = []
         """Its ends of the open connections."""
         link.listen(self._accept)
 
-    def _accept(self, end: TcpEnd) -> _Served | None:
+    def _accept(self, end: End) -> _Served[End] | None:
         if len(self.ends) >= self._limit:
             return None
         self.ends.append(end)
         return _Served(self, end)
 
 
-class _Served:
+class _Served(Generic[End]):
     """A connection of a station."""
 
     __slots__ = ("_end", "_face", "_station")
 
-    def __init__(self, station: TcpStation, end: TcpEnd) -> None:
+    def __init__(self, station: TcpStation[End], end: End) -> None:
         self._station = station
         self._end = end
         self._face = TcpFace(station.server)
@@ -121,8 +149,11 @@ class _Served:
     def receive(self, data: bytes) -> None:
         """Answer what is complete; a wrong header ends the connection (MODB-037)."""
         station, end = self._station, self._end
-        for answer in self._face.responses(data):
-            station.scheduler.after(station.processing_ns, lambda answer=answer: end.send(answer))  # type: ignore[misc]
+        if station.processing_ns == 0:
+            end.send(self._face.receive(data))
+        else:
+            for answer in self._face.responses(data):
+                station.scheduler.after(station.processing_ns, lambda answer=answer: end.send(answer))  # type: ignore[misc]
         if self._face.broken and end.open:
             station.scheduler.after(station.processing_ns, self._close)
 

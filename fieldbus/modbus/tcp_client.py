@@ -153,6 +153,11 @@ class TcpClient(QueuedClient):
         job, _ = self._under_way.pop(number)
         self.timeouts += 1
         self._again(job, Outcome.TIMEOUT, "no response")
+        if self._splitter.pending and self._handler is not None:
+            # Half a frame, and the rest does not come: what follows would be taken for it.
+            self._handler.end()
+            self.ended("half a frame")
+            return
         self._go_on()
 
     def received(self, data: bytes) -> None:

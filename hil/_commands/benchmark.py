@@ -14,6 +14,7 @@ from hil._commands._measurements import (
     speed,
     with_axes,
 )
+from hil._commands._modbus_measurement import modbus_requests
 from hil._commands.terminal import CaseProgress, print_json, quiet_stdout
 from hil.campaign import Campaign, CaseContext, CaseSettings, execute_case
 from hil.errors import CannotRunError
@@ -52,7 +53,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
     from hil.bench import load_bench
 
     figures: list[Figure] = []
-    with quiet_stdout(as_json), CaseProgress(9, "benchmark") as progress:
+    with quiet_stdout(as_json), CaseProgress(10, "benchmark") as progress:
         fast, reference = load_bench("fast").config, load_bench("reference")
         benches = [
             ("sim_factor_1axis_cia402_1ms", fast),
@@ -74,6 +75,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
                 ("CAN ports", can_ports),
                 ("SDO uploads", sdo_uploads),
                 ("position plans", position_plans),
+                ("Modbus requests", modbus_requests),
             ),
             5,
         ):

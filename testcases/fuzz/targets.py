@@ -490,6 +490,8 @@ def parameters() -> Take:
 @cache
 def targets() -> dict[str, Target]:
     """Return all targets by name."""
+    from testcases.fuzz.modbus_targets import modbus, modbus_client  # which needs `promise`
+
     listed = [
         Target(
             "medium", "CAN segment: sending, arbitration, errors, bus-off, nodes that come and go", medium
@@ -503,5 +505,9 @@ def targets() -> dict[str, Target]:
         Target("slcan", "serial-line adapter", slcan),
         Target("decoder", "bus monitor", decoder),
         Target("parameters", "PROFIdrive parameter access", parameters),
+        Target("modbus", "Modbus server behind TCP and on a serial line", modbus),
+        Target(
+            "modbus_client", "Modbus clients of both links, and the words of what they get", modbus_client
+        ),
     ]
     return {target.name: target for target in listed}

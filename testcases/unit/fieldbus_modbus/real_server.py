@@ -1,0 +1,39 @@
+"""A device on real links, its scheduler running in a thread, so that programs that wait can talk to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Event, Thread
+
+from fieldbus.clock import RealtimeScheduler, S
+from fieldbus.modbus import ModbusServer, PtyServer, SocketNetwork, TcpStation
+from testcases.unit.fieldbus_modbus.conftest import IDENTIFICATION, new_map
+
+
+class RealDevice:
+    """The device of `conftest` as unit 5, over TCP (`port`) and on a pseudo-terminal (`path`)."""
+
+    def __init__(self) -> None:
+        self.scheduler = RealtimeScheduler()
+        self.server = ModbusServer(new_map(), unit=5, identification=IDENTIFICATION)
+        self.network = SocketNetwork(self.scheduler)
+        self.station = TcpStation(self.scheduler, self.network, self.server, processing_ns=0)
+        self.host, self.port = self.network.serve()
+        self.serial = PtyServer(self.scheduler, self.server)
+        self.path = self.serial.path
+
+
+@contextmanager
+def real_device() -> Iterator[RealDevice]:
+    device = RealDevice()
+    over = Event()
+    thread = Thread(target=lambda: device.scheduler.run_until(over.is_set, 600 * S), daemon=True)
+    thread.start()
+    try:
+        yield device
+    finally:
+        device.scheduler.post(over.set)
+        thread.join()
+        device.serial.close()
+        device.network.close()
