@@ -1,0 +1,137 @@
+"""Settings of the basic positioner: scaling, limits, homing, traversing blocks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+from fieldbus.errors import ConfigurationError
+
+LAST_BLOCK = 63
+
+
+class BlockTask(Enum):
+    """What a traversing block does."""
+
+    ABSOLUTE = "absolute"
+    RELATIVE = "relative"
+    ENDLESS_POSITIVE = "endless positive"
+    ENDLESS_NEGATIVE = "endless negative"
+
+
+class Continuation(Enum):
+    """What follows a traversing block."""
+
+    END = "end"
+    STOP = "continue with stop"
+    FLYING = "continue flying"
+    EXTERNAL = "continue external"
+    """With the edge of STW1 bit 13, at whatever place; without it the axis waits at the target."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TraversingBlock:
+    """A row of the table of blocks.
+
+    Args:
+        task: Kind of motion.
+        position: Target or way, LU.
+        velocity: 1000 LU/min, > 0.
+        acceleration_percent: Of the maximum acceleration, 1..100.
+        deceleration_percent: Of the maximum deceleration, 1..100.
+        continuation: What follows.
+
+    Raises:
+        ConfigurationError: A value is out of its range, or an endless block waits for its target.
+
+    """
+
+    task: BlockTask = BlockTask.ABSOLUTE
+    position: int = 0
+    velocity: float = 600.0
+    acceleration_percent: float = 100.0
+    deceleration_percent: float = 100.0
+    continuation: Continuation = Continuation.END
+
+    def __post_init__(self) -> None:
+        _positive("block velocity", self.velocity)
+        for name in ("acceleration_percent", "deceleration_percent"):
+            if not 1.0 <= getattr(self, name) <= 100.0:
+                raise ConfigurationError(f"block {name}", getattr(self, name), "1..100")
+        if self.endless and self.continuation in {Continuation.STOP, Continuation.FLYING}:
+            raise ConfigurationError(
+                "block continuation", self.continuation.value, "end or continue external"
+            )
+
+    @property
+    def endless(self) -> bool:
+        """Whether it has no target."""
+        return self.task in {BlockTask.ENDLESS_POSITIVE, BlockTask.ENDLESS_NEGATIVE}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionerSettings:
+    """Settings of the positioner.
+
+    Args:
+        lu_per_revolution: Length units per revolution of the motor, > 0.
+        max_velocity: p2571, 1000 LU/min, > 0.
+        max_acceleration: p2572, 1000 LU/s^2, > 0.
+        max_deceleration: p2573, 1000 LU/s^2, > 0; also that of a rejected task.
+        software_limits: p2580, p2581, LU.
+        window: p2544, LU, > 0.
+        following_tolerance: p2546, LU, > 0.
+        jog_velocities: p2585, p2586, 1000 LU/min, the sign is the direction.
+        jog_increments: p2587, p2588, LU, >= 0; the direction is that of the velocity.
+        reference_position: p2599, LU.
+        reference_offset: p2600, way from the zero mark to the reference point, LU.
+        cam_velocity: p2605, 1000 LU/min, > 0.
+        mark_velocity: p2608, 1000 LU/min, > 0.
+        approach_velocity: p2611, 1000 LU/min, > 0.
+        has_cam: p2607: homing looks for the cam first.
+        position_cams: p2547, p2548, LU.
+        blocks: Traversing blocks by number, 0..63.
+
+    Raises:
+        ConfigurationError: A value is out of its range.
+
+    """
+
+    lu_per_revolution: float = 10_000.0
+    max_velocity: float = 30_000.0
+    max_acceleration: float = 1_000.0
+    max_deceleration: float = 1_000.0
+    software_limits: tuple[int, int] = (-2_147_482_648, 2_147_482_647)
+    window: float = 40.0
+    following_tolerance: float = 1_000.0
+    jog_velocities: tuple[float, float] = (-300.0, 300.0)
+    jog_increments: tuple[int, int] = (1_000, 1_000)
+    reference_position: int = 0
+    reference_offset: int = 0
+    cam_velocity: float = 5_000.0
+    mark_velocity: float = 300.0
+    approach_velocity: float = 300.0
+    has_cam: bool = True
+    position_cams: tuple[int, int] = (0, 0)
+    blocks: tuple[tuple[int, TraversingBlock], ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in (
+            "lu_per_revolution", "max_velocity", "max_acceleration", "max_deceleration", "window", "following_tolerance",
+            "cam_velocity", "mark_velocity", "approach_velocity",
+        ):  # fmt: skip
+            _positive(name, getattr(self, name))
+        if not self.software_limits[0] < self.software_limits[1]:
+            raise ConfigurationError("software_limits", self.software_limits, "the lower one first")
+        for velocity, way in zip(self.jog_velocities, self.jog_increments, strict=True):
+            if not (math.isfinite(velocity) and velocity) or way < 0:
+                raise ConfigurationError("jog_velocities, jog_increments", (velocity, way), "not 0; >= 0")
+        numbers = [number for number, _ in self.blocks]
+        if len(set(numbers)) != len(numbers) or not all(0 <= number <= LAST_BLOCK for number in numbers):
+            raise ConfigurationError("blocks", numbers, f"each number once, 0..{LAST_BLOCK}")
+
+
+def _positive(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ConfigurationError(name, value, "a number > 0")
