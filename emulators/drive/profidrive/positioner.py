@@ -187,7 +187,11 @@ class Positioner:
             self._abandon()
             return
         jogs = stw1 & _JOGS
-        if (self.mode is Mode.JOG and (jogs != self._last.stw1 & _JOGS or jogs in {0, _JOGS})) or (self.mode is Mode.HOMING and not stw1 & STW1.START_HOMING) or (self.mode in {Mode.MDI, Mode.SETUP} and not words.pos_stw1 & POS_STW1.MDI):
+        if (
+            (self.mode is Mode.JOG and (jogs != self._last.stw1 & _JOGS or jogs in {0, _JOGS}))
+            or (self.mode is Mode.HOMING and not stw1 & STW1.START_HOMING)
+            or (self.mode in {Mode.MDI, Mode.SETUP} and not words.pos_stw1 & POS_STW1.MDI)
+        ):
             self._abandon()
         if jogs not in {0, _JOGS}:
             if (self._idle or self.mode is Mode.JOG) and rising & _JOGS:
