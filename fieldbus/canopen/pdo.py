@@ -85,7 +85,7 @@ class Pdo:
 class ReceivePdo(Pdo):
     """One RPDO: checks the length, waits for SYNC when synchronous, stores."""
 
-    __slots__ = ("_apply", "_deadline_ns", "_last_ns", "_timed_out", "_timer", "pending", "size", "watchers")
+    __slots__ = ("_apply", "_deadline_ns", "_last_ns", "_timed_out", "_timer", "effective", "pending", "size", "watchers")  # fmt: skip
 
     receive = True
 
@@ -96,6 +96,8 @@ class ReceivePdo(Pdo):
         self._last_ns = 0
         self._timed_out = False
         self._timer: Timer | None = None
+        self.effective = 0
+        """Frames that have become effective; lets a device see that a cycle has brought new data."""
         self.pending: bytes | None = None
         """Payload that becomes effective with the next SYNC."""
         self.size = 0
@@ -130,6 +132,7 @@ class ReceivePdo(Pdo):
         data = self._accepted(frame.data, time_ns)
         if data is None:
             return
+        self.effective += 1
         self._apply(data)
         if self.watchers:
             self.engine.mark(self.watchers)
@@ -174,6 +177,7 @@ class ReceivePdo(Pdo):
     def latch(self, data: bytes) -> None:
         """Make `data` effective."""
         self.pending = None
+        self.effective += 1
         self._apply(data)
         if self.watchers:
             self.engine.mark(self.watchers)

@@ -127,6 +127,38 @@ class SafetySection(Section):
     interlock: Literal["none", "inhibit", "quick_stop", "fault"] = "none"
 
 
+class ProfidriveSection(Section):
+    """`[drive.NAME.profidrive]`: what a PROFIdrive axis has beside its telegram."""
+
+    torque_telegram: bool = False
+    """Telegram 750 follows the telegram: additive torque, torque limits, actual torque."""
+    reference_speed_rpm: Annotated[float, Field(ge=6.0, le=210_000.0)] = 3000.0
+    """p2000: speed that 4000h stands for."""
+    reference_torque_nm: Annotated[float, Field(ge=0.001, le=1_000_000.0)] = 2.0
+    """p2003."""
+    fine_resolution_bits: Annotated[int, Field(ge=0, le=20)] = 11
+    """p0418: fine resolution of G1_XIST1."""
+    operating_mode: Literal[1, 3] = 3
+    """PNU 930 of the emulated drive."""
+    ramp_up_s: Annotated[float, Field(ge=0.0, le=1000.0)] = 10.0
+    """p1120 of the emulated drive; acts in operating mode 1."""
+    interpolation: bool = True
+    """Whether the emulated drive reaches a setpoint of operating mode 3 linearly within the bus cycle, or at once."""
+    dsc: bool = False
+    """The position is controlled in the drive (dynamic servo control)."""
+    sign_of_life_tolerance: Annotated[int, Field(ge=0, le=65_535)] = 1
+    """PNU 925 of the emulated drive; 65535 = not monitored."""
+    setpoint_monitoring_ms: Annotated[float, Field(ge=0.0, le=2_000_000.0)] = 100.0
+    """p2040 of the emulated drive: without process data for this long F01910; 0 = not monitored."""
+
+
+CIA402_KEYS = (
+    "personality", "eds", "homing", "sync_loss", "sync_jitter_percent", "missing_setpoints", "following_error",
+    "csv_interpolation",
+)  # fmt: skip
+"""Keys of a drive that a PROFIdrive axis does not have."""
+
+
 def checked_personality(value: str, folder: Path | None) -> str:
     """Return the name or absolute path of a personality that can be loaded; a relative path starts at `folder`.
 

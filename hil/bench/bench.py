@@ -25,11 +25,13 @@ from hil.errors import BlockedError, UnsupportedFaultError
 from hil.record import Recorder, Trace
 from motion.axis import PositioningAxis, SpeedAxis, TechnologyAxis
 from motion.drives.cia402 import Cia402Port, Cia402PortConfig, CommissioningError
+from motion.drives.profidrive import ProfidrivePort, ProfidrivePortConfig
 from motion.runtime import AxisHandle, Runtime
 
 if TYPE_CHECKING:
     from fieldbus.can.frame import CanFrame
     from fieldbus.canopen.node import RemoteNode
+    from hil.bench.config import DriveSection
     from hil.bench.encoders import EncoderNodes
     from hil.bench.remote import RemoteDrives
     from hil.bench.words import BenchWords
@@ -79,7 +81,7 @@ class Bench:
         self._encoders: dict[str, Any] = {}
         self._devices: dict[str, Any] = {}
         self._encoder_nodes: EncoderNodes | None = None
-        self._ports: dict[str, Cia402Port] = {}
+        self._ports: dict[str, Cia402Port | ProfidrivePort] = {}
         self._axes: dict[str, AxisHandle] = {}
         self._cycle_callbacks: list[Callable[[], object]] = []
         self._remote: RemoteDrives | None = None
@@ -189,33 +191,7 @@ class Bench:
 
     def _build_axis(self, name: str, section: Any) -> None:
         drive = self.config.drive[section.drive]
-        port = Cia402Port(
-            self._masters[drive.segment],
-            Cia402PortConfig(
-                node_id=drive.node_id,
-                cycle_ns=self.cycle_ns,
-                rated_torque_nm=drive.rated_torque_nm,
-                increments_per_revolution=drive.increments_per_revolution,
-                off1_deceleration_rpm_s=drive.max_speed_rpm / drive.off1_ramp_s,
-                off3_deceleration_rpm_s=drive.max_speed_rpm / drive.off3_ramp_s,
-                absolute_encoder=drive.encoder == "absolute",
-                heartbeat_ms=drive.heartbeat_ms,
-                consumer_heartbeat_ms=drive.consumer_heartbeat_ms,
-                grace_cycles=self.config.bench.grace_cycles,
-                guard_time_ms=drive.guard_time_ms,
-                life_time_factor=drive.life_time_factor,
-                vendor_id=drive.vendor_id,
-                product_code=drive.product_code,
-                revision=drive.revision,
-                serial=drive.serial,
-                store=drive.device == "emulated"
-                if drive.store_parameters is None
-                else drive.store_parameters,
-                optional=drive.optional,
-            ),
-            name=section.drive,
-            history=self.history,
-        )
+        port = self._build_port(section.drive, drive)
         kind = PositioningAxis if section.type == "positioning" else SpeedAxis
         axis: TechnologyAxis = kind(
             name, port, cycle_ns=self.cycle_ns, variables=section.variables, history=self.history
@@ -239,6 +215,46 @@ class Bench:
         }
         for key, value in constants.items():
             self.recorder.set_constant(f"{name}.{key}", value)
+
+    def _build_port(self, name: str, drive: DriveSection) -> Cia402Port | ProfidrivePort:
+        """Return the controller's port to a drive, as its profile wants it."""
+        master = self._masters[drive.segment]
+        common: dict[str, Any] = {
+            "node_id": drive.node_id,
+            "cycle_ns": self.cycle_ns,
+            "absolute_encoder": drive.encoder == "absolute",
+            "heartbeat_ms": drive.heartbeat_ms,
+            "consumer_heartbeat_ms": drive.consumer_heartbeat_ms,
+            "grace_cycles": self.config.bench.grace_cycles,
+            "guard_time_ms": drive.guard_time_ms,
+            "life_time_factor": drive.life_time_factor,
+            "vendor_id": drive.vendor_id,
+            "product_code": drive.product_code,
+            "revision": drive.revision,
+            "serial": drive.serial,
+            "store": drive.device == "emulated" if drive.store_parameters is None else drive.store_parameters,
+            "optional": drive.optional,
+        }
+        if drive.profile == "profidrive":
+            own = drive.profidrive
+            port_config = ProfidrivePortConfig(
+                telegram=drive.telegram,
+                torque_telegram=own.torque_telegram,
+                reference_speed_rpm=own.reference_speed_rpm,
+                reference_torque_nm=own.reference_torque_nm,
+                sign_of_life=drive.telegram != 1,
+                dsc=own.dsc,
+                **common,
+            )
+            return ProfidrivePort(master, port_config, name=name, history=self.history)
+        config = Cia402PortConfig(
+            rated_torque_nm=drive.rated_torque_nm,
+            increments_per_revolution=drive.increments_per_revolution,
+            off1_deceleration_rpm_s=drive.max_speed_rpm / drive.off1_ramp_s,
+            off3_deceleration_rpm_s=drive.max_speed_rpm / drive.off3_ramp_s,
+            **common,
+        )
+        return Cia402Port(master, config, name=name, history=self.history)
 
     # -- start ------------------------------------------------------------------------------------------------
 
@@ -415,7 +431,7 @@ class Bench:
         """Return a drive or an encoder as its controller sees it, by name; default: the drive of the first axis."""
         if self._encoder_nodes is not None and drive_name in self._encoder_nodes.nodes:
             return self._encoder_nodes.nodes[drive_name]
-        port: Cia402Port = self._part("drive with an axis", self._ports, drive_name)
+        port: Cia402Port | ProfidrivePort = self._part("drive with an axis", self._ports, drive_name)
         return port.node
 
     @property

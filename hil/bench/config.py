@@ -23,7 +23,9 @@ from pydantic import (
 
 from fieldbus.errors import ConfigurationError
 from hil.bench._drive_sections import (
+    CIA402_KEYS,
     BrakeSection,
+    ProfidriveSection,
     SafetySection,
     SupplySection,
     ThermalSection,
@@ -33,7 +35,7 @@ from hil.bench._drive_sections import (
 from hil.bench.device_config import DeviceSection, anchor_files, check_devices, eds_files
 from hil.bench.encoder_config import EncoderSection, check_encoders
 
-EMBEDDED: Final = ("reference", "speed", "fast", "live")
+EMBEDDED: Final = ("reference", "speed", "fast", "live", "profidrive")
 """Benches that ship with the product, usable by name."""
 
 
@@ -230,7 +232,9 @@ class MechanicsSection(_Model):
 class DriveSection(_Model):
     """`[drive.NAME]`: a drive."""
 
-    profile: Literal["cia402"] = "cia402"
+    profile: Literal["cia402", "profidrive"] = "cia402"
+    telegram: Literal[1, 2, 3, 4, 5, 6, 102, 103, 105, 106] = 3
+    """Telegram of a PROFIdrive axis."""
     device: Literal["emulated", "physical"] = "emulated"
     """`emulated`: this bench brings it; `physical`: it is on the bus (or brought by somebody else)."""
     segment: str
@@ -290,6 +294,7 @@ class DriveSection(_Model):
     supply: SupplySection = SupplySection()
     thermal: ThermalSection = ThermalSection()
     safety: SafetySection = SafetySection()
+    profidrive: ProfidriveSection = ProfidriveSection()
 
     @field_validator("personality")
     @classmethod
@@ -299,7 +304,44 @@ class DriveSection(_Model):
         return checked_personality(value, (info.context or {}).get("folder"))
 
     @model_validator(mode="after")
+    def _profile(self) -> DriveSection:
+        if self.profile == "cia402":
+            for key in ("telegram", "profidrive"):
+                if key in self.model_fields_set:
+                    raise ValueError(
+                        f'{key}: a drive with profile = "cia402" has none; set profile = "profidrive"'
+                    )
+            return self
+        for key in CIA402_KEYS:
+            if key in self.model_fields_set:
+                raise ValueError(f'{key}: a drive with profile = "profidrive" has none')
+        if self.safety.interlock != "none":
+            raise ValueError(
+                "safety.interlock: an interlock is not fitted to a PROFIdrive axis; allowed: none"
+            )
+        bits = self.profidrive.fine_resolution_bits
+        if self.increments_per_revolution << bits > 1 << 31:
+            raise ValueError(
+                f"increments_per_revolution: {self.increments_per_revolution} with {bits} bits of fine resolution exceed the "
+                f"32 bits of G1_XIST1; at most {(1 << 31) >> bits}"
+            )
+        if self.encoder == "absolute" and self.increments_per_revolution > 1 << 20:
+            raise ValueError(
+                f"increments_per_revolution: {self.increments_per_revolution} times 4096 revolutions exceed the 32 bits of "
+                f"G1_XIST2; at most {1 << 20}"
+            )
+        if self.profidrive.dsc and self.telegram not in (5, 6, 105, 106):
+            raise ValueError(
+                f"profidrive.dsc: telegram {self.telegram} has no XERR and KPC; allowed: 5, 6, 105, 106"
+            )
+        if self.telegram in (4, 6, 103, 106) and self.node_id > 0x5F:
+            raise ValueError(f"node_id: {self.node_id} with telegram {self.telegram}; at most 95")
+        return self
+
+    @model_validator(mode="after")
     def _slopes(self) -> DriveSection:
+        if self.profile != "cia402":
+            return self
         for key in ("off1_ramp_s", "off3_ramp_s"):
             fastest = self.max_speed_rpm * 1000.0 / 0xFFFFFFFF
             if getattr(self, key) < fastest:
@@ -405,6 +447,12 @@ class BenchConfig(_Model):
                     f"axis.{name}.drive: {axis.drive!r} already belongs to axis.{used[axis.drive]}"
                 )
             used[axis.drive] = name
+            drive = self.drive[axis.drive]
+            if axis.type == "positioning" and drive.profile == "profidrive" and drive.telegram in (1, 2):
+                raise ValueError(
+                    f"axis.{name}.drive: telegram {drive.telegram} of {axis.drive!r} has no encoder value for a positioning "
+                    "axis; allowed: 3, 4, 5, 6, 102, 103, 105, 106"
+                )
         for name, segment in self.segment.items():
             if self.bench.kind == "live" and (segment.interface is None or segment.channel is None):
                 raise ValueError(f"segment.{name}: a live bench needs `interface` and `channel`")

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import MS, US
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from emulators.drive.cia402 import CiA402Drive, DriveConfig
+    from emulators.drive.profidrive import ProfidriveCanDrive, ProfidriveNodeConfig
     from fieldbus.canopen.decode import FrameDecoder
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
@@ -24,6 +25,11 @@ if TYPE_CHECKING:
     from hil.bench.device_config import DeviceSection
     from hil.bench.encoder_config import EncoderSection
     from motion.drives.cia402 import Cia402Port
+    from motion.drives.profidrive import ProfidrivePort
+
+
+_PEAK_TORQUE: Final = 3.0
+"""Torque limit of an emulated PROFIdrive axis as a multiple of the rated torque."""
 
 
 @cache
@@ -35,20 +41,26 @@ def object_dictionary(eds: str | None = None) -> canopen.ObjectDictionary:
     return load_dictionary(str(path) if eds is None else eds, node_id=1)
 
 
-def drive_config(config: BenchConfig, name: str) -> DriveConfig:
-    """Return the configuration of the emulated drive that `drive.NAME` describes."""
-    from emulators.drive.cia402 import (
+def dictionary_of(section: DriveSection | DeviceSection) -> canopen.ObjectDictionary:
+    """Return the object dictionary of a drive or device of the bench file; treat it as read-only."""
+    if getattr(section, "profile", "") == "profidrive":
+        from emulators.drive.profidrive import profidrive_dictionary
+
+        return profidrive_dictionary()
+    return object_dictionary(section.eds)
+
+
+def _machine(section: DriveSection) -> dict[str, Any]:
+    """Return what a drive of any profile has: machine, motor, encoder, brake, supply, heat, safety inputs."""
+    from emulators.drive.machine import (
         BrakeConfig,
-        DriveConfig,
         EncoderConfig,
         LinearAxisConfig,
         SafetyConfig,
         SwitchConfig,
     )
-    from emulators.drive.cia402.personality import load_personality
     from emulators.drive.tuning import ServoTuning
 
-    section = config.drive[name]
     mechanics, travel = section.mechanics, section.switches
     hysteresis = travel.hysteresis_mm / 1000.0
     switches = {}
@@ -73,16 +85,12 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
             hysteresis=hysteresis if switch == "home" else 0.0,
         )
     stops = (mechanics.negative_stop_mm, mechanics.positive_stop_mm)
-    speed = round(section.max_speed_rpm * 1000)
-    drive = DriveConfig(
-        node_id=section.node_id,
-        servo_period_ns=config.bench.servo_period_us * US,
-        control_period_ns=max(1 * MS, config.bench.servo_period_us * US),
-        tuning=ServoTuning(
+    return {
+        "tuning": ServoTuning(
             velocity_time_constant_s=section.velocity_time_constant_ms / 1000.0,
             velocity_integral_time_s=section.velocity_time_constant_ms / 100.0,
         ),
-        mechanics=LinearAxisConfig(
+        "mechanics": LinearAxisConfig(
             lead_screw_m=mechanics.lead_screw_mm / 1000.0,
             gear_ratio=mechanics.gear_numerator / mechanics.gear_denominator,
             motor_inertia_kgm2=mechanics.motor_inertia_kgm2,
@@ -99,35 +107,50 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
             position_m=mechanics.start_position_mm / 1000.0,
             switches=switches,
         ),
-        encoder=EncoderConfig(
+        "encoder": EncoderConfig(
             kind=section.encoder,
             counts_per_revolution=section.increments_per_revolution,
             zero_mark_counts=section.index_increments,
         ),
-        home_offset=section.homing.offset,
-        homing_move=section.homing.move,
-        hard_stop_methods=_hard_stop_methods(section.homing.hard_stop_methods),
-        input_filter_s=travel.input_filter_ms / 1000.0,
-        brake=BrakeConfig(
+        "brake": BrakeConfig(
             torque_Nm=section.brake.torque_nm,
             opening_time_s=section.brake.opening_time_ms / 1000.0,
             closing_time_s=section.brake.closing_time_ms / 1000.0,
         ),
-        supply=section.supply.build(),
-        thermal=section.thermal.build(),
-        thermal_time_constant_s=section.thermal.i2t_time_constant_s,
-        safety=SafetyConfig(
+        "supply": section.supply.build(),
+        "thermal": section.thermal.build(),
+        "thermal_time_constant_s": section.thermal.i2t_time_constant_s,
+        "safety": SafetyConfig(
             sto=section.safety.sto,
             ss1_time_s=section.safety.ss1_time_ms / 1000.0,
             ss1_monitored=section.safety.ss1_monitored,
             interlock=section.safety.interlock,
         ),
-        rated_torque_Nm=section.rated_torque_nm,
+        "input_filter_s": travel.input_filter_ms / 1000.0,
+        "rated_torque_Nm": section.rated_torque_nm,
+        "power_on_delay_s": section.power_on_delay_ms / 1000.0,
+        "blocked_time_s": section.blocked_time_ms / 1000.0,
+    }
+
+
+def drive_config(config: BenchConfig, name: str) -> DriveConfig:
+    """Return the configuration of the emulated drive that `drive.NAME` describes."""
+    from emulators.drive.cia402 import DriveConfig
+    from emulators.drive.cia402.personality import load_personality
+
+    section = config.drive[name]
+    speed = round(section.max_speed_rpm * 1000)
+    drive = DriveConfig(
+        node_id=section.node_id,
+        servo_period_ns=config.bench.servo_period_us * US,
+        control_period_ns=max(1 * MS, config.bench.servo_period_us * US),
+        **_machine(section),
+        home_offset=section.homing.offset,
+        homing_move=section.homing.move,
+        hard_stop_methods=_hard_stop_methods(section.homing.hard_stop_methods),
         following_error_reaction=section.following_error,
         csv_interpolation=section.csv_interpolation,
-        power_on_delay_s=section.power_on_delay_ms / 1000.0,
         boot_time_s=section.boot_time_ms / 1000.0,
-        blocked_time_s=section.blocked_time_ms / 1000.0,
         # The axis watches the limit switches; a drive that stopped by itself would fight its ramp.
         limit_switch_reaction="none",
         sync_loss_reaction=section.sync_loss,
@@ -150,6 +173,46 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
     return drive
 
 
+def profidrive_config(config: BenchConfig, name: str) -> ProfidriveNodeConfig:
+    """Return the configuration of the emulated PROFIdrive axis that `drive.NAME` describes."""
+    from emulators.drive.profidrive import DriveSettings, ProfidriveConfig, ProfidriveNodeConfig
+    from emulators.drive.profidrive.config import finest_xist2
+
+    section = config.drive[name]
+    own = section.profidrive
+    limit = _PEAK_TORQUE * section.rated_torque_nm
+    parts = _machine(section)
+    drive = ProfidriveConfig(
+        telegram=section.telegram,
+        torque_telegram=own.torque_telegram,
+        cycle_ns=config.bench.cycle_ms * MS,
+        servo_period_ns=config.bench.servo_period_us * US,
+        control_period_ns=max(1 * MS, config.bench.servo_period_us * US),
+        settings=DriveSettings(
+            operating_mode=own.operating_mode,
+            reference_speed_rpm=own.reference_speed_rpm,
+            reference_torque_Nm=own.reference_torque_nm,
+            max_speed_rpm=section.max_speed_rpm,
+            ramp_up_s=own.ramp_up_s,
+            ramp_down_s=section.off1_ramp_s,
+            quick_stop_s=section.off3_ramp_s,
+            torque_limits_Nm=(limit, limit),
+            sign_of_life_tolerance=own.sign_of_life_tolerance,
+            setpoint_monitoring_s=own.setpoint_monitoring_ms / 1000.0,
+        ),
+        fine_xist1=own.fine_resolution_bits,
+        fine_xist2=finest_xist2(parts["encoder"]),
+        interpolation=own.interpolation,
+        **parts,
+    )
+    return ProfidriveNodeConfig(
+        node_id=section.node_id,
+        drive=drive,
+        boot_time_s=section.boot_time_ms / 1000.0,
+        storage=None if section.storage is None else Path(section.storage),
+    )
+
+
 def _hard_stop_methods(changes: Mapping[str, str]) -> dict[int, str]:
     """Return the meaning of methods -1 to -4: that of the specification, changed by the bench file."""
     from emulators.drive.cia402 import DriveConfig
@@ -166,18 +229,29 @@ def build_drive(
     *,
     history: History,
     rng: Generator,
-) -> CiA402Drive:
+) -> CiA402Drive | ProfidriveCanDrive:
     """Return the emulated drive `name`, still switched off."""
+    section = config.drive[name]
+    if section.profile == "profidrive":
+        from emulators.drive.profidrive import ProfidriveCanDrive
+
+        return ProfidriveCanDrive(
+            scheduler,
+            segments[section.segment],
+            profidrive_config(config, name),
+            name=name,
+            history=history,
+            rng=rng,
+        )
     from emulators.drive.cia402 import CiA402Drive
 
-    section = config.drive[name]
     return CiA402Drive(
         scheduler, segments[section.segment], drive_config(config, name), name=name, history=history, rng=rng
     )
 
 
 def build_decoder(
-    config: BenchConfig, ports: Mapping[str, Cia402Port], *, segment: str | None = None
+    config: BenchConfig, ports: Mapping[str, Cia402Port | ProfidrivePort], *, segment: str | None = None
 ) -> FrameDecoder:
     """Return a decoder that knows names, dictionary and commissioned mapping of every node, of one segment or of all."""
     from fieldbus.canopen.decode import FrameDecoder
@@ -189,7 +263,7 @@ def build_decoder(
     every: dict[str, DriveSection | DeviceSection] = {**config.drive, **config.device}
     made_of_eds = {name: section for name, section in every.items() if here(section)}
     names = {section.node_id: name for name, section in made_of_eds.items()}
-    dictionaries = {section.node_id: object_dictionary(section.eds) for section in made_of_eds.values()}
+    dictionaries = {section.node_id: dictionary_of(section) for section in made_of_eds.values()}
     for name, encoder in config.encoder.items():
         if here(encoder):
             names[encoder.node_id] = name

@@ -14,7 +14,7 @@ DRIVE_FAULTS: Final[tuple[FaultType, ...]] = (
     FaultType(
         "drive.fault", "The drive trips with an EMCY code", "drive", "drive internals",
         (
-            Parameter("code", "int", "EMCY error code", minimum=0x0001, maximum=0xFFFF, required=True),
+            Parameter("code", "int", "EMCY error code, or number of a fault of a PROFIdrive axis", minimum=0x0001, maximum=0xFFFF, required=True),
             Parameter("persistent", "bool", "The cause stays, and refuses a fault reset, until the fault is removed", default=False),
         ),
         refused={"hardware": _NO_HAND},

@@ -19,7 +19,7 @@ from hil.expect import (
     stw1_sequence,
     value_at,
 )
-from hil.record import EventSelector, event
+from hil.record import EventSelector
 from testcases.campaigns.support import (
     ACCELERATION,
     MAXIMUM_VELOCITY,
@@ -28,6 +28,7 @@ from testcases.campaigns.support import (
     bring_into,
     drive_name,
     enable,
+    quick_stop,
     settle_s,
     state_change,
     tolerance,
@@ -209,7 +210,7 @@ def stop_case(ctx: CaseContext, stop: str, phase: str, words: str) -> None:
         return
     by_drive = facts["ramp"] == "off3"
     if by_drive:
-        since = event("drive.state", drive, to="Quick stop active")
+        since = quick_stop(ctx)
     expected = expectation(ctx, facts["ramp"], phase, since)
     factor = 0.001 if by_drive else 1.0
     identifiers = requirements_of(stop, phase)

@@ -89,6 +89,13 @@ def state_change(ctx: CaseContext, state: str) -> EventSelector:
     return event("axis.state", axis_name(ctx), to=state)
 
 
+def quick_stop(ctx: CaseContext) -> EventSelector:
+    """Select the instant at which the drive begins its quick stop, as its profile calls it."""
+    name = drive_name(ctx)
+    profile = ctx.bench.config.drive[name].profile
+    return event("drive.state", name, to="S5 quick stop" if profile == "profidrive" else "Quick stop active")
+
+
 def enable(ctx: CaseContext) -> Any:
     """Enable the axis and wait for it; returns the `MC_Power` instance."""
     ctx.do("MC_Power Enable = TRUE, StartMode 1")

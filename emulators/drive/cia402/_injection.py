@@ -1,4 +1,4 @@
-"""Faults of a drive that a test can inject beyond those of supply and safety: lies, services, brake, sensor (C402-310, C402-311)."""
+"""Faults of a CiA 402 drive that a test can inject beyond those of supply, safety and machine: lies, ramps, sensor (C402-310, C402-311)."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from typing import Final
 from emulators.drive.cia402 import faults
 from emulators.drive.cia402.device import DriveDevice
 from emulators.drive.cia402.protection import DriveWarning
+from emulators.drive.injection import MachineFaults, NodeFaults, cancel
 from emulators.encoder import AbsoluteEncoder
 from fieldbus.clock import Timer, seconds_to_ns
-from fieldbus.errors import ConfigurationError, UnsupportedFaultError
+from fieldbus.errors import ConfigurationError
 
 _TARGET_REACHED: Final = 1 << 10
 
 
-class InjectableDrive(DriveDevice):
+class InjectableDrive(MachineFaults, NodeFaults, DriveDevice):
     """A drive that can be made to fail; use `CiA402Drive`."""
 
     __slots__ = ("_drift_rest", "_drift_timer", "_storm_code", "_storm_timer", "_toggle_timer")
@@ -60,7 +61,7 @@ class InjectableDrive(DriveDevice):
 
     def toggle_target_reached(self, period_s: float | None) -> None:
         """Let bit 10 of 6041h change every `period_s`, whatever the motor does; None = the truth again."""
-        self._cancel("_toggle_timer")
+        cancel(self, "_toggle_timer")
         if period_s is None:
             self.status_word.lie()
             return
@@ -107,50 +108,7 @@ class InjectableDrive(DriveDevice):
             raise ConfigurationError("part", part, ", ".join(nodes))
         nodes[part].forced_C = celsius
 
-    def stick_brake(self, closed: bool | None) -> None:
-        """Let the brake be stuck closed or open; None = it works again.
-
-        Raises:
-            UnsupportedFaultError: There is no brake.
-
-        """
-        self._need_brake()
-        self.core.brake.stick(closed)
-
-    def slip_brake(self, share: float) -> None:
-        """Let the closed brake hold with this share of its torque; 1 = as new.
-
-        Raises:
-            UnsupportedFaultError: There is no brake.
-
-        """
-        self._need_brake()
-        self.core.brake.slip(share)
-
-    def _need_brake(self) -> None:
-        if not self.core.brake.fitted:
-            raise UnsupportedFaultError(f"{self.name}: there is no brake (brake.torque_nm)")
-
     # -- encoder -----------------------------------------------------------------------------------------------------
-
-    def drift_encoder(self, increments_per_s: float) -> None:
-        """Let the encoder value drift away from the shaft; 0 = no further."""
-        self._cancel("_drift_timer")
-        self._drift_rest = 0.0
-        if not increments_per_s:
-            return
-        period_ns = self.config.control_period_ns
-        step = increments_per_s * period_ns / 1e9
-
-        def drift() -> None:
-            self._drift_rest += step
-            whole = math.trunc(self._drift_rest)
-            if whole:
-                self._drift_rest -= whole
-                self.encoder.jump(whole)
-            self._drift_timer = self.scheduler.after(period_ns, drift)
-
-        drift()
 
     def break_encoder(self, broken: bool) -> None:
         """Cut the wire of the encoder: the value stands, and the drive notices (7305h, absolute 7320h); or mend it.
@@ -166,46 +124,3 @@ class InjectableDrive(DriveDevice):
             self.faults.end_causes(code)
             if not absolute:
                 self.axis.homed = False
-
-    # -- communication -------------------------------------------------------------------------------------------------
-
-    def stop_heartbeat(self, stopped: bool) -> None:
-        """Keep the heartbeat back, or send it again."""
-        self.slave.error_control.silent = stopped
-
-    def delay_heartbeat(self, delay_s: float) -> None:
-        """Let every heartbeat come this much later than its period says, s; 0 = in time again."""
-        self.slave.error_control.lateness_ns = seconds_to_ns(delay_s)
-
-    def reset_node(self, boot_s: float) -> None:
-        """Restart as after a dip of the supply: silence for `boot_s`, then boot-up; the motor coasts."""
-        self.power_off()
-        self.scheduler.after(seconds_to_ns(boot_s), self.power_on)
-
-    def abort_sdo(self, code: int | None, index: int = 0) -> None:
-        """Abort every SDO access (to `index`, 0 = any) with `code`; None = serve it again."""
-        self.slave.sdo.refusal = None if code is None else (index, code)
-
-    def silence_sdo(self, silent: bool) -> None:
-        """Leave SDO requests unanswered, or answer again."""
-        self.slave.sdo.silent = silent
-
-    def storm_emcy(self, code: int | None, period_s: float = 0.001) -> None:
-        """Send an EMCY every `period_s` without any state change; None = end, with EMCY 0000h."""
-        self._cancel("_storm_timer")
-        if code is None:
-            self.slave.emcy_clear(self._storm_code)
-            return
-        self._storm_code = code
-
-        def storm() -> None:
-            self.slave.emcy(code, repeat=True)
-            self._storm_timer = self.scheduler.after(seconds_to_ns(period_s), storm)
-
-        storm()
-
-    def _cancel(self, name: str) -> None:
-        timer: Timer | None = getattr(self, name, None)
-        if timer is not None:
-            timer.cancel()
-            setattr(self, name, None)

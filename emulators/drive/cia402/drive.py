@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from emulators.drive.cia402._injection import InjectableDrive
 from emulators.drive.cia402._trace import TRACE_ENUMS, trace_columns, trace_row
 from emulators.drive.cia402.config import DriveConfig
-from emulators.drive.inputs import LIMIT_SWITCHES
 from emulators.drive.machine import LinearAxisConfig
 from fieldbus.can.frame import CanSegment
 from fieldbus.clock import Scheduler
@@ -16,8 +15,6 @@ from fieldbus.history import History
 
 if TYPE_CHECKING:
     import numpy as np
-
-    from emulators.mechanics import SwitchModel
 
 
 class CiA402Drive(InjectableDrive):
@@ -114,79 +111,3 @@ class CiA402Drive(InjectableDrive):
     def _link_changed(self) -> None:
         self.protection.look_at_link()
         self.refresh_status()
-
-    # -- encoder -----------------------------------------------------------------------------------------------------
-
-    def freeze_encoder(self, frozen: bool) -> None:
-        """Let the encoder value stand still, or follow the shaft again."""
-        self.encoder.freeze(frozen)
-
-    def jump_encoder(self, increments: int) -> None:
-        """Shift the encoder value by increments, as a slipped coupling does."""
-        self.encoder.jump(increments)
-
-    def set_encoder_noise(self, increments: int) -> None:
-        """Disturb the encoder by -increments..+increments; 0 = off."""
-        self.encoder.set_noise(increments)
-
-    def reverse_encoder(self, reversed_direction: bool) -> None:
-        """Set the counting direction of the encoder; with the wrong one the control loop runs away."""
-        self.encoder.reverse(reversed_direction)
-
-    def miss_index(self, missing: bool) -> None:
-        """Let the zero mark of the encoder never come, or come again."""
-        self.encoder.zero_mark_present = not missing
-
-    def lose_encoder_steps(self, every: int) -> None:
-        """Let the encoder miss one of `every` increments of the motion; 0 = none from now on."""
-        self.encoder.lose_steps(every)
-
-    # -- machine -----------------------------------------------------------------------------------------------------
-
-    def jam(self, jammed: bool) -> None:
-        """Block the shaft, or release it."""
-        self.mechanics.jam(jammed)
-
-    def load_force(self, force: float) -> None:
-        """Set the force (N; Nm on a rotary axis) from outside on the load."""
-        self.mechanics.apply_force(force)
-
-    def set_stops(self, lower: float | None, upper: float | None) -> None:
-        """Move or remove (None) the end stops, m or rad."""
-        self.mechanics.set_stops(lower, upper)
-
-    def force_input(self, name: str, state: bool | None) -> None:
-        """Force an input: `negative_limit`, `positive_limit`, `home`, `probe1`, `probe2`; None = the switch works again.
-
-        Raises:
-            UnsupportedFaultError: The machine has no such switch.
-
-        """
-        self._switch(name).forced = state
-
-    def invert_input(self, name: str, inverted: bool) -> None:
-        """Set the polarity of a switch.
-
-        Raises:
-            UnsupportedFaultError: The machine has no such switch.
-
-        """
-        self._switch(name).inverted = inverted
-
-    def swap_limit_switches(self, swapped: bool) -> None:
-        """Exchange the wires of the two limit switches, or put them right again.
-
-        Raises:
-            UnsupportedFaultError: The machine has not both.
-
-        """
-        for name in LIMIT_SWITCHES:
-            self._switch(name)
-        self.digital_inputs.swap_limits(swapped)
-
-    def _switch(self, name: str) -> SwitchModel:
-        switch = self.switches.get(name)
-        if switch is None:
-            fitted = ", ".join(self.switches) or "none"
-            raise UnsupportedFaultError(f"{self.name}: there is no switch {name!r}; fitted: {fitted}")
-        return switch

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from emulators.drive.profidrive._eds import EDS_PATH, eds_text, profidrive_dictionary
+from emulators.drive.profidrive.can import ProfidriveCanDrive, ProfidriveNodeConfig
 from emulators.drive.profidrive.config import AXIS_TELEGRAMS, DriveSettings, ProfidriveConfig
 from emulators.drive.profidrive.definitions import ParameterDefinition, WriteRule, load_definitions
 from emulators.drive.profidrive.device import ProfidriveDrive
-from emulators.drive.profidrive.encoder_words import EncoderInterface
 from emulators.drive.profidrive.fault_catalogue import CATALOGUE, DriveWarning, Fault
 from emulators.drive.profidrive.messages import FaultBuffer, FaultMessage
 from emulators.drive.profidrive.parameter_channel import ChannelError, ParameterChannel
@@ -18,12 +19,12 @@ from emulators.drive.profidrive.statemachine import Action, AxisState, GeneralSt
 __all__ = [
     "AXIS_TELEGRAMS",
     "CATALOGUE",
+    "EDS_PATH",
     "Action",
     "AxisState",
     "ChannelError",
     "DriveSettings",
     "DriveWarning",
-    "EncoderInterface",
     "Fault",
     "FaultBuffer",
     "FaultMessage",
@@ -36,8 +37,12 @@ __all__ = [
     "ParameterServer",
     "ParameterStore",
     "ParameterWindow",
+    "ProfidriveCanDrive",
     "ProfidriveConfig",
     "ProfidriveDrive",
+    "ProfidriveNodeConfig",
     "WriteRule",
+    "eds_text",
     "load_definitions",
+    "profidrive_dictionary",
 ]

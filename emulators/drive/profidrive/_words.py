@@ -44,7 +44,17 @@ class StatusWords:
 
     """
 
-    __slots__ = ("_cleared", "_cycle_s", "_deviation", "_drive", "_frozen", "_getters", "_pack", "_set")
+    __slots__ = (
+        "_cleared",
+        "_cycle_s",
+        "_deviation",
+        "_drive",
+        "_frozen",
+        "_getters",
+        "_pack",
+        "_set",
+        "_sign",
+    )
 
     def __init__(self, drive: ProfidriveDrive) -> None:
         self._drive = drive
@@ -52,6 +62,7 @@ class StatusWords:
         self._deviation = WindowTimer()
         self._frozen: int | None = None
         self._set = 0
+        self._sign: int | None = None
         self._cleared = 0
         layout = drive.telegram.actual
         self._pack = layout.pack
@@ -70,6 +81,10 @@ class StatusWords:
     def freeze(self, frozen: bool) -> None:
         """Let ZSW1 show what it shows now, whatever happens."""
         self._frozen = self._true_zsw1() if frozen else None
+
+    def freeze_sign_of_life(self, frozen: bool) -> None:
+        """Let the drive's sign of life stand still, or count again."""
+        self._sign = self._drive.sign_of_life.value if frozen else None
 
     def lie(self, *, set_bits: int = 0, clear_bits: int = 0) -> None:
         """Show bits of ZSW1 as 1, or as 0, whatever they should be."""
@@ -139,7 +154,8 @@ class StatusWords:
     def zsw2(self) -> int:
         """Return ZSW2 with the drive's sign of life."""
         drive = self._drive
-        word = drive.sign_of_life.value << SIGN_OF_LIFE_SHIFT | drive.stw2 & 0x1F
+        sign = drive.sign_of_life.value if self._sign is None else self._sign
+        word = sign << SIGN_OF_LIFE_SHIFT | drive.stw2 & 0x1F
         if drive.core.enabled:
             word |= _PULSES
         if drive.stw2 & STW2.PARKING and not drive.core.enabled:
@@ -180,7 +196,6 @@ class StatusWords:
     def _getter(self, name: str) -> Callable[[], int]:
         drive = self._drive
         core = drive.core
-        encoder = drive.encoder_words
         settings = drive.settings
 
         def speed_n4() -> int:
@@ -207,9 +222,9 @@ class StatusWords:
             "MIST_GLATT": torque,
             "IAIST_GLATT": lambda: to_n2(abs(core.torque) / settings.reference_torque_Nm),
             "PIST_GLATT": power,
-            "G1_ZSW": lambda: encoder.status,
-            "G1_XIST1": lambda: encoder.xist1,
-            "G1_XIST2": lambda: encoder.xist2,
+            "G1_ZSW": lambda: drive.g1_words[0],
+            "G1_XIST1": lambda: drive.g1_words[1],
+            "G1_XIST2": lambda: drive.g1_words[2],
             # A second encoder is not fitted: it shows itself as parked (PD-151).
             "G2_ZSW": lambda: 0x4000,
             "FAULT_CODE": lambda: drive.faults.number,

@@ -17,12 +17,19 @@ from emulators.drive.machine import (
 )
 from emulators.drive.supply import SupplyConfig
 from emulators.drive.thermal import ThermalConfig
+from emulators.encoder.profidrive import EncoderFormat
 from fieldbus.clock import MS, US
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import FREE_CONFIGURATION, Telegram, free_telegram, telegram
 
 AXIS_TELEGRAMS = (1, 2, 3, 4, 5, 6, 102, 103, 105, 106, FREE_CONFIGURATION)
 """Telegrams that the speed axis takes."""
+
+
+def finest_xist2(encoder: EncoderConfig, finest: int = 9) -> int:
+    """Return p0419: as many bits of fine resolution as G1_XIST2 has place for, at most `finest`."""
+    steps = encoder.counts_per_revolution * encoder.turns
+    return max(0, min(finest, 32 - (steps - 1).bit_length()))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -178,6 +185,7 @@ class ProfidriveConfig:
             raise ConfigurationError(
                 "encoder", f"{self.encoder.counts_per_revolution} * 2^{self.fine_xist1}", "at most 2^31"
             )
+        self.encoder_format  # noqa: B018 - raises when the values do not fit together
         if self.isochronous and not self.build_telegram().isochronous:
             raise ConfigurationError(
                 "isochronous", f"telegram {self.telegram}", "a telegram with a sign of life"
@@ -200,6 +208,19 @@ class ProfidriveConfig:
             self.encoder,
             counts_per_revolution=self.encoder.counts_per_revolution << self.fine_xist1,
             zero_mark_counts=self.encoder.zero_mark_counts << self.fine_xist1,
+        )
+
+    @property
+    def encoder_format(self) -> EncoderFormat:
+        """Formats of G1_XIST1 and G1_XIST2; an absolute encoder loads G1_XIST1 with its value (PD-172)."""
+        absolute = self.encoder.kind == "absolute"
+        return EncoderFormat(
+            periods=self.encoder.counts_per_revolution,
+            interpolation_bits=self.fine_xist1,
+            shift_xist1=self.fine_xist1,
+            shift_xist2=self.fine_xist2,
+            revolutions=self.encoder.turns if absolute else 0,
+            load_absolute=absolute,
         )
 
     @classmethod

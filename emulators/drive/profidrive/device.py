@@ -23,10 +23,10 @@ from emulators.drive.profidrive._monitors import Monitors
 from emulators.drive.profidrive._safety import SafetyInputs
 from emulators.drive.profidrive._words import StatusWords
 from emulators.drive.profidrive.config import DriveSettings, ProfidriveConfig
-from emulators.drive.profidrive.encoder_words import SIGN_OF_LIFE_FAILED, EncoderInterface
 from emulators.drive.profidrive.fault_catalogue import DriveWarning, Fault, fault
 from emulators.drive.profidrive.setpoint_channel import SetpointChannel
 from emulators.drive.profidrive.statemachine import Action, AxisState, GeneralStateMachine, Off
+from emulators.encoder.profidrive import EncoderInterface
 from fieldbus.clock import Scheduler, seconds_to_ns
 from fieldbus.history import History
 from fieldbus.profidrive.formats import from_n2, torque_factor
@@ -36,6 +36,8 @@ from fieldbus.profidrive.words import SIGN_OF_LIFE_MASK, SIGN_OF_LIFE_SHIFT, STW
 if TYPE_CHECKING:
     import numpy as np
 
+    from emulators.mechanics import SwitchModel
+
 _CONTROL_PRIORITY: Final = 1
 """The control cycle follows the servo step of the same instant."""
 _ON: Final = int(STW1.ON)
@@ -43,6 +45,7 @@ _ACKNOWLEDGE: Final = int(STW1.ACKNOWLEDGE)
 _CONTROL: Final = int(STW1.CONTROL_BY_PLC)
 _JOG: Final = int(STW1.JOG_1 | STW1.JOG_2)
 _N2_TO_N4: Final = 16
+_SIGN_OF_LIFE_FAILED: Final = 0x0F02
 
 
 FaultListener = Callable[[Fault | None, int], None]
@@ -70,8 +73,8 @@ class ProfidriveDrive:
         "_frame", "_g1_at", "_history", "_kpc_at", "_limit_words", "_momred_at", "_narrow",
         "_nsoll_at", "_on_locked", "_row", "_s3_ns", "_standstill", "_stw2_at", "_torque_at", "_xerr_at", "channel", "config",
         "controlled_cyclically", "core", "cycle_at_ns", "data_at_ns", "digital_inputs", "encoder",
-        "encoder_words", "faults", "g1_stw", "injected_cap_Nm", "isochronous", "machine", "mechanics", "monitors", "name",
-        "on_fault", "power", "powered", "protection_cap_Nm", "refuses_operation", "rejected", "safety", "scheduler",
+        "encoder_words", "faults", "g1_stw", "g1_words", "injected_cap_Nm", "isochronous", "machine", "mechanics", "monitors", "name",
+        "on_fault", "on_inputs", "on_warning", "power", "powered", "protection_cap_Nm", "refuses_operation", "rejected", "safety", "scheduler",
         "settings", "sign_of_life", "stw1", "stw2", "switches", "telegram", "torque_limit_Nm", "words",
     )  # fmt: skip
 
@@ -121,6 +124,10 @@ class ProfidriveDrive:
         self.faults.on_warning = self._on_warning
         self.on_fault: list[FaultListener] = []
         """Called with a new fault and its value, and with None when a situation has been acknowledged."""
+        self.on_inputs: Callable[[], object] = _nothing
+        """Called when the digital inputs have changed."""
+        self.on_warning: Callable[[], object] = _nothing
+        """Called when the warnings have changed."""
         self.safety = SafetyInputs(self)
         self.sign_of_life = SignOfLife(tolerance=self.settings.sign_of_life_tolerance)
         self.channel = SetpointChannel(
@@ -129,11 +136,13 @@ class ProfidriveDrive:
             steps=config.cycle_ns // config.servo_period_ns,
             interpolation=config.interpolation,
         )
-        self.encoder_words = EncoderInterface(
-            self.encoder, fine_xist1=config.fine_xist1, fine_xist2=config.fine_xist2
-        )
+        self.encoder_words = EncoderInterface(self.encoder, config.encoder_format)
+        """Encoder interface G1."""
+        self.g1_words = (0, 0, 0)
+        """G1_ZSW, G1_XIST1, G1_XIST2."""
         self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=config.input_filter_s)
         self.digital_inputs.on_change = self._on_inputs
+        self.digital_inputs.on_probe = self._on_probe
         self.monitors = Monitors(self)
         self.stw1 = 0
         """STW1 in force: that of the last frame with control by PLC, and bit 10 of the last frame (PD-076)."""
@@ -217,7 +226,8 @@ class ProfidriveDrive:
         self.encoder.power_on(self.mechanics.motor_angle)
         self.core.reinitialise()
         self.faults.restart()
-        self.encoder_words.reset()
+        self.encoder_words.power_on()
+        self.g1_words = self.encoder_words.words()
         self.words.restart()
         self.monitors.restart()
         self.power.restart(self.now_ns)
@@ -268,9 +278,9 @@ class ProfidriveDrive:
             return
         if self.isochronous and self.sign_of_life.step(self.stw2 >> SIGN_OF_LIFE_SHIFT):
             self.raise_fault(numbers.SIGN_OF_LIFE)
-            self.encoder_words.fail(SIGN_OF_LIFE_FAILED)
+            self.encoder_words.report(_SIGN_OF_LIFE_FAILED)
         self.act()
-        self.encoder_words.step(self.g1_stw, now)
+        self.g1_words = self.encoder_words.step(self.g1_stw, now)
         row = self._row
         if self.machine.state is AxisState.S4:
             self._lead(row)
@@ -448,6 +458,7 @@ class ProfidriveDrive:
     def _on_warning(self) -> None:
         warnings = [int(number) for number in self.faults.warnings]
         self.emit("drive.warning", warnings=", ".join(map(str, warnings)))
+        self.on_warning()
 
     def emit(self, kind: str, **data: str | float | bool) -> None:
         """Write an event of this drive into the log, if there is one."""
@@ -470,6 +481,18 @@ class ProfidriveDrive:
 
     def _on_inputs(self, _before: int) -> None:
         self.emit("drive.inputs", inputs=self.digital_inputs.value)
+        self.on_inputs()
+
+    def _on_probe(self, probe: int, switch: SwitchModel) -> None:
+        """Give an edge of a probe to the encoder interface, at the place at which it comes."""
+        place = switch.edge
+        mechanics = self.mechanics
+        angle = mechanics.motor_angle if place is None else place / mechanics.ratio
+        self.encoder_words.probe_edge(probe, switch.state, self.encoder.increments_at(angle))
+
+
+def _nothing() -> None:
+    pass
 
 
 def _always() -> bool:

@@ -1,0 +1,224 @@
+"""Faults at the machine of a drive and at its CANopen node, the same for every profile (C402-311, C402-312)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from emulators.drive.inputs import LIMIT_SWITCHES
+from fieldbus.clock import seconds_to_ns
+from fieldbus.errors import UnsupportedFaultError
+
+if TYPE_CHECKING:
+    from emulators.drive.core import ServoCore
+    from emulators.drive.inputs import DigitalInputs
+    from emulators.encoder import RotaryEncoder
+    from emulators.mechanics import AxisMechanics, SwitchModel
+    from fieldbus.canopen.slave import CanopenSlave
+    from fieldbus.clock import Scheduler, Timer
+
+
+class MachineFaults:
+    """What a test can do to motor, encoder, brake, switches and load of a drive.
+
+    The drive has the attributes named here, and slots for `_drift_rest` and `_drift_timer`.
+    """
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+        name: str
+        scheduler: Scheduler
+        core: ServoCore
+        encoder: RotaryEncoder
+        mechanics: AxisMechanics
+        switches: dict[str, SwitchModel]
+        digital_inputs: DigitalInputs
+        config: Any
+        _drift_rest: float
+        _drift_timer: Timer | None
+
+    # -- encoder -----------------------------------------------------------------------------------------------------
+
+    def freeze_encoder(self, frozen: bool) -> None:
+        """Let the encoder value stand still, or follow the shaft again."""
+        self.encoder.freeze(frozen)
+
+    def jump_encoder(self, increments: int) -> None:
+        """Shift the encoder value by increments, as a slipped coupling does."""
+        self.encoder.jump(increments)
+
+    def set_encoder_noise(self, increments: int) -> None:
+        """Disturb the encoder by -increments..+increments; 0 = off."""
+        self.encoder.set_noise(increments)
+
+    def reverse_encoder(self, reversed_direction: bool) -> None:
+        """Set the counting direction of the encoder; with the wrong one the control loop runs away."""
+        self.encoder.reverse(reversed_direction)
+
+    def miss_index(self, missing: bool) -> None:
+        """Let the zero mark of the encoder never come, or come again."""
+        self.encoder.zero_mark_present = not missing
+
+    def lose_encoder_steps(self, every: int) -> None:
+        """Let the encoder miss one of `every` increments of the motion; 0 = none from now on."""
+        self.encoder.lose_steps(every)
+
+    def drift_encoder(self, increments_per_s: float) -> None:
+        """Let the encoder value drift away from the shaft; 0 = no further."""
+        cancel(self, "_drift_timer")
+        self._drift_rest = 0.0  # type: ignore[misc]  # a slot of the drive
+        if not increments_per_s:
+            return
+        period_ns = self.config.control_period_ns
+        step = increments_per_s * period_ns / 1e9
+
+        def drift() -> None:
+            self._drift_rest += step  # type: ignore[misc]  # a slot of the drive
+            whole = math.trunc(self._drift_rest)
+            if whole:
+                self._drift_rest -= whole  # type: ignore[misc]  # a slot of the drive
+                self.encoder.jump(whole)
+            self._drift_timer = self.scheduler.after(period_ns, drift)  # type: ignore[misc]  # a slot of the drive
+
+        drift()
+
+    # -- brake -------------------------------------------------------------------------------------------------------
+
+    def stick_brake(self, closed: bool | None) -> None:
+        """Let the brake be stuck closed or open; None = it works again.
+
+        Raises:
+            UnsupportedFaultError: There is no brake.
+
+        """
+        self._need_brake()
+        self.core.brake.stick(closed)
+
+    def slip_brake(self, share: float) -> None:
+        """Let the closed brake hold with this share of its torque; 1 = as new.
+
+        Raises:
+            UnsupportedFaultError: There is no brake.
+
+        """
+        self._need_brake()
+        self.core.brake.slip(share)
+
+    def _need_brake(self) -> None:
+        if not self.core.brake.fitted:
+            raise UnsupportedFaultError(f"{self.name}: there is no brake (brake.torque_nm)")
+
+    # -- machine -----------------------------------------------------------------------------------------------------
+
+    def jam(self, jammed: bool) -> None:
+        """Block the shaft, or release it."""
+        self.mechanics.jam(jammed)
+
+    def load_force(self, force: float) -> None:
+        """Set the force (N; Nm on a rotary axis) from outside on the load."""
+        self.mechanics.apply_force(force)
+
+    def set_stops(self, lower: float | None, upper: float | None) -> None:
+        """Move or remove (None) the end stops, m or rad."""
+        self.mechanics.set_stops(lower, upper)
+
+    def force_input(self, name: str, state: bool | None) -> None:
+        """Force an input: `negative_limit`, `positive_limit`, `home`, `probe1`, `probe2`; None = the switch works again.
+
+        Raises:
+            UnsupportedFaultError: The machine has no such switch.
+
+        """
+        self._switch(name).forced = state
+
+    def invert_input(self, name: str, inverted: bool) -> None:
+        """Set the polarity of a switch.
+
+        Raises:
+            UnsupportedFaultError: The machine has no such switch.
+
+        """
+        self._switch(name).inverted = inverted
+
+    def swap_limit_switches(self, swapped: bool) -> None:
+        """Exchange the wires of the two limit switches, or put them right again.
+
+        Raises:
+            UnsupportedFaultError: The machine has not both.
+
+        """
+        for name in LIMIT_SWITCHES:
+            self._switch(name)
+        self.digital_inputs.swap_limits(swapped)
+
+    def _switch(self, name: str) -> SwitchModel:
+        switch = self.switches.get(name)
+        if switch is None:
+            fitted = ", ".join(self.switches) or "none"
+            raise UnsupportedFaultError(f"{self.name}: there is no switch {name!r}; fitted: {fitted}")
+        return switch
+
+
+class NodeFaults:
+    """What a test can do to the CANopen services of a drive.
+
+    The drive has the attributes named here, and slots for `_storm_code` and `_storm_timer`.
+    """
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+        scheduler: Scheduler
+        slave: CanopenSlave
+        _storm_code: int
+        _storm_timer: Timer | None
+
+        def power_on(self) -> None:
+            """Switch the control supply on."""
+
+        def power_off(self) -> None:
+            """Switch everything off at once."""
+
+    def stop_heartbeat(self, stopped: bool) -> None:
+        """Keep the heartbeat back, or send it again."""
+        self.slave.error_control.silent = stopped
+
+    def delay_heartbeat(self, delay_s: float) -> None:
+        """Let every heartbeat come this much later than its period says, s; 0 = in time again."""
+        self.slave.error_control.lateness_ns = seconds_to_ns(delay_s)
+
+    def reset_node(self, boot_s: float) -> None:
+        """Restart as after a dip of the supply: silence for `boot_s`, then boot-up; the motor coasts."""
+        self.power_off()
+        self.scheduler.after(seconds_to_ns(boot_s), self.power_on)
+
+    def abort_sdo(self, code: int | None, index: int = 0) -> None:
+        """Abort every SDO access (to `index`, 0 = any) with `code`; None = serve it again."""
+        self.slave.sdo.refusal = None if code is None else (index, code)
+
+    def silence_sdo(self, silent: bool) -> None:
+        """Leave SDO requests unanswered, or answer again."""
+        self.slave.sdo.silent = silent
+
+    def storm_emcy(self, code: int | None, period_s: float = 0.001) -> None:
+        """Send an EMCY every `period_s` without any state change; None = end, with EMCY 0000h."""
+        cancel(self, "_storm_timer")
+        if code is None:
+            self.slave.emcy_clear(self._storm_code)
+            return
+        self._storm_code = code  # type: ignore[misc]  # a slot of the drive
+
+        def storm() -> None:
+            self.slave.emcy(code, repeat=True)
+            self._storm_timer = self.scheduler.after(seconds_to_ns(period_s), storm)  # type: ignore[misc]  # a slot of the drive
+
+        storm()
+
+
+def cancel(owner: object, name: str) -> None:
+    """Cancel the timer in a slot, if there is one, and forget it."""
+    timer: Timer | None = getattr(owner, name, None)
+    if timer is not None:
+        timer.cancel()
+        setattr(owner, name, None)

@@ -1,0 +1,71 @@
+"""The columns that a recorder takes from a PROFIdrive axis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from emulators.drive.core import RPM
+from emulators.drive.profidrive.statemachine import AxisState
+from fieldbus.canopen.nmt import NmtState
+
+if TYPE_CHECKING:
+    from emulators.drive.profidrive.device import ProfidriveDrive
+    from fieldbus.canopen.slave import CanopenSlave
+
+_NUMBERS: Final = {state: number for number, state in enumerate(AxisState)}
+
+
+def trace_columns(position_unit: str) -> tuple[tuple[str, str], ...]:
+    """Return (name, unit) of the columns; `position_unit` is m or rad."""
+    return (
+        ("position", position_unit),
+        ("velocity", f"{position_unit}/s"),
+        ("motor_speed", "rpm"),
+        ("torque", "Nm"),
+        ("torque_demand", "Nm"),
+        ("velocity_demand", "rpm"),
+        ("following_error", "rad"),
+        ("encoder_increments", "inc"),
+        ("drive_stw1", ""),
+        ("drive_zsw1", ""),
+        ("state", ""),
+        ("nmt_state", ""),
+        ("inputs", ""),
+        ("brake_closed", ""),
+        ("fault_number", ""),
+        ("warning_number", ""),
+    )
+
+
+TRACE_ENUMS: Final[dict[str, dict[int, str]]] = {
+    "state": {number: state.text for state, number in _NUMBERS.items()},
+    "nmt_state": {int(state): state.name for state in NmtState},
+}
+"""Texts of the columns that show a state."""
+
+_PER_RPM: Final = 1.0 / RPM
+
+
+def trace_row(drive: ProfidriveDrive, slave: CanopenSlave) -> tuple[float, ...]:
+    """Return the present values: position, velocity and speed are those of the true mechanics (STP-550)."""
+    core = drive.core
+    mechanics = drive.mechanics
+    faults = drive.faults
+    return (
+        mechanics.position,
+        mechanics.velocity,
+        mechanics.motor_speed * _PER_RPM,
+        core.torque,
+        core.torque_demand,
+        core.velocity_demand * _PER_RPM,
+        core.following_error,
+        core.encoder.increments,
+        drive.stw1,
+        drive.words.zsw1(),
+        _NUMBERS[drive.machine.state],
+        slave.nmt_state,
+        drive.inputs,
+        core.brake.holding_torque_Nm > 0.0,
+        faults.number,
+        faults.warning_number,
+    )

@@ -1,0 +1,363 @@
+"""The PROFIdrive axis as a node of a CAN segment: its telegram in free process data words on PDOs, latched by SYNC.
+
+Each word of the telegram is an object: 5800h and following to the drive, 5810h and following from it, four in a PDO at most
+(PD-338 to PD-341). At SYNC the words of all RPDOs become one telegram, if every RPDO that carries some of them has come; the
+drive makes its cycle; the words of its answer go into the TPDOs of the same SYNC. A drive that is not isochronous makes its
+cycle by itself when nobody sends SYNC.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from struct import Struct
+from typing import TYPE_CHECKING, Any, Final
+
+from emulators.drive.injection import MachineFaults, NodeFaults
+from emulators.drive.profidrive import _objects as objects
+from emulators.drive.profidrive import fault_catalogue as numbers
+from emulators.drive.profidrive._eds import profidrive_dictionary
+from emulators.drive.profidrive._trace import TRACE_ENUMS, trace_columns, trace_row
+from emulators.drive.profidrive.config import ProfidriveConfig
+from emulators.drive.profidrive.device import ProfidriveDrive
+from emulators.drive.profidrive.fault_catalogue import DriveWarning, Fault
+from emulators.drive.profidrive.statemachine import Off
+from emulators.encoder import AbsoluteEncoder
+from fieldbus.can.frame import CanSegment
+from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.nmt import NmtState
+from fieldbus.canopen.slave import CanopenSlave
+from fieldbus.clock import Scheduler, seconds_to_ns
+from fieldbus.errors import ConfigurationError, UnsupportedFaultError
+from fieldbus.history import History
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from fieldbus.canopen.pdo import ReceivePdo
+    from fieldbus.clock import Timer
+
+_FREE_RUNNING_PRIORITY: Final = 2
+_NOT_VALID: Final = 0x0001
+_REACTIONS: Final = {1: Off.OFF2, 2: Off.OFF2, 3: Off.OFF3}
+"""6007h: 0 nothing, 1 fault, 2 pulses off, 3 quick stop (PD-345)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfidriveNodeConfig:
+    """A PROFIdrive axis on CANopen.
+
+    Args:
+        node_id: 1..127.
+        drive: The drive.
+        boot_time_s: From power-on or reset to the boot-up frame, s.
+        storage: File in which stored parameters outlive the process; None = they do not.
+
+    """
+
+    node_id: int = 1
+    drive: ProfidriveConfig = field(default_factory=ProfidriveConfig)
+    boot_time_s: float = 0.0
+    storage: Path | None = None
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.node_id <= 127:
+            raise ConfigurationError("node_id", self.node_id, "1..127")
+        if not self.boot_time_s >= 0.0:
+            raise ConfigurationError("boot_time_s", self.boot_time_s, ">= 0")
+
+
+class ProfidriveCanDrive(MachineFaults, NodeFaults):
+    """An emulated PROFIdrive axis on a CAN segment, with all that a test can do to it and its machine.
+
+    It is off until `power_on`; the machine moves from the start. Injected faults act at once.
+
+    Args:
+        scheduler: Time of the bench.
+        segment: CAN segment.
+        config: Node and drive.
+        name: Name of the node on the segment and in the history.
+        history: Log; None for none.
+        rng: Source of the encoder's noise; None: the encoder cannot be made noisy.
+
+    Raises:
+        ConfigurationError: The configuration does not fit together, or the telegram has more than 16 words in a direction.
+
+    """
+
+    __slots__ = (
+        "_carriers", "_counts", "_drift_rest", "_drift_timer", "_emcys", "_from_words", "_keys_in", "_keys_out", "_storm_code",
+        "_storm_timer", "_sync_ns", "_to_frame", "_touches", "config", "core", "digital_inputs", "drive", "encoder", "mechanics",
+        "name", "node_config", "scheduler", "slave", "switches", "trace_columns",
+    )  # fmt: skip
+
+    trace_enums = TRACE_ENUMS
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        segment: CanSegment,
+        config: ProfidriveNodeConfig,
+        *,
+        name: str,
+        history: History | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        self.scheduler = scheduler
+        self.name = name
+        self.node_config = config
+        self.config = config.drive
+        self.drive = drive = ProfidriveDrive(scheduler, config.drive, name=name, history=history, rng=rng)
+        self.core = drive.core
+        self.encoder = drive.encoder
+        self.mechanics = drive.mechanics
+        self.switches = drive.switches
+        self.digital_inputs = drive.digital_inputs
+        layouts = (drive.telegram.setpoint, drive.telegram.actual)
+        for layout in layouts:
+            if layout.words > objects.WORDS:
+                raise ConfigurationError(
+                    "telegram", f"{layout.words} words", f"at most {objects.WORDS} words"
+                )
+        self._keys_in = tuple(objects.RECEIVE_WORD + word << 8 for word in range(layouts[0].words))
+        self._keys_out = tuple(objects.SEND_WORD + word << 8 for word in range(layouts[1].words))
+        self._to_frame = Struct(f">{layouts[0].words}h")
+        self._from_words = Struct(f">{layouts[1].words}h")
+        self.slave = CanopenSlave(
+            scheduler,
+            segment,
+            profidrive_dictionary(),
+            config.node_id,
+            name=name,
+            history=history,
+            boot_time_ns=seconds_to_ns(config.boot_time_s),
+            storage=config.storage,
+        )
+        self._carriers: tuple[ReceivePdo, ...] = ()
+        self._counts: tuple[int, ...] = ()
+        self._touches = False
+        self._sync_ns = 0
+        self._emcys: set[int] = set()
+        self._drift_timer: Timer | None = None
+        self._storm_timer: Timer | None = None
+        self.trace_columns = trace_columns("m" if hasattr(config.drive.mechanics, "lead_screw_m") else "rad")
+        """(name, unit) of the values of `trace_row`."""
+        slave = self.slave
+        slave.on_write(objects.ABORT_CONNECTION, 0, _check_abort_connection)
+        slave.on_sync.append(self._on_sync)
+        slave.on_nmt_state.append(self._on_nmt_state)
+        slave.on_reset.append(self._on_reset)
+        slave.on_communication_error.append(self._on_communication_error)
+        drive.on_fault.append(self._on_fault)
+        drive.on_inputs = lambda: slave.set(objects.DIGITAL_INPUTS, 0, drive.inputs)
+        drive.on_warning = lambda: slave.set(objects.WARNING_NUMBER, 0, drive.faults.warning_number)
+        if not drive.isochronous:
+            scheduler.every(config.drive.cycle_ns, self._free_running, priority=_FREE_RUNNING_PRIORITY)
+
+    def trace_row(self) -> tuple[float, ...]:
+        """Return the present values of `trace_columns`; position and velocity are those of the true mechanics."""
+        return trace_row(self.drive, self.slave)
+
+    # -- life -----------------------------------------------------------------------------------------------------------
+
+    def power_on(self) -> None:
+        """Switch the control supply on."""
+        if not self.slave.powered:
+            self.drive.power_on()
+            self.slave.power_on()
+            self._show_all()
+
+    def power_off(self) -> None:
+        """Switch everything off at once: the motor coasts, all but the non-volatile memory is lost."""
+        if self.slave.powered:
+            self.slave.power_off()
+            self.drive.power_off()
+            self._emcys.clear()
+
+    def _on_reset(self, application: bool) -> None:
+        if application:
+            self.drive.power_off()
+            self.drive.power_on()
+            self._emcys.clear()
+        self._show_all()
+
+    def _show_all(self) -> None:
+        drive, slave = self.drive, self.slave
+        slave.set(objects.DIGITAL_INPUTS, 0, drive.inputs)
+        slave.set(objects.FAULT_NUMBER, 0, drive.faults.number)
+        slave.set(objects.WARNING_NUMBER, 0, drive.faults.warning_number)
+
+    def _on_nmt_state(self, old: NmtState, new: NmtState) -> None:
+        self.drive.emit("drive.nmt", **{"from": old.name, "to": new.name})
+        if new is not NmtState.OPERATIONAL:
+            return
+        pdos = self.slave.pdos
+        words = frozenset(self._keys_in)
+        self._carriers = tuple(
+            pdo for pdo in pdos.receive if pdo.valid and not words.isdisjoint(pdo.layout.keys)
+        )
+        self._counts = tuple(pdo.effective for pdo in self._carriers)
+        answers = frozenset(self._keys_out)
+        self._touches = any(
+            pdo.valid and pdo.event_driven and not answers.isdisjoint(pdo.layout.keys)
+            for pdo in pdos.transmit
+        )
+
+    # -- bus cycle --------------------------------------------------------------------------------------------------------
+
+    def _on_sync(self, time_ns: int) -> None:
+        self._sync_ns = time_ns
+        if self.slave.nmt_state is NmtState.OPERATIONAL:
+            self._cycle()
+
+    def _free_running(self) -> None:
+        now = self.scheduler.now
+        if self.slave.nmt_state is NmtState.OPERATIONAL and now - self._sync_ns > 2 * self.config.cycle_ns:
+            self._cycle()
+
+    def _cycle(self) -> None:
+        drive = self.drive
+        values = self.slave.values
+        counts = tuple([pdo.effective for pdo in self._carriers])
+        before = self._counts
+        self._counts = counts
+        if counts and not any(map(_same, counts, before)):
+            drive.receive(self._to_frame.pack(*[values[key] for key in self._keys_in]))
+        drive.cycle()
+        values.update(zip(self._keys_out, self._from_words.unpack(drive.transmit()), strict=True))
+        if self._touches:
+            for key in self._keys_out:
+                self.slave.pdos.touch(key)
+
+    # -- faults -------------------------------------------------------------------------------------------------------------
+
+    def _on_communication_error(self, reason: str) -> None:
+        """React to a lost controller as 6007h says (PD-345)."""
+        reaction = _REACTIONS.get(self.slave.values[objects.ABORT_CONNECTION << 8])
+        if reaction is not None and self.drive.controlled_cyclically:
+            self.drive.emit("drive.communication_lost", reason=reason)
+            self.drive.raise_fault(numbers.CAN_ERROR, reaction=reaction)
+
+    def _on_fault(self, row: Fault | None, value: int) -> None:
+        slave = self.slave
+        slave.set(objects.FAULT_NUMBER, 0, self.drive.faults.number)
+        if row is not None:
+            self._emcys.add(row.emcy)
+            slave.emcy(
+                row.emcy, data=row.number.to_bytes(2, "little") + (value & 0xFFFF).to_bytes(2, "little")
+            )
+            return
+        for code in sorted(self._emcys):
+            slave.emcy_clear(code)
+        self._emcys.clear()
+
+    def raise_fault(self, code: int, *, persistent: bool = False) -> None:
+        """Raise a fault by its number, or by the EMCY code of one; see `ProfidriveDrive.raise_fault`."""
+        self.drive.raise_fault(code, persistent=persistent)
+
+    def clear_fault_cause(self, code: int | None = None) -> None:
+        """End the cause of a persistent fault, or of all; the fault itself waits for its acknowledgement."""
+        self.drive.clear_fault_cause(code)
+
+    def set_sto(self, active: bool) -> None:
+        """Activate or release safe torque off."""
+        self.drive.safety.set_sto(active)
+
+    def set_ss1(self, active: bool) -> None:
+        """Demand safe stop 1, or release it: quick stop, then safe torque off."""
+        self.drive.safety.set_ss1(active)
+
+    def refuse_transitions(self, *transitions: int) -> None:
+        """Refuse S3 to S4 (given as 4); without numbers nothing is refused.
+
+        Raises:
+            UnsupportedFaultError: Another transition is named.
+
+        """
+        if set(transitions) - {4}:
+            raise UnsupportedFaultError(
+                f"{self.name}: a PROFIdrive axis refuses transition 4 (S3 to S4) only"
+            )
+        self.drive.refuses_operation = bool(transitions)
+
+    def freeze_statusword(self, frozen: bool) -> None:
+        """Let ZSW1 show what it shows now, whatever happens."""
+        self.drive.words.freeze(frozen)
+
+    def lie_in_statusword(self, set_bits: int, clear_bits: int) -> None:
+        """Show bits of ZSW1 as 1, or as 0, whatever they should be; 0 and 0 = the truth again."""
+        self.drive.words.lie(set_bits=set_bits, clear_bits=clear_bits)
+
+    def show_warning(self, active: bool) -> None:
+        """Show a warning without cause."""
+        self.drive.faults.warn(DriveWarning.INJECTED, active)
+
+    # -- power stage -----------------------------------------------------------------------------------------------------------
+
+    def set_dc_link_voltage(self, voltage_V: float) -> None:
+        """Hold the DC link voltage, V; below and above its thresholds the drive reacts."""
+        self.drive.power.dc_link.force(voltage_V)
+        self.drive.monitors.look_at_link()
+
+    def restore_dc_link(self) -> None:
+        """Let the DC link be what the mains make of it."""
+        self.drive.power.dc_link.force(None)
+        self.drive.monitors.look_at_link()
+
+    def cut_mains(self, missing: bool) -> None:
+        """Take the mains away, or give them back; the DC link lives on its charge and on braking energy."""
+        self.drive.power.dc_link.mains_on = not missing
+        self.drive.monitors.look_at_link()
+
+    def cut_phase(self, missing: bool) -> None:
+        """Take one phase of the mains away, or give it back."""
+        self.drive.power.dc_link.phase_missing = missing
+        self.drive.monitors.look_at_link()
+
+    def break_chopper(self, broken: bool) -> None:
+        """Let the brake chopper conduct no more, or work again."""
+        self.drive.power.dc_link.chopper_failed = broken
+
+    def limit_torque(self, share: float | None) -> None:
+        """Limit the torque to a share of the rated one; None = not."""
+        torque = float("inf") if share is None else share * self.config.rated_torque_Nm
+        self.drive.cap_torque(injected_Nm=torque)
+
+    def scale_ramps(self, share: float) -> None:
+        """Make all ramps of the drive with this share of their slope; 1 = as set."""
+        self.drive.channel.ramp_scale = share
+        self.drive.channel.refresh()
+
+    def force_temperature(self, part: str, celsius: float | None) -> None:
+        """Let the sensor of `motor` or `power_stage` show a temperature, degC; None = the true one.
+
+        Raises:
+            ConfigurationError: There is no such part.
+
+        """
+        nodes = {"motor": self.drive.power.motor, "power_stage": self.drive.power.stage}
+        if part not in nodes:
+            raise ConfigurationError("part", part, ", ".join(nodes))
+        nodes[part].forced_C = celsius
+
+    def break_encoder(self, broken: bool) -> None:
+        """Cut the wire of the encoder: the value stands, G1_ZSW and a fault say so; or mend it."""
+        drive = self.drive
+        absolute = isinstance(drive.encoder, AbsoluteEncoder)
+        number = numbers.ENCODER_SERIAL if absolute else numbers.ENCODER_SIGNAL
+        drive.encoder.freeze(broken)
+        if broken:
+            drive.encoder_words.fail(_NOT_VALID)
+            drive.raise_fault(number, persistent=True)
+        else:
+            drive.encoder_words.heal(_NOT_VALID)
+            drive.clear_fault_cause(number)
+
+
+def _same(left: int, right: int) -> bool:
+    return left == right
+
+
+def _check_abort_connection(value: Any) -> None:
+    if value not in (0, *_REACTIONS):
+        raise SdoAbort(AbortCode.VALUE)
