@@ -40,6 +40,16 @@ def with_axes(config: Any, count: int, *, cycle_ms: int | None = None) -> Any:
     return config.model_copy(update={"bench": bench, "drive": drives, "axis": axes})
 
 
+def with_dsc(config: Any) -> Any:
+    """Return a bench configuration with a bus cycle of 1 ms whose axes leave the position to their drives."""
+    axes = {
+        name: axis.model_copy(update={"variables": {**axis.variables, "PositionControl.EnableDSC": True}})
+        for name, axis in config.axis.items()
+    }
+    bench = config.bench.model_copy(update={"cycle_ms": 1})
+    return config.model_copy(update={"bench": bench, "axis": axes})
+
+
 class MovingBench:
     """A bench whose axes travel to and fro, everything recorded; `advance` is what is timed."""
 

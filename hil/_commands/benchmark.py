@@ -13,6 +13,7 @@ from hil._commands._measurements import (
     sdo_uploads,
     speed,
     with_axes,
+    with_dsc,
 )
 from hil._commands._modbus_measurement import modbus_requests
 from hil._commands.terminal import CaseProgress, print_json, quiet_stdout
@@ -59,6 +60,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
             ("sim_factor_1axis_cia402_1ms", fast),
             ("sim_factor_1axis_cia402_4ms", reference.config),
             ("sim_factor_4axes_cia402_4ms", with_axes(reference.config, 4)),
+            ("sim_factor_1axis_profidrive_dsc_1ms", with_dsc(load_bench("profidrive").config)),
             ("sim_factor_4axes_cia402_2ms", with_axes(reference.config, 4, cycle_ms=2)),
         ]
         for number, (name, config) in enumerate(benches):
@@ -67,7 +69,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
             factor, load = speed(config, seconds)
             figures.append(Figure(name, factor, "simulated s / wall s"))
         figures.append(Figure("bus_load_4axes_cia402_2ms", load, "%"))
-        progress.step(4, "fault cases")
+        progress.step(5, "fault cases")
         figures.append(Figure("fault_cases_per_minute", _cases_per_minute(reference), "cases/min"))
         for number, (name, compare) in enumerate(
             (
@@ -77,7 +79,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
                 ("position plans", position_plans),
                 ("Modbus requests", modbus_requests),
             ),
-            5,
+            6,
         ):
             progress.step(number, name)
             figures.extend(compare())

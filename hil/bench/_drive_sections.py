@@ -144,8 +144,6 @@ class ProfidriveSection(Section):
     """p1120 of the emulated drive; acts in operating mode 1."""
     interpolation: bool = True
     """Whether the emulated drive reaches a setpoint of operating mode 3 linearly within the bus cycle, or at once."""
-    dsc: bool = False
-    """The position is controlled in the drive (dynamic servo control)."""
     sign_of_life_tolerance: Annotated[int, Field(ge=0, le=65_535)] = 1
     """PNU 925 of the emulated drive; 65535 = not monitored."""
     setpoint_monitoring_ms: Annotated[float, Field(ge=0.0, le=2_000_000.0)] = 100.0

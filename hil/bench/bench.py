@@ -243,7 +243,6 @@ class Bench:
                 reference_speed_rpm=own.reference_speed_rpm,
                 reference_torque_nm=own.reference_torque_nm,
                 sign_of_life=drive.telegram != 1,
-                dsc=own.dsc,
                 **common,
             )
             return ProfidrivePort(master, port_config, name=name, history=self.history)

@@ -330,10 +330,6 @@ class DriveSection(_Model):
                 f"increments_per_revolution: {self.increments_per_revolution} times 4096 revolutions exceed the 32 bits of "
                 f"G1_XIST2; at most {1 << 20}"
             )
-        if self.profidrive.dsc and self.telegram not in (5, 6, 105, 106):
-            raise ValueError(
-                f"profidrive.dsc: telegram {self.telegram} has no XERR and KPC; allowed: 5, 6, 105, 106"
-            )
         if self.telegram in (4, 6, 103, 106) and self.node_id > 0x5F:
             raise ValueError(f"node_id: {self.node_id} with telegram {self.telegram}; at most 95")
         return self
@@ -448,6 +444,12 @@ class BenchConfig(_Model):
                 )
             used[axis.drive] = name
             drive = self.drive[axis.drive]
+            with_dsc = drive.profile == "profidrive" and drive.telegram in (5, 6, 105, 106)
+            if axis.variables.get("PositionControl.EnableDSC") and not with_dsc:
+                raise ValueError(
+                    f"axis.{name}.variables: PositionControl.EnableDSC needs a drive with XERR and KPC: "
+                    'profile = "profidrive" with telegram 5, 6, 105 or 106'
+                )
             if axis.type == "positioning" and drive.profile == "profidrive" and drive.telegram in (1, 2):
                 raise ValueError(
                     f"axis.{name}.drive: telegram {drive.telegram} of {axis.drive!r} has no encoder value for a positioning "

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
+from fieldbus.errors import ConfigurationError
 from motion.axis.control import PositionController
 from motion.axis.enabling import EnableControl
 from motion.axis.feedback import VALID, Feedback, Mechanics
@@ -122,8 +123,14 @@ class TechnologyAxis:
         self._max_speed = store.bind("Actor.DriveParameter.MaxSpeed")
         self.feedback = Feedback(self.mechanics, self.cycle_s)
         self.homed = False
+        self._dsc = False
         if self.has_position:
             bind = store.bind
+            self._dsc = store.read("PositionControl.EnableDSC")
+            if self._dsc and not self.port.dsc:
+                raise ConfigurationError(
+                    "PositionControl.EnableDSC", True, "FALSE: the drive takes no XERR and KPC (CFG-221)"
+                )
             self.controller = PositionController(
                 kv=bind("PositionControl.Kv"),
                 kpc=bind("PositionControl.Kpc"),
@@ -209,6 +216,13 @@ class TechnologyAxis:
                 controller = self.controller
                 if motion.position_controlled:
                     output = controller.step(gen.s, gen.v, feedback.position)
+                    if self._dsc:
+                        # The drive closes the loop around what it has measured since (CFG-194).
+                        output = controller.precontrol
+                        port.control_position(
+                            (controller.balanced_position - feedback.position) / self.mechanics.increment,
+                            controller.gain,
+                        )
                     self.monitoring.step(controlled=True)
                 else:
                     controller.follow(gen.s)

@@ -30,7 +30,7 @@ class PositionController:
     __slots__ = (
         "_additional_delay", "_balanced", "_balanced_history", "_cycle", "_decay", "_delay_cycles", "_delay_rest",
         "_kpc", "_kv", "_last_constant", "_setpoint_history", "_time_constant", "balanced_position",
-        "control_difference", "following_error",
+        "control_difference", "following_error", "gain", "precontrol",
     )  # fmt: skip
 
     def __init__(
@@ -60,6 +60,10 @@ class PositionController:
         self.balanced_position = 0.0
         self.control_difference = 0.0
         self.following_error = 0.0
+        self.gain = 0.0
+        """Kv at the last step, 1/s."""
+        self.precontrol = 0.0
+        """Precontrol velocity of the last step, axis unit per second."""
 
     def reset(self, position: float, velocity: float = 0.0) -> None:
         """Start from a setpoint that has been moving with `velocity` up to `position`, without a step."""
@@ -128,4 +132,7 @@ class PositionController:
             delayed_setpoint += (setpoints[newest - 1] - delayed_setpoint) * rest
         self.following_error = delayed_setpoint - actual - velocity * self._additional_delay.value
         kv: float = self._kv.value
-        return kv * difference + kpc * 0.01 * velocity
+        precontrol = kpc * 0.01 * velocity
+        self.gain = kv
+        self.precontrol = precontrol
+        return kv * difference + precontrol

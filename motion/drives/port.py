@@ -56,6 +56,7 @@ class DrivePort(ABC):
         "actual_speed_rpm",
         "actual_torque_nm",
         "drive_fault_code",
+        "dsc",
         "encoder_increments",
         "encoder_restarts",
         "inputs",
@@ -80,12 +81,24 @@ class DrivePort(ABC):
         self.actual_torque_nm = 0.0
         self.inputs = 0
         """Digital inputs at the drive: bit 0 negative limit, 1 positive limit, 2 home switch; 1 = active."""
+        self.dsc = False
+        """The drive can control the position itself, with what `control_position` gives (dynamic servo control, CFG-194)."""
         self.drive_fault_code = 0
         """Fault code of the drive, 0 when none."""
 
     @abstractmethod
     def read(self) -> None:
         """Take over the inputs that have arrived since the last cycle."""
+
+    def control_position(self, deviation_increments: float, gain_per_s: float) -> None:
+        """Give position deviation and gain of the next `write`, where `dsc`; without it the drive controls the speed alone.
+
+        Args:
+            deviation_increments: Setpoint minus actual position, raw increments of the encoder.
+            gain_per_s: 1/s.
+
+        """
+        raise NotImplementedError
 
     @abstractmethod
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:

@@ -62,7 +62,6 @@ class ProfidrivePortConfig:
         absolute_encoder: The encoder keeps its position over power-off.
         sign_of_life: Whether the drive works isochronously: both sides watch the counter (CFG-192).
         sign_tolerance: Wrong values of the drive's counter in a row that are tolerated (PD-132).
-        dsc: The position is controlled in the drive (CFG-194).
         heartbeat_ms: Heartbeat of drive and controller; 0 switches it off.
         consumer_heartbeat_ms: Time after which either side reports the other's heartbeat as lost.
         abort_connection: 6007h, the drive's reaction to lost communication.
@@ -87,7 +86,6 @@ class ProfidrivePortConfig:
     absolute_encoder: bool = False
     sign_of_life: bool = True
     sign_tolerance: int = 3
-    dsc: bool = False
     heartbeat_ms: int = 100
     consumer_heartbeat_ms: int = 250
     abort_connection: int = 3
@@ -111,10 +109,6 @@ class ProfidrivePortConfig:
                 "drive.telegram", self.telegram, ", ".join(map(str, sorted(SPEED_TELEGRAMS)))
             )
         words = self.build_telegram()
-        if self.dsc and not (words.dsc and self.sign_of_life):
-            raise ConfigurationError(
-                "drive.dsc", True, "a telegram with XERR and KPC: 5, 6, 105, 106 (CFG-221)"
-            )
         if self.sign_of_life and not words.isochronous:
             raise ConfigurationError("drive.telegram", self.telegram, "one with a sign of life (CFG-190)")
         if words.actual.words > 12 and self.node_id > 0x5F:
@@ -141,7 +135,7 @@ class ProfidrivePort(DrivePort):
         "_add_at", "_all_seen", "_answer", "_config", "_encoder_ack", "_fault_number", "_from_words", "_g1_at", "_g1_zsw_at",
         "_history", "_in_service", "_kpc", "_kpc_at", "_link_age", "_m_act_at", "_master", "_narrow", "_nist_at", "_nsoll_at",
         "_pack", "_parts", "_row", "_rpdo_ids", "_rpdo_slices", "_seen", "_sign", "_speed_scale", "_stw2_at", "_to_words",
-        "_unpack", "_watch", "_xerr", "_xerr_at", "_xist_at", "_zsw2_at", "dsc", "name", "node", "node_id", "telegram",
+        "_unpack", "_watch", "_xerr", "_xerr_at", "_xist_at", "_zsw2_at",  "name", "node", "node_id", "telegram",
     )  # fmt: skip
 
     def __init__(
@@ -159,8 +153,8 @@ class ProfidrivePort(DrivePort):
         self._config = config
         self._history = history
         self._master = master
-        self.dsc = config.dsc
         self.telegram = config.build_telegram()
+        self.dsc = self.telegram.dsc and config.sign_of_life
         self._compile()
         self._speed_scale = config.reference_speed_rpm / (N2_ONE if self._narrow else N4_ONE)
         self._watch = SignWatch(tolerance=config.sign_tolerance)
@@ -361,13 +355,7 @@ class ProfidrivePort(DrivePort):
                 self.encoder_increments = answer[self._xist_at]
 
     def control_position(self, deviation_increments: float, gain_per_s: float) -> None:
-        """Give the position deviation and the gain of the next `write` (`dsc`); without it the drive controls the speed alone.
-
-        Args:
-            deviation_increments: Setpoint minus actual position, increments of G1_XIST1.
-            gain_per_s: 1/s.
-
-        """
+        """See `DrivePort.control_position`: XERR and KPC."""
         bounded = min(max(deviation_increments, -_XERR_MAX), _XERR_MAX)
         self._xerr = round(bounded)
         self._kpc = to_kpc(gain_per_s)
