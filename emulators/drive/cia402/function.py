@@ -32,6 +32,7 @@ class DriveFunction:
 
     __slots__ = (
         "_closing_timer",
+        "_early_edges",
         "_power_timer",
         "_scheduler",
         "_unseen_cycles",
@@ -75,6 +76,8 @@ class DriveFunction:
         self._closing_timer: Timer | None = None
         self._power_timer: Timer | None = None
         self._unseen_cycles = 0
+        self._early_edges = 0
+        """Bits of the mode that have risen while the brake opens, and are still set."""
         axis.core.on_standstill = self._on_standstill
 
     # -- from outside ----------------------------------------------------------------------------------------------
@@ -96,11 +99,17 @@ class DriveFunction:
         if self.axis.core.enabled and machine.follows_commands and not self.local_control:
             if bool(word & _HALT) is not self.axis.halted:
                 self._halt(bool(word & _HALT))
-            if self.released and changed & _MODE_BITS:
-                # The set-point of the same PDO may stand behind the control word.
-                self._scheduler.at(
-                    self._scheduler.now, partial(self._mode_control, word, changed), priority=_MODE_PRIORITY
-                )
+            if changed & _MODE_BITS:
+                if self.released:
+                    self._control_mode(changed)
+                else:
+                    self._early_edges = (self._early_edges | changed & _MODE_BITS) & word
+
+    def _control_mode(self, changed: int) -> None:
+        """Have the mode look at its bits: the set-point of the same PDO may stand behind the control word."""
+        self._scheduler.at(
+            self._scheduler.now, partial(self._mode_control, self.word, changed), priority=_MODE_PRIORITY
+        )
 
     def _mode_control(self, word: int, changed: int) -> None:
         if self.released and self.axis.core.enabled and self.machine.follows_commands:
@@ -142,7 +151,10 @@ class DriveFunction:
             if not self.released and machine.follows_commands:
                 self._release()
                 self.settle()
-            self.mode.stopped()
+            if self.released:
+                self.mode.stopped()
+            else:
+                self.mode.waiting()
 
     def stop_at_limit_switch(self) -> None:
         """Stop with 6085h and stay in operation (C402-161)."""
@@ -199,6 +211,7 @@ class DriveFunction:
         self.axis.core.inhibit_pulses()
         self.mode.leave()
         self.released = False
+        self._early_edges = 0
         self.limit_stop = False
         self.axis.halted = False
         self.following = False
@@ -235,6 +248,10 @@ class DriveFunction:
         self.mode.enter()
         if self.axis.halted:
             self._stop_for_halt()
+        if self._early_edges:
+            # Who waits for an answer to them would wait for ever.
+            self._control_mode(self._early_edges)
+            self._early_edges = 0
 
     def _halt(self, halted: bool) -> None:
         self.axis.halted = halted

@@ -80,6 +80,10 @@ class ModeOfOperation:
         """Update `status` while a stop by the drive (halt, limit switch) holds the mode up."""
         self.status = 0 if self.axis.core.stopping else BIT_10
 
+    def waiting(self) -> None:
+        """Update `status` while the brake opens and set-points do not pass yet."""
+        self.stopped()
+
     def stop(self, option: StopOption) -> None:
         """Bring the axis to rest as an option code says (C402-074)."""
         self.axis.core.stop(

@@ -72,6 +72,10 @@ class ProfileTorque(ModeOfOperation):
         core = self.axis.core
         self.status = BIT_10 if core.standing and not core.stopping else 0
 
+    def waiting(self) -> None:
+        """See `ModeOfOperation.waiting`: no torque is reached yet."""
+        self.status = 0
+
     def _begin(self, start: float, target: float) -> None:
         """Plan the way from one torque to another; a slope of zero stands for none."""
         axis = self.axis

@@ -50,6 +50,10 @@ class ProfileVelocity(ModeOfOperation):
         self._judge()
         self.status = (self.status & ~BIT_10) | (0 if self.axis.core.stopping else BIT_10)
 
+    def waiting(self) -> None:
+        """See `ModeOfOperation.waiting`: the target is reached only if it is standstill."""
+        self._judge()
+
     def resume(self) -> None:
         """Ramp to the target again (C402-076)."""
         self.enter()
