@@ -1,7 +1,6 @@
 """Overload, temperatures, DC link and warnings of the drive (C402-029, C402-041, C402-160).
 
-In every control cycle only two sums are kept. The models are advanced by their mean every `_CYCLES` control cycles: thermal time
-constants are seconds, that of the rectifier is some milliseconds and solved in closed form.
+The models are those of `emulators.drive.power_stage`; here is what the drive does about them.
 """
 
 from __future__ import annotations
@@ -11,15 +10,13 @@ from enum import IntFlag
 from typing import TYPE_CHECKING, Final
 
 from emulators.drive.cia402 import faults
-from emulators.drive.supply import DcLink
-from emulators.drive.thermal import ThermalModel, ThermalNode
+from emulators.drive.power_stage import PowerStage
 from fieldbus.cia402 import DriveState
-from fieldbus.clock import S, Timer, seconds_to_ns
+from fieldbus.clock import Timer, seconds_to_ns
 
 if TYPE_CHECKING:
     from emulators.drive.cia402.device import DriveDevice
 
-_CYCLES: Final = 8
 _WITH_TORQUE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 
 
@@ -84,15 +81,11 @@ class Protection:
     __slots__ = (
         "_core",
         "_drive",
-        "_left",
         "_link_state",
-        "_mechanics",
         "_motor_cap",
         "_phase_s",
+        "_power_stage",
         "_power_timer",
-        "_since_ns",
-        "_square",
-        "_work",
         "cap_Nm",
         "dc_link",
         "injected_cap_Nm",
@@ -105,40 +98,24 @@ class Protection:
 
     def __init__(self, drive: DriveDevice) -> None:
         config = drive.config
-        thermal = config.thermal
         self._drive = drive
         self._core = drive.core
-        self._mechanics = drive.mechanics
-        self._square = 0.0
-        self._work = 0.0
-        self._left = _CYCLES
-        self._since_ns = 0
+        self._power_stage = models = PowerStage(
+            drive.core,
+            supply=config.supply,
+            thermal=config.thermal,
+            rated_torque_Nm=config.rated_torque_Nm,
+            motor_time_constant_s=config.thermal_time_constant_s,
+        )
         self._phase_s = 0.0
         self._motor_cap = math.inf
         self._link_state = ""
         self._power_timer: Timer | None = None
-        self.dc_link = DcLink(config.supply)
-        self.motor_overload = ThermalModel(
-            rated_torque_Nm=config.rated_torque_Nm, time_constant_s=config.thermal_time_constant_s
-        )
-        self.stage_overload = ThermalModel(
-            rated_torque_Nm=config.rated_torque_Nm * thermal.stage_overload,
-            time_constant_s=thermal.stage_overload_time_s,
-        )
-        self.motor = ThermalNode(
-            rise_K=thermal.motor_rise_K,
-            time_constant_s=thermal.motor_time_constant_s,
-            ambient_C=thermal.ambient_C,
-            warning_C=thermal.motor_warning_C,
-            fault_C=thermal.motor_fault_C,
-        )
-        self.stage = ThermalNode(
-            rise_K=thermal.stage_rise_K,
-            time_constant_s=thermal.stage_time_constant_s,
-            ambient_C=thermal.ambient_C,
-            warning_C=thermal.stage_warning_C,
-            fault_C=thermal.stage_fault_C,
-        )
+        self.dc_link = models.dc_link
+        self.motor_overload = models.motor_overload
+        self.stage_overload = models.stage_overload
+        self.motor = models.motor
+        self.stage = models.stage
         self.injected_cap_Nm = math.inf
         """Torque limit set by a test, Nm."""
         self.cap_Nm = math.inf
@@ -150,56 +127,22 @@ class Protection:
 
     def restart(self) -> None:
         """Start after power-on or reset: i2t forgets, what is hot has cooled meanwhile, the DC link is charged if mains are there."""
-        self._advance_heat(0.0, (self._drive.now_ns - self._since_ns) / S)
-        self._since_ns = self._drive.now_ns
-        self.motor_overload.utilisation = self.stage_overload.utilisation = 0.0
-        self._square = self._work = 0.0
-        self._left = _CYCLES
+        self._power_stage.restart(self._drive.now_ns)
         self._phase_s = 0.0
         self._motor_cap = math.inf
-        self.dc_link.restart()
         self._cancel_power_timer()
         self._limit_torque()
         self.look_at_link()
 
     def update(self) -> None:
-        """Note the torque of a control cycle; every few cycles advance the models."""
-        torque = self._core.torque
-        if torque:
-            self._square += torque * torque
-            self._work += torque * self._mechanics.velocity
-        self._left -= 1
-        if not self._left:
-            self._advance()
+        """Note the torque of a control cycle; every few cycles advance the models and look at them."""
+        power_stage = self._power_stage
+        if power_stage.update(self._drive.now_ns):
+            self.look_at_link()
+            self._look_at_phase(power_stage.dt_s)
+            self._look_at_heat()
 
-    # -- models ----------------------------------------------------------------------------------------------------
-
-    def _advance(self) -> None:
-        drive = self._drive
-        now_ns = drive.now_ns
-        dt_s = (now_ns - self._since_ns) / S
-        self._since_ns = now_ns
-        square = self._square / _CYCLES
-        work = self._work / _CYCLES
-        self._square = self._work = 0.0
-        self._left = _CYCLES
-        self._advance_heat(square, dt_s)
-        link = self.dc_link
-        if square or not link.settled:
-            rated = drive.config.rated_torque_Nm
-            losses = drive.config.thermal.motor_loss_W * square / (rated * rated)
-            link.update(work / self._mechanics.ratio + losses, dt_s)
-        self.look_at_link()
-        self._look_at_phase(dt_s)
-        self._look_at_heat()
-
-    def _advance_heat(self, square: float, dt_s: float) -> None:
-        rated = self._drive.config.rated_torque_Nm
-        load = square / (rated * rated)
-        self.motor_overload.advance(square, dt_s)
-        self.stage_overload.advance(square, dt_s)
-        self.motor.advance(load, dt_s)
-        self.stage.advance(load, dt_s)
+    # -- heat ------------------------------------------------------------------------------------------------------
 
     def _look_at_heat(self) -> None:
         drive = self._drive
