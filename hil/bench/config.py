@@ -303,17 +303,21 @@ class DriveSection(_Model):
             return value
         return checked_personality(value, (info.context or {}).get("folder"))
 
+    def _differs(self, key: str) -> bool:
+        """Say whether a key has another value than its default: a file that names all keys is no mistake."""
+        return bool(getattr(self, key) != type(self).model_fields[key].default)
+
     @model_validator(mode="after")
     def _profile(self) -> DriveSection:
         if self.profile == "cia402":
             for key in ("telegram", "profidrive"):
-                if key in self.model_fields_set:
+                if self._differs(key):
                     raise ValueError(
                         f'{key}: a drive with profile = "cia402" has none; set profile = "profidrive"'
                     )
             return self
         for key in CIA402_KEYS:
-            if key in self.model_fields_set:
+            if self._differs(key):
                 raise ValueError(f'{key}: a drive with profile = "profidrive" has none')
         if self.safety.interlock != "none":
             raise ValueError(

@@ -233,3 +233,10 @@ def test_mistakes_in_the_bench_file_are_named(old, new, message):
     assert old in text
     with pytest.raises(BenchFileError, match=message):
         parse(text.replace(old, new), "own.toml")
+
+
+@pytest.mark.parametrize("name", ["profidrive", "reference"])
+def test_a_bench_file_that_names_every_key_is_no_mistake(name):
+    """Keys of the other profile with their defaults change nothing: a whole configuration can be read back."""
+    config = load_bench(name).config
+    assert type(config).model_validate(config.model_dump(mode="json")) == config
