@@ -1,7 +1,7 @@
 """Modbus: requests and responses, register maps, server, clients, and both links in simulated time.
 
 Knows no device and no axis. Servers and clients do no I/O: bytes and time go in, bytes and results come out.
-Importing this package loads pymodbus (0.1 s).
+Importing this package loads pymodbus and pydantic, which takes some tenths of a second.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from fieldbus.modbus.codes import (
     function_text,
 )
 from fieldbus.modbus.decode import RtuDecoder, TcpDecoder
+from fieldbus.modbus.drive_map import DriveMap, ProcessDataDevice
 from fieldbus.modbus.errors import ModbusError, ResponseError
 from fieldbus.modbus.framing import (
     RtuFace,
@@ -28,6 +29,7 @@ from fieldbus.modbus.framing import (
     unwrap_rtu,
 )
 from fieldbus.modbus.hooks import Change, LinkHook
+from fieldbus.modbus.map_file import MapFile, load_map
 from fieldbus.modbus.pdu import (
     Request,
     Response,
@@ -59,15 +61,18 @@ __all__ = [
     "Block",
     "Change",
     "Diagnostic",
+    "DriveMap",
     "ExceptionCode",
     "FrameAssembler",
     "Function",
     "Job",
     "LinkHook",
+    "MapFile",
     "ModbusError",
     "ModbusServer",
     "Outcome",
     "Parity",
+    "ProcessDataDevice",
     "PtyServer",
     "RegisterMap",
     "RegisterRefusal",
@@ -101,6 +106,7 @@ __all__ = [
     "exception_text",
     "function_text",
     "is_well_formed",
+    "load_map",
     "rtu_frame",
     "tcp_frame",
     "unwrap_rtu",

@@ -1,0 +1,94 @@
+"""Register maps as TOML files: which registers a drive shows, and what is behind each of them."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from fieldbus.errors import ConfigurationError
+
+HOOKS: Final = ("setpoints", "actual_values", "ds47", "mailbox", "timeout", "error_code")
+SHIPPED: Final = ("sinamics_g120", "festo")
+
+Order = Literal["high_first", "low_first"]
+
+
+class BlockFile(BaseModel):
+    """A run of registers. Neither hook nor parameter: plain storage."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    register_: int = Field(alias="register", ge=0)
+    """Number as the manual gives it; `first` is address 0 on the wire."""
+    count: int = Field(default=1, ge=1, le=65536)
+    hook: Literal["setpoints", "actual_values", "ds47", "mailbox", "timeout", "error_code"] | None = None
+    parameter: int | None = Field(default=None, ge=1, le=65535)
+    """PNU; register n of the block is the sub-index `sub_index` + n."""
+    sub_index: int = Field(default=0, ge=0, le=65535)
+    scale: float = Field(default=1.0, gt=0)
+    """Register = value x scale, saturated (PD-294)."""
+    signed: bool = False
+    writable: bool = True
+    minimum: int | None = None
+    maximum: int | None = None
+
+    @model_validator(mode="after")
+    def _one_meaning(self) -> BlockFile:
+        if self.hook is not None and self.parameter is not None:
+            raise ValueError("a block has a hook or a parameter, not both")
+        return self
+
+
+class MapFile(BaseModel):
+    """A register map."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str
+    first: int = Field(default=0, ge=0)
+    """Register number that is address 0 on the wire (MODB-034)."""
+    functions: tuple[int, ...] = (3, 6, 16, 23, 43)
+    limits: dict[int, int] = Field(default_factory=dict)
+    partial_writes: bool = False
+    word_order: Order = "high_first"
+    byte_order: Order = "high_first"
+    """Of process data and mailbox."""
+    watched: int | None = Field(default=None, ge=1)
+    """How many registers of either process data block keep the time-out from running out; None: all (PD-292)."""
+    timeout_ms: int = Field(default=0, ge=0, le=2_000_000)
+    """Time-out of the process data; 0 = off (p2040)."""
+    block: tuple[BlockFile, ...]
+
+
+def load_map(source: str | Path) -> MapFile:
+    """Return a register map by the name of a shipped one or from a file.
+
+    Raises:
+        ConfigurationError: There is none, or it cannot be used; the message names file, key and what is allowed.
+
+    """
+    where = str(source)
+    try:
+        if where in SHIPPED:
+            text = files("fieldbus.modbus").joinpath("maps", f"{where}.toml").read_text(encoding="utf-8")
+        else:
+            text = Path(source).read_text(encoding="utf-8")
+    except OSError:
+        raise ConfigurationError("register map", where, f"a file, or one of {', '.join(SHIPPED)}") from None
+    try:
+        loaded: dict[str, Any] = tomllib.loads(text)
+        found = MapFile.model_validate(loaded)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(where, str(error), "TOML") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise ConfigurationError(f"{where}: {place}", first.get("input"), first["msg"]) from None
+    for block in found.block:
+        if block.register_ < found.first:
+            raise ConfigurationError(f"{where}: block.register", block.register_, f"{found.first} or more")
+    return found
