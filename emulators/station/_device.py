@@ -6,7 +6,7 @@ import os
 from typing import Any
 
 from fieldbus.can.frame import CanSegment
-from fieldbus.canopen.eds import load_dictionary
+from fieldbus.canopen.eds import shared_dictionary
 from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.clock import Scheduler
 from fieldbus.errors import ConfigurationError
@@ -50,7 +50,7 @@ class CanopenDevice:
         self.slave = CanopenSlave(
             scheduler,
             segment,
-            load_dictionary(eds),
+            shared_dictionary(eds),
             node_id,
             name=name,
             history=history,

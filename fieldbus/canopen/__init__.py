@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fieldbus.canopen.abort import ABORT_TEXTS, AbortCode, SdoAbort
 from fieldbus.canopen.boot import BootFailure, BootState
 from fieldbus.canopen.decode import FrameDecoder
-from fieldbus.canopen.eds import load_dictionary
+from fieldbus.canopen.eds import load_dictionary, shared_dictionary
 from fieldbus.canopen.master import CanopenMaster
 from fieldbus.canopen.nmt import NmtCommand, NmtState
 from fieldbus.canopen.node import RemoteNode
@@ -46,6 +46,7 @@ __all__ = [
     "SdoClient",
     "SdoJob",
     "load_dictionary",
+    "shared_dictionary",
     "virtual_time",
 ]
 

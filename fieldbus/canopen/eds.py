@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from copy import copy
+from functools import lru_cache
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -81,6 +82,28 @@ def load_dictionary(path: str | PathLike[str], node_id: int | None = None) -> ca
     if not any(index >= _FIRST_OBJECT for index in dictionary.indices):
         raise ConfigurationError("object dictionary", where, "an EDS that describes objects from 1000h on")
     return dictionary
+
+
+def shared_dictionary(path: str | PathLike[str], node_id: int | None = None) -> canopen.ObjectDictionary:
+    """Return what `load_dictionary` does, read once per process as long as the file stays the same.
+
+    All who ask for the file get the same object: nobody may change it.
+
+    Raises:
+        ConfigurationError: See `load_dictionary`.
+
+    """
+    where = fspath(path)
+    try:
+        state = Path(where).stat()
+    except OSError:
+        return load_dictionary(where, node_id)  # says what is wrong
+    return _dictionary_of(where, node_id, (state.st_mtime_ns, state.st_size, state.st_ino))
+
+
+@lru_cache(maxsize=64)
+def _dictionary_of(path: str, node_id: int | None, _state: tuple[int, ...]) -> canopen.ObjectDictionary:
+    return load_dictionary(path, node_id)
 
 
 class _Reader:

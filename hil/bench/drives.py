@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -32,13 +31,12 @@ _PEAK_TORQUE: Final = 3.0
 """Torque limit of an emulated PROFIdrive axis as a multiple of the rated torque."""
 
 
-@cache
 def object_dictionary(eds: str | None = None) -> canopen.ObjectDictionary:
-    """Return the object dictionary of an EDS, by default of the servo drive's; parsed once per process, read-only."""
-    from fieldbus.canopen.eds import load_dictionary
+    """Return the object dictionary of an EDS, by default of the servo drive's; shared, read-only."""
+    from fieldbus.canopen.eds import shared_dictionary
 
     path = files("emulators.drive.cia402") / "servo.eds"
-    return load_dictionary(str(path) if eds is None else eds, node_id=1)
+    return shared_dictionary(str(path) if eds is None else eds, node_id=1)
 
 
 def dictionary_of(section: DriveSection | DeviceSection) -> canopen.ObjectDictionary:

@@ -5,13 +5,12 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from emulators.drive.cia402.objects import all_objects
 from fieldbus.canopen import eds_text as writer
-from fieldbus.canopen.eds import load_dictionary
+from fieldbus.canopen.eds import shared_dictionary
 
 if TYPE_CHECKING:
     import canopen
@@ -33,17 +32,16 @@ def eds_text() -> str:
     return writer.eds_text(all_objects(), _INFO)
 
 
-@lru_cache(maxsize=16)
 def drive_dictionary(path: Path | None = None) -> canopen.ObjectDictionary:
     """Return the object dictionary of an EDS file, by default that of this drive.
 
-    The result is shared between drives: nobody may change it.
+    The result is shared between drives, and read anew when the file has changed: nobody may change it.
 
     Raises:
         ConfigurationError: The file is no EDS.
 
     """
-    return load_dictionary(EDS_PATH if path is None else path)
+    return shared_dictionary(EDS_PATH if path is None else path)
 
 
 def main(arguments: list[str]) -> int:

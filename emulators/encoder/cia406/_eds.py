@@ -6,13 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from emulators.encoder.cia406._objects import FAMILIES, Family, all_objects, product
 from fieldbus.canopen import eds_text as writer
-from fieldbus.canopen.eds import load_dictionary
+from fieldbus.canopen.eds import shared_dictionary
 
 if TYPE_CHECKING:
     import canopen
@@ -38,17 +37,16 @@ def eds_text(family: Family) -> str:
     )
 
 
-@lru_cache(maxsize=16)
 def encoder_dictionary(source: Family | Path) -> canopen.ObjectDictionary:
     """Return the object dictionary of an EDS file, or of one of those that ship with the product.
 
-    The result is shared between encoders: nobody may change it.
+    The result is shared between encoders, and read anew when the file has changed: nobody may change it.
 
     Raises:
         ConfigurationError: The file is no EDS.
 
     """
-    return load_dictionary(source if isinstance(source, Path) else eds_path(source))
+    return shared_dictionary(source if isinstance(source, Path) else eds_path(source))
 
 
 def main(arguments: Sequence[str]) -> int:

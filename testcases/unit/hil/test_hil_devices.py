@@ -13,6 +13,7 @@ import canopen
 import pytest
 
 from fieldbus.canopen import NmtCommand, PumpedNetwork, load_dictionary
+from fieldbus.canopen import eds as eds_reader
 from fieldbus.canopen.dictionary import entries_of
 from fieldbus.errors import ConfigurationError
 from hil.bench import BenchFile, BenchFileError, load_bench
@@ -252,6 +253,29 @@ def test_digest_of_a_bench_covers_its_eds_files(bench_file, tmp_path):
     assert bench_file(NODE).digest == before
     (tmp_path / "station.eds").write_text(STATION.replace("0x3F", "0x3E"))
     assert load_bench(tmp_path / "bench.toml").digest != before
+
+
+@pytest.mark.parametrize("name", ["io", "d"])
+def test_an_eds_is_read_once_until_it_changes(bench_file, tmp_path, monkeypatch, name):
+    """Benches of one process share what they read of an EDS, and take the file anew when somebody has changed it."""
+    eds = tmp_path / "own.eds"
+    eds.write_text(STATION if name == "io" else SERVO.read_text())
+    file = bench_file(NODE.replace("station", "own") if name == "io" else DRIVE + 'eds = "own.eds"\n')
+
+    def slave(bench):
+        return (bench.device(name) if name == "io" else bench.drive(name)).slave
+
+    file.build().close()
+    read = []
+    original = eds_reader.EdsFile
+    monkeypatch.setattr(eds_reader, "EdsFile", lambda path: read.append(str(path)) or original(path))
+    with file.build() as bench:
+        assert slave(bench).store.entry(0x1001, 0).name == "Error register"
+    assert str(eds) not in read
+    eds.write_text(eds.read_text().replace("ParameterName=Error register", "ParameterName=Changed"))
+    with file.build() as bench:
+        assert slave(bench).store.entry(0x1001, 0).name == "Changed"
+    assert read.count(str(eds)) == 1
 
 
 # -- the drive that the user has ------------------------------------------------------------------------------
