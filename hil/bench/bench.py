@@ -490,6 +490,13 @@ class Bench:
         nodes: dict[str, Any] = {**config.drive, **config.encoder, **config.device}
         return tuple(name for name, section in nodes.items() if section.segment == segment)
 
+    @property
+    def component_names(self) -> tuple[str, ...]:
+        """Names of everything that tells its state in the history."""
+        config = self.config
+        own = (config.axis, config.drive, config.encoder, config.device, config.segment)
+        return (*(name for table in own for name in table), "controller", "adapter")
+
     def decode(self, frame: CanFrame, *, segment: str | None = None) -> str:
         """Return the meaning of a frame in words, by the mapping that the bench, or without axes somebody, has written.
 

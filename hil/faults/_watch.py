@@ -88,6 +88,11 @@ def _watch_signal(bench: Bench, trigger: SignalCrossing, fire: Callable[[], None
 
 
 def _watch_state(bench: Bench, trigger: InState, fire: Callable[[], None]) -> Stop:
+    names: tuple[str, ...] = getattr(bench, "component_names", ())
+    heard = (entry.source for entry in bench.history.events)  # somebody may have put more on the segment
+    if names and trigger.component not in names and trigger.component not in heard:
+        raise ConfigurationError("trigger.component", trigger.component, ", ".join(names))
+
     def look(entry: Event) -> None:
         if (
             entry.source == trigger.component

@@ -14,7 +14,7 @@ from fieldbus.canopen import BootState, NmtState
 from fieldbus.clock import MS, S
 from hil.bench import BenchFile
 from hil.errors import BlockedError, ConfigurationError
-from hil.faults import Injector, frame
+from hil.faults import Injector, frame, state
 from motion.drives.cia402 import CommissioningError
 
 TWO_AXES = """
@@ -188,6 +188,18 @@ def test_messages_are_those_of_a_node_on_the_segment(place):
             ConfigurationError, match=r"'drive1' is not allowed; allowed: drive2 \(nodes on can1\)"
         ):
             drop("drive1")
+
+
+def test_state_of_a_component_that_there_is_not():
+    """A trigger on the state of an unknown component would never come: refused, with the names that there are."""
+    with (
+        two_axes() as bench,
+        pytest.raises(
+            ConfigurationError,
+            match=r"trigger\.component: 'drive3' is not allowed; allowed: axis1, axis2, drive1, drive2",
+        ),
+    ):
+        Injector(bench).inject("drive.sto", "drive1", trigger=state("drive3", "Operation enabled"))
 
 
 def test_frames_of_equal_node_ids_are_told_apart_by_their_segment():
