@@ -214,7 +214,7 @@ class HilBus(can.BusABC):
         if not scheduler.realtime and thread != self._thread:
             raise can.CanOperationError(
                 f"{self.segment.name} lives in virtual time, which has one thread: call recv in the thread that made the "
-                "bus, and use callbacks of the segment in place of a Notifier"
+                "bus, use callbacks of the segment in place of a Notifier, and for canopen fieldbus.canopen.PumpedNetwork"
             )
         if scheduler.running and (not scheduler.realtime or thread == self._scheduler_thread):
             raise can.CanOperationError("recv inside of a callback must not wait: use timeout=0")

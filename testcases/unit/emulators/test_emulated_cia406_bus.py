@@ -255,12 +255,12 @@ def test_the_encoder_is_a_node_like_the_drive():
         scheduler = VirtualScheduler()
         medium = CanMedium(scheduler)
         device = make(scheduler, medium)
-        master = CanopenMaster(scheduler, medium)
+        CanopenMaster(scheduler, medium)
         device.power_on()
         device.slave.store.write(0x1017, 0, (20).to_bytes(2, "little"))
         for command in (0x01, 0x02, 0x80, 0x01, 0x82, 0x81, 0x55):
             scheduler.run_for(50 * MS)
-            master.nmt(command, NODE)
+            medium.inject(CanFrame(0, bytes((command, NODE))), sender="controller")
             if command in (0x82, 0x81):
                 scheduler.run_for(5 * MS)
                 device.slave.store.write(0x1017, 0, (20).to_bytes(2, "little"))
