@@ -6,6 +6,7 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any, Final
 
+from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.emcy import EmcyProducer
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.history import History
@@ -16,6 +17,18 @@ EMCY_LIFE: Final = 0x8130
 EMCY_BUS_OFF_RECOVERED: Final = 0x8140
 
 _BEHAVIOUR: Final = 0x102901
+_BEHAVIOURS: Final = (0, 1, 2)
+
+
+def check_behaviour(value: Any) -> None:
+    """Refuse a value that 1029h does not have (C301-113).
+
+    Raises:
+        SdoAbort: 06090030h.
+
+    """
+    if value not in _BEHAVIOURS:
+        raise SdoAbort(AbortCode.VALUE)
 
 
 class CommunicationErrors:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.can.frame import CanFrame, CanSegment
 from fieldbus.canopen.bus_watch import BusWatch
-from fieldbus.canopen.communication_errors import CommunicationErrors
+from fieldbus.canopen.communication_errors import CommunicationErrors, check_behaviour
 from fieldbus.canopen.dispatch import Dispatcher, Route
 from fieldbus.canopen.emcy import EmcyProducer
 from fieldbus.canopen.error_control import ErrorControl
@@ -213,6 +213,8 @@ class CanopenSlave(DeviceAccess):
         for key in store.entries:
             if key >> 8 == 0x1016 and key & 0xFF:
                 store.applied[key] = self._consumers_changed
+            elif key >> 8 == 0x1029 and key & 0xFF:
+                store.guards[key] = check_behaviour
             elif 0x1200 <= key >> 8 <= 0x127F:
                 store.applied[key] = self._rebuild
                 if key & 0xFF in (1, 2):

@@ -204,6 +204,15 @@ def test_error_behaviour(bench, behaviour, state):
     assert bench.take(EMCY) == [LOST]
 
 
+@pytest.mark.requirement("C301-113", "C301-097")
+@pytest.mark.parametrize("value", [3, 0x7F, 0x80, 0xFF])
+def test_unknown_error_behaviour_is_refused(bench, value):
+    """1029h takes 0, 1 and 2; anything else is an invalid value and changes nothing."""
+    assert bench.write(0x1029, 1, 2, 1) == 0
+    assert bench.write(0x1029, 1, value, 1) == AbortCode.VALUE
+    assert bench.slave.get(0x1029, 1) == 2
+
+
 @pytest.mark.requirement("C301-113")
 def test_error_behaviour_to_pre_operational_only_from_operational(bench):
     """With 1029h:1 = 0 a stopped node stays stopped."""
