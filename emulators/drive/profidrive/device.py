@@ -20,6 +20,7 @@ from emulators.drive.power_stage import PowerStage
 from emulators.drive.profidrive import fault_catalogue as numbers
 from emulators.drive.profidrive._faults import FaultState
 from emulators.drive.profidrive._monitors import Monitors
+from emulators.drive.profidrive._probes import ProbeLatch
 from emulators.drive.profidrive._safety import SafetyInputs
 from emulators.drive.profidrive._words import StatusWords
 from emulators.drive.profidrive.config import DriveSettings, ProfidriveConfig
@@ -36,7 +37,6 @@ from fieldbus.profidrive.words import SIGN_OF_LIFE_MASK, SIGN_OF_LIFE_SHIFT, STW
 if TYPE_CHECKING:
     import numpy as np
 
-    from emulators.mechanics import SwitchModel
 
 _CONTROL_PRIORITY: Final = 1
 """The control cycle follows the servo step of the same instant."""
@@ -142,7 +142,8 @@ class ProfidriveDrive:
         """G1_ZSW, G1_XIST1, G1_XIST2."""
         self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=config.input_filter_s)
         self.digital_inputs.on_change = self._on_inputs
-        self.digital_inputs.on_probe = self._on_probe
+        probes = ProbeLatch(scheduler, self.core, self.encoder_words, period_ns=config.servo_period_ns)
+        self.digital_inputs.on_probe = probes.on_edge
         self.monitors = Monitors(self)
         self.stw1 = 0
         """STW1 in force: that of the last frame with control by PLC, and bit 10 of the last frame (PD-076)."""
@@ -482,13 +483,6 @@ class ProfidriveDrive:
     def _on_inputs(self, _before: int) -> None:
         self.emit("drive.inputs", inputs=self.digital_inputs.value)
         self.on_inputs()
-
-    def _on_probe(self, probe: int, switch: SwitchModel) -> None:
-        """Give an edge of a probe to the encoder interface, at the place at which it comes."""
-        place = switch.edge
-        mechanics = self.mechanics
-        angle = mechanics.motor_angle if place is None else place / mechanics.ratio
-        self.encoder_words.probe_edge(probe, switch.state, self.encoder.increments_at(angle))
 
 
 def _nothing() -> None:
