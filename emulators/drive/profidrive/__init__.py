@@ -7,6 +7,7 @@ from emulators.drive.profidrive.can import ProfidriveCanDrive, ProfidriveNodeCon
 from emulators.drive.profidrive.config import AXIS_TELEGRAMS, DriveSettings, ProfidriveConfig
 from emulators.drive.profidrive.definitions import ParameterDefinition, WriteRule, load_definitions
 from emulators.drive.profidrive.device import ProfidriveDrive
+from emulators.drive.profidrive.drive_parameters import DriveParameters
 from emulators.drive.profidrive.fault_catalogue import CATALOGUE, DriveWarning, Fault
 from emulators.drive.profidrive.messages import FaultBuffer, FaultMessage
 from emulators.drive.profidrive.parameter_channel import ChannelError, ParameterChannel
@@ -23,6 +24,7 @@ __all__ = [
     "Action",
     "AxisState",
     "ChannelError",
+    "DriveParameters",
     "DriveSettings",
     "DriveWarning",
     "Fault",

@@ -14,6 +14,7 @@ from fieldbus.profidrive.signal_numbers import signal_numbers
 
 WARNING_WORDS = range(953, 961)
 _RESTART_IMMEDIATELY, _RESTART_LATER = 1, 3
+_HALF, _FULL = 1 << 31, 1 << 32
 _LOAD_FACTORY, _LOAD_SAVED = 1, 10
 
 
@@ -141,7 +142,7 @@ def connect_faults(
     store.readers[945] = entry(lambda message: message.code)
     store.readers[947] = entry(lambda message: message.number)
     store.readers[948] = entry(lambda message: message.time_ms)
-    store.readers[949] = entry(lambda message: message.value)
+    store.readers[949] = entry(lambda message: (message.value + _HALF) % _FULL - _HALF)
     store.readers[952] = lambda _: buffer.situations
     store.readers[2131] = lambda _: buffer.present[0].number if buffer.present else 0
     store.writers[952] = clear

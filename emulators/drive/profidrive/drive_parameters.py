@@ -1,0 +1,213 @@
+"""The parameters of a `ProfidriveDrive`, connected to what they stand for (PD-133 to PD-138, PD-233 to PD-285)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from emulators.drive.core import RPM
+from emulators.drive.profidrive.definitions import ParameterDefinition
+from emulators.drive.profidrive.device import ProfidriveDrive
+from emulators.drive.profidrive.fault_catalogue import CATALOGUE, DriveWarning
+from emulators.drive.profidrive.parameter_server import ParameterServer
+from emulators.drive.profidrive.parameters import ParameterStore, Reader, Writer
+from emulators.drive.profidrive.profile_parameters import (
+    Identification,
+    ParameterMemory,
+    connect_faults,
+    connect_warnings,
+    identify,
+    show_telegram,
+)
+from emulators.drive.profidrive.statemachine import AxisState
+from emulators.encoder import AbsoluteEncoder
+from emulators.encoder.profidrive import EncoderFormat, p979
+from fieldbus.profidrive.errors import ParameterAccessError
+from fieldbus.profidrive.requests import ParameterError
+from fieldbus.profidrive.words import STW1
+
+_SETTINGS: Final = {
+    930: "operating_mode",
+    925: "sign_of_life_tolerance",
+    1082: "max_speed_rpm",
+    1120: "ramp_up_s",
+    1121: "ramp_down_s",
+    1135: "quick_stop_s",
+    1544: "momred_evaluation_percent",
+    2000: "reference_speed_rpm",
+    2003: "reference_torque_Nm",
+}
+"""Parameters that are a setting of the drive, in the same unit."""
+_WHOLE: Final = frozenset({925, 930})
+
+
+class DriveParameters:
+    """Parameters of an axis: `server` answers requests, `store` holds the values.
+
+    Settings that are written act at once. The configuration of the drive counts as saved.
+
+    Args:
+        drive: The axis.
+        identification: What it says it is.
+        definitions: Its parameters; None = those of the emulated drive.
+
+    Raises:
+        ConfigurationError: P979 cannot show the encoder: its absolute value and fine bits exceed 32 bits.
+
+    """
+
+    __slots__ = ("drive", "memory", "server", "store")
+
+    def __init__(
+        self,
+        drive: ProfidriveDrive,
+        *,
+        identification: Identification | None = None,
+        definitions: Iterable[ParameterDefinition] | None = None,
+    ) -> None:
+        who = Identification() if identification is None else identification
+        self.drive = drive
+        self.store = store = ParameterStore(definitions)
+        self.server = ParameterServer({who.object_id: store}, multi=who.multi)
+        store.pulses_enabled = lambda: drive.core.enabled
+        store.switching_on_inhibited = lambda: drive.state in {AxisState.IDLE, AxisState.S1}
+        identify(store, who)
+        show_telegram(store, drive.telegram)
+        catalogue = {row.number: (row.emcy, row.text) for row in CATALOGUE.values()}
+        connect_faults(store, drive.faults.buffer, catalogue, cleared=self._cleared)
+        connect_warnings(store, [int(one) for one in DriveWarning], lambda: tuple(drive.faults.warnings))
+        self._connect_settings()
+        self._connect_display()
+        self._show_encoder()
+        self.memory = ParameterMemory(store, self._restart)
+        store.save()
+
+    # -- settings ------------------------------------------------------------------------------------------------
+
+    def _connect_settings(self) -> None:
+        store, settings = self.store, self.drive.settings
+        for number, name in _SETTINGS.items():
+            store.readers[number] = self._reader(name)
+            store.writers[number] = self._writer(name, whole=number in _WHOLE)
+        store.readers[2040] = lambda _: settings.setpoint_monitoring_s * 1e3
+        store.writers[2040] = lambda _, value: self._take("setpoint_monitoring_s", value * 1e-3)
+        for at, number in enumerate((1058, 1059)):
+            store.readers[number] = self._pair_reader("jog_rpm", at, 1.0)
+            store.writers[number] = self._pair_writer("jog_rpm", at, 1.0)
+        for at, (number, sign) in enumerate(((1520, 1.0), (1521, -1.0))):
+            store.readers[number] = self._pair_reader("torque_limits_Nm", at, sign)
+            store.writers[number] = self._pair_writer("torque_limits_Nm", at, sign, positive=True)
+        # What the machine is made of is no setting.
+        store.set(418, self.drive.config.fine_xist1)
+        store.set(419, self.drive.config.fine_xist2)
+        store.locked.update((418, 419))
+
+    def _reader(self, name: str) -> Reader:
+        settings = self.drive.settings
+        return lambda _: float(getattr(settings, name))
+
+    def _writer(self, name: str, *, whole: bool) -> Writer:
+        return lambda _, value: self._take(name, int(value) if whole else value)
+
+    def _pair_reader(self, name: str, at: int, sign: float) -> Reader:
+        settings = self.drive.settings
+        return lambda _: sign * float(getattr(settings, name)[at])
+
+    def _pair_writer(self, name: str, at: int, sign: float, *, positive: bool = False) -> Writer:
+        def write(_sub_index: int, value: float) -> None:
+            if positive and sign * value < 0.0:
+                raise ParameterAccessError("a limit beyond zero is not possible", ParameterError.LIMIT)
+            pair = list(getattr(self.drive.settings, name))
+            pair[at] = sign * value
+            self._take(name, tuple(pair))
+
+        return write
+
+    def _take(self, name: str, value: object) -> None:
+        setattr(self.drive.settings, name, value)
+        self.drive.refresh()
+
+    # -- what the drive shows --------------------------------------------------------------------------------------
+
+    def _connect_display(self) -> None:
+        drive, store = self.drive, self.store
+        core, settings = drive.core, drive.settings
+
+        def frequency() -> float:
+            return core.speed_rpm * float(store.value(310)) / max(float(store.value(311)), 1e-9)
+
+        shown: dict[int, Callable[[], float]] = {
+            2: self._operating_display,
+            20: lambda: drive.channel.target / RPM if core.enabled else 0.0,
+            21: lambda: core.speed_rpm,
+            22: lambda: core.speed_rpm,
+            24: frequency,
+            26: lambda: drive.power.dc_link.voltage_V,
+            27: lambda: abs(core.torque) / drive.config.rated_torque_Nm * float(store.value(305)),
+            31: lambda: core.torque,
+            32: lambda: core.torque * core.velocity * 1e-3,
+            898: lambda: drive.stw1,
+            899: drive.words.zsw1,
+            967: lambda: drive.stw1,
+            968: drive.words.zsw1,
+            2004: lambda: settings.reference_torque_Nm * settings.reference_speed_rpm * RPM * 1e-3,
+        }
+        for number, get in shown.items():
+            store.readers[number] = _computed(get)
+
+    def _operating_display(self) -> int:
+        """Return r0002 (PD-259)."""
+        drive = self.drive
+        stw1, state = drive.stw1, drive.state
+        if not drive.powered:
+            return 70
+        if self.store.commissioning:
+            return 46
+        if state in {AxisState.S5A, AxisState.S5B}:
+            return 18 if state is AxisState.S5A else 17
+        if state is AxisState.S4:
+            if not stw1 & STW1.RAMP_ENABLE:
+                return 13
+            if not stw1 & STW1.RAMP_RELEASE:
+                return 12
+            return 0 if stw1 & STW1.SETPOINT_ENABLE else 10
+        if drive.faults.present:
+            return 45
+        if drive.safety.torque_off:
+            return 44
+        if state is AxisState.S3:
+            return 21
+        if not stw1 & STW1.NO_OFF2:
+            return 42
+        if not stw1 & STW1.NO_OFF3:
+            return 43
+        return 31 if state is AxisState.S2 else 41
+
+    def _show_encoder(self) -> None:
+        config, encoder = self.drive.config, self.drive.encoder
+        turns = encoder.turns if isinstance(encoder, AbsoluteEncoder) else 0
+        row = p979(
+            EncoderFormat(
+                periods=config.encoder.counts_per_revolution,
+                shift_xist1=config.fine_xist1,
+                shift_xist2=config.fine_xist2,
+                revolutions=turns,
+            )
+        )
+        for at, value in enumerate(row):
+            self.store.set(979, value, at)
+
+    # -- what parameters cause -------------------------------------------------------------------------------------
+
+    def _cleared(self) -> None:
+        """Take the reactions back too, as an acknowledgement does (PD-136)."""
+        self.drive.faults.off = 0
+        self.drive.act()
+
+    def _restart(self) -> None:
+        self.drive.power_off()
+        self.drive.power_on()
+
+
+def _computed(get: Callable[[], float]) -> Reader:
+    return lambda _: get()
