@@ -20,8 +20,7 @@ from emulators.drive.profidrive.profile_parameters import (
     show_telegram,
 )
 from emulators.drive.profidrive.statemachine import AxisState
-from emulators.encoder import AbsoluteEncoder
-from emulators.encoder.profidrive import EncoderFormat, p979
+from emulators.encoder.profidrive import p979
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.requests import ParameterError
 from fieldbus.profidrive.words import STW1
@@ -50,9 +49,6 @@ class DriveParameters:
         drive: The axis.
         identification: What it says it is.
         definitions: Its parameters; None = those of the emulated drive.
-
-    Raises:
-        ConfigurationError: P979 cannot show the encoder: its absolute value and fine bits exceed 32 bits.
 
     """
 
@@ -184,17 +180,7 @@ class DriveParameters:
         return 31 if state is AxisState.S2 else 41
 
     def _show_encoder(self) -> None:
-        config, encoder = self.drive.config, self.drive.encoder
-        turns = encoder.turns if isinstance(encoder, AbsoluteEncoder) else 0
-        row = p979(
-            EncoderFormat(
-                periods=config.encoder.counts_per_revolution,
-                shift_xist1=config.fine_xist1,
-                shift_xist2=config.fine_xist2,
-                revolutions=turns,
-            )
-        )
-        for at, value in enumerate(row):
+        for at, value in enumerate(p979(self.drive.config.encoder_format)):
             self.store.set(979, value, at)
 
     # -- what parameters cause -------------------------------------------------------------------------------------

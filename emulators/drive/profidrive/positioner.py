@@ -11,6 +11,7 @@ from enum import Enum, IntEnum
 from typing import Final, NamedTuple
 
 from emulators.drive.core import ServoCore
+from emulators.drive.profidrive._positioner_motion import Motion, ProfileMotion
 from emulators.drive.profidrive.positioner_config import (
     BlockTask,
     Continuation,
@@ -22,7 +23,6 @@ from fieldbus.profidrive.words import POS_STW1, POS_STW2, POS_ZSW1, POS_ZSW2, ST
 
 _BLOCK: Final = 0x7F
 _SATZANW_MDI: Final = 0x8000
-_FAR: Final = 1e12
 _JOGS: Final = STW1.JOG_1 | STW1.JOG_2
 
 
@@ -63,16 +63,6 @@ class Words(NamedTuple):
     deceleration: int = N2_ONE
 
 
-class _Motion(NamedTuple):
-    """A motion as it is wanted; a target that is infinite is a direction."""
-
-    target: float
-    velocity: float
-    acceleration: float
-    deceleration: float
-    end_velocity: float = 0.0
-
-
 class Positioner:
     """Traversing blocks, MDI, set-up, jog and homing of one axis.
 
@@ -83,18 +73,15 @@ class Positioner:
     """
 
     __slots__ = (
-        "_acknowledged", "_active_block", "_blocks", "_core", "_halted", "_last", "_last_velocity", "_moving", "_phase",
-        "_planned", "_scale", "_seen_mark", "_wanted", "homed", "mode", "offset", "pos_zsw1", "pos_zsw2", "refused",
-        "settings", "target_reached", "zsw1",
+        "_acknowledged", "_active_block", "_blocks", "_core", "_last", "_last_velocity", "_motion", "_phase", "_wanted",
+        "homed", "mode", "pos_zsw1", "pos_zsw2", "refused", "settings", "target_reached", "zsw1",
     )  # fmt: skip
 
     def __init__(self, core: ServoCore, settings: PositionerSettings | None = None) -> None:
         self._core = core
         self.settings = PositionerSettings() if settings is None else settings
-        self._scale = 2.0 * math.pi / self.settings.lu_per_revolution
+        self._motion = ProfileMotion(core, self.settings)
         self._blocks = dict(self.settings.blocks)
-        self.offset = 0.0
-        """Measured angle of position 0, rad."""
         self.homed = False
         """Whether the home position is set (PD-071)."""
         self.refused: Refused | None = None
@@ -108,13 +95,10 @@ class Positioner:
 
     def _clear(self) -> None:
         self.mode = Mode.NONE
-        self._wanted: _Motion | None = None
-        self._planned: _Motion | None = None
-        self._halted = False
-        self._moving = False
+        self._wanted: Motion | None = None
+        self._motion.clear()
         self._active_block = 0
         self._phase = 0
-        self._seen_mark: float | None = None
 
     @staticmethod
     def words_of_satzanw(satzanw: int, mdi_mod: int = 0) -> int:
@@ -131,12 +115,12 @@ class Positioner:
     @property
     def position(self) -> float:
         """Measured position, LU (XIST_A)."""
-        return (self._core.position - self.offset) / self._scale
+        return self._motion.position
 
     @property
     def demand(self) -> float:
         """Position demand, LU."""
-        return (self._core.position_command - self.offset) / self._scale
+        return self._motion.demand
 
     @property
     def aktsatz(self) -> int:
@@ -162,22 +146,27 @@ class Positioner:
         if self._core.enabled:
             self._operate(words, rising)
             self._watch_cams(words, minus_cam, plus_cam)
-            self._drive(words)
+            self._motion.drive(
+                self._wanted,
+                override=min(2.0, max(0, words.override) / N2_ONE),
+                held=not words.stw1 & STW1.NO_INTERMEDIATE_STOP,
+                limits=self.settings.software_limits if self._limited(words) else None,
+            )
             self._progress(words, rising)
         else:
             self._clear()
             self.target_reached = False
-        if words.pos_stw2 & ~self._last.pos_stw2 & POS_STW2.SET_REFERENCE_POINT and not self._moving:
+        if words.pos_stw2 & ~self._last.pos_stw2 & POS_STW2.SET_REFERENCE_POINT and not self._motion.moving:
             self.set_reference_point()
         self._last = words
         self._show(words, minus_cam, plus_cam)
 
     def set_reference_point(self) -> None:
         """Make the present position the reference point (POS_STW2 bit 1)."""
-        self.offset = self._core.position - self.settings.reference_position * self._scale
+        self._motion.offset = self._core.position - self.settings.reference_position * self._motion.scale
         self.homed = True
         self._abandon()
-        self._planned = None
+        self._motion.planned = None
 
     # -- which task --------------------------------------------------------------------------------------------
 
@@ -219,7 +208,7 @@ class Positioner:
     def _idle(self) -> bool:
         return self.mode is Mode.NONE or self.target_reached
 
-    def _accept(self, mode: Mode, motion: _Motion) -> None:
+    def _accept(self, mode: Mode, motion: Motion) -> None:
         self.mode = mode
         self._wanted = motion
         self.target_reached = False
@@ -244,12 +233,12 @@ class Positioner:
         if words.pos_stw1 & POS_STW1.SETUP:
             sign = bool(words.pos_stw1 & POS_STW1.POSITIVE) - bool(words.pos_stw1 & POS_STW1.NEGATIVE)
             speed = velocity if sign else 0.0
-            self._accept(Mode.SETUP, _Motion(math.inf * (sign or 1), speed, acceleration, deceleration))
+            self._accept(Mode.SETUP, Motion(math.inf * (sign or 1), speed, acceleration, deceleration))
             return
         absolute = words.pos_stw1 & POS_STW1.ABSOLUTE
         target = float(words.target) if absolute else self.demand + words.target
         if self._allowed(target, words, absolute=bool(absolute)):
-            self._accept(Mode.MDI, _Motion(target, velocity, acceleration, deceleration))
+            self._accept(Mode.MDI, Motion(target, velocity, acceleration, deceleration))
 
     def _start_block(self, number: int, words: Words, base: float | None = None) -> None:
         block = self._blocks.get(number)
@@ -264,7 +253,7 @@ class Positioner:
         settings = self.settings
         self._accept(
             Mode.BLOCK,
-            _Motion(
+            Motion(
                 target,
                 block.velocity,
                 settings.max_acceleration * block.acceleration_percent / 100.0,
@@ -315,14 +304,13 @@ class Positioner:
             if not self._allowed(target, words, absolute=False):
                 return
         self._accept(
-            Mode.JOG, _Motion(target, abs(velocity), settings.max_acceleration, settings.max_deceleration)
+            Mode.JOG, Motion(target, abs(velocity), settings.max_acceleration, settings.max_deceleration)
         )
 
     # -- homing ------------------------------------------------------------------------------------------------
 
     def _start_homing(self, words: Words) -> None:
         self.homed = False
-        self._seen_mark = None
         on_cam = bool(words.pos_stw2 & POS_STW2.REFERENCE_CAM)
         if self.settings.has_cam and not on_cam:
             self._home(0, self._search_direction(words) * math.inf, self.settings.cam_velocity)
@@ -333,7 +321,7 @@ class Positioner:
         self._phase = phase
         settings = self.settings
         self._accept(
-            Mode.HOMING, _Motion(target, velocity, settings.max_acceleration, settings.max_deceleration)
+            Mode.HOMING, Motion(target, velocity, settings.max_acceleration, settings.max_deceleration)
         )
 
     @staticmethod
@@ -363,9 +351,11 @@ class Positioner:
             if latched is not None:
                 mark = latched * encoder.radians_per_increment
                 settings = self.settings
-                self.offset = mark - (settings.reference_position - settings.reference_offset) * self._scale
+                self._motion.offset = (
+                    mark - (settings.reference_position - settings.reference_offset) * self._motion.scale
+                )
                 self._home(4, float(settings.reference_position), settings.approach_velocity)
-        elif self._phase == 4 and self._arrived():
+        elif self._phase == 4 and self._motion.arrived():
             self.homed = True
             self.mode = Mode.NONE
             self._wanted = None
@@ -381,85 +371,16 @@ class Positioner:
         elif plus_cam and wanted.target > self.demand:
             self._refuse(Refused.PLUS_CAM)
 
-    def _drive(self, words: Words) -> None:
-        """Let the profile do what is wanted; plan only when that has changed."""
-        wanted = self._wanted
-        settings = self.settings
-        if wanted is None:
-            self._brake(settings.max_deceleration)
-            return
-        override = min(2.0, max(0, words.override) / N2_ONE)
-        velocity = min(wanted.velocity * override, settings.max_velocity)
-        self._halted = not words.stw1 & STW1.NO_INTERMEDIATE_STOP or velocity <= 0.0
-        if self._halted:
-            self._brake(wanted.deceleration)
-            return
-        target = wanted.target
-        if self._limited(words):
-            low, high = settings.software_limits
-            target = min(max(target, low), high)
-        end_velocity = min(wanted.end_velocity * override, velocity)
-        planned = wanted._replace(
-            target=min(max(target, -_FAR), _FAR), velocity=velocity, end_velocity=end_velocity
-        )
-        profile = self._core.follow_profile()
-        angle = planned.target * self._scale + self.offset
-        # A stop of the drive in between has reset the profile: then its target is another one.
-        if planned != self._planned or profile.target != angle:
-            self._planned = planned
-            self._moving = True
-            profile.move(
-                angle,
-                velocity=self._speed(planned.velocity),
-                acceleration=self._slope(planned.acceleration),
-                deceleration=self._slope(planned.deceleration),
-                end_velocity=self._speed(planned.end_velocity),
-            )
-
-    def _brake(self, deceleration: float) -> None:
-        """Brake to standstill from the present demand."""
-        if not self._moving and self._core.controls_position:
-            return
-        profile = self._core.follow_profile()
-        if not self._moving and profile.velocity == 0.0:
-            return  # it has just been enabled at standstill: it holds its place
-        if self._planned is not None or not self._moving:
-            self._planned = None
-            self._moving = True
-            slope = self._slope(deceleration)
-            speed = profile.velocity
-            profile.move(
-                profile.position + 0.5 * speed * abs(speed) / slope,
-                velocity=max(abs(speed), 1e-6),
-                acceleration=slope,
-                deceleration=slope,
-            )
-        elif profile.done:
-            self._moving = False
-
-    def _speed(self, velocity: float) -> float:
-        return velocity * 1000.0 / 60.0 * self._scale
-
-    def _slope(self, acceleration: float) -> float:
-        return acceleration * 1000.0 * self._scale
-
-    def _arrived(self) -> bool:
-        """Whether the demand is at the target and the axis within the window."""
-        planned = self._planned
-        if planned is None or not self._core.profile.done:
-            return False
-        return abs(planned.target - self.position) <= self.settings.window
-
     def _progress(self, words: Words, rising: int) -> None:
         """Go on to what follows: the next block, the next phase of homing, the end of the task."""
-        if self._halted or self._wanted is None:
+        if self._motion.halted or self._wanted is None:
             return
         if self.mode is Mode.HOMING:
             self._go_home(words)
         elif self.mode is Mode.BLOCK:
             self._progress_block(words, rising)
-        elif math.isfinite(self._wanted.target) and self._arrived():
-            self._moving = False
+        elif math.isfinite(self._wanted.target) and self._motion.arrived():
+            self._motion.moving = False
             self.target_reached = self.mode is Mode.MDI
 
     def _progress_block(self, words: Words, rising: int) -> None:
@@ -472,8 +393,8 @@ class Positioner:
         elif wanted.end_velocity > 0.0:
             if self._core.profile.raw_done:
                 self._start_block(following, words, wanted.target)
-        elif math.isfinite(wanted.target) and self._arrived():
-            self._moving = False
+        elif math.isfinite(wanted.target) and self._motion.arrived():
+            self._motion.moving = False
             if block.continuation in {Continuation.STOP, Continuation.FLYING}:
                 self._start_block(following, words, wanted.target)
             else:
@@ -493,7 +414,7 @@ class Positioner:
         self.zsw1 = _bits(
             (
                 ZSW1.DEVIATION_IN_TOLERANCE,
-                abs(core.following_error) <= settings.following_tolerance * self._scale,
+                abs(core.following_error) <= settings.following_tolerance * self._motion.scale,
             ),
             (ZSW1.TARGET_REACHED, self.target_reached),
             (ZSW1.HOME_POSITION_SET, self.homed),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from emulators.drive import ServoCore
 from emulators.drive.profidrive.positioner import Mode, Positioner, Refused, Words
@@ -513,3 +515,45 @@ def test_an_endless_block_cannot_wait_for_its_target():
         TraversingBlock(task=BlockTask.ENDLESS_POSITIVE, continuation=Continuation.STOP)
     with pytest.raises(ConfigurationError, match="acceleration"):
         TraversingBlock(acceleration_percent=0)
+
+
+WORD = st.sampled_from([0, 1, 0x2000, 0x4000, 0x7FFF, -1, -0x8000])
+INT32 = st.sampled_from([0, 1, 20_000, -20_000, 0x7FFF_FFFF, -0x8000_0000])
+ANY = st.tuples(
+    st.sampled_from([READY, GO, GO | STW1.START_HOMING, READY | STW1.JOG_1, READY | STW1.JOG_2, 0]) | st.integers(0, 0xFFFF),
+    st.sampled_from([1, 2, 9, int(MDI), RELATIVE, SETUP | POS_STW1.POSITIVE]) | st.integers(0, 0xFFFF),
+    st.sampled_from([0, int(POS_STW2.SOFTWARE_LIMITS), int(POS_STW2.SET_REFERENCE_POINT)]) | st.integers(0, 0xFFFF),
+    WORD, INT32, INT32, WORD, WORD, st.integers(1, 20), st.booleans(), st.booleans(),
+)  # fmt: skip
+
+
+@settings(max_examples=150, derandomize=True, deadline=None)
+@given(st.lists(ANY, min_size=1, max_size=10))
+def test_any_words_are_lived_with(course):
+    """Whatever comes: finite demands within the maximum velocity; then a rejection ends in standstill and a task works."""
+    axis = Axis(
+        software_limits=(-100_000, 100_000),
+        **rows(
+            blocks=[
+                TraversingBlock(task=BlockTask.RELATIVE, position=9_000, continuation=Continuation.FLYING),
+                TraversingBlock(task=BlockTask.ENDLESS_NEGATIVE, continuation=Continuation.EXTERNAL),
+            ]
+        ),
+    )
+    fastest = 0.5 / 0.01 * 6.2832
+    for *values, cycles, minus_cam, plus_cam in course:
+        for _ in range(cycles):
+            axis.positioner.step(Words(*values), minus_cam=minus_cam, plus_cam=plus_cam)
+            for _ in range(16):
+                axis.core.step()
+            assert abs(axis.core.precontrol_velocity) <= fastest * 1.001
+            assert all(
+                0 <= word <= 0xFFFF
+                for word in (axis.positioner.zsw1, axis.positioner.pos_zsw1, axis.positioner.pos_zsw2)
+            )
+    axis.run(1.0, stw1=0, pos_stw1=0, pos_stw2=0)
+    assert axis.shows_2(POS_ZSW2.SETPOINT_STANDS)
+    start = axis.position
+    axis.go(0.6, pos_stw1=RELATIVE, target=10_000, override=0x4000)
+    assert axis.shows(ZSW1.TARGET_REACHED)
+    assert axis.position == pytest.approx(start + 10_000, abs=60)
