@@ -46,6 +46,7 @@ _CONTROL: Final = int(STW1.CONTROL_BY_PLC)
 _JOG: Final = int(STW1.JOG_1 | STW1.JOG_2)
 _N2_TO_N4: Final = 16
 _SIGN_OF_LIFE_FAILED: Final = 0x0F02
+_NOT_VALID: Final = 0x0001
 
 
 FaultListener = Callable[[Fault | None, int], None]
@@ -435,6 +436,8 @@ class ProfidriveDrive:
         if persistent:
             self.faults.keep(row.number, _always)
         if self.faults.enter(row, value, reaction=reaction):
+            if row.number in numbers.OF_THE_ENCODER:
+                self.encoder_words.report(_NOT_VALID)
             self._on_locked = self._on_locked or bool(self.faults.off)
             self.act()
 

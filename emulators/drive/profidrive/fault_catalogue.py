@@ -47,6 +47,8 @@ PHASE_LOSS: Final = 30011
 SAFE_TORQUE_OFF: Final = 30600
 ENCODER_SERIAL: Final = 31110
 ENCODER_SIGNAL: Final = 31115
+OF_THE_ENCODER: Final = frozenset({ENCODER_SERIAL, ENCODER_SIGNAL})
+"""Faults that G1_ZSW reports too."""
 
 _ROWS: Final = (
     Fault(SAFE_STOP, Off.OFF2, 0xFF81, "safe stop violated"),

@@ -184,6 +184,19 @@ def test_an_encoder_error_is_reported_and_acknowledged():
         assert axis.sensor_valid
 
 
+def test_a_fault_of_the_encoder_is_an_alarm_of_the_encoder():
+    """A drive that trips because of its encoder says so in G1_ZSW: the axis raises alarm 411, and goes on after a reset."""
+    with bench() as machine:
+        axis = enabled(machine)
+        Injector(machine).inject("drive.fault", code=31115)
+        machine.run_for(0.05)
+        assert axis.alarms.engine.number == 411
+        axis.reset()
+        machine.run_for(0.3)
+        assert axis.sensor_valid
+        assert axis.alarms.engine.number == 0
+
+
 def test_a_drive_that_loses_its_supply_is_taken_in_again():
     """After power-off and power-on the network configures the drive anew, and the axis can be enabled again."""
     with bench() as machine:
