@@ -279,7 +279,7 @@ def story(*, power_loss: bool, forgets: bool = True):
     return bench
 
 
-@pytest.mark.requirement("C301-015", "C301-022", "C301-141")
+@pytest.mark.requirement("C301-015", "C301-022")
 @pytest.mark.parametrize("forgets", [True, False])
 def test_drive_comes_back_while_the_other_axis_moves(forgets):
     """A drive loses its supply, with or without its stored parameters, and is taken in again in the running cycle.
