@@ -22,8 +22,9 @@ from hil.errors import CannotRunError
 
 if TYPE_CHECKING:
     from fieldbus.history import Event
-    from hil.bench.config import BenchConfig, DriveSection
+    from hil.bench.config import BenchConfig
     from hil.bench.device_config import DeviceSection
+    from hil.bench.drive_config import DriveSection
     from hil.bench.encoder_config import EncoderSection
     from hil.bench.remote import DriveHost
 

@@ -20,6 +20,11 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Word = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
+RampTime = Annotated[float, Field(ge=0.001, le=1000.0)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 Time_ms = Annotated[float, Field(ge=0.0, le=5000.0)]
 Voltage = Annotated[float, Field(ge=1.0, le=5000.0)]
 Temperature = Annotated[float, Field(ge=-60.0, le=400.0)]

@@ -12,27 +12,15 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     ValidationError,
-    ValidationInfo,
-    field_validator,
     model_validator,
 )
 
 from fieldbus.errors import ConfigurationError
-from hil.bench._drive_sections import (
-    CIA402_KEYS,
-    BrakeSection,
-    ProfidriveSection,
-    SafetySection,
-    SupplySection,
-    ThermalSection,
-    Time_ms,
-    checked_personality,
-)
+from hil.bench._drive_sections import NotNegative, Section
 from hil.bench.device_config import DeviceSection, anchor_files, check_devices, eds_files
+from hil.bench.drive_config import DriveSection
 from hil.bench.encoder_config import EncoderSection, check_encoders
 
 EMBEDDED: Final = ("reference", "speed", "fast", "live", "profidrive")
@@ -52,18 +40,7 @@ RESERVED_OPTIONS: Final = (
 """What `LiveSegment.open` takes by itself, and is no option of an interface."""
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Word = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
-RampTime = Annotated[float, Field(ge=0.001, le=1000.0)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-
-
-class BenchSection(_Model):
+class BenchSection(Section):
     """`[bench]`: what is common to everything."""
 
     name: str = Field(min_length=1)
@@ -83,7 +60,7 @@ class BenchSection(_Model):
         return self
 
 
-class ToleranceSection(_Model):
+class ToleranceSection(Section):
     """`[tolerance]`: how far a measurement on this bench may lie from the specification's number."""
 
     cycles: NotNegative = 2.0
@@ -100,7 +77,7 @@ Option = bool | int | float | str
 """Value of an option that python-can hands to its interface."""
 
 
-class BridgeSection(_Model):
+class BridgeSection(Section):
     """`[segment.NAME.bridge]`: the other side of a live segment that is made of two buses."""
 
     channel: str
@@ -111,7 +88,7 @@ class BridgeSection(_Model):
     """Who passes frames on: the process of the bench, or the kernel (SocketCAN only)."""
 
 
-class SegmentSection(_Model):
+class SegmentSection(Section):
     """`[segment.NAME]`: a CAN segment."""
 
     bitrate: Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000] = 1_000_000
@@ -146,222 +123,7 @@ class SegmentSection(_Model):
         return result if far is None else {"interface": self.interface or "", **far}
 
 
-class SwitchSection(_Model):
-    """`[drive.NAME.switches]`: switches on the travel, mm at the load."""
-
-    negative_limit_mm: Finite | None = -550.0
-    positive_limit_mm: Finite | None = 550.0
-    home_mm: Finite | None = -500.0
-    """The home switch is active below this position; not together with the two following keys."""
-    home_from_mm: Finite | None = None
-    """The home switch is active from here to `home_to_mm`; without the other key up to the end of the travel."""
-    home_to_mm: Finite | None = None
-    probe1_from_mm: Finite | None = None
-    """The load actuates touch probe 1 from here to `probe1_to_mm`; without the other key up to the end of the travel."""
-    probe1_to_mm: Finite | None = None
-    probe2_from_mm: Finite | None = None
-    probe2_to_mm: Finite | None = None
-    hysteresis_mm: NotNegative = 0.5
-    input_filter_ms: NotNegative = 0.0
-    """A limit or home switch counts when it has been stable for this long, ms."""
-
-    @model_validator(mode="after")
-    def _ranges(self) -> SwitchSection:
-        for name in ("home", "probe1", "probe2"):
-            low, high = getattr(self, f"{name}_from_mm"), getattr(self, f"{name}_to_mm")
-            if low is not None and high is not None and not low < high:
-                raise ValueError(f"{name}_from_mm: {low:g} is not below {name}_to_mm: {high:g}")
-        if "home_mm" in self.model_fields_set and (
-            self.home_from_mm is not None or self.home_to_mm is not None
-        ):
-            raise ValueError("home_mm goes without home_from_mm and home_to_mm")
-        return self
-
-
-class HomingSection(_Model):
-    """`[drive.NAME.homing]`: what manufacturers of drives do differently."""
-
-    offset: Literal["profile", "vendor"] = "profile"
-    """6064h at the home position is -607Ch (`profile`) or +607Ch (`vendor`)."""
-    move: Literal["none", "zero"] = "none"
-    """Whether the drive moves to position zero when it has found home."""
-    hard_stop_methods: dict[
-        str, Literal["positive", "negative", "positive_index", "negative_index", "unsupported"]
-    ] = {}
-    """What methods -1 to -4 do where they differ: side of the stop, and whether the index on the way back counts."""
-
-    @model_validator(mode="after")
-    def _numbers(self) -> HomingSection:
-        for number in self.hard_stop_methods:
-            if number not in {"-1", "-2", "-3", "-4"}:
-                raise ValueError(f"hard_stop_methods: {number!r} is not a method; allowed: -1, -2, -3, -4")
-        return self
-
-
-class MechanicsSection(_Model):
-    """`[drive.NAME.mechanics]`: what the emulated drive moves."""
-
-    lead_screw_mm: Positive = 10.0
-    """Travel per revolution of the screw, mm."""
-    gear_numerator: Annotated[int, Field(ge=1)] = 1
-    """Motor revolutions of the load gear."""
-    gear_denominator: Annotated[int, Field(ge=1)] = 1
-    """Load revolutions of the load gear."""
-    load_mass_kg: NotNegative = 40.0
-    motor_inertia_kgm2: Positive = 2.0e-4
-    screw_inertia_kgm2: NotNegative = 0.5e-4
-    viscous_friction_n_per_m_s: NotNegative = 30.0
-    coulomb_friction_n: NotNegative = 30.0
-    static_friction_n: NotNegative | None = None
-    """Breakaway force at standstill; None = as the sliding friction."""
-    gravity_n: Finite = 0.0
-    """Constant force on the load in positive direction, N; a hanging load has a negative one."""
-    negative_stop_mm: Finite | None = -600.0
-    positive_stop_mm: Finite | None = 600.0
-    start_position_mm: Finite = 0.0
-
-    @model_validator(mode="after")
-    def _friction(self) -> MechanicsSection:
-        if self.static_friction_n is not None and self.static_friction_n < self.coulomb_friction_n:
-            raise ValueError(
-                f"static_friction_n: {self.static_friction_n:g} is less than coulomb_friction_n = {self.coulomb_friction_n:g}"
-            )
-        return self
-
-
-class DriveSection(_Model):
-    """`[drive.NAME]`: a drive."""
-
-    profile: Literal["cia402", "profidrive"] = "cia402"
-    telegram: Literal[1, 2, 3, 4, 5, 6, 102, 103, 105, 106] = 3
-    """Telegram of a PROFIdrive axis."""
-    device: Literal["emulated", "physical"] = "emulated"
-    """`emulated`: this bench brings it; `physical`: it is on the bus (or brought by somebody else)."""
-    segment: str
-    node_id: Annotated[int, Field(ge=1, le=126)]
-    personality: str = "standard"
-    """How the emulated drive differs from the profile: a name of `hil personalities`, or a file `*.toml` beside the bench file."""
-    encoder: Literal["incremental", "absolute"] = "incremental"
-    increments_per_revolution: Annotated[int, Field(ge=4, le=2**24)] = 131072
-    index_increments: Annotated[int, Field(ge=0)] = 0
-    """Place of the index (zero mark) within the revolution, increments."""
-    max_speed_rpm: Annotated[float, Field(ge=1.0, le=200_000.0)] = 3000.0
-    off1_ramp_s: RampTime = 1.0
-    """Ramp-down time from maximum speed on OFF1 (p1121), s."""
-    off3_ramp_s: RampTime = 0.5
-    """Ramp-down time from maximum speed on OFF3 (p1135), s."""
-    rated_torque_nm: Annotated[float, Field(ge=0.001, le=1_000_000.0)] = 2.0
-    velocity_time_constant_ms: Annotated[float, Field(gt=0.0, le=1000.0)] = 2.0
-    """Time constant of the emulated drive's closed speed loop, ms; at least three servo periods."""
-    sync_loss: Literal["fault", "warning", "none"] = "fault"
-    """What the emulated drive does when SYNC stays away."""
-    sync_jitter_percent: Annotated[float, Field(ge=0.0, le=50.0)] = 0.0
-    """Deviation of SYNC from the bus cycle from which on the emulated drive does the same; 0 = not watched."""
-    missing_setpoints: Annotated[int, Field(ge=0, le=1000)] = 2
-    """Cycles without a setpoint after which the emulated drive reacts as to a lost connection (6007h); 0 = never."""
-    following_error: Literal["fault", "status"] = "fault"
-    """What the emulated drive does when the window of 6065h is exceeded in its own position modes."""
-    csv_interpolation: bool = True
-    """Whether the emulated drive reaches a csv set-point linearly within the cycle, or at once."""
-    power_on_delay_ms: Time_ms = 0.0
-    """Time of transition 3 in the emulated drive, ms."""
-    boot_time_ms: Time_ms = 0.0
-    """From power-on of the emulated drive to its boot-up frame, ms."""
-    blocked_time_ms: Annotated[float, Field(ge=0.0, le=60_000.0)] = 0.0
-    """Torque limit at standstill for this long is fault 7121h of the emulated drive, ms; 0 = not watched."""
-    eds: str | None = None
-    """EDS or DCF file of the emulated drive, relative to the bench file; None = that of the product."""
-    storage: str | None = None
-    """File of the emulated drive's stored parameters, relative to the bench file; None = no file."""
-    heartbeat_ms: Annotated[int, Field(ge=0, le=60000)] = 100
-    consumer_heartbeat_ms: Annotated[int, Field(ge=1, le=65535)] = 250
-    guard_time_ms: Annotated[int, Field(ge=0, le=65535)] = 0
-    """Period of node guarding, ms, for a drive without heartbeat; 0 = none."""
-    life_time_factor: Annotated[int, Field(ge=1, le=255)] = 3
-    vendor_id: Word | None = None
-    """Expected identity (1018h:1 to 4); None = any."""
-    product_code: Word | None = None
-    revision: Word | None = None
-    serial: Word | None = None
-    optional: bool = False
-    """The bench is ready without this drive."""
-    store_parameters: bool | None = None
-    """Whether the controller has the drive keep its parameters (1010h); None: an emulated one, no physical one."""
-    mechanics: MechanicsSection = MechanicsSection()
-    switches: SwitchSection = SwitchSection()
-    homing: HomingSection = HomingSection()
-    brake: BrakeSection = BrakeSection()
-    supply: SupplySection = SupplySection()
-    thermal: ThermalSection = ThermalSection()
-    safety: SafetySection = SafetySection()
-    profidrive: ProfidriveSection = ProfidriveSection()
-
-    @field_validator("personality")
-    @classmethod
-    def _personality(cls, value: str, info: ValidationInfo) -> str:
-        if value == "standard":
-            return value
-        return checked_personality(value, (info.context or {}).get("folder"))
-
-    def _differs(self, key: str) -> bool:
-        """Say whether a key has another value than its default: a file that names all keys is no mistake."""
-        return bool(getattr(self, key) != type(self).model_fields[key].default)
-
-    @model_validator(mode="after")
-    def _profile(self) -> DriveSection:
-        if self.profile == "cia402":
-            for key in ("telegram", "profidrive"):
-                if self._differs(key):
-                    raise ValueError(
-                        f'{key}: a drive with profile = "cia402" has none; set profile = "profidrive"'
-                    )
-            return self
-        for key in CIA402_KEYS:
-            if self._differs(key):
-                raise ValueError(f'{key}: a drive with profile = "profidrive" has none')
-        if self.safety.interlock != "none":
-            raise ValueError(
-                "safety.interlock: an interlock is not fitted to a PROFIdrive axis; allowed: none"
-            )
-        bits = self.profidrive.fine_resolution_bits
-        if self.increments_per_revolution << bits > 1 << 31:
-            raise ValueError(
-                f"increments_per_revolution: {self.increments_per_revolution} with {bits} bits of fine resolution exceed the "
-                f"32 bits of G1_XIST1; at most {(1 << 31) >> bits}"
-            )
-        if self.encoder == "absolute" and self.increments_per_revolution > 1 << 20:
-            raise ValueError(
-                f"increments_per_revolution: {self.increments_per_revolution} times 4096 revolutions exceed the 32 bits of "
-                f"G1_XIST2; at most {1 << 20}"
-            )
-        if self.telegram in (4, 6, 103, 106) and self.node_id > 0x5F:
-            raise ValueError(f"node_id: {self.node_id} with telegram {self.telegram}; at most 95")
-        return self
-
-    @model_validator(mode="after")
-    def _slopes(self) -> DriveSection:
-        if self.profile != "cia402":
-            return self
-        for key in ("off1_ramp_s", "off3_ramp_s"):
-            fastest = self.max_speed_rpm * 1000.0 / 0xFFFFFFFF
-            if getattr(self, key) < fastest:
-                raise ValueError(
-                    f"{key}: {getattr(self, key):g} s from {self.max_speed_rpm:g} rpm is steeper than 6084h and 6085h can "
-                    f"say (10^-3 rpm/s, 32 bits); at least {fastest:.3g} s"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _index(self) -> DriveSection:
-        if self.index_increments >= self.increments_per_revolution:
-            raise ValueError(
-                f"index_increments: {self.index_increments} is not below increments_per_revolution = "
-                f"{self.increments_per_revolution}"
-            )
-        return self
-
-
-class AxisSection(_Model):
+class AxisSection(Section):
     """`[axis.NAME]`: a technology object."""
 
     type: Literal["positioning", "speed"] = "positioning"
@@ -370,7 +132,7 @@ class AxisSection(_Model):
     """Start values by their original path; checked against the variable table when the bench is built."""
 
 
-class BenchConfig(_Model):
+class BenchConfig(Section):
     """A whole bench file."""
 
     bench: BenchSection

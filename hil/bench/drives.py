@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from fieldbus.canopen.decode import FrameDecoder
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
-    from hil.bench.config import BenchConfig, DriveSection
+    from hil.bench.config import BenchConfig
     from hil.bench.device_config import DeviceSection
+    from hil.bench.drive_config import DriveSection
     from hil.bench.encoder_config import EncoderSection
     from motion.drives.cia402 import Cia402Port
     from motion.drives.profidrive import ProfidrivePort

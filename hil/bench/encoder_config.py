@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 if TYPE_CHECKING:
-    from hil.bench.config import BenchConfig, DriveSection
+    from hil.bench.config import BenchConfig
+    from hil.bench.drive_config import DriveSection
 
 _LINEAR: Final = (
     "incremental_linear",
