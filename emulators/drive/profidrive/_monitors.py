@@ -88,9 +88,9 @@ class Monitors:
             rated = drive.config.rated_torque_Nm
             if motor.utilisation >= 1.0 or stage.utilisation >= 1.0:
                 cap = rated if motor.utilisation >= 1.0 else rated * power.thermal.stage_overload
-                drive.cap_torque(protection_Nm=cap)
+                drive.torque.cap(protection_Nm=cap)
             elif motor.utilisation < 0.9 and stage.utilisation < 0.9:
-                drive.cap_torque(protection_Nm=math.inf)
+                drive.torque.cap(protection_Nm=math.inf)
         else:
             if motor.tripped:
                 faults.keep(numbers.MOTOR_OVERLOAD, lambda: not motor.recovered)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from emulators.drive.core import RPM
+from emulators.drive.profidrive._signals import Getter, getters
 from emulators.drive.profidrive.fault_catalogue import DriveWarning
 from emulators.drive.profidrive.statemachine import AxisState, Off
 from emulators.drive.protection import WindowTimer
-from fieldbus.profidrive.formats import to_n2, to_n4
-from fieldbus.profidrive.telegrams import SIGNALS
 from fieldbus.profidrive.words import MELDW, SIGN_OF_LIFE_SHIFT, STW2, ZSW1, ZSW2
 
 if TYPE_CHECKING:
@@ -64,9 +62,12 @@ class StatusWords:
         self._set = 0
         self._sign: int | None = None
         self._cleared = 0
-        layout = drive.telegram.actual
-        self._pack = layout.pack
-        self._getters = tuple(self._getter(name) for name in layout.names)
+        self._pack = drive.telegram.actual.pack
+        self._getters: tuple[Getter, ...] = ()
+
+    def connect(self) -> None:
+        """Find the source of every signal; when the drive is complete."""
+        self._getters = getters(self._drive, self._drive.telegram.actual.names)
 
     def frame(self) -> bytes:
         """Return the telegram to the controller with the values of now."""
@@ -190,50 +191,3 @@ class StatusWords:
         if drive.ready and not drive.faults.present:
             word |= MELDW.READY
         return int(word)
-
-    # -- one function per signal --------------------------------------------------------------------------------------
-
-    def _getter(self, name: str) -> Callable[[], int]:
-        drive = self._drive
-        core = drive.core
-        settings = drive.settings
-
-        def speed_n4() -> int:
-            return to_n4(core.velocity / (settings.reference_speed_rpm * RPM))
-
-        def speed_n2() -> int:
-            return to_n2(core.velocity / (settings.reference_speed_rpm * RPM))
-
-        def torque() -> int:
-            return to_n2(core.torque / settings.reference_torque_Nm)
-
-        def power() -> int:
-            rated = settings.reference_torque_Nm * settings.reference_speed_rpm * RPM
-            return to_n2(core.torque * core.velocity / rated)
-
-        getters: dict[str, Callable[[], int]] = {
-            "ZSW1": self.zsw1,
-            "ZSW2": self.zsw2,
-            "MELDW": self.meldw,
-            "NIST_A": speed_n2,
-            "NIST_A_GLATT": speed_n2,
-            "NIST_B": speed_n4,
-            "M_ACT": torque,
-            "MIST_GLATT": torque,
-            "IAIST_GLATT": lambda: to_n2(abs(core.torque) / settings.reference_torque_Nm),
-            "PIST_GLATT": power,
-            "G1_ZSW": lambda: drive.g1_words[0],
-            "G1_XIST1": lambda: drive.g1_words[1],
-            "G1_XIST2": lambda: drive.g1_words[2],
-            # A second encoder is not fitted: it shows itself as parked (PD-151).
-            "G2_ZSW": lambda: 0x4000,
-            "FAULT_CODE": lambda: drive.faults.number,
-            "WARN_CODE": lambda: drive.faults.warning_number,
-            "E_DIGITAL": lambda: drive.inputs & 0xFFFF,
-        }
-        assert name in SIGNALS
-        return getters.get(name, _zero)
-
-
-def _zero() -> int:
-    return 0

@@ -278,7 +278,7 @@ class ProfidriveCanDrive(MachineFaults, NodeFaults):
             raise UnsupportedFaultError(
                 f"{self.name}: a PROFIdrive axis refuses transition 4 (S3 to S4) only"
             )
-        self.drive.refuses_operation = bool(transitions)
+        self.drive.operation.refuses = bool(transitions)
 
     def freeze_statusword(self, frozen: bool) -> None:
         """Let ZSW1 show what it shows now, whatever happens."""
@@ -321,7 +321,7 @@ class ProfidriveCanDrive(MachineFaults, NodeFaults):
     def limit_torque(self, share: float | None) -> None:
         """Limit the torque to a share of the rated one; None = not."""
         torque = float("inf") if share is None else share * self.config.rated_torque_Nm
-        self.drive.cap_torque(injected_Nm=torque)
+        self.drive.torque.cap(injected_Nm=torque)
 
     def scale_ramps(self, share: float) -> None:
         """Make all ramps of the drive with this share of their slope; 1 = as set."""

@@ -8,7 +8,6 @@ for the bus: they act when they happen.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
@@ -20,17 +19,19 @@ from emulators.drive.power_stage import PowerStage
 from emulators.drive.profidrive import fault_catalogue as numbers
 from emulators.drive.profidrive._faults import FaultState
 from emulators.drive.profidrive._monitors import Monitors
+from emulators.drive.profidrive._operation import Operation
 from emulators.drive.profidrive._probes import ProbeLatch
 from emulators.drive.profidrive._safety import SafetyInputs
+from emulators.drive.profidrive._speed_mode import SpeedMode
+from emulators.drive.profidrive._torque import TorqueLimits
 from emulators.drive.profidrive._words import StatusWords
 from emulators.drive.profidrive.config import DriveSettings, ProfidriveConfig
-from emulators.drive.profidrive.fault_catalogue import DriveWarning, Fault, fault
+from emulators.drive.profidrive.fault_catalogue import Fault, fault
 from emulators.drive.profidrive.setpoint_channel import SetpointChannel
-from emulators.drive.profidrive.statemachine import Action, AxisState, GeneralStateMachine, Off
+from emulators.drive.profidrive.statemachine import AxisState, GeneralStateMachine, Off
 from emulators.encoder.profidrive import EncoderInterface
-from fieldbus.clock import Scheduler, seconds_to_ns
+from fieldbus.clock import Scheduler
 from fieldbus.history import History
-from fieldbus.profidrive.formats import from_n2, torque_factor
 from fieldbus.profidrive.sign_of_life import SignOfLife
 from fieldbus.profidrive.words import SIGN_OF_LIFE_MASK, SIGN_OF_LIFE_SHIFT, STW1
 
@@ -40,11 +41,8 @@ if TYPE_CHECKING:
 
 _CONTROL_PRIORITY: Final = 1
 """The control cycle follows the servo step of the same instant."""
-_ON: Final = int(STW1.ON)
 _ACKNOWLEDGE: Final = int(STW1.ACKNOWLEDGE)
 _CONTROL: Final = int(STW1.CONTROL_BY_PLC)
-_JOG: Final = int(STW1.JOG_1 | STW1.JOG_2)
-_N2_TO_N4: Final = 16
 _SIGN_OF_LIFE_FAILED: Final = 0x0F02
 _NOT_VALID: Final = 0x0001
 
@@ -71,12 +69,10 @@ class ProfidriveDrive:
     """
 
     __slots__ = (
-        "_frame", "_g1_at", "_history", "_kpc_at", "_limit_words", "_momred_at", "_narrow",
-        "_nsoll_at", "_on_locked", "_row", "_s3_ns", "_standstill", "_stw2_at", "_torque_at", "_xerr_at", "channel", "config",
-        "controlled_cyclically", "core", "cycle_at_ns", "data_at_ns", "digital_inputs", "encoder",
-        "encoder_words", "faults", "g1_stw", "g1_words", "injected_cap_Nm", "isochronous", "machine", "mechanics", "monitors", "name",
-        "on_fault", "on_inputs", "on_warning", "power", "powered", "protection_cap_Nm", "refuses_operation", "rejected", "safety", "scheduler",
-        "settings", "sign_of_life", "stw1", "stw2", "switches", "telegram", "torque_limit_Nm", "words",
+        "_frame", "_g1_at", "_history", "_places", "_stw2_at", "config", "controlled_cyclically", "core", "cycle_at_ns",
+        "data_at_ns", "digital_inputs", "encoder", "encoder_words", "faults", "g1_stw", "g1_words", "isochronous", "mechanics",
+        "mode", "monitors", "name", "on_fault", "on_inputs", "on_warning", "operation", "power", "powered", "rejected", "row",
+        "safety", "scheduler", "settings", "sign_of_life", "stw1", "stw2", "switches", "telegram", "torque", "words",
     )  # fmt: skip
 
     def __init__(
@@ -110,7 +106,6 @@ class ProfidriveDrive:
                 closing_time_s=config.brake.closing_time_s,
             ),
         )
-        self.core.on_standstill = self._on_standstill
         self.power = PowerStage(
             self.core,
             supply=config.supply,
@@ -118,7 +113,12 @@ class ProfidriveDrive:
             rated_torque_Nm=config.rated_torque_Nm,
             motor_time_constant_s=config.thermal_time_constant_s,
         )
-        self.machine = GeneralStateMachine()
+        self._places = {name: at for at, name in enumerate(self.telegram.setpoint.names)}
+        self._stw2_at = self.setpoint_place("STW2")
+        self._g1_at = self.setpoint_place("G1_STW")
+        self.row = (0,) * (len(self.telegram.setpoint.names) + 1)
+        """Signals of the last telegram that was taken over, and a 0 for those that it has not."""
+        self.operation = Operation(self)
         self.faults = FaultState(scheduler)
         self.faults.on_fault = self._on_fault
         self.faults.on_acknowledged = self._on_acknowledged
@@ -131,12 +131,8 @@ class ProfidriveDrive:
         """Called when the warnings have changed."""
         self.safety = SafetyInputs(self)
         self.sign_of_life = SignOfLife(tolerance=self.settings.sign_of_life_tolerance)
-        self.channel = SetpointChannel(
-            self.core,
-            self.settings,
-            steps=config.cycle_ns // config.servo_period_ns,
-            interpolation=config.interpolation,
-        )
+        self.mode = SpeedMode(self)
+        self.torque = TorqueLimits(self)
         self.encoder_words = EncoderInterface(self.encoder, config.encoder_format)
         """Encoder interface G1."""
         self.g1_words = (0, 0, 0)
@@ -155,53 +151,45 @@ class ProfidriveDrive:
         """Valid cyclic data have come since power-on (PD-081)."""
         self.rejected = 0
         """Frames that were not taken over because of their length (PD-030)."""
-        self.refuses_operation = False
-        """S3 is not left, whatever the control word says."""
-        self.torque_limit_Nm = math.inf
-        """Upper torque limit in force, Nm."""
-        self.protection_cap_Nm = math.inf
-        self.injected_cap_Nm = math.inf
         self.cycle_at_ns = self.data_at_ns = 0
         self._frame: bytes | None = None
-        self._on_locked = False
-        self._standstill = False
-        self._s3_ns = 0
-        self._limit_words: tuple[int, int, int, float] | None = None
-        self._compile()
         self.words = StatusWords(self)
+        self.words.connect()
         self.refresh()
         scheduler.every(config.servo_period_ns, self.core.step)
         scheduler.every(config.control_period_ns, self._control_cycle, priority=_CONTROL_PRIORITY)
 
-    def _compile(self) -> None:
-        """Find the place of every signal; what the telegram lacks is the 0 at the end of the row."""
-        names = self.telegram.setpoint.names
-        place = {name: at for at, name in enumerate(names)}
-        self._narrow = "NSOLL_A" in place and "NSOLL_B" not in place
-        self._nsoll_at = place.get("NSOLL_A" if self._narrow else "NSOLL_B", -1)
-        self._stw2_at = place.get("STW2", -1)
-        self._g1_at = place.get("G1_STW", -1)
-        self._momred_at = place.get("MOMRED", -1)
-        self._xerr_at = place.get("XERR", -1)
-        self._kpc_at = place.get("KPC", -1)
-        self._torque_at = tuple(
-            place[name] for name in ("M_ADD1", "M_LIMIT_POS", "M_LIMIT_NEG") if name in place
-        )
-        self._row = (0,) * (len(names) + 1)
+    def setpoint_place(self, name: str) -> int:
+        """Return where a signal of the controller stands in `row`; -1, where the 0 stands, if the telegram has none."""
+        return self._places.get(name, -1)
 
     def refresh(self) -> None:
         """Take changed parameters over."""
         self.channel.refresh()
         self.sign_of_life.tolerance = self.settings.sign_of_life_tolerance
-        self._limit_words = None
-        self._apply_torque()
+        self.torque.renew()
 
     # -- what it is doing ------------------------------------------------------------------------------------------
 
     @property
     def state(self) -> AxisState:
         """State of the general state machine."""
-        return self.machine.state
+        return self.operation.machine.state
+
+    @property
+    def machine(self) -> GeneralStateMachine:
+        """The general state machine."""
+        return self.operation.machine
+
+    @property
+    def channel(self) -> SetpointChannel:
+        """The setpoint channel of speed mode."""
+        return self.mode.channel
+
+    @property
+    def torque_limit_Nm(self) -> float:
+        """Upper torque limit in force, Nm."""
+        return self.torque.upper_Nm
 
     @property
     def now_ns(self) -> int:
@@ -216,7 +204,7 @@ class ProfidriveDrive:
     @property
     def ready(self) -> bool:
         """Whether the power stage can be enabled."""
-        return not (self.power.dc_link.low or self.safety.torque_off or self.refuses_operation)
+        return not (self.power.dc_link.low or self.safety.torque_off or self.operation.refuses)
 
     # -- life --------------------------------------------------------------------------------------------------------
 
@@ -247,15 +235,13 @@ class ProfidriveDrive:
 
     def _forget(self) -> None:
         """Begin as after power-on: nobody has spoken to the drive yet."""
-        old = self.machine.state
-        self.machine.reset()
         self.sign_of_life.reset()
         self.stw1 = self.stw2 = self.g1_stw = 0
         self.controlled_cyclically = False
         self._frame = None
-        self._on_locked = self._standstill = False
-        self._row = (0,) * len(self._row)
-        self._changed(old)
+        self.row = (0,) * len(self.row)
+        self.mode.restart()
+        self.operation.reset()
 
     # -- bus cycle ---------------------------------------------------------------------------------------------------
 
@@ -283,9 +269,11 @@ class ProfidriveDrive:
             self.encoder_words.report(_SIGN_OF_LIFE_FAILED)
         self.act()
         self.g1_words = self.encoder_words.step(self.g1_stw, now)
-        row = self._row
-        if self.machine.state is AxisState.S4:
-            self._lead(row)
+        if self.operation.machine.state is AxisState.S4:
+            self.mode.lead(self.row)
+            if self.torque.follows_telegram:
+                self.torque.lead()
+        self.mode.watch()
         self.words.watch_deviation()
 
     def transmit(self) -> bytes:
@@ -308,113 +296,13 @@ class ProfidriveDrive:
         self.stw1 = stw1
         self.stw2 = stw2
         self.g1_stw = row[self._g1_at]
-        self._row = row
+        self.row = row
         if acknowledges:
             self.faults.acknowledge()
 
-    def _lead(self, row: tuple[int, ...]) -> None:
-        """Let the setpoints act."""
-        nsoll = row[self._nsoll_at]
-        if self._narrow:
-            nsoll <<= _N2_TO_N4
-        kpc = row[self._kpc_at]
-        if kpc and not (self.isochronous and self.settings.operating_mode == 3):
-            self.faults.warn(DriveWarning.DSC_WITHOUT_CLOCK, True)
-            kpc = 0
-        elif self.faults.warnings:
-            self.faults.warn(DriveWarning.DSC_WITHOUT_CLOCK, False)
-        self.channel.step(self.stw1, nsoll, row[self._xerr_at], kpc)
-        if self._torque_at:
-            self.core.torque_offset = from_n2(row[self._torque_at[0]]) * self.settings.reference_torque_Nm
-        if self._torque_at or self._momred_at >= 0:
-            self._apply_torque()
-
-    def _apply_torque(self) -> None:
-        """Limit the torque: parameters, telegram 750, MOMRED, protection (PD-037, PD-038)."""
-        row = self._row
-        momred = row[self._momred_at] if self._momred_at >= 0 else 0
-        high_word, low_word = (row[at] for at in self._torque_at[1:]) if self._torque_at else (0, 0)
-        cap = min(self.protection_cap_Nm, self.injected_cap_Nm)
-        words = (momred, high_word, low_word, cap)
-        if words == self._limit_words:
-            return
-        self._limit_words = words
-        settings = self.settings
-        high, low = settings.torque_limits_Nm
-        if self._torque_at and self.controlled_cyclically:
-            high = min(high, max(0.0, from_n2(high_word) * settings.reference_torque_Nm))
-            low = min(low, max(0.0, -from_n2(low_word) * settings.reference_torque_Nm))
-        factor = torque_factor(momred, settings.momred_evaluation_percent)
-        self.torque_limit_Nm = min(cap, high * factor)
-        self.core.set_torque_limits(self.torque_limit_Nm, min(cap, low * factor))
-
-    # -- state machine -----------------------------------------------------------------------------------------------
-
     def act(self) -> None:
         """Let the state machine make one step: in every bus cycle, and when something happens in between."""
-        if not (self.powered and self.controlled_cyclically):
-            return
-        machine = self.machine
-        old = machine.state
-        action = machine.step(
-            self._command(old),
-            off=self.faults.off | self.safety.off,
-            standstill=self._standstill,
-            ready=self.ready and (old is not AxisState.S3 or self._delay_over()),
-            synchronised=not self.isochronous or self.sign_of_life.synchronised,
-        )
-        if action is not Action.NOTHING:
-            self._carry_out(action)
-        if machine.state is not old:
-            self._changed(old)
-
-    def _delay_over(self) -> bool:
-        return self.scheduler.now - self._s3_ns >= seconds_to_ns(self.config.power_on_delay_s)
-
-    def _command(self, state: AxisState) -> int:
-        """Return STW1 as the state machine sees it."""
-        stw1 = self.stw1
-        if self._on_locked:
-            # What a fault has switched off needs a new ON (PD-115).
-            if not stw1 & _ON:
-                self._on_locked = False
-            elif state is not AxisState.S1:
-                stw1 &= ~_ON
-        if stw1 & _JOG:
-            both = stw1 & _JOG == _JOG
-            self.faults.warn(DriveWarning.JOG_CONTRADICTION, both)
-            if state is not AxisState.S1 and not self._on_locked and self.channel.jogging(stw1):
-                stw1 |= _ON  # jogging switches on by itself, from S2 (PD-122)
-        elif self.faults.warnings:
-            self.faults.warn(DriveWarning.JOG_CONTRADICTION, False)
-        return stw1
-
-    def _carry_out(self, action: Action) -> None:
-        core = self.core
-        if action is Action.ENABLE:
-            self._standstill = False
-            core.enable_pulses()
-            self._limit_words = None
-            self._apply_torque()
-        elif action is Action.INHIBIT:
-            self.channel.dsc = False
-            core.inhibit_pulses()
-        elif action is Action.CONTINUE:
-            self._standstill = False
-        else:
-            self._standstill = False
-            self.channel.stop_ramp(self.stw1, quick=action is Action.QUICK_STOP)
-
-    def _on_standstill(self) -> None:
-        self._standstill = True
-        self.act()
-
-    def _changed(self, old: AxisState) -> None:
-        new = self.machine.state
-        if new is AxisState.S3:
-            self._s3_ns = self.scheduler.now
-        if new is not old:
-            self.emit("drive.state", **{"from": old.text, "to": new.text})
+        self.operation.act()
 
     # -- faults and warnings -------------------------------------------------------------------------------------------
 
@@ -438,7 +326,8 @@ class ProfidriveDrive:
         if self.faults.enter(row, value, reaction=reaction):
             if row.number in numbers.OF_THE_ENCODER:
                 self.encoder_words.report(_NOT_VALID)
-            self._on_locked = self._on_locked or bool(self.faults.off)
+            if self.faults.off:
+                self.operation.lock_on()
             self.act()
 
     def clear_fault_cause(self, code: int | None = None) -> None:
@@ -474,14 +363,6 @@ class ProfidriveDrive:
     def _control_cycle(self) -> None:
         if self.powered:
             self.monitors.update()
-
-    def cap_torque(self, *, protection_Nm: float | None = None, injected_Nm: float | None = None) -> None:
-        """Limit the torque because of heat, or from a test, Nm; inf = not."""
-        if protection_Nm is not None:
-            self.protection_cap_Nm = protection_Nm
-        if injected_Nm is not None:
-            self.injected_cap_Nm = injected_Nm
-        self._apply_torque()
 
     def _on_inputs(self, _before: int) -> None:
         self.emit("drive.inputs", inputs=self.digital_inputs.value)
