@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hil.bench.encoders import EncoderNodes
     from hil.bench.words import BenchWords
     from motion.drives.cia402 import Cia402Port
-    from motion.drives.profidrive import ProfidrivePort
+    from motion.drives.profidrive_can import ProfidriveCanPort
     from motion.runtime import AxisHandle
 
 MASTER_NODE: Final = 127
@@ -32,7 +32,7 @@ class BenchParts:
     _encoders: dict[str, Any]
     _devices: dict[str, Any]
     _encoder_nodes: EncoderNodes | None
-    _ports: dict[str, Cia402Port | ProfidrivePort]
+    _ports: dict[str, Cia402Port | ProfidriveCanPort]
     _axes: dict[str, AxisHandle]
     _words: dict[str | None, BenchWords]
 
@@ -103,7 +103,7 @@ class BenchParts:
         """Return a drive or an encoder as its controller sees it, by name; default: the drive of the first axis."""
         if self._encoder_nodes is not None and drive_name in self._encoder_nodes.nodes:
             return self._encoder_nodes.nodes[drive_name]
-        port: Cia402Port | ProfidrivePort = self._part("drive with an axis", self._ports, drive_name)
+        port: Cia402Port | ProfidriveCanPort = self._part("drive with an axis", self._ports, drive_name)
         return port.node
 
     @property

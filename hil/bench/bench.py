@@ -26,7 +26,8 @@ from hil.errors import BlockedError
 from hil.record import Recorder, Trace
 from motion.axis import PositioningAxis, SpeedAxis, TechnologyAxis
 from motion.drives.cia402 import Cia402Port, Cia402PortConfig, CommissioningError
-from motion.drives.profidrive import ProfidrivePort, ProfidrivePortConfig
+from motion.drives.profidrive import TelegramConfig
+from motion.drives.profidrive_can import ProfidriveCanConfig, ProfidriveCanPort
 from motion.runtime import AxisHandle, Runtime
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ class Bench(BenchParts):
         self._encoders: dict[str, Any] = {}
         self._devices: dict[str, Any] = {}
         self._encoder_nodes: EncoderNodes | None = None
-        self._ports: dict[str, Cia402Port | ProfidrivePort] = {}
+        self._ports: dict[str, Cia402Port | ProfidriveCanPort] = {}
         self._axes: dict[str, AxisHandle] = {}
         self._cycle_callbacks: list[Callable[[], object]] = []
         self._remote: RemoteDrives | None = None
@@ -215,7 +216,7 @@ class Bench(BenchParts):
         for key, value in constants.items():
             self.recorder.set_constant(f"{name}.{key}", value)
 
-    def _build_port(self, name: str, drive: DriveSection) -> Cia402Port | ProfidrivePort:
+    def _build_port(self, name: str, drive: DriveSection) -> Cia402Port | ProfidriveCanPort:
         """Return the controller's port to a drive, as its profile wants it."""
         master = self._masters[drive.segment]
         common: dict[str, Any] = {
@@ -236,15 +237,15 @@ class Bench(BenchParts):
         }
         if drive.profile == "profidrive":
             own = drive.profidrive
-            port_config = ProfidrivePortConfig(
+            words = TelegramConfig(
                 telegram=drive.telegram,
                 torque_telegram=own.torque_telegram,
                 reference_speed_rpm=own.reference_speed_rpm,
                 reference_torque_nm=own.reference_torque_nm,
                 sign_of_life=drive.telegram != 1,
-                **common,
             )
-            return ProfidrivePort(master, port_config, name=name, history=self.history)
+            can = ProfidriveCanConfig(words=words, **common)
+            return ProfidriveCanPort(master, can, name=name, history=self.history)
         config = Cia402PortConfig(
             rated_torque_nm=drive.rated_torque_nm,
             increments_per_revolution=drive.increments_per_revolution,

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hil.bench.drive_config import DriveSection
     from hil.bench.encoder_config import EncoderSection
     from motion.drives.cia402 import Cia402Port
-    from motion.drives.profidrive import ProfidrivePort
+    from motion.drives.profidrive_can import ProfidriveCanPort
 
 
 _PEAK_TORQUE: Final = 3.0
@@ -250,7 +250,7 @@ def build_drive(
 
 
 def build_decoder(
-    config: BenchConfig, ports: Mapping[str, Cia402Port | ProfidrivePort], *, segment: str | None = None
+    config: BenchConfig, ports: Mapping[str, Cia402Port | ProfidriveCanPort], *, segment: str | None = None
 ) -> FrameDecoder:
     """Return a decoder that knows names, dictionary and commissioned mapping of every node, of one segment or of all."""
     from fieldbus.canopen.decode import FrameDecoder

@@ -1,9 +1,7 @@
 """Port to a CiA 402 drive on CANopen: cyclic synchronous velocity on PDOs, latched by SYNC.
 
 One RPDO (6040h, 60FFh, 6060h) and two synchronous TPDOs (6041h, 6064h, 6077h; 606Ch, 60FDh) carry the cycle;
-603Fh and 1001h come by event. `setup` says what the drive has to be and how it has to be configured; the network
-(`CanopenMaster.add_node`) sees to that, at the start and whenever the drive comes back, and tells the port whether it
-may be relied on.
+603Fh and 1001h come by event.
 
 Delays, with T the bus cycle: the drive samples at SYNC k, the axis calculates half a cycle later, its setpoint
 is latched at SYNC k+1 and interpolated by the drive until SYNC k+2.
@@ -11,20 +9,22 @@ is latched at SYNC k+1 and interpolated by the drive until SYNC k+2.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from struct import Struct
 from typing import TYPE_CHECKING, Final
 
-from fieldbus.canopen.node_setup import NodeSetup, Parameter, PdoSetup
+from fieldbus.canopen.node_setup import PdoSetup
 from fieldbus.cia402 import DriveState, decode_state
-from fieldbus.errors import ConfigurationError, HilError
-from fieldbus.history import History
-from motion.drives.port import STW1, ZSW1, DrivePort
+from fieldbus.errors import HilError
+from motion.drives._canopen import CanopenNode, CanopenNodeConfig, CommissioningError, written
+from motion.drives._link import LinkedPort
+from motion.drives.port import STW1, ZSW1
 
 if TYPE_CHECKING:
     from fieldbus.canopen.master import CanopenMaster
-    from fieldbus.canopen.node import RemoteNode
+    from fieldbus.history import History
+
+__all__ = ["Cia402Port", "Cia402PortConfig", "CommissioningError"]
 
 _RPDO1: Final = Struct("<Hib")
 _TPDO1: Final = Struct("<Hih")
@@ -34,9 +34,6 @@ _TPDO3: Final = Struct("<HB")
 MODE_CSV: Final = 9
 _VELOCITY_UNIT_MILLI_RPM: Final = 0xFDB44700
 _PROFILE: Final = 402
-
-GRACE_CYCLES: Final = 3
-"""Cycles without an actual value after which the link counts as lost."""
 
 _ZSW1_OF_STATE: Final = {
     DriveState.NOT_READY_TO_SWITCH_ON: ZSW1.SWITCHING_ON_INHIBITED,
@@ -50,64 +47,27 @@ _ZSW1_OF_STATE: Final = {
 }
 
 
-@dataclass(slots=True, frozen=True)
-class Cia402PortConfig:
-    """Facts about the drive that the controller has to know.
+@dataclass(slots=True, frozen=True, kw_only=True)
+class Cia402PortConfig(CanopenNodeConfig):
+    """Facts about the drive that the controller has to know, beside those of any drive on CANopen.
 
     Args:
-        node_id: CANopen node, 1..127.
-        cycle_ns: Bus cycle (SYNC period), ns.
         rated_torque_nm: 6076h, for the torque in permille.
         increments_per_revolution: 608Fh.
         off1_deceleration_rpm_s: Slope of OFF1, rpm per second (p1082 / p1121); written to 6084h.
         off3_deceleration_rpm_s: Slope of OFF3, rpm per second (p1082 / p1135); written to 6085h.
-        absolute_encoder: The encoder keeps its position over power-off.
-        heartbeat_ms: Heartbeat of drive and controller; 0 switches it off.
-        consumer_heartbeat_ms: Time after which either side reports the other's heartbeat as lost.
-        abort_connection: 6007h, the drive's reaction to lost communication.
         fault_reaction: 605Eh.
-        grace_cycles: Cycles without data until the link counts as lost.
-        guard_time_ms: Period of node guarding, for drives without heartbeat; 0 = none.
-        life_time_factor: Guard times without an answer after which either side reports the other as lost.
-        vendor_id: Expected 1018h:1; None = any. Likewise `product_code`, `revision`, `serial`.
-        store: Have the drive keep the parameters (1010h).
-        optional: The network is ready without this drive.
 
     """
 
-    node_id: int
-    cycle_ns: int
     rated_torque_nm: float = 2.0
     increments_per_revolution: int = 131072
     off1_deceleration_rpm_s: float = 3000.0
     off3_deceleration_rpm_s: float = 6000.0
-    absolute_encoder: bool = False
-    heartbeat_ms: int = 100
-    consumer_heartbeat_ms: int = 250
-    abort_connection: int = 3
     fault_reaction: int = 2
-    grace_cycles: int = GRACE_CYCLES
-    guard_time_ms: int = 0
-    life_time_factor: int = 3
-    vendor_id: int | None = None
-    product_code: int | None = None
-    revision: int | None = None
-    serial: int | None = None
-    store: bool = True
-    optional: bool = False
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.node_id <= 127:
-            raise ConfigurationError("drive.node_id", self.node_id, "1..127")
-        if self.cycle_ns <= 0 or self.cycle_ns % 1_000_000:
-            raise ConfigurationError("cycle", f"{self.cycle_ns} ns", "a whole number of milliseconds")
 
 
-class CommissioningError(HilError):
-    """A drive refuses a parameter that the cyclic operation needs."""
-
-
-class Cia402Port(DrivePort):
+class Cia402Port(LinkedPort):
     """See the module.
 
     Args:
@@ -119,24 +79,9 @@ class Cia402Port(DrivePort):
     """
 
     __slots__ = (
-        "_ack",
-        "_config",
-        "_fault_code",
-        "_history",
-        "_in_service",
-        "_link_age",
-        "_master",
-        "_off1",
-        "_rpdo1_id",
-        "_seen_tpdo1",
-        "_state_of_word",
-        "_statusword",
-        "_stw1",
-        "_torque_factor",
-        "name",
-        "node",
-        "node_id",
-    )
+        "_fault_code", "_master", "_rpdo1_id", "_seen_tpdo1", "_state_of_word", "_statusword", "_stw1", "_torque_factor",
+        "node", "node_id",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -146,12 +91,8 @@ class Cia402Port(DrivePort):
         name: str = "drive",
         history: History | None = None,
     ) -> None:
-        super().__init__()
-        self.name = name
+        super().__init__(config, name=name, history=history)
         self.node_id = node = config.node_id
-        self.absolute_encoder = config.absolute_encoder
-        self._config = config
-        self._history = history
         self._master = master
         self._rpdo1_id = 0x200 + node
         self._torque_factor = config.rated_torque_nm / 1000.0
@@ -159,112 +100,39 @@ class Cia402Port(DrivePort):
         self._stw1 = 0
         self._fault_code = 0
         self._seen_tpdo1 = False
-        self._in_service = False
-        self._link_age = config.grace_cycles
         self._state_of_word: dict[int, DriveState] = {}
         master.subscribe(0x180 + node, self._on_tpdo1)
         master.subscribe(0x280 + node, self._on_tpdo2)
         master.subscribe(0x380 + node, self._on_tpdo3)
-        self.node: RemoteNode = master.add_node(self.setup(), self)
-        """The drive as a node of the network."""
-
-    # -- configuration ----------------------------------------------------------------------------------------
-
-    def setup(self) -> NodeSetup:
-        """Return what the drive has to be and how it has to be configured."""
-        c = self._config
-        return NodeSetup(
-            node_id=c.node_id,
-            name=self.name,
+        self.node = CanopenNode(
+            self,
+            master,
+            config,
+            disable=0x6040,
+            pdos=_pdos(node),
+            parameters=_parameters(config),
             device_profile=_PROFILE,
-            vendor_id=c.vendor_id,
-            product_code=c.product_code,
-            revision=c.revision,
-            serial=c.serial,
-            prepare=(Parameter(0x6040, 0, 0, 2),),
-            pdos=self._pdos(),
-            parameters=self._parameters(),
-            store=c.store,
-            heartbeat_timeout_ms=c.consumer_heartbeat_ms if c.heartbeat_ms else 0,
-            guard_time_ms=c.guard_time_ms,
-            life_time_factor=c.life_time_factor,
-            optional=c.optional,
-        )
-
-    def _pdos(self) -> tuple[PdoSetup, ...]:
-        node = self.node_id
-        # PDOs that the cycle does not use stay silent, whatever the device's default is.
-        return (
-            PdoSetup(False, 1, 0x200 + node, 1, (0x60400010, 0x60FF0020, 0x60600008)),
-            PdoSetup(True, 1, 0x180 + node, 1, (0x60410010, 0x60640020, 0x60770010)),
-            PdoSetup(True, 2, 0x280 + node, 1, (0x606C0020, 0x60FD0020)),
-            PdoSetup(True, 3, 0x380 + node, 255, (0x603F0010, 0x10010008)),
-            PdoSetup(True, 4, 0x480 + node),
-            *(PdoSetup(False, number, 0x100 + 0x100 * number + node) for number in (2, 3, 4)),
-        )
-
-    def _parameters(self) -> tuple[Parameter, ...]:
-        c = self._config
-        u8, u16, u32 = 1, 2, 4
-        heartbeat = self._master.node_id << 16 | c.consumer_heartbeat_ms if c.heartbeat_ms else 0
-        rows = [
-            (0x1006, 0, c.cycle_ns // 1000, u32),
-            (0x60A9, 0, _VELOCITY_UNIT_MILLI_RPM, u32),
-            (0x608F, 1, c.increments_per_revolution, u32),
-            (0x608F, 2, 1, u32),
-            (0x6092, 1, c.increments_per_revolution, u32),
-            (0x6092, 2, 1, u32),
-            (0x60C2, 1, c.cycle_ns // 1_000_000, u8),
-            (0x60C2, 2, -3, u8),
-            (0x6007, 0, c.abort_connection, u16),
-            (0x605A, 0, 2, u16),
-            (0x605B, 0, 1, u16),
-            (0x605C, 0, 1, u16),
-            (0x605E, 0, c.fault_reaction, u16),
-            (0x6084, 0, round(c.off1_deceleration_rpm_s * 1000.0), u32),
-            (0x6085, 0, round(c.off3_deceleration_rpm_s * 1000.0), u32),
-            (0x6060, 0, MODE_CSV, u8),
-            (0x1017, 0, c.heartbeat_ms, u16),
-            (0x1016, 1, heartbeat, u32),
-        ]
-        if c.guard_time_ms:
-            rows += [(0x100C, 0, c.guard_time_ms, u16), (0x100D, 0, c.life_time_factor, u8)]
-        return tuple(Parameter(*row) for row in rows)
+        ).remote
+        """The drive as a node of the network."""
 
     def parameters(self) -> list[tuple[int, int, int]]:
         """Return what commissioning may write, in order: (index, sub-index, value)."""
-        return [(index, sub, value) for index, sub, value, _ in self.node.setup.everything()]
+        return written(self.node)
 
     # -- what the network tells -------------------------------------------------------------------------------
 
-    def node_restarted(self) -> None:
-        """See `NodeUser`: an incremental count has lost its reference."""
-        if not self.absolute_encoder:
-            self.encoder_restarts += 1
+    def drive_restarted(self) -> None:
+        """See `LinkedPort.drive_restarted`."""
+        LinkedPort.drive_restarted(self)
         self._fault_code = 0
 
-    def node_in_service(self) -> None:
-        """See `NodeUser`: from now on cyclic data mean what they should."""
-        self._in_service = True
-
-    def node_lost(self, reason: str) -> None:
-        """See `NodeUser`: the link is down until the drive is in service again."""
-        self._in_service = False
+    def leave_service(self) -> None:
+        """See `LinkedPort.leave_service`."""
+        LinkedPort.leave_service(self)
         self._seen_tpdo1 = False
-        self._link_age = self._config.grace_cycles  # what comes next has to be new
-        if self._history is not None:
-            if reason == "heartbeat":
-                self._history.emit(self.name, "link.heartbeat_lost")
-            else:
-                self._history.emit(self.name, "link.node_lost", reason=reason)
 
-    def node_state(self, state: int) -> None:
-        """See `NodeUser`."""
-        if self._history is not None:
-            self._history.emit(self.name, "link.nmt_state", state=int(state))
-
-    def node_emcy(self, code: int) -> None:
-        """See `NodeUser`."""
+    def take_emcy(self, code: int) -> None:
+        """See `NodePort`."""
         if code:
             self._fault_code = code
 
@@ -289,18 +157,9 @@ class Cia402Port(DrivePort):
 
     def read(self) -> None:
         """See `DrivePort.read`."""
-        if self._seen_tpdo1:
-            self._seen_tpdo1 = False
-            self._link_age = 0
-        elif self._link_age < self._config.grace_cycles:
-            self._link_age += 1
-        alive = self._link_age < self._config.grace_cycles and self._in_service
-        if alive is not self.link_ok:
-            self.link_ok = alive
-            if self._history is not None:
-                self._history.emit(self.name, "link.up" if alive else "link.down")
-        if not alive:
-            self.zsw1 = 0
+        fresh = self._seen_tpdo1
+        self._seen_tpdo1 = False
+        if not self._judge(fresh):
             return
         word = self._statusword
         key = word & 0x6F
@@ -354,4 +213,33 @@ class Cia402Port(DrivePort):
             return  # the bus is gone already
 
 
-PortFactory = Callable[[], DrivePort]
+def _pdos(node: int) -> tuple[PdoSetup, ...]:
+    # PDOs that the cycle does not use stay silent, whatever the device's default is.
+    return (
+        PdoSetup(False, 1, 0x200 + node, 1, (0x60400010, 0x60FF0020, 0x60600008)),
+        PdoSetup(True, 1, 0x180 + node, 1, (0x60410010, 0x60640020, 0x60770010)),
+        PdoSetup(True, 2, 0x280 + node, 1, (0x606C0020, 0x60FD0020)),
+        PdoSetup(True, 3, 0x380 + node, 255, (0x603F0010, 0x10010008)),
+        PdoSetup(True, 4, 0x480 + node),
+        *(PdoSetup(False, number, 0x100 + 0x100 * number + node) for number in (2, 3, 4)),
+    )
+
+
+def _parameters(config: Cia402PortConfig) -> list[tuple[int, int, int, int]]:
+    u8, u16, u32 = 1, 2, 4
+    return [
+        (0x60A9, 0, _VELOCITY_UNIT_MILLI_RPM, u32),
+        (0x608F, 1, config.increments_per_revolution, u32),
+        (0x608F, 2, 1, u32),
+        (0x6092, 1, config.increments_per_revolution, u32),
+        (0x6092, 2, 1, u32),
+        (0x60C2, 1, config.cycle_ns // 1_000_000, u8),
+        (0x60C2, 2, -3, u8),
+        (0x605A, 0, 2, u16),
+        (0x605B, 0, 1, u16),
+        (0x605C, 0, 1, u16),
+        (0x605E, 0, config.fault_reaction, u16),
+        (0x6084, 0, round(config.off1_deceleration_rpm_s * 1000.0), u32),
+        (0x6085, 0, round(config.off3_deceleration_rpm_s * 1000.0), u32),
+        (0x6060, 0, MODE_CSV, u8),
+    ]

@@ -375,8 +375,8 @@ def test_old_actual_values_do_not_count():
             return HookResult.drop()
 
         end = bench.segment().add_hook(swallow)
-        port.node_lost("test")
-        port.node_in_service()
+        port.leave_service()
+        port.enter_service()
         bench.run_for(0.0081)
         assert lost
         assert not port.link_ok

@@ -1,0 +1,175 @@
+"""A drive that is a CANopen node: what the network has to know of it, and what the network tells its port."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from fieldbus.canopen.node_setup import NodeSetup, Parameter, PdoSetup
+from fieldbus.errors import ConfigurationError, HilError
+from motion.drives._link import LinkConfig
+
+if TYPE_CHECKING:
+    from fieldbus.canopen.master import CanopenMaster
+    from fieldbus.canopen.node import RemoteNode
+
+
+class CommissioningError(HilError):
+    """A drive refuses a parameter that the cyclic operation needs."""
+
+
+@dataclass(slots=True, frozen=True, kw_only=True)
+class CanopenNodeConfig(LinkConfig):
+    """Facts about a drive on CANopen that the controller has to know, beside those of `LinkConfig`.
+
+    Args:
+        node_id: CANopen node, 1..127.
+        heartbeat_ms: Heartbeat of drive and controller; 0 switches it off.
+        consumer_heartbeat_ms: Time after which either side reports the other's heartbeat as lost.
+        abort_connection: 6007h, the drive's reaction to lost communication.
+        guard_time_ms: Period of node guarding, for drives without heartbeat; 0 = none.
+        life_time_factor: Guard times without an answer after which either side reports the other as lost.
+        vendor_id: Expected 1018h:1; None = any. Likewise `product_code`, `revision`, `serial`.
+        store: Have the drive keep the parameters (1010h).
+
+    Raises:
+        ConfigurationError: A value is out of range.
+
+    """
+
+    node_id: int
+    heartbeat_ms: int = 100
+    consumer_heartbeat_ms: int = 250
+    abort_connection: int = 3
+    guard_time_ms: int = 0
+    life_time_factor: int = 3
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision: int | None = None
+    serial: int | None = None
+    store: bool = True
+
+    def __post_init__(self) -> None:
+        LinkConfig.__post_init__(self)
+        if not 1 <= self.node_id <= 127:
+            raise ConfigurationError("drive.node_id", self.node_id, "1..127")
+
+
+class NodePort(Protocol):
+    """What a port is to its node."""
+
+    name: str
+
+    def drive_restarted(self) -> None:
+        """Take note that the drive has started anew."""
+
+    def enter_service(self) -> None:
+        """Take note that the drive is configured and Operational."""
+
+    def leave_service(self) -> None:
+        """Take note that the drive must not be relied on any more."""
+
+    def take_emcy(self, code: int) -> None:
+        """Take note of an EMCY."""
+
+    def emit(self, kind: str, **data: str | float | bool) -> None:
+        """Write an event of this drive into the log."""
+
+
+class CanopenNode:
+    """Stands between a port and the network (`NodeUser`).
+
+    The network compares and writes what is given here, at the start and whenever the drive comes back.
+
+    Args:
+        port: Who is told.
+        master: The controller's CANopen services on the segment of the drive.
+        config: Facts about the drive.
+        disable: Object that switches the drive off when it is 0, before anything is written.
+        pdos: The PDOs that the cycle uses, and those that have to be silent.
+        parameters: What the profile needs beside bus cycle, reaction to lost communication and error control:
+            (index, sub-index, value, length).
+        device_profile: Expected profile in 1000h; None = any.
+
+    """
+
+    __slots__ = ("_port", "remote")
+
+    def __init__(
+        self,
+        port: NodePort,
+        master: CanopenMaster,
+        config: CanopenNodeConfig,
+        *,
+        disable: int,
+        pdos: tuple[PdoSetup, ...],
+        parameters: Iterable[tuple[int, int, int, int]] = (),
+        device_profile: int | None = None,
+    ) -> None:
+        self._port = port
+        setup = NodeSetup(
+            node_id=config.node_id,
+            name=port.name,
+            device_profile=device_profile,
+            vendor_id=config.vendor_id,
+            product_code=config.product_code,
+            revision=config.revision,
+            serial=config.serial,
+            prepare=(Parameter(disable, 0, 0, 2),),
+            pdos=pdos,
+            parameters=tuple(Parameter(*row) for row in _rows(config, master.node_id, parameters)),
+            store=config.store,
+            heartbeat_timeout_ms=config.consumer_heartbeat_ms if config.heartbeat_ms else 0,
+            guard_time_ms=config.guard_time_ms,
+            life_time_factor=config.life_time_factor,
+            optional=config.optional,
+        )
+        self.remote: RemoteNode = master.add_node(setup, self)
+        """The drive as a node of the network."""
+
+    def node_restarted(self) -> None:
+        """See `NodeUser`."""
+        self._port.drive_restarted()
+
+    def node_in_service(self) -> None:
+        """See `NodeUser`."""
+        self._port.enter_service()
+
+    def node_lost(self, reason: str) -> None:
+        """See `NodeUser`."""
+        self._port.leave_service()
+        if reason == "heartbeat":
+            self._port.emit("link.heartbeat_lost")
+        else:
+            self._port.emit("link.node_lost", reason=reason)
+
+    def node_state(self, state: int) -> None:
+        """See `NodeUser`."""
+        self._port.emit("link.nmt_state", state=int(state))
+
+    def node_emcy(self, code: int) -> None:
+        """See `NodeUser`."""
+        self._port.take_emcy(code)
+
+
+def _rows(
+    config: CanopenNodeConfig, controller: int, own: Iterable[tuple[int, int, int, int]]
+) -> list[tuple[int, int, int, int]]:
+    """Return what is written into the drive, the profile's rows between bus cycle and error control."""
+    heartbeat = controller << 16 | config.consumer_heartbeat_ms if config.heartbeat_ms else 0
+    rows = [
+        (0x1006, 0, config.cycle_ns // 1000, 4),
+        *own,
+        (0x6007, 0, config.abort_connection, 2),
+        (0x1017, 0, config.heartbeat_ms, 2),
+        (0x1016, 1, heartbeat, 4),
+    ]
+    if config.guard_time_ms:
+        rows += [(0x100C, 0, config.guard_time_ms, 2), (0x100D, 0, config.life_time_factor, 1)]
+    return rows
+
+
+def written(node: RemoteNode) -> list[tuple[int, int, int]]:
+    """Return what commissioning may write into a node, in order: (index, sub-index, value)."""
+    return [(index, sub, value) for index, sub, value, _ in node.setup.everything()]

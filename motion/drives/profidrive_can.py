@@ -1,0 +1,184 @@
+"""Port to a PROFIdrive axis on CANopen: its telegram in free process data words on PDOs, latched by SYNC.
+
+Four words of the telegram stand in a PDO (5800h and following to the drive, 5810h and following from it); one more TPDO
+brings digital inputs and the fault number by event.
+
+Delays, with T the bus cycle: the drive samples at SYNC k, the axis calculates half a cycle later, its telegram is taken over
+at SYNC k+1, and its setpoints are interpolated by the drive until SYNC k+2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from struct import Struct
+from typing import TYPE_CHECKING, Final
+
+from fieldbus.canopen.node_setup import PdoSetup
+from fieldbus.errors import ConfigurationError, HilError
+from motion.drives._canopen import CanopenNode, CanopenNodeConfig, written
+from motion.drives.profidrive import ProfidrivePort, TelegramConfig
+
+if TYPE_CHECKING:
+    from fieldbus.canopen.master import CanopenMaster
+    from fieldbus.history import History
+
+_RECEIVE: Final = 0x5800
+_SEND: Final = 0x5810
+_STATUS: Final = (0x22D20020, 0x28530010, 0x28540010)
+_STATUS_STRUCT: Final = Struct("<IHH")
+_WORDS_PER_PDO: Final = 4
+
+
+@dataclass(slots=True, frozen=True, kw_only=True)
+class ProfidriveCanConfig(CanopenNodeConfig):
+    """Facts about the drive that the controller has to know.
+
+    Args:
+        words: The telegram.
+
+    Raises:
+        ConfigurationError: A value is out of range, or values do not fit together.
+
+    """
+
+    words: TelegramConfig = field(default_factory=TelegramConfig)
+
+    def __post_init__(self) -> None:
+        CanopenNodeConfig.__post_init__(self)
+        if self.words.build().actual.words > 12 and self.node_id > 0x5F:
+            raise ConfigurationError("drive.node_id", self.node_id, "1..95 with a telegram of four TPDOs")
+
+
+class ProfidriveCanPort(ProfidrivePort):
+    """See the module.
+
+    Args:
+        master: The controller's CANopen services on the segment of the drive.
+        config: Facts about the drive.
+        name: Name of the drive in the history.
+        history: Log for link and drive events; None for none.
+
+    """
+
+    __slots__ = (
+        "_all_seen", "_from_words", "_master", "_parts", "_rpdo_ids", "_rpdo_slices", "_seen", "_to_words", "node", "node_id",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        master: CanopenMaster,
+        config: ProfidriveCanConfig,
+        *,
+        name: str = "drive",
+        history: History | None = None,
+    ) -> None:
+        super().__init__(config, config.words, name=name, history=history)
+        self.node_id = node = config.node_id
+        self._master = master
+        self._cut()
+        self._seen = 0
+        for number in range(len(self._parts)):
+            master.subscribe(0x180 + 0x100 * number + node, self._receiver(number))
+        master.subscribe(self._status_id(), self._on_status)
+        self.node = CanopenNode(self, master, config, disable=_RECEIVE, pdos=self._pdos()).remote
+        """The drive as a node of the network."""
+
+    def _cut(self) -> None:
+        """Lay down how words become PDOs."""
+        out, back = self.telegram.setpoint, self.telegram.actual
+        self._to_words = (Struct(f">{out.words}H"), Struct(f"<{out.words}H"))
+        self._from_words = (Struct(f"<{back.words}H"), Struct(f">{back.words}H"))
+        size = 2 * _WORDS_PER_PDO
+        self._rpdo_ids = tuple(
+            0x200 + 0x100 * number + self.node_id for number in range(-(-out.length // size))
+        )
+        self._rpdo_slices = tuple(
+            slice(size * number, min(size * number + size, out.length))
+            for number in range(len(self._rpdo_ids))
+        )
+        parts = -(-back.length // size)
+        self._parts = [bytes(min(size, back.length - size * number)) for number in range(parts)]
+        self._all_seen = (1 << parts) - 1
+
+    def _status_id(self) -> int:
+        return (0x480 if len(self._parts) < 4 else 0x680) + self.node_id
+
+    def _pdos(self) -> tuple[PdoSetup, ...]:
+        node = self.node_id
+        receive = _mappings(_RECEIVE, self.telegram.setpoint.words)
+        send = _mappings(_SEND, self.telegram.actual.words)
+        return (
+            *(PdoSetup(False, n + 1, 0x200 + 0x100 * n + node, 1, words) for n, words in enumerate(receive)),
+            *(PdoSetup(False, n + 1, 0x200 + 0x100 * n + node) for n in range(len(receive), 4)),
+            *(PdoSetup(True, n + 1, 0x180 + 0x100 * n + node, 1, words) for n, words in enumerate(send)),
+            # TPDOs that the telegram does not need are off before the status takes the identifier of one.
+            *(PdoSetup(True, n + 1, 0x180 + 0x100 * n + node) for n in range(len(send), 4)),
+            PdoSetup(True, 5, self._status_id(), 255, _STATUS),
+        )
+
+    # -- what the network tells -------------------------------------------------------------------------------
+
+    def leave_service(self) -> None:
+        """See `LinkedPort.leave_service`."""
+        ProfidrivePort.leave_service(self)
+        self._seen = 0
+
+    def take_emcy(self, code: int) -> None:
+        """See `NodePort`: the fault number says more than the EMCY."""
+
+    def parameters(self) -> list[tuple[int, int, int]]:
+        """Return what commissioning may write, in order: (index, sub-index, value)."""
+        return written(self.node)
+
+    # -- bus events -------------------------------------------------------------------------------------------
+
+    def _receiver(self, number: int) -> Callable[[bytes, int], None]:
+        parts = self._parts
+        size = len(parts[number])
+        bit = 1 << number
+
+        def receive(data: bytes, _time_ns: int) -> None:
+            if len(data) == size:
+                parts[number] = data
+                self._seen |= bit
+
+        return receive
+
+    def _on_status(self, data: bytes, _time_ns: int) -> None:
+        if len(data) == _STATUS_STRUCT.size:
+            self.inputs, self._fault_number, _ = _STATUS_STRUCT.unpack(data)
+
+    # -- cycle ------------------------------------------------------------------------------------------------
+
+    def read(self) -> None:
+        """See `DrivePort.read`."""
+        if self._seen == self._all_seen:
+            self._seen = 0
+            words, frame = self._from_words
+            self._take(frame.pack(*words.unpack(b"".join(self._parts))))
+        else:
+            self._take(None)
+
+    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
+        """See `DrivePort.write`."""
+        self._send(self._compose(stw1, speed_rpm, torque_nm))
+
+    def _send(self, frame: bytes) -> None:
+        big, little = self._to_words
+        data = little.pack(*big.unpack(frame))
+        send = self._master.send
+        for can_id, part in zip(self._rpdo_ids, self._rpdo_slices, strict=True):
+            send(can_id, data[part])
+
+    def release(self) -> None:
+        """Disable the drive with a last telegram, which acts at the next SYNC."""
+        try:
+            self._send(self._compose_release())
+        except HilError:
+            return  # the bus is gone already
+
+
+def _mappings(first: int, words: int) -> list[tuple[int, ...]]:
+    entries = [(first + word) << 16 | 0x10 for word in range(words)]
+    return [tuple(entries[at : at + _WORDS_PER_PDO]) for at in range(0, words, _WORDS_PER_PDO)]
