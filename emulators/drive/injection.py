@@ -1,4 +1,4 @@
-"""Faults at the machine of a drive and at its CANopen node, the same for every profile (C402-311, C402-312)."""
+"""Faults at the machine of a drive, at its power stage and at its CANopen node, the same for every profile (C402-311, C402-312)."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from emulators.drive.inputs import LIMIT_SWITCHES
 from fieldbus.clock import seconds_to_ns
-from fieldbus.errors import UnsupportedFaultError
+from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 
 if TYPE_CHECKING:
     from emulators.drive.core import ServoCore
     from emulators.drive.inputs import DigitalInputs
+    from emulators.drive.power_stage import PowerStage
     from emulators.encoder import RotaryEncoder
     from emulators.mechanics import AxisMechanics, SwitchModel
     from fieldbus.canopen.slave import CanopenSlave
@@ -158,6 +159,57 @@ class MachineFaults:
             fitted = ", ".join(self.switches) or "none"
             raise UnsupportedFaultError(f"{self.name}: there is no switch {name!r}; fitted: {fitted}")
         return switch
+
+
+class PowerFaults:
+    """What a test can do to the supply and the temperatures of a drive. The drive has the attributes named here."""
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+
+        @property
+        def power(self) -> PowerStage:
+            """Models of heat and supply."""
+
+        def _link_changed(self) -> None:
+            """Look at the DC link anew."""
+
+    def set_dc_link_voltage(self, voltage_V: float) -> None:
+        """Hold the DC link voltage, V; below and above its thresholds the drive reacts (C402-029)."""
+        self.power.dc_link.force(voltage_V)
+        self._link_changed()
+
+    def restore_dc_link(self) -> None:
+        """Let the DC link be what the mains make of it."""
+        self.power.dc_link.force(None)
+        self._link_changed()
+
+    def cut_mains(self, missing: bool) -> None:
+        """Take the mains away, or give them back; the DC link lives on its charge and on braking energy."""
+        self.power.dc_link.mains_on = not missing
+        self._link_changed()
+
+    def cut_phase(self, missing: bool) -> None:
+        """Take one phase of the mains away, or give it back."""
+        self.power.dc_link.phase_missing = missing
+        self._link_changed()
+
+    def break_chopper(self, broken: bool) -> None:
+        """Let the brake chopper conduct no more, or work again."""
+        self.power.dc_link.chopper_failed = broken
+
+    def force_temperature(self, part: str, celsius: float | None) -> None:
+        """Let the sensor of `motor` or `power_stage` show a temperature, degC; None = the true one.
+
+        Raises:
+            ConfigurationError: There is no such part.
+
+        """
+        nodes = {"motor": self.power.motor, "power_stage": self.power.stage}
+        if part not in nodes:
+            raise ConfigurationError("part", part, ", ".join(nodes))
+        nodes[part].forced_C = celsius
 
 
 class NodeFaults:

@@ -8,15 +8,15 @@ from typing import Final
 from emulators.drive.cia402 import faults
 from emulators.drive.cia402.device import DriveDevice
 from emulators.drive.cia402.protection import DriveWarning
-from emulators.drive.injection import MachineFaults, NodeFaults, cancel
+from emulators.drive.injection import MachineFaults, NodeFaults, PowerFaults, cancel
+from emulators.drive.power_stage import PowerStage
 from emulators.encoder import AbsoluteEncoder
 from fieldbus.clock import Timer, seconds_to_ns
-from fieldbus.errors import ConfigurationError
 
 _TARGET_REACHED: Final = 1 << 10
 
 
-class InjectableDrive(MachineFaults, NodeFaults, DriveDevice):
+class InjectableDrive(MachineFaults, PowerFaults, NodeFaults, DriveDevice):
     """A drive that can be made to fail; use `CiA402Drive`."""
 
     __slots__ = ("_drift_rest", "_drift_timer", "_storm_code", "_storm_timer", "_toggle_timer")
@@ -85,7 +85,12 @@ class InjectableDrive(MachineFaults, NodeFaults, DriveDevice):
         """Show a warning without cause: bit 7, bit 31 of 2100h."""
         self.protection.warn(DriveWarning.INJECTED, active)
 
-    # -- power stage and brake ---------------------------------------------------------------------------------------
+    @property
+    def power(self) -> PowerStage:
+        """Models of heat and supply."""
+        return self.protection.power
+
+    # -- power stage -------------------------------------------------------------------------------------------------
 
     def scale_ramps(self, share: float) -> None:
         """Make all ramps of the drive with this share of their slope; 1 = as set."""
@@ -95,18 +100,6 @@ class InjectableDrive(MachineFaults, NodeFaults, DriveDevice):
         """Limit the torque to a share of the rated one; None = not."""
         self.protection.cap_torque(math.inf if share is None else share * self.config.rated_torque_Nm)
         self.refresh_status()
-
-    def force_temperature(self, part: str, celsius: float | None) -> None:
-        """Let the sensor of `motor` or `power_stage` show a temperature, degC; None = the true one.
-
-        Raises:
-            ConfigurationError: There is no such part.
-
-        """
-        nodes = {"motor": self.protection.motor, "power_stage": self.protection.stage}
-        if part not in nodes:
-            raise ConfigurationError("part", part, ", ".join(nodes))
-        nodes[part].forced_C = celsius
 
     # -- encoder -----------------------------------------------------------------------------------------------------
 

@@ -84,30 +84,6 @@ class CiA402Drive(InjectableDrive):
             raise UnsupportedFaultError(f"{self.name}: no interlock is wired (safety.interlock)")
         self.safety.set_interlock(opened)
 
-    def set_dc_link_voltage(self, voltage_V: float) -> None:
-        """Hold the DC link voltage, V; below and above its thresholds the drive reacts (C402-029)."""
-        self.dc_link.force(voltage_V)
-        self._link_changed()
-
-    def restore_dc_link(self) -> None:
-        """Let the DC link be what the mains make of it."""
-        self.dc_link.force(None)
-        self._link_changed()
-
-    def cut_mains(self, missing: bool) -> None:
-        """Take the mains away, or give them back; the DC link lives on its charge and on braking energy."""
-        self.dc_link.mains_on = not missing
-        self._link_changed()
-
-    def cut_phase(self, missing: bool) -> None:
-        """Take one phase of the mains away, or give it back."""
-        self.dc_link.phase_missing = missing
-        self._link_changed()
-
-    def break_chopper(self, broken: bool) -> None:
-        """Let the brake chopper conduct no more, or work again."""
-        self.dc_link.chopper_failed = broken
-
     def _link_changed(self) -> None:
         self.protection.look_at_link()
         self.refresh_status()

@@ -84,13 +84,13 @@ class Protection:
         "_link_state",
         "_motor_cap",
         "_phase_s",
-        "_power_stage",
         "_power_timer",
         "cap_Nm",
         "dc_link",
         "injected_cap_Nm",
         "motor",
         "motor_overload",
+        "power",
         "stage",
         "stage_overload",
         "warnings",
@@ -100,7 +100,7 @@ class Protection:
         config = drive.config
         self._drive = drive
         self._core = drive.core
-        self._power_stage = models = PowerStage(
+        self.power = models = PowerStage(
             drive.core,
             supply=config.supply,
             thermal=config.thermal,
@@ -127,7 +127,7 @@ class Protection:
 
     def restart(self) -> None:
         """Start after power-on or reset: i2t forgets, what is hot has cooled meanwhile, the DC link is charged if mains are there."""
-        self._power_stage.restart(self._drive.now_ns)
+        self.power.restart(self._drive.now_ns)
         self._phase_s = 0.0
         self._motor_cap = math.inf
         self._cancel_power_timer()
@@ -136,7 +136,7 @@ class Protection:
 
     def update(self) -> None:
         """Note the torque of a control cycle; every few cycles advance the models and look at them."""
-        power_stage = self._power_stage
+        power_stage = self.power
         if power_stage.update(self._drive.now_ns):
             self.look_at_link()
             self._look_at_phase(power_stage.dt_s)

@@ -6,17 +6,15 @@ from typing import TYPE_CHECKING, Final
 
 from emulators.drive.core import RPM
 from emulators.drive.profidrive.statemachine import AxisState
-from fieldbus.canopen.nmt import NmtState
 
 if TYPE_CHECKING:
     from emulators.drive.profidrive.device import ProfidriveDrive
-    from fieldbus.canopen.slave import CanopenSlave
 
 _NUMBERS: Final = {state: number for number, state in enumerate(AxisState)}
 
 
-def trace_columns(position_unit: str) -> tuple[tuple[str, str], ...]:
-    """Return (name, unit) of the columns; `position_unit` is m or rad."""
+def trace_columns(position_unit: str, bus: tuple[str, ...] = ()) -> tuple[tuple[str, str], ...]:
+    """Return (name, unit) of the columns; `position_unit` is m or rad, `bus` are the columns of the transport."""
     return (
         ("position", position_unit),
         ("velocity", f"{position_unit}/s"),
@@ -29,7 +27,7 @@ def trace_columns(position_unit: str) -> tuple[tuple[str, str], ...]:
         ("drive_stw1", ""),
         ("drive_zsw1", ""),
         ("state", ""),
-        ("nmt_state", ""),
+        *((name, "") for name in bus),
         ("inputs", ""),
         ("brake_closed", ""),
         ("fault_number", ""),
@@ -39,14 +37,13 @@ def trace_columns(position_unit: str) -> tuple[tuple[str, str], ...]:
 
 TRACE_ENUMS: Final[dict[str, dict[int, str]]] = {
     "state": {number: state.text for state, number in _NUMBERS.items()},
-    "nmt_state": {int(state): state.name for state in NmtState},
 }
 """Texts of the columns that show a state."""
 
 _PER_RPM: Final = 1.0 / RPM
 
 
-def trace_row(drive: ProfidriveDrive, slave: CanopenSlave) -> tuple[float, ...]:
+def trace_row(drive: ProfidriveDrive, *bus: float) -> tuple[float, ...]:
     """Return the present values: position, velocity and speed are those of the true mechanics (STP-550)."""
     core = drive.core
     mechanics = drive.mechanics
@@ -63,7 +60,7 @@ def trace_row(drive: ProfidriveDrive, slave: CanopenSlave) -> tuple[float, ...]:
         drive.stw1,
         drive.words.zsw1(),
         _NUMBERS[drive.machine.state],
-        slave.nmt_state,
+        *bus,
         drive.inputs,
         core.brake.holding_torque_Nm > 0.0,
         faults.number,

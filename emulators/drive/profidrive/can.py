@@ -11,24 +11,23 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 from struct import Struct
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from emulators.drive.injection import MachineFaults, NodeFaults
+from emulators.drive.injection import NodeFaults
 from emulators.drive.profidrive import _objects as objects
 from emulators.drive.profidrive import fault_catalogue as numbers
+from emulators.drive.profidrive._drive_on_bus import DriveOnBus
 from emulators.drive.profidrive._eds import profidrive_dictionary
-from emulators.drive.profidrive._trace import TRACE_ENUMS, trace_columns, trace_row
+from emulators.drive.profidrive._trace import TRACE_ENUMS, trace_row
 from emulators.drive.profidrive.config import ProfidriveConfig
-from emulators.drive.profidrive.device import ProfidriveDrive
-from emulators.drive.profidrive.fault_catalogue import DriveWarning, Fault
+from emulators.drive.profidrive.fault_catalogue import Fault
 from emulators.drive.profidrive.statemachine import Off
-from emulators.encoder import AbsoluteEncoder
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.clock import Scheduler, seconds_to_ns
-from fieldbus.errors import ConfigurationError, UnsupportedFaultError
+from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 
 if TYPE_CHECKING:
@@ -67,7 +66,7 @@ class ProfidriveNodeConfig:
             raise ConfigurationError("boot_time_s", self.boot_time_s, ">= 0")
 
 
-class ProfidriveCanDrive(MachineFaults, NodeFaults):
+class ProfidriveCanDrive(DriveOnBus, NodeFaults):
     """An emulated PROFIdrive axis on a CAN segment, with all that a test can do to it and its machine.
 
     It is off until `power_on`; the machine moves from the start. Injected faults act at once.
@@ -86,12 +85,12 @@ class ProfidriveCanDrive(MachineFaults, NodeFaults):
     """
 
     __slots__ = (
-        "_carriers", "_counts", "_drift_rest", "_drift_timer", "_emcys", "_from_words", "_keys_in", "_keys_out", "_storm_code",
-        "_storm_timer", "_sync_ns", "_to_frame", "_touches", "config", "core", "digital_inputs", "drive", "encoder", "mechanics",
-        "name", "node_config", "scheduler", "slave", "switches", "trace_columns",
+        "_carriers", "_counts", "_emcys", "_from_words", "_keys_in", "_keys_out", "_storm_code", "_storm_timer", "_sync_ns",
+        "_to_frame", "_touches", "node_config", "slave",
     )  # fmt: skip
 
-    trace_enums = TRACE_ENUMS
+    trace_enums: ClassVar = {**TRACE_ENUMS, "nmt_state": {int(state): state.name for state in NmtState}}
+    bus_columns = ("nmt_state",)
 
     def __init__(
         self,
@@ -103,16 +102,9 @@ class ProfidriveCanDrive(MachineFaults, NodeFaults):
         history: History | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        self.scheduler = scheduler
-        self.name = name
+        super().__init__(scheduler, config.drive, name=name, history=history, rng=rng)
         self.node_config = config
-        self.config = config.drive
-        self.drive = drive = ProfidriveDrive(scheduler, config.drive, name=name, history=history, rng=rng)
-        self.core = drive.core
-        self.encoder = drive.encoder
-        self.mechanics = drive.mechanics
-        self.switches = drive.switches
-        self.digital_inputs = drive.digital_inputs
+        drive = self.drive
         layouts = (drive.telegram.setpoint, drive.telegram.actual)
         for layout in layouts:
             if layout.words > objects.WORDS:
@@ -138,10 +130,7 @@ class ProfidriveCanDrive(MachineFaults, NodeFaults):
         self._touches = False
         self._sync_ns = 0
         self._emcys: set[int] = set()
-        self._drift_timer: Timer | None = None
         self._storm_timer: Timer | None = None
-        self.trace_columns = trace_columns("m" if hasattr(config.drive.mechanics, "lead_screw_m") else "rad")
-        """(name, unit) of the values of `trace_row`."""
         slave = self.slave
         slave.on_write(objects.ABORT_CONNECTION, 0, _check_abort_connection)
         slave.on_sync.append(self._on_sync)
@@ -156,7 +145,7 @@ class ProfidriveCanDrive(MachineFaults, NodeFaults):
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the present values of `trace_columns`; position and velocity are those of the true mechanics."""
-        return trace_row(self.drive, self.slave)
+        return trace_row(self.drive, self.slave.nmt_state)
 
     # -- life -----------------------------------------------------------------------------------------------------------
 
@@ -250,108 +239,6 @@ class ProfidriveCanDrive(MachineFaults, NodeFaults):
         for code in sorted(self._emcys):
             slave.emcy_clear(code)
         self._emcys.clear()
-
-    def raise_fault(self, code: int, *, persistent: bool = False) -> None:
-        """Raise a fault by its number, or by the EMCY code of one; see `ProfidriveDrive.raise_fault`."""
-        self.drive.raise_fault(code, persistent=persistent)
-
-    def clear_fault_cause(self, code: int | None = None) -> None:
-        """End the cause of a persistent fault, or of all; the fault itself waits for its acknowledgement."""
-        self.drive.clear_fault_cause(code)
-
-    def set_sto(self, active: bool) -> None:
-        """Activate or release safe torque off."""
-        self.drive.safety.set_sto(active)
-
-    def set_ss1(self, active: bool) -> None:
-        """Demand safe stop 1, or release it: quick stop, then safe torque off."""
-        self.drive.safety.set_ss1(active)
-
-    def refuse_transitions(self, *transitions: int) -> None:
-        """Refuse S3 to S4 (given as 4); without numbers nothing is refused.
-
-        Raises:
-            UnsupportedFaultError: Another transition is named.
-
-        """
-        if set(transitions) - {4}:
-            raise UnsupportedFaultError(
-                f"{self.name}: a PROFIdrive axis refuses transition 4 (S3 to S4) only"
-            )
-        self.drive.operation.refuses = bool(transitions)
-
-    def freeze_statusword(self, frozen: bool) -> None:
-        """Let ZSW1 show what it shows now, whatever happens."""
-        self.drive.words.freeze(frozen)
-
-    def lie_in_statusword(self, set_bits: int, clear_bits: int) -> None:
-        """Show bits of ZSW1 as 1, or as 0, whatever they should be; 0 and 0 = the truth again."""
-        self.drive.words.lie(set_bits=set_bits, clear_bits=clear_bits)
-
-    def show_warning(self, active: bool) -> None:
-        """Show a warning without cause."""
-        self.drive.faults.warn(DriveWarning.INJECTED, active)
-
-    # -- power stage -----------------------------------------------------------------------------------------------------------
-
-    def set_dc_link_voltage(self, voltage_V: float) -> None:
-        """Hold the DC link voltage, V; below and above its thresholds the drive reacts."""
-        self.drive.power.dc_link.force(voltage_V)
-        self.drive.monitors.look_at_link()
-
-    def restore_dc_link(self) -> None:
-        """Let the DC link be what the mains make of it."""
-        self.drive.power.dc_link.force(None)
-        self.drive.monitors.look_at_link()
-
-    def cut_mains(self, missing: bool) -> None:
-        """Take the mains away, or give them back; the DC link lives on its charge and on braking energy."""
-        self.drive.power.dc_link.mains_on = not missing
-        self.drive.monitors.look_at_link()
-
-    def cut_phase(self, missing: bool) -> None:
-        """Take one phase of the mains away, or give it back."""
-        self.drive.power.dc_link.phase_missing = missing
-        self.drive.monitors.look_at_link()
-
-    def break_chopper(self, broken: bool) -> None:
-        """Let the brake chopper conduct no more, or work again."""
-        self.drive.power.dc_link.chopper_failed = broken
-
-    def limit_torque(self, share: float | None) -> None:
-        """Limit the torque to a share of the rated one; None = not."""
-        torque = float("inf") if share is None else share * self.config.rated_torque_Nm
-        self.drive.torque.cap(injected_Nm=torque)
-
-    def scale_ramps(self, share: float) -> None:
-        """Make all ramps of the drive with this share of their slope; 1 = as set."""
-        self.drive.channel.ramp_scale = share
-        self.drive.channel.refresh()
-
-    def force_temperature(self, part: str, celsius: float | None) -> None:
-        """Let the sensor of `motor` or `power_stage` show a temperature, degC; None = the true one.
-
-        Raises:
-            ConfigurationError: There is no such part.
-
-        """
-        nodes = {"motor": self.drive.power.motor, "power_stage": self.drive.power.stage}
-        if part not in nodes:
-            raise ConfigurationError("part", part, ", ".join(nodes))
-        nodes[part].forced_C = celsius
-
-    def break_encoder(self, broken: bool) -> None:
-        """Cut the wire of the encoder: the value stands, G1_ZSW and a fault say so; or mend it."""
-        drive = self.drive
-        absolute = isinstance(drive.encoder, AbsoluteEncoder)
-        number = numbers.ENCODER_SERIAL if absolute else numbers.ENCODER_SIGNAL
-        drive.encoder.freeze(broken)
-        if broken:
-            drive.encoder_words.fail(_NOT_VALID)
-            drive.raise_fault(number, persistent=True)
-        else:
-            drive.encoder_words.heal(_NOT_VALID)
-            drive.clear_fault_cause(number)
 
 
 def _same(left: int, right: int) -> bool:

@@ -1,0 +1,164 @@
+"""A PROFIdrive axis behind any transport, with all that a test can do to it and its machine (PD-349)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from emulators.drive.injection import MachineFaults, PowerFaults
+from emulators.drive.machine import LinearAxisConfig
+from emulators.drive.power_stage import PowerStage
+from emulators.drive.profidrive import fault_catalogue as numbers
+from emulators.drive.profidrive._trace import trace_columns
+from emulators.drive.profidrive.config import ProfidriveConfig
+from emulators.drive.profidrive.device import ProfidriveDrive
+from emulators.drive.profidrive.fault_catalogue import DriveWarning
+from emulators.drive.profidrive.statemachine import AxisState
+from emulators.encoder import AbsoluteEncoder
+from fieldbus.clock import Scheduler
+from fieldbus.errors import UnsupportedFaultError
+from fieldbus.history import History
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from fieldbus.clock import Timer
+
+_NOT_VALID: Final = 0x0001
+
+
+class DriveOnBus(MachineFaults, PowerFaults):
+    """A drive with its machine and the doors for faults; a transport inherits it and carries the telegrams.
+
+    Args:
+        scheduler: Time of the bench.
+        config: The drive.
+        name: Name of the drive in the history.
+        history: Log; None for none.
+        rng: Source of the encoder's noise; None: the encoder cannot be made noisy.
+
+    Raises:
+        ConfigurationError: The configuration does not fit together.
+
+    """
+
+    __slots__ = ("_drift_rest", "_drift_timer", "config", "core", "digital_inputs", "drive", "encoder", "mechanics", "name", "scheduler", "switches", "trace_columns")  # fmt: skip
+
+    bus_columns: tuple[str, ...] = ()
+    """Columns of the trace that the transport adds."""
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        config: ProfidriveConfig,
+        *,
+        name: str,
+        history: History | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        self.scheduler = scheduler
+        self.name = name
+        self.config = config
+        self.drive = drive = ProfidriveDrive(scheduler, config, name=name, history=history, rng=rng)
+        self.core = drive.core
+        self.encoder = drive.encoder
+        self.mechanics = drive.mechanics
+        self.switches = drive.switches
+        self.digital_inputs = drive.digital_inputs
+        self._drift_timer: Timer | None = None
+        self._drift_rest = 0.0
+        self.trace_columns = trace_columns(
+            "m" if isinstance(config.mechanics, LinearAxisConfig) else "rad", self.bus_columns
+        )
+        """(name, unit) of the values of `trace_row`."""
+
+    @property
+    def state(self) -> AxisState:
+        """State of the general state machine."""
+        return self.drive.state
+
+    @property
+    def now_ns(self) -> int:
+        """Present time, ns."""
+        return self.scheduler.now
+
+    @property
+    def inputs(self) -> int:
+        """Digital inputs: bit 0 negative limit, 1 positive limit, 2 home switch; 1 = actuated."""
+        return self.drive.inputs
+
+    @property
+    def power(self) -> PowerStage:
+        """Models of heat and supply."""
+        return self.drive.power
+
+    # -- faults --------------------------------------------------------------------------------------------------------------
+
+    def raise_fault(self, code: int, *, persistent: bool = False) -> None:
+        """Raise a fault by its number, or by the EMCY code of one; see `ProfidriveDrive.raise_fault`."""
+        self.drive.raise_fault(code, persistent=persistent)
+
+    def clear_fault_cause(self, code: int | None = None) -> None:
+        """End the cause of a persistent fault, or of all; the fault itself waits for its acknowledgement."""
+        self.drive.clear_fault_cause(code)
+
+    def set_sto(self, active: bool) -> None:
+        """Activate or release safe torque off."""
+        self.drive.safety.set_sto(active)
+
+    def set_ss1(self, active: bool) -> None:
+        """Demand safe stop 1, or release it: quick stop, then safe torque off."""
+        self.drive.safety.set_ss1(active)
+
+    def refuse_transitions(self, *transitions: int) -> None:
+        """Refuse S3 to S4 (given as 4); without numbers nothing is refused.
+
+        Raises:
+            UnsupportedFaultError: Another transition is named.
+
+        """
+        if set(transitions) - {4}:
+            raise UnsupportedFaultError(
+                f"{self.name}: a PROFIdrive axis refuses transition 4 (S3 to S4) only"
+            )
+        self.drive.operation.refuses = bool(transitions)
+
+    def freeze_statusword(self, frozen: bool) -> None:
+        """Let ZSW1 show what it shows now, whatever happens."""
+        self.drive.words.freeze(frozen)
+
+    def lie_in_statusword(self, set_bits: int, clear_bits: int) -> None:
+        """Show bits of ZSW1 as 1, or as 0, whatever they should be; 0 and 0 = the truth again."""
+        self.drive.words.lie(set_bits=set_bits, clear_bits=clear_bits)
+
+    def show_warning(self, active: bool) -> None:
+        """Show a warning without cause."""
+        self.drive.faults.warn(DriveWarning.INJECTED, active)
+
+    # -- power stage and encoder ----------------------------------------------------------------------
+
+    def _link_changed(self) -> None:
+        self.drive.monitors.look_at_link()
+
+    def limit_torque(self, share: float | None) -> None:
+        """Limit the torque to a share of the rated one; None = not."""
+        torque = math.inf if share is None else share * self.config.rated_torque_Nm
+        self.drive.torque.cap(injected_Nm=torque)
+
+    def scale_ramps(self, share: float) -> None:
+        """Make all ramps of the drive with this share of their slope; 1 = as set."""
+        self.drive.channel.ramp_scale = share
+        self.drive.channel.refresh()
+
+    def break_encoder(self, broken: bool) -> None:
+        """Cut the wire of the encoder: the value stands, G1_ZSW and a fault say so; or mend it."""
+        drive = self.drive
+        absolute = isinstance(drive.encoder, AbsoluteEncoder)
+        number = numbers.ENCODER_SERIAL if absolute else numbers.ENCODER_SIGNAL
+        drive.encoder.freeze(broken)
+        if broken:
+            drive.encoder_words.fail(_NOT_VALID)
+            drive.raise_fault(number, persistent=True)
+        else:
+            drive.encoder_words.heal(_NOT_VALID)
+            drive.clear_fault_cause(number)
