@@ -1,13 +1,16 @@
-"""Inputs and outputs of a station: filter, scaling, wire break, substitute values. They know no bus."""
+"""Inputs and outputs of a station: filter, scaling, wire break, substitute values, and how they break. They know no bus."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.clock import MS, Scheduler, Timer
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, UnsupportedFaultError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 _FULL_SCALE: Final = 27648
 _OVERFLOW: Final = 32767
@@ -26,7 +29,7 @@ class DigitalInput:
 
     """
 
-    __slots__ = ("_filter_ns", "_scheduler", "_timer", "raw", "value")
+    __slots__ = ("_broken", "_filter_ns", "_scheduler", "_stuck", "_timer", "raw", "value")
 
     def __init__(self, scheduler: Scheduler, filter_ms: float = 3.0) -> None:
         if not 0 <= filter_ms <= _LONGEST_FILTER_MS:
@@ -34,19 +37,41 @@ class DigitalInput:
         self._scheduler = scheduler
         self._filter_ns = round(filter_ms * MS)
         self._timer: Timer | None = None
+        self._stuck: bool | None = None
+        self._broken = False
         self.raw = False
-        """Level at the terminal."""
+        """Level that somebody brings."""
         self.value = False
         """Level behind the filter."""
 
+    @property
+    def level(self) -> bool:
+        """Level at the terminal: what somebody brings, unless it is stuck or the wire is broken."""
+        if self._stuck is not None:
+            return self._stuck
+        return self.raw and not self._broken
+
     def set(self, level: bool) -> None:
-        """Change the level at the terminal."""
-        if level == self.raw:
-            return
-        self.raw = level
+        """Bring a level."""
+        if level != self.raw:
+            self.raw = level
+            self._changed()
+
+    def stick(self, level: bool | None) -> None:
+        """Let the terminal have a level whatever comes; None: it works again."""
+        self._stuck = level
+        self._changed()
+
+    def break_wire(self, broken: bool) -> None:
+        """Break the wire: the input reads 0; or mend it."""
+        self._broken = broken
+        self._changed()
+
+    def _changed(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+        level = self.level
         if level == self.value:
             return  # it was shorter than the filter
         if self._filter_ns:
@@ -56,33 +81,97 @@ class DigitalInput:
 
     def _settle(self) -> None:
         self._timer = None
-        self.value = self.raw
+        self.value = self.level
 
 
 class DigitalOutput:
     """An output.
 
     Args:
-        on_change: Called with every new level.
+        on_change: Called with every new level at the end of the wire.
         substitute: Level when the controller is lost; None keeps the last one.
 
     """
 
-    __slots__ = ("on_change", "substitute", "value")
+    __slots__ = ("_broken", "_stuck", "level", "on_change", "substitute", "value")
 
     def __init__(
         self, on_change: Callable[[bool], object] | None = None, *, substitute: bool | None = False
     ) -> None:
         self.on_change = on_change
         self.substitute = substitute
+        self._stuck: bool | None = None
+        self._broken = False
         self.value = False
+        """What the controller has written."""
+        self.level = False
+        """Level at the end of the wire."""
 
     def set(self, level: bool) -> None:
         """Switch it."""
         if level != self.value:
             self.value = level
+            self._changed()
+
+    def stick(self, level: bool | None) -> None:
+        """Let the output have a level whatever is written; None: it works again."""
+        self._stuck = level
+        self._changed()
+
+    def break_wire(self, broken: bool) -> None:
+        """Break the wire: no level arrives; or mend it."""
+        self._broken = broken
+        self._changed()
+
+    def _changed(self) -> None:
+        level = (self.value if self._stuck is None else self._stuck) and not self._broken
+        if level != self.level:
+            self.level = level
             if self.on_change is not None:
                 self.on_change(level)
+
+
+class Disturbance:
+    """What is wrong with an analog channel: offset, gain, noise, a value that stands, a broken wire.
+
+    Args:
+        rng: Source of the noise; None: the channel cannot be made noisy.
+
+    """
+
+    __slots__ = ("_rng", "broken", "gain", "noise", "offset", "stuck")
+
+    def __init__(self, rng: np.random.Generator | None = None) -> None:
+        self._rng = rng
+        self.offset = 0.0
+        """In the unit of the channel."""
+        self.gain = 1.0
+        self.noise = 0.0
+        """Largest deviation either way, in the unit of the channel."""
+        self.stuck: float | None = None
+        self.broken = False
+
+    def set_noise(self, amplitude: float) -> None:
+        """Disturb every sample by -amplitude..amplitude; 0: no more.
+
+        Raises:
+            UnsupportedFaultError: There is no source of randomness.
+
+        """
+        if amplitude and self._rng is None:
+            raise UnsupportedFaultError("this analog channel has no source of noise")
+        self.noise = amplitude
+
+    def __call__(self, value: float) -> float:
+        """Return what becomes of a value."""
+        if self.broken:
+            return 0.0
+        if self.stuck is not None:
+            return self.stuck
+        value = value * self.gain + self.offset
+        if self.noise and self._rng is not None:
+            value += self.noise * (2.0 * float(self._rng.random()) - 1.0)
+        return value
 
 
 class AnalogInput:
@@ -95,10 +184,13 @@ class AnalogInput:
         smoothing_ms: Time constant, ms; 0 for none.
         bipolar: Whether the range reaches from -high to high.
         wire_break_below: Value below which the wire counts as broken; None for never.
+        rng: Source of noise, for faults.
 
     """
 
-    __slots__ = ("_high", "_low", "_scheduler", "_shown", "_since_ns", "_target", "_tau_ns", "_wire_break", "bipolar")  # fmt: skip
+    __slots__ = (
+        "_high", "_low", "_scheduler", "_shown", "_since_ns", "_target", "_tau_ns", "_wire_break", "bipolar", "disturbance",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -109,6 +201,7 @@ class AnalogInput:
         smoothing_ms: float = 0.0,
         bipolar: bool = False,
         wire_break_below: float | None = None,
+        rng: np.random.Generator | None = None,
     ) -> None:
         if not low < high:
             raise ConfigurationError("analog input, low and high", (low, high), "low < high")
@@ -120,6 +213,8 @@ class AnalogInput:
         self._tau_ns = smoothing_ms * MS
         self._wire_break = wire_break_below
         self.bipolar = bipolar
+        self.disturbance = Disturbance(rng)
+        """What is wrong with it."""
         self._target = self._shown = low
         self._since_ns = scheduler.now
 
@@ -137,6 +232,11 @@ class AnalogInput:
         self._target = value
 
     @property
+    def value(self) -> float:
+        """The quantity that the converter sees, in its unit: smoothed, and disturbed."""
+        return self.disturbance(self.smoothed)
+
+    @property
     def smoothed(self) -> float:
         """The quantity behind the smoothing, in its unit."""
         if not self._tau_ns:
@@ -147,14 +247,15 @@ class AnalogInput:
     @property
     def wire_broken(self) -> bool:
         """Whether the quantity is below the limit for a broken wire."""
-        return self._wire_break is not None and self._target < self._wire_break
+        limit = self._wire_break
+        return limit is not None and (self.disturbance.broken or self._target < limit)
 
     @property
     def word(self) -> int:
         """The value for the bus: 27648 is the end of the range; 32767 and -32768 are overflow and underflow."""
         if self.wire_broken:
             return _OVERFLOW
-        scaled = round((self.smoothed - self._low) / (self._high - self._low) * _FULL_SCALE)
+        scaled = round((self.value - self._low) / (self._high - self._low) * _FULL_SCALE)
         if scaled > _OVERRANGE:
             return _OVERFLOW
         if scaled < (_UNDERRANGE if self.bipolar else -4864):
@@ -169,21 +270,100 @@ class AnalogOutput:
         low: Quantity at word 0, in its unit.
         high: Quantity at word 27648.
         substitute: Word when the controller is lost; None keeps the last one.
+        on_change: Called with the quantity at the end of the wire, whenever a word is written.
+        rng: Source of noise, for faults.
 
     """
 
-    __slots__ = ("_high", "_low", "substitute", "word")
+    __slots__ = ("_high", "_low", "disturbance", "on_change", "substitute", "word")
 
-    def __init__(self, low: float = 0.0, high: float = 10.0, *, substitute: int | None = 0) -> None:
+    def __init__(
+        self,
+        low: float = 0.0,
+        high: float = 10.0,
+        *,
+        substitute: int | None = 0,
+        on_change: Callable[[float], object] | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> None:
         if not low < high:
             raise ConfigurationError("analog output, low and high", (low, high), "low < high")
         self._low = low
         self._high = high
         self.substitute = substitute
+        self.on_change = on_change
+        self.disturbance = Disturbance(rng)
+        """What is wrong with it."""
         self.word = 0
+        """What the controller has written."""
+
+    def set(self, word: int) -> None:
+        """Write a word."""
+        if word != self.word or self.disturbance.noise:
+            self.word = word
+            self.refresh()
+
+    def refresh(self) -> None:
+        """Tell the end of the wire the present quantity."""
+        if self.on_change is not None:
+            self.on_change(self.level)
 
     @property
     def value(self) -> float:
-        """The quantity at the terminal, in its unit; words beyond the overrange give the end of it."""
+        """The quantity that the word means, in its unit; words beyond the overrange give the end of it."""
         word = min(max(self.word, _UNDERRANGE), _OVERRANGE)
         return self._low + (self._high - self._low) * word / _FULL_SCALE
+
+    @property
+    def level(self) -> float:
+        """The quantity at the end of the wire, in its unit: disturbed, with noise anew at every call."""
+        return self.disturbance(self.value)
+
+
+class CounterInput:
+    """A 32-bit counter of an incremental encoder.
+
+    Args:
+        read: Returns the count of the encoder, of any length.
+
+    """
+
+    __slots__ = ("_held", "_read", "_start")
+
+    def __init__(self, read: Callable[[], int] | None = None) -> None:
+        self._read = read
+        self._start = 0
+        self._held: int | None = None
+
+    def connect(self, read: Callable[[], int]) -> None:
+        """Count what an encoder counts from now on."""
+        self._start += self.count - read()
+        self._read = read
+
+    @property
+    def count(self) -> int:
+        """Present count, signed 32 bit."""
+        if self._held is not None:
+            return self._held
+        value = self._start + (self._read() if self._read is not None else 0)
+        return (value + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
+
+    def set(self, count: int) -> None:
+        """Let the counter go on from a value."""
+        self._start += count - self.count
+
+    def restart(self) -> None:
+        """Begin at 0, as after a loss of supply."""
+        self.set(0)
+
+    def stick(self, stuck: bool) -> None:
+        """Let the count stand still; or go on from there: what has passed meanwhile is lost."""
+        if stuck:
+            self._held = self.count
+        elif self._held is not None:
+            held, self._held = self._held, None
+            self.set(held)
+
+    def break_wire(self, broken: bool) -> None:
+        """Break the wire: the count stands still; or mend it."""
+        self.stick(broken)

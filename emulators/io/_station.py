@@ -1,23 +1,38 @@
-"""An I/O station on Modbus: discrete inputs, coils, input registers, holding registers, and a watchdog."""
+"""An I/O station on Modbus: its channels in the four areas and as a process image, with a watchdog and ways to fail."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Callable, Sequence
+from typing import Any, Final
 
-from emulators.io._channels import AnalogInput, AnalogOutput, DigitalInput, DigitalOutput
+from emulators.io._channels import AnalogInput, AnalogOutput, CounterInput, DigitalInput, DigitalOutput
 from fieldbus.clock import MS, Scheduler
 from fieldbus.errors import ConfigurationError
+from fieldbus.history import History
 from fieldbus.modbus import Area, Block, ModbusServer, RegisterMap
-from fieldbus.modbus.registers import ReadHook
+from fieldbus.modbus.io_image import INPUTS, OUTPUTS, IoImage
 
 _MOST: Final = 512
+KINDS: Final = ("input", "output", "analog_input", "analog_output", "counter")
+"""Names of the kinds of channels."""
+
+
+class _Server(ModbusServer):
+    """A server that has nothing to say while the station is without supply."""
+
+    alive = True
+
+    def respond(self, pdu: bytes, *, serial: bool = False, broadcast: bool = False, unit: int = 1) -> bytes | None:  # fmt: skip
+        if not self.alive:
+            return None
+        return super().respond(pdu, serial=serial, broadcast=broadcast, unit=unit)
 
 
 class ModbusIoStation:
-    """A station whose channels stand from address 0 on, each kind in its area.
+    """A station whose channels stand from address 0 on, each kind in its area, and together in a process image.
 
     Digital inputs are discrete inputs, digital outputs coils, analog inputs input registers, analog outputs holding registers.
+    `fieldbus.modbus.io_image` says where inputs (counters too) and outputs stand as one block of holding registers each.
     Outputs take their substitute values when nothing was written for the watchdog time; the next write counts again.
 
     Args:
@@ -26,8 +41,11 @@ class ModbusIoStation:
         digital_outputs: Channels.
         analog_inputs: Channels.
         analog_outputs: Channels.
+        counters: Counters of encoders.
         unit: Address, 1..247, or None for any.
         watchdog_ms: Watchdog time, ms; 0 for none.
+        name: Name in the history.
+        history: Log; None for none.
 
     Attributes:
         server: For `RtuStation`, `TcpStation` or `PtyServer`.
@@ -42,21 +60,37 @@ class ModbusIoStation:
         digital_outputs: Sequence[DigitalOutput] = (),
         analog_inputs: Sequence[AnalogInput] = (),
         analog_outputs: Sequence[AnalogOutput] = (),
+        counters: Sequence[CounterInput] = (),
         unit: int | None = 1,
         watchdog_ms: float = 0.0,
+        name: str = "station",
+        history: History | None = None,
     ) -> None:
         if watchdog_ms < 0:
             raise ConfigurationError("I/O station, watchdog_ms", watchdog_ms, "0 or more")
+        self.name = name
+        self._history = history
         self._scheduler = scheduler
         self._watchdog_ns = round(watchdog_ms * MS)
         self._written_ns = 0
         self._watching = False
+        self.powered = True
+        """Whether it has its supply; without it the outputs are off and nobody answers."""
         self.substituted = False
         """Whether the outputs have their substitute values because of the watchdog."""
-        self.digital_inputs = tuple(digital_inputs)
-        self.digital_outputs = tuple(digital_outputs)
-        self.analog_inputs = tuple(analog_inputs)
-        self.analog_outputs = tuple(analog_outputs)
+        self.digital_inputs = list(digital_inputs)
+        self.digital_outputs = list(digital_outputs)
+        self.analog_inputs = list(analog_inputs)
+        self.analog_outputs = list(analog_outputs)
+        self.counters = list(counters)
+        self.image: Final = IoImage(
+            digital_inputs=min(len(self.digital_inputs), _MOST),
+            digital_outputs=min(len(self.digital_outputs), _MOST),
+            analog_inputs=len(self.analog_inputs),
+            analog_outputs=len(self.analog_outputs),
+            counters=len(self.counters),
+        )
+        """Where the channels stand in holding registers."""
         registers = RegisterMap("I/O station")
         for area, channels in (
             (Area.DISCRETE_INPUTS, self.digital_inputs),
@@ -68,19 +102,176 @@ class ModbusIoStation:
                 raise ConfigurationError(f"I/O station, {area.value}", len(channels), f"at most {_MOST}")
             if channels:
                 block = registers.add(area, Block(0, len(channels), name=area.value))
-                block.read = self._reader(area)
-                if area in (Area.COILS, Area.HOLDING_REGISTERS):
-                    block.write = self._write_coils if area is Area.COILS else self._write_registers
-        self.server = ModbusServer(registers, unit=unit)
+                block.read = _reader(area, channels)
+                if area is Area.COILS:
+                    block.write = self._write_coils
+                elif area is Area.HOLDING_REGISTERS:
+                    block.write = self._write_registers
+        self._add_image(registers)
+        self.server = _Server(registers, unit=unit)
+        analog = (
+            ("ai", "V", self.analog_inputs),
+            ("ao", "V", self.analog_outputs),
+            ("count", "inc", self.counters),
+        )
+        self.trace_columns: Final = (
+            ("inputs", ""), ("outputs", ""), ("powered", ""), ("substituted", ""),
+            *((f"{short}{number}", unit) for short, unit, every in analog for number in range(len(every))),
+        )  # fmt: skip
+        """(name, unit) of the values of `trace_row`."""
+        self.trace_enums: Final[dict[str, dict[int, str]]] = {}
 
-    def _reader(self, area: Area) -> ReadHook:
-        if area is Area.DISCRETE_INPUTS:
-            return lambda at, count: [int(one.value) for one in self.digital_inputs[at : at + count]]
-        if area is Area.COILS:
-            return lambda at, count: [int(one.value) for one in self.digital_outputs[at : at + count]]
-        if area is Area.INPUT_REGISTERS:
-            return lambda at, count: [one.word for one in self.analog_inputs[at : at + count]]
-        return lambda at, count: [one.word for one in self.analog_outputs[at : at + count]]
+    def _add_image(self, registers: RegisterMap) -> None:
+        image = self.image
+        area = Area.HOLDING_REGISTERS
+        if image.input_words:
+            inputs = registers.add(area, Block(INPUTS, image.input_words, name="inputs", writable=False))
+            inputs.read = lambda at, count: self._input_words()[at : at + count]
+        if image.output_words:
+            outputs = registers.add(area, Block(OUTPUTS, image.output_words, name="outputs"))
+            outputs.read = lambda at, count: self._output_words()[at : at + count]
+            outputs.write = self._write_image
+
+    # -- channels ----------------------------------------------------------------------------------------------------
+
+    def input(self, number: int) -> DigitalInput:
+        """Return a digital input by its number, from 0 on.
+
+        Raises:
+            ConfigurationError: There is no such channel; likewise the methods below.
+
+        """
+        return self._channel("input", number)  # type: ignore[no-any-return]  # one of its kind
+
+    def output(self, number: int) -> DigitalOutput:
+        """Return a digital output by its number."""
+        return self._channel("output", number)  # type: ignore[no-any-return]  # one of its kind
+
+    def analog_input(self, number: int) -> AnalogInput:
+        """Return an analog input by its number."""
+        return self._channel("analog_input", number)  # type: ignore[no-any-return]  # one of its kind
+
+    def analog_output(self, number: int) -> AnalogOutput:
+        """Return an analog output by its number."""
+        return self._channel("analog_output", number)  # type: ignore[no-any-return]  # one of its kind
+
+    def counter(self, number: int) -> CounterInput:
+        """Return a counter by its number."""
+        return self._channel("counter", number)  # type: ignore[no-any-return]  # one of its kind
+
+    def _of(self, kind: str) -> list[Any]:
+        lists = (
+            self.digital_inputs,
+            self.digital_outputs,
+            self.analog_inputs,
+            self.analog_outputs,
+            self.counters,
+        )
+        if kind not in KINDS:
+            raise ConfigurationError(f"{self.name}: kind of channel", kind, ", ".join(KINDS))
+        return lists[KINDS.index(kind)]
+
+    def _channel(self, kind: str, number: int) -> Any:
+        channels = self._of(kind)
+        if not 0 <= number < len(channels):
+            allowed = f"0..{len(channels) - 1}" if channels else "none, there are no such channels"
+            raise ConfigurationError(f"{self.name}: {kind}", number, allowed)
+        return channels[number]
+
+    # -- faults ------------------------------------------------------------------------------------------------------
+
+    def power_off(self) -> None:
+        """Take its supply away: it answers nothing, its outputs are off at once."""
+        if not self.powered:
+            return
+        self.powered = self.server.alive = False
+        self._emit("station.power", on=False)
+        for digital in self.digital_outputs:
+            digital.set(False)
+        for analog in self.analog_outputs:
+            analog.set(0)
+
+    def power_on(self) -> None:
+        """Give the supply back; counters begin at 0."""
+        if not self.powered:
+            self.powered = self.server.alive = True
+            self._emit("station.power", on=True)
+            for counter in self.counters:
+                counter.restart()
+
+    def stick(self, kind: str, number: int, value: float | None) -> None:
+        """Let a channel stand at a value, a level or a quantity in its unit, whatever comes; None: it works again."""
+        channel = self._channel(kind, number)
+        if kind in ("input", "output"):
+            channel.stick(None if value is None else bool(value))
+        elif kind == "counter":
+            channel.stick(value is not None)
+        else:
+            channel.disturbance.stuck = value
+            self._refresh(channel)
+
+    def break_wire(self, kind: str, number: int, broken: bool) -> None:
+        """Break the wire of a channel, or mend it."""
+        channel = self._channel(kind, number)
+        if kind in ("analog_input", "analog_output"):
+            channel.disturbance.broken = broken
+            self._refresh(channel)
+        else:
+            channel.break_wire(broken)
+
+    def disturb(
+        self, kind: str, number: int, *, offset: float = 0.0, gain: float = 1.0, noise: float = 0.0
+    ) -> None:
+        """Falsify an analog channel: offset and noise in its unit; without arguments it is right again."""
+        channel = self._channel(kind, number)
+        if kind not in ("analog_input", "analog_output"):
+            raise ConfigurationError(f"{self.name}: kind of channel", kind, "analog_input, analog_output")
+        channel.disturbance.set_noise(noise)
+        channel.disturbance.offset, channel.disturbance.gain = offset, gain
+        self._refresh(channel)
+
+    def swap(self, kind: str, first: int, second: int) -> None:
+        """Exchange the wires of two channels; again, and they are right."""
+        one, other = self._channel(kind, first), self._channel(kind, second)
+        channels = self._of(kind)
+        if kind in ("output", "analog_output"):
+            # The written values stay with the terminals, the wires behind them change places.
+            one.on_change, other.on_change = other.on_change, one.on_change
+            for channel in (one, other):
+                self._refresh(channel)
+        else:
+            channels[first], channels[second] = other, one
+
+    @staticmethod
+    def _refresh(channel: DigitalOutput | AnalogOutput | AnalogInput) -> None:
+        if isinstance(channel, AnalogOutput):
+            channel.refresh()
+        elif isinstance(channel, DigitalOutput) and channel.on_change is not None:
+            channel.on_change(channel.level)
+
+    # -- bus ---------------------------------------------------------------------------------------------------------
+
+    def _input_words(self) -> list[int]:
+        return self.image.pack_inputs(
+            _bits([one.value for one in self.digital_inputs]),
+            [one.word for one in self.analog_inputs],
+            [one.count for one in self.counters],
+        )
+
+    def _output_words(self) -> list[int]:
+        return self.image.pack_outputs(
+            _bits([one.value for one in self.digital_outputs]), [one.word for one in self.analog_outputs]
+        )
+
+    def _write_image(self, at: int, values: Sequence[int]) -> None:
+        words = self._output_words()
+        words[at : at + len(values)] = values
+        digital, analog = self.image.unpack_outputs(words)
+        self._seen()
+        for number, output in enumerate(self.digital_outputs):
+            output.set(bool(digital >> number & 1))
+        for channel, word in zip(self.analog_outputs, analog, strict=True):
+            channel.set(word)
 
     def _write_coils(self, at: int, values: Sequence[int]) -> None:
         self._seen()
@@ -90,7 +281,7 @@ class ModbusIoStation:
     def _write_registers(self, at: int, values: Sequence[int]) -> None:
         self._seen()
         for channel, value in zip(self.analog_outputs[at:], values, strict=False):
-            channel.word = value - 0x10000 if value & 0x8000 else value
+            channel.set(value - 0x10000 if value & 0x8000 else value)
 
     def _seen(self) -> None:
         self.substituted = False
@@ -106,9 +297,42 @@ class ModbusIoStation:
             return
         self._watching = False
         self.substituted = True
+        self._emit("station.substituted")
         for digital in self.digital_outputs:
             if digital.substitute is not None:
                 digital.set(digital.substitute)
         for analog in self.analog_outputs:
             if analog.substitute is not None:
-                analog.word = analog.substitute
+                analog.set(analog.substitute)
+
+    # -- evidence ----------------------------------------------------------------------------------------------------
+
+    def trace_row(self) -> tuple[float, ...]:
+        """Return the present values of `trace_columns`: inputs behind their filter, outputs at the end of their wires."""
+        return (
+            _bits([one.value for one in self.digital_inputs]),
+            _bits([one.level for one in self.digital_outputs]),
+            self.powered,
+            self.substituted,
+            *[one.smoothed for one in self.analog_inputs],
+            *[one.value for one in self.analog_outputs],
+            *[one.count for one in self.counters],
+        )
+
+    def _emit(self, kind: str, **data: str | float | bool) -> None:
+        if self._history is not None:
+            self._history.emit(self.name, kind, **data)
+
+
+def _bits(levels: Sequence[bool]) -> int:
+    value = 0
+    for number, level in enumerate(levels):
+        if level:
+            value |= 1 << number
+    return value
+
+
+def _reader(area: Area, channels: list[Any]) -> Callable[[int, int], list[int]]:
+    if area in (Area.DISCRETE_INPUTS, Area.COILS):
+        return lambda at, count: [int(one.value) for one in channels[at : at + count]]
+    return lambda at, count: [one.word for one in channels[at : at + count]]
