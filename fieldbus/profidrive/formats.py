@@ -31,6 +31,11 @@ def to_n4(fraction: float) -> int:
     return _held(fraction, N4_ONE, _N4_LOW, _N4_HIGH)
 
 
+def to_int32(value: float) -> int:
+    """Return a quantity in its own unit, rounded and held within 32 bits; not-a-number gives 0."""
+    return _held(value, 1, _N4_LOW, _N4_HIGH)
+
+
 def from_n2(value: int) -> float:
     """Return N2 as a fraction of the reference quantity, -2.0 to just below 2.0."""
     return value / N2_ONE

@@ -61,6 +61,11 @@ class ProfileMotion:
         """Position demand, LU."""
         return (self._core.position_command - self.offset) / self.scale
 
+    @property
+    def velocity(self) -> float:
+        """Measured velocity, 1000 LU/min (VIST_A)."""
+        return self._core.velocity / self.scale * 60.0 / 1000.0
+
     def drive(
         self, wanted: Motion | None, *, override: float, held: bool, limits: tuple[float, float] | None
     ) -> None:

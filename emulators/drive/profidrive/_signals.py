@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Final
 
 from emulators.drive.core import RPM
-from fieldbus.profidrive.formats import to_n2, to_n4
+from emulators.drive.profidrive._position_mode import PositionMode
+from fieldbus.profidrive.formats import to_int32, to_n2, to_n4
 
 if TYPE_CHECKING:
     from emulators.drive.profidrive.device import ProfidriveDrive
@@ -67,7 +68,22 @@ def _encoders(drive: ProfidriveDrive) -> dict[str, Getter]:
     }
 
 
-FAMILIES: Final[tuple[Family, ...]] = (_status, _speed, _torque, _encoders)
+def _position(drive: ProfidriveDrive) -> dict[str, Getter]:
+    mode = drive.mode
+    if not isinstance(mode, PositionMode):
+        return {}
+    positioner = mode.positioner
+    return {
+        "AKTSATZ": lambda: positioner.aktsatz,
+        "POS_ZSW1": lambda: positioner.pos_zsw1,
+        "POS_ZSW2": lambda: positioner.pos_zsw2,
+        "POS_ZSW": lambda: positioner.pos_zsw2,
+        "XIST_A": lambda: to_int32(positioner.position),
+        "VIST_A": lambda: to_int32(positioner.velocity),
+    }
+
+
+FAMILIES: Final[tuple[Family, ...]] = (_status, _speed, _torque, _encoders, _position)
 
 
 def getters(drive: ProfidriveDrive, names: Iterable[str]) -> tuple[Getter, ...]:

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from emulators.drive.core import RPM
 from emulators.drive.profidrive.fault_catalogue import DriveWarning
 from emulators.drive.profidrive.setpoint_channel import SetpointChannel
-from fieldbus.profidrive.words import STW1
+from fieldbus.profidrive.words import STW1, ZSW1
 
 if TYPE_CHECKING:
     from emulators.drive.profidrive.device import ProfidriveDrive
 
 _JOG: Final = int(STW1.JOG_1 | STW1.JOG_2)
+_IN_TOLERANCE: Final = int(ZSW1.DEVIATION_IN_TOLERANCE)
+_REACHED: Final = int(ZSW1.SPEED_REACHED)
+_TORQUE: Final = int(ZSW1.TORQUE_LIMIT_NOT_REACHED)
+_BRAKE: Final = int(ZSW1.BRAKE_OPEN)
+_COOL_MOTOR: Final = int(ZSW1.NO_MOTOR_OVERTEMPERATURE)
+_POSITIVE: Final = int(ZSW1.POSITIVE_DIRECTION)
+_NO_OVERLOAD: Final = int(ZSW1.NO_POWER_UNIT_OVERLOAD)
 _N2_TO_N4: Final = 16
 
 
@@ -72,3 +80,29 @@ class SpeedMode:
     def inhibited(self) -> None:
         """The pulses have been taken away."""
         self.channel.dsc = False
+
+    # -- status words --------------------------------------------------------------------------------------------------
+
+    def zsw1(self) -> int:
+        """Return the bits of ZSW1 that speed mode has in its own way (PD-068 to PD-075)."""
+        drive = self._drive
+        core = drive.core
+        word = _IN_TOLERANCE if drive.words.in_tolerance else 0
+        velocity = core.velocity
+        if abs(velocity) >= drive.settings.comparison_speed_rpm * RPM:
+            word |= _REACHED
+        if velocity >= 0.0:
+            word |= _POSITIVE
+        if not core.torque_limited:
+            word |= _TORQUE
+        brake = core.brake
+        if brake.fitted and not brake.closed:
+            word |= _BRAKE
+        warnings = drive.faults.warnings
+        if not warnings:
+            return word | _COOL_MOTOR | _NO_OVERLOAD
+        if DriveWarning.MOTOR_TEMPERATURE not in warnings:
+            word |= _COOL_MOTOR
+        if DriveWarning.STAGE_TEMPERATURE not in warnings:
+            word |= _NO_OVERLOAD
+        return word

@@ -18,14 +18,7 @@ _NO_OFF2: Final = int(ZSW1.NO_OFF2)
 _NO_OFF3: Final = int(ZSW1.NO_OFF3)
 _FAULT: Final = int(ZSW1.FAULT)
 _WARNING: Final = int(ZSW1.WARNING)
-_IN_TOLERANCE: Final = int(ZSW1.DEVIATION_IN_TOLERANCE)
 _REQUESTED: Final = int(ZSW1.CONTROL_REQUESTED)
-_REACHED: Final = int(ZSW1.SPEED_REACHED)
-_TORQUE: Final = int(ZSW1.TORQUE_LIMIT_NOT_REACHED)
-_BRAKE: Final = int(ZSW1.BRAKE_OPEN)
-_COOL_MOTOR: Final = int(ZSW1.NO_MOTOR_OVERTEMPERATURE)
-_POSITIVE: Final = int(ZSW1.POSITIVE_DIRECTION)
-_NO_OVERLOAD: Final = int(ZSW1.NO_POWER_UNIT_OVERLOAD)
 _OPERATION: Final = int(ZSW1.OPERATION_ENABLED)
 _OFF2: Final = int(Off.OFF2)
 _OFF3: Final = int(Off.OFF3)
@@ -106,6 +99,11 @@ class StatusWords:
         difference = abs(core.precontrol_velocity - core.velocity)
         self._deviation.update(difference > settings.deviation_rpm * RPM, self._cycle_s)
 
+    @property
+    def in_tolerance(self) -> bool:
+        """Whether the speed is, or was a moment ago, near its setpoint (PD-079)."""
+        return not self._deviation.expired
+
     def zsw1(self) -> int:
         """Return ZSW1, or the lie about it."""
         word = self._true_zsw1() if self._frozen is None else self._frozen
@@ -115,7 +113,6 @@ class StatusWords:
         drive = self._drive
         if not drive.controlled_cyclically:
             return 0
-        core = drive.core
         state = drive.machine.state
         word = _BITS[state] | _REQUESTED
         faults = drive.faults
@@ -127,27 +124,9 @@ class StatusWords:
             word |= _NO_OFF3
         if faults.present:
             word |= _FAULT
-        warnings = faults.warnings
-        if not warnings:
-            word |= _COOL_MOTOR | _NO_OVERLOAD
-        else:
+        if faults.warnings:
             word |= _WARNING
-            if DriveWarning.MOTOR_TEMPERATURE not in warnings:
-                word |= _COOL_MOTOR
-            if DriveWarning.STAGE_TEMPERATURE not in warnings:
-                word |= _NO_OVERLOAD
-        if not self._deviation.expired:
-            word |= _IN_TOLERANCE
-        velocity = core.velocity
-        if abs(velocity) >= drive.settings.comparison_speed_rpm * RPM:
-            word |= _REACHED
-        if velocity >= 0.0:
-            word |= _POSITIVE
-        if not core.torque_limited:
-            word |= _TORQUE
-        brake = core.brake
-        if brake.fitted and not brake.closed:
-            word |= _BRAKE
+        word |= drive.mode.zsw1()
         if drive.config.operation_while_braking and state in (AxisState.S5A, AxisState.S5B):
             word |= _OPERATION
         return word

@@ -15,6 +15,7 @@ from emulators.drive.machine import (
     SwitchConfig,
     check_number,
 )
+from emulators.drive.profidrive.positioner_config import PositionerSettings
 from emulators.drive.supply import SupplyConfig
 from emulators.drive.thermal import ThermalConfig
 from emulators.encoder.profidrive import EncoderFormat
@@ -22,8 +23,10 @@ from fieldbus.clock import MS, US
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import FREE_CONFIGURATION, Telegram, free_telegram, telegram
 
-AXIS_TELEGRAMS = (1, 2, 3, 4, 5, 6, 102, 103, 105, 106, FREE_CONFIGURATION)
-"""Telegrams that the speed axis takes."""
+POSITION_TELEGRAMS = (7, 9, 110, 111, 112)
+"""Telegrams of the basic positioner, which go with operating mode 2 (PD-032)."""
+AXIS_TELEGRAMS = (1, 2, 3, 4, 5, 6, 20, 102, 103, 105, 106, *POSITION_TELEGRAMS, FREE_CONFIGURATION)
+"""Telegrams that the axis takes."""
 
 
 def finest_xist2(encoder: EncoderConfig, finest: int = 9) -> int:
@@ -37,7 +40,7 @@ class DriveSettings:
     """Parameters of the drive that may change while it works; in the drive's own numbers and units.
 
     Args:
-        operating_mode: PNU 930: 1 full ramp-function generator, 3 reduced setpoint channel.
+        operating_mode: PNU 930: 1 full ramp-function generator, 2 positioning, 3 reduced setpoint channel.
         reference_speed_rpm: p2000, what 4000h (4000 0000h) means, rpm.
         reference_torque_Nm: p2003, Nm.
         max_speed_rpm: p1082, speed to which the ramp times refer, and limit of the setpoint, rpm.
@@ -78,8 +81,8 @@ class DriveSettings:
     torque_threshold_percent: float = 90.0
 
     def __post_init__(self) -> None:
-        if self.operating_mode not in (1, 3):
-            raise ConfigurationError("operating_mode (PNU 930)", self.operating_mode, "1, 3")
+        if self.operating_mode not in (1, 2, 3):
+            raise ConfigurationError("operating_mode (PNU 930)", self.operating_mode, "1, 2, 3")
         for name in ("reference_speed_rpm", "reference_torque_Nm", "max_speed_rpm"):
             check_number(name, getattr(self, name), positive=True)
         for name in (
@@ -108,11 +111,12 @@ class ProfidriveConfig:
         torque_telegram: Supplement 750 behind it.
         free_setpoint: Signals of telegram 999, from the controller.
         free_actual: Signals of telegram 999, to the controller.
-        isochronous: Operation with clock and sign of life; None = wherever the telegram has one (CFG-190).
+        isochronous: Operation with clock and sign of life; None = wherever the telegram has one (CFG-190) and leads the speed.
         cycle_ns: Bus cycle, ns; a multiple of `servo_period_ns`.
         servo_period_ns: Servo step, ns; a divisor of `control_period_ns`.
         control_period_ns: Cycle of monitoring, ns.
-        settings: Start values of the parameters.
+        settings: Start values of the parameters; operating mode 2 goes with the telegrams of the positioner and no other.
+        positioner: Settings of the positioner.
         mechanics: The machine.
         encoder: The motor encoder; its counts are those of P979[2], without fine resolution.
         fine_xist1: p0418, bits.
@@ -144,6 +148,7 @@ class ProfidriveConfig:
     servo_period_ns: int = 250 * US
     control_period_ns: int = 1 * MS
     settings: DriveSettings = field(default_factory=DriveSettings)
+    positioner: PositionerSettings = field(default_factory=PositionerSettings)
     mechanics: LinearAxisConfig | RotaryAxisConfig = field(default_factory=LinearAxisConfig)
     encoder: EncoderConfig = field(default_factory=lambda: EncoderConfig(counts_per_revolution=2048))
     fine_xist1: int = 11
@@ -164,6 +169,14 @@ class ProfidriveConfig:
     def __post_init__(self) -> None:
         if self.telegram not in AXIS_TELEGRAMS:
             raise ConfigurationError("telegram", self.telegram, ", ".join(map(str, AXIS_TELEGRAMS)))
+        if self.telegram != FREE_CONFIGURATION and self.positions is not (
+            self.telegram in POSITION_TELEGRAMS
+        ):
+            raise ConfigurationError(
+                "operating_mode (PNU 930)",
+                self.settings.operating_mode,
+                f"2 with the telegrams {', '.join(map(str, POSITION_TELEGRAMS))}, 1 or 3 with the others",
+            )
         if self.servo_period_ns <= 0 or self.control_period_ns % self.servo_period_ns:
             raise ConfigurationError(
                 "servo_period_ns",
@@ -200,6 +213,18 @@ class ProfidriveConfig:
         else:
             chosen = telegram(self.telegram)
         return chosen.with_supplement() if self.torque_telegram else chosen
+
+    @property
+    def positions(self) -> bool:
+        """Whether the setpoints are tasks of the positioner."""
+        return self.settings.operating_mode == 2
+
+    @property
+    def works_isochronously(self) -> bool:
+        """Whether there is a clock and a sign of life."""
+        if self.isochronous is None:
+            return self.build_telegram().isochronous and not self.positions
+        return self.isochronous
 
     @property
     def encoder_with_fine_resolution(self) -> EncoderConfig:

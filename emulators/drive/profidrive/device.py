@@ -20,6 +20,7 @@ from emulators.drive.profidrive import fault_catalogue as numbers
 from emulators.drive.profidrive._faults import FaultState
 from emulators.drive.profidrive._monitors import Monitors
 from emulators.drive.profidrive._operation import Operation
+from emulators.drive.profidrive._position_mode import PositionMode
 from emulators.drive.profidrive._probes import ProbeLatch
 from emulators.drive.profidrive._safety import SafetyInputs
 from emulators.drive.profidrive._speed_mode import SpeedMode
@@ -51,7 +52,7 @@ FaultListener = Callable[[Fault | None, int], None]
 
 
 class ProfidriveDrive:
-    """A servo drive with its motor and machine, in PROFIdrive's speed mode (application classes 1, 3 and 4).
+    """A servo drive with its motor and machine, with PROFIdrive's telegrams (application classes 1, 3 and 4).
 
     It is off until `power_on`; the machine moves from the start.
 
@@ -91,7 +92,7 @@ class ProfidriveDrive:
         self.settings: DriveSettings = replace(config.settings)
         """Parameters in force; call `refresh` when one has changed."""
         self.telegram = config.build_telegram()
-        self.isochronous = self.telegram.isochronous if config.isochronous is None else config.isochronous
+        self.isochronous = config.works_isochronously
         self.mechanics, self.switches = config.mechanics.build()
         self.encoder = config.encoder_with_fine_resolution.build(rng)
         self.core = ServoCore(
@@ -131,7 +132,9 @@ class ProfidriveDrive:
         """Called when the warnings have changed."""
         self.safety = SafetyInputs(self)
         self.sign_of_life = SignOfLife(tolerance=self.settings.sign_of_life_tolerance)
-        self.mode = SpeedMode(self)
+        speed = SpeedMode(self)
+        self.mode: SpeedMode | PositionMode = PositionMode(self, speed.channel) if config.positions else speed
+        """What the setpoints mean: speed, or tasks of the positioner; one telegram has the one or the other (PD-032)."""
         self.torque = TorqueLimits(self)
         self.encoder_words = EncoderInterface(self.encoder, config.encoder_format)
         """Encoder interface G1."""
@@ -183,7 +186,7 @@ class ProfidriveDrive:
 
     @property
     def channel(self) -> SetpointChannel:
-        """The setpoint channel of speed mode."""
+        """The setpoint channel: of speed mode, and with the stop ramps of both modes."""
         return self.mode.channel
 
     @property

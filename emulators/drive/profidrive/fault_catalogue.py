@@ -34,6 +34,9 @@ CLOCK_FAILURE: Final = 1911
 SIGN_OF_LIFE: Final = 1912
 MOTOR_TEMPERATURE: Final = 7011
 EXTERNAL: Final = 7860
+FOLLOWING_ERROR: Final = 7452
+MINUS_CAM: Final = 7491
+PLUS_CAM: Final = 7492
 BLOCKED: Final = 7900
 OVERSPEED: Final = 7901
 MOTOR_OVERLOAD: Final = 7936
@@ -56,6 +59,9 @@ _ROWS: Final = (
     Fault(CLOCK_FAILURE, Off.OFF1, 0x8700, "clock of isochronous operation failed"),
     Fault(SIGN_OF_LIFE, Off.OFF1, 0x8700, "sign of life of the controller failed"),
     Fault(MOTOR_TEMPERATURE, Off.OFF2, 0x4310, "motor overtemperature"),
+    Fault(FOLLOWING_ERROR, Off.OFF1, 0x8611, "positioner: following error too great"),
+    Fault(MINUS_CAM, Off.OFF3, 0x8612, "positioner: minus limit cam reached"),
+    Fault(PLUS_CAM, Off.OFF3, 0x8612, "positioner: plus limit cam reached"),
     Fault(EXTERNAL, Off.OFF2, 0x9000, "external fault"),
     Fault(BLOCKED, Off.OFF2, 0x7121, "motor blocked"),
     Fault(OVERSPEED, Off.OFF2, 0x8480, "motor overspeed"),
@@ -92,6 +98,10 @@ class DriveWarning(IntEnum):
     CHOPPER = 6905
     MOTOR_TEMPERATURE = 7910
     JOG_CONTRADICTION = 7220
+    NOT_HOMED = 7461
+    NO_SUCH_BLOCK = 7462
+    TARGET_BELOW_LIMIT = 7469
+    TARGET_ABOVE_LIMIT = 7470
     MOTOR_OVERLOAD = 7805
     STAGE_TEMPERATURE = 30502
     INJECTED = 7850

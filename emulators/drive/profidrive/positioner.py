@@ -24,6 +24,7 @@ from fieldbus.profidrive.words import POS_STW1, POS_STW2, POS_ZSW1, POS_ZSW2, ST
 _BLOCK: Final = 0x7F
 _SATZANW_MDI: Final = 0x8000
 _JOGS: Final = STW1.JOG_1 | STW1.JOG_2
+_REQUESTS: Final = int(_JOGS | STW1.ACTIVATE_TASK | STW1.START_HOMING)
 
 
 class Mode(Enum):
@@ -40,12 +41,21 @@ class Mode(Enum):
 class Refused(IntEnum):
     """Why a task was not accepted or was given up; the numbers under which such drives report it."""
 
+    FOLLOWING_ERROR = 7452
     NOT_HOMED = 7461
     NO_SUCH_BLOCK = 7462
     TARGET_BELOW_LIMIT = 7469
     TARGET_ABOVE_LIMIT = 7470
     MINUS_CAM = 7491
     PLUS_CAM = 7492
+
+    @property
+    def is_fault(self) -> bool:
+        """Whether the axis stops with a fault; the others are warnings."""
+        return self in _FAULTS
+
+
+_FAULTS: Final = frozenset({Refused.FOLLOWING_ERROR, Refused.MINUS_CAM, Refused.PLUS_CAM})
 
 
 class Words(NamedTuple):
@@ -59,8 +69,8 @@ class Words(NamedTuple):
     """LU."""
     velocity: int = 0
     """1000 LU/min."""
-    acceleration: int = N2_ONE
-    deceleration: int = N2_ONE
+    acceleration: float = N2_ONE
+    deceleration: float = N2_ONE
 
 
 class Positioner:
@@ -73,8 +83,8 @@ class Positioner:
     """
 
     __slots__ = (
-        "_acknowledged", "_active_block", "_blocks", "_core", "_last", "_last_velocity", "_motion", "_phase", "_wanted",
-        "homed", "mode", "pos_zsw1", "pos_zsw2", "refused", "settings", "target_reached", "zsw1",
+        "_acknowledged", "_active_block", "_blocks", "_core", "_last", "_last_velocity", "_motion", "_phase", "_referencing", "_wanted",
+        "homed", "mode", "pos_zsw1", "pos_zsw2", "refusals", "refused", "settings", "target_reached", "zsw1",
     )  # fmt: skip
 
     def __init__(self, core: ServoCore, settings: PositionerSettings | None = None) -> None:
@@ -85,10 +95,13 @@ class Positioner:
         self.homed = False
         """Whether the home position is set (PD-071)."""
         self.refused: Refused | None = None
-        """Why the last task was refused; None after one was accepted."""
+        """Why the last task was refused, while its request stands; None after one was accepted."""
+        self.refusals = 0
+        """How many were so far."""
         self.zsw1 = self.pos_zsw1 = self.pos_zsw2 = 0
         self.target_reached = False
         self._acknowledged = False
+        self._referencing = False
         self._last = Words()
         self._last_velocity = 0.0
         self._clear()
@@ -118,6 +131,11 @@ class Positioner:
         return self._motion.position
 
     @property
+    def velocity(self) -> float:
+        """Measured velocity, 1000 LU/min (VIST_A)."""
+        return self._motion.velocity
+
+    @property
     def demand(self) -> float:
         """Position demand, LU."""
         return self._motion.demand
@@ -131,11 +149,32 @@ class Positioner:
 
     # -- one bus cycle -----------------------------------------------------------------------------------------
 
-    def step(self, words: Words, *, minus_cam: bool = False, plus_cam: bool = False) -> None:
+    def restart(self, *, keep_home: bool) -> None:
+        """Begin as after power-on; the home position is lost unless the encoder has kept it."""
+        self._clear()
+        self.refused = None
+        self.zsw1 = self.pos_zsw1 = self.pos_zsw2 = 0
+        self.target_reached = self._acknowledged = self._referencing = False
+        self._last = Words()
+        self._last_velocity = 0.0
+        if not keep_home:
+            self.homed = False
+            self._motion.offset = 0.0
+
+    @property
+    def off_course(self) -> bool:
+        """Whether the following error is beyond its tolerance."""
+        tolerance = self.settings.following_tolerance * self._motion.scale
+        return self._core.controls_position and abs(self._core.following_error) > tolerance
+
+    def step(
+        self, words: Words, *, operating: bool = True, minus_cam: bool = False, plus_cam: bool = False
+    ) -> None:
         """Take the words of a bus cycle, move, and form the status words.
 
         Args:
             words: Setpoint words in force.
+            operating: The drive follows the positioner; it does not while it brakes for OFF1 or OFF3. A task waits meanwhile.
             minus_cam: The limit switch in negative direction is actuated.
             plus_cam: That in positive direction.
 
@@ -143,7 +182,9 @@ class Positioner:
         rising = words.stw1 & ~self._last.stw1
         if not words.stw1 & STW1.ACTIVATE_TASK:
             self._acknowledged = False
-        if self._core.enabled:
+        if not (words.stw1 & _REQUESTS and words.stw1 & STW1.NO_REJECT_TASK):
+            self.refused = None
+        if self._core.enabled and operating:
             self._operate(words, rising)
             self._watch_cams(words, minus_cam, plus_cam)
             self._motion.drive(
@@ -153,11 +194,14 @@ class Positioner:
                 limits=self.settings.software_limits if self._limited(words) else None,
             )
             self._progress(words, rising)
-        else:
+        elif not self._core.enabled:
             self._clear()
             self.target_reached = False
-        if words.pos_stw2 & ~self._last.pos_stw2 & POS_STW2.SET_REFERENCE_POINT and not self._motion.moving:
+        if not words.pos_stw2 & POS_STW2.SET_REFERENCE_POINT:
+            self._referencing = False
+        elif not self._last.pos_stw2 & POS_STW2.SET_REFERENCE_POINT and not self._motion.moving:
             self.set_reference_point()
+            self._referencing = True
         self._last = words
         self._show(words, minus_cam, plus_cam)
 
@@ -223,6 +267,7 @@ class Positioner:
 
     def _refuse(self, reason: Refused) -> None:
         self.refused = reason
+        self.refusals += 1
         self._abandon()
 
     def _start_mdi(self, words: Words) -> None:
@@ -427,7 +472,7 @@ class Positioner:
             (POS_ZSW1.MINUS_CAM, minus_cam),
             (POS_ZSW1.PLUS_CAM, plus_cam),
             (POS_ZSW1.JOG, self.mode is Mode.JOG),
-            (POS_ZSW1.HOMING, self.mode is Mode.HOMING),
+            (POS_ZSW1.HOMING, self.mode is Mode.HOMING or self._referencing),
             (POS_ZSW1.BLOCKS, self.mode is Mode.BLOCK),
             (POS_ZSW1.SETUP, self.mode is Mode.SETUP),
             (POS_ZSW1.MDI, self.mode is Mode.MDI),
@@ -453,10 +498,10 @@ def _bits(*rows: tuple[int, bool]) -> int:
     return sum(mask for mask, holds in rows if holds)
 
 
-def _share(word: int) -> float:
+def _share(word: float) -> float:
     """Return an acceleration override, 1..100 %; what is not positive is 1 %."""
     return min(1.0, max(0.01, word / N2_ONE))
 
 
-def _mdi_part(words: Words) -> tuple[int, ...]:
+def _mdi_part(words: Words) -> tuple[float, ...]:
     return (words.pos_stw1, words.target, words.velocity, words.acceleration, words.deceleration)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from fieldbus.errors import ConfigurationError
+from fieldbus.profidrive.words import POS_STW2
 
 LAST_BLOCK = 63
 
@@ -90,6 +91,11 @@ class PositionerSettings:
         mark_velocity: p2608, 1000 LU/min, > 0.
         approach_velocity: p2611, 1000 LU/min, > 0.
         has_cam: p2607: homing looks for the cam first.
+        search_negative: p2604: homing looks in negative direction; POS_STW2 bit 9 turns that round.
+        software_limits_on: p2582 = 1: the software limits count without POS_STW2 bit 14.
+        limit_cams_on: p2568 = 1: the limit cams count without POS_STW2 bit 15.
+        mdi_target: p2690, LU: target of MDI where the telegram has none.
+        mdi_velocity: p2691, 1000 LU/min: velocity of MDI where the telegram has none.
         position_cams: p2547, p2548, LU.
         blocks: Traversing blocks by number, 0..63.
 
@@ -113,6 +119,11 @@ class PositionerSettings:
     mark_velocity: float = 300.0
     approach_velocity: float = 300.0
     has_cam: bool = True
+    search_negative: bool = False
+    software_limits_on: bool = False
+    limit_cams_on: bool = False
+    mdi_target: int = 0
+    mdi_velocity: int = 600
     position_cams: tuple[int, int] = (0, 0)
     blocks: tuple[tuple[int, TraversingBlock], ...] = ()
 
@@ -130,6 +141,13 @@ class PositionerSettings:
         numbers = [number for number, _ in self.blocks]
         if len(set(numbers)) != len(numbers) or not all(0 <= number <= LAST_BLOCK for number in numbers):
             raise ConfigurationError("blocks", numbers, f"each number once, 0..{LAST_BLOCK}")
+
+    @property
+    def always_on(self) -> int:
+        """Bits of POS_STW2 that are 1 whatever the telegram says."""
+        return (POS_STW2.SOFTWARE_LIMITS if self.software_limits_on else 0) | (
+            POS_STW2.LIMIT_CAMS if self.limit_cams_on else 0
+        )
 
 
 def _positive(name: str, value: float) -> None:
