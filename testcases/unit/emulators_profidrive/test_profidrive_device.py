@@ -9,15 +9,15 @@ import pytest
 
 from emulators.drive.profidrive import AxisState, DriveSettings, Off, ProfidriveConfig
 from emulators.drive.profidrive import fault_catalogue as numbers
-from emulators.drive.profidrive.config import AXIS_TELEGRAMS
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import ZSW1, from_n2, from_n4, to_n2, to_n4
+from fieldbus.profidrive.telegrams import WITH_750
 from testcases.unit.emulators_profidrive.profidrive_rig import READY, RUN, SYNCHRONISED, Rig
 
 S1, S2, S3, S4, S5A, S5B = (getattr(AxisState, name) for name in ("S1", "S2", "S3", "S4", "S5A", "S5B"))
 OFF1, OFF2, OFF3 = 0x047E, 0x047D, 0x047B
 NO_RAMP, FROZEN, NO_SETPOINT, NO_ENABLE = RUN & ~0x10, RUN & ~0x20, RUN & ~0x40, RUN & ~0x08
-TELEGRAMS = [number for number in AXIS_TELEGRAMS if number != 999]
+TELEGRAMS = sorted(WITH_750)
 
 
 def reference(**changes):
