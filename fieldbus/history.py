@@ -38,7 +38,13 @@ class History:
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
         self.events: list[Event] = []
+        self.declared: set[str] = set()
+        """Kinds that parts of one's own will emit."""
         self._listeners: list[tuple[Callable[[Event], None]]] = []
+
+    def declare(self, *kinds: str) -> None:
+        """Tell kinds that a part of one's own will emit, so that a trigger may wait for them before the first has come."""
+        self.declared.update(kinds)
 
     def emit(self, source: str, kind: str, /, **data: Scalar) -> None:
         """Append an event at the present time, then tell the listeners in the order in which they came."""

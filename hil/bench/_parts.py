@@ -117,6 +117,11 @@ class BenchParts:
         return tuple(self._drives)
 
     @property
+    def profiles(self) -> frozenset[str]:
+        """Profiles of the drives: `cia402`, `profidrive`."""
+        return frozenset(section.profile for section in self.config.drive.values())
+
+    @property
     def encoder_names(self) -> tuple[str, ...]:
         """Names of the encoders that are devices of their own."""
         return tuple(self.config.encoder)

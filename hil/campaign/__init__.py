@@ -13,7 +13,7 @@ from hil.campaign._benches import load_bench_file
 from hil.campaign._case import Campaign, Case
 from hil.campaign._context import CaseContext
 from hil.campaign._discover import Found, Selected, find_campaigns, load_campaign, select_cases
-from hil.campaign._execute import CaseSettings, Execution, execute_case
+from hil.campaign._execute import CaseSettings, Execution, execute_case, requirements_here
 from hil.campaign._files import write_candump, write_evidence
 from hil.campaign._runner import Runner, RunOptions, case_seed, environment_facts
 from hil.campaign._token import Token
@@ -35,6 +35,7 @@ __all__ = [
     "find_campaigns",
     "load_bench_file",
     "load_campaign",
+    "requirements_here",
     "select_cases",
     "write_candump",
     "write_evidence",

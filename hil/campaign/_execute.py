@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -27,6 +27,10 @@ from reports.model import CaseResult, Check, Verdict
 
 REPEATABLE: Final = "repeatable"
 """Name of the check that `--twice` adds."""
+
+
+_PROFILE_PREFIXES: Final = {"cia402": "C402-", "profidrive": "PD-"}
+"""Profile of a drive -> what the identifiers of its requirements begin with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +130,7 @@ def _run_once(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
         with limit_wall(case.wall_limit_s), bench_file.build(seed=settings.seed) as bench:
             context = CaseContext(bench, seed=settings.seed)
             limit_simulated(bench, case.simulated_limit_s)
+            result.requirements = requirements_here(case.requirements, getattr(bench, "profiles", ()))
             result.verdict, result.message = _call(case, context)
             trace = context.trace()
             _judge(case, context, trace, result)
@@ -141,6 +146,19 @@ def _run_once(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
         result.verdict, result.message = Verdict.ERROR, _told(error)
     result.wall_s = time.perf_counter() - started
     return Execution(result, trace, late_s)
+
+
+def requirements_here(requirements: Sequence[str], profiles: Iterable[str]) -> list[str]:
+    """Return the identifiers of a case that a bench can speak for: none of a profile that no drive of it has.
+
+    Args:
+        requirements: Identifiers that the case names.
+        profiles: Profiles of the drives of the bench; none where it does not tell.
+
+    """
+    known = set(profiles)
+    absent = tuple(prefix for profile, prefix in _PROFILE_PREFIXES.items() if known and profile not in known)
+    return [identifier for identifier in requirements if not identifier.startswith(absent)]
 
 
 def _lateness(bench: Any) -> float:

@@ -18,6 +18,7 @@ from hil.faults._trigger import (
     Trigger,
 )
 from hil.protocols import Bench
+from hil.record import check_event_kind
 
 Stop = Callable[[], None]
 
@@ -48,6 +49,23 @@ def watch(bench: Bench, trigger: Trigger, fire: Callable[[], None]) -> Stop:
     if isinstance(trigger, OnEvent):
         return _watch_event(bench, trigger, fire)
     return _watch_frame(bench, trigger, fire)
+
+
+def check_kind(bench: Bench, trigger: Trigger, where: str = "trigger") -> None:
+    """Refuse a trigger on a kind of event that nobody emits: it would never fire.
+
+    Raises:
+        ConfigurationError: There is no such kind; the message names the known ones.
+
+    """
+    if isinstance(trigger, OnEvent):
+        kind = trigger.selector.kind
+    elif isinstance(trigger, InState) and trigger.kind:
+        kind = trigger.kind
+    else:
+        return
+    heard = {entry.kind for entry in bench.history.events}
+    check_event_kind(f"{where}.kind", kind, others=heard | bench.history.declared)
 
 
 def _watch_time(bench: Bench, trigger: AtTime, fire: Callable[[], None]) -> Stop:
@@ -88,6 +106,7 @@ def _watch_signal(bench: Bench, trigger: SignalCrossing, fire: Callable[[], None
 
 
 def _watch_state(bench: Bench, trigger: InState, fire: Callable[[], None]) -> Stop:
+    check_kind(bench, trigger)
     names: tuple[str, ...] = getattr(bench, "component_names", ())
     heard = (entry.source for entry in bench.history.events)  # somebody may have put more on the segment
     if names and trigger.component not in names and trigger.component not in heard:
@@ -114,6 +133,7 @@ def _watch_state(bench: Bench, trigger: InState, fire: Callable[[], None]) -> St
 
 def _watch_event(bench: Bench, trigger: OnEvent, fire: Callable[[], None]) -> Stop:
     selector = trigger.selector
+    check_kind(bench, trigger)
     delay_ns = seconds_to_ns(selector.offset_s)
     seen = 0
     timers: list[Any] = []

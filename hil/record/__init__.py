@@ -7,12 +7,14 @@
 from __future__ import annotations
 
 from hil.record._compare import Difference, first_difference
+from hil.record._kinds import EVENT_KINDS, check_event_kind
 from hil.record._recorder import Group, Recorder
 from hil.record._select import EventSelector, event, kind_matches
 from hil.record._signal import Direction, Signal
 from hil.record._trace import Trace, TraceFrame, TraceGroup
 
 __all__ = [
+    "EVENT_KINDS",
     "Difference",
     "Direction",
     "EventSelector",
@@ -22,6 +24,7 @@ __all__ = [
     "Trace",
     "TraceFrame",
     "TraceGroup",
+    "check_event_kind",
     "event",
     "first_difference",
     "kind_matches",

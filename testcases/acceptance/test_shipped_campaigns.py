@@ -1,32 +1,69 @@
-"""The campaigns that ship with the product pass on the embedded bench; each case is a test with its requirements."""
+"""The campaigns that ship with the product pass on the embedded benches; each case is a test with its requirements."""
 
 from __future__ import annotations
+
+from functools import cache
 
 import pytest
 
 from hil.bench import load_bench
-from hil.campaign import CaseSettings, execute_case
+from hil.campaign import CaseSettings, execute_case, requirements_here
 from reports.model import Verdict
 from testcases.campaigns import drive_faults, fault_reactions, stop_modes
 
-CASES = [
-    pytest.param(case, id=case.identifier, marks=pytest.mark.requirement(*case.requirements))
-    for campaign in (stop_modes.CAMPAIGN, fault_reactions.CAMPAIGN, drive_faults.CAMPAIGN)
-    for case in campaign.cases
-]
+ON_CANOPEN = (stop_modes.CAMPAIGN, fault_reactions.CAMPAIGN, drive_faults.CAMPAIGN)
+ON_PROFIDRIVE = (fault_reactions.CAMPAIGN, drive_faults.CAMPAIGN)
+BLOCKED = {
+    ("profidrive", "drive-faults/withdrawn/constant"): "offers no fall_to_switch_on_disabled",
+    ("profidrive", "drive-faults/withdrawn/standstill"): "offers no fall_to_switch_on_disabled",
+}
+"""Cases that a bench cannot have, and why: a PROFIdrive axis has no such state to fall to without fault or safety input."""
 
 
-@pytest.fixture(scope="module")
-def bench_file():
-    return load_bench("reference")
+def cases(bench, profile, campaigns):
+    for campaign in campaigns:
+        for case in campaign.cases:
+            if (bench, case.identifier) not in BLOCKED:
+                marks = pytest.mark.requirement(*requirements_here(case.requirements, [profile]))
+                yield pytest.param(bench, case, id=f"{bench}-{case.identifier}", marks=marks)
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_case_passes(case, bench_file):
+@cache
+def bench_file(name):
+    return load_bench(name)
+
+
+@pytest.mark.parametrize(
+    ("bench", "case"),
+    [*cases("reference", "cia402", ON_CANOPEN), *cases("profidrive", "profidrive", ON_PROFIDRIVE)],
+)
+def test_case_passes(bench, case):
     """Every shipped case passes: stop, alarm, reaction, standstill and all always-on checkers."""
-    result = execute_case(case, bench_file, CaseSettings(seed=1)).result
+    result = execute_case(case, bench_file(bench), CaseSettings(seed=1)).result
 
     assert result.verdict is Verdict.PASSED, result.message
+
+
+@pytest.mark.parametrize(("bench", "identifier"), BLOCKED)
+def test_what_a_profile_cannot_have_is_blocked_with_its_reason(bench, identifier):
+    """A case whose fault the drive has no seam for is blocked, not passed, and says why."""
+    case = drive_faults.CAMPAIGN[identifier]
+    result = execute_case(case, bench_file(bench), CaseSettings(seed=1)).result
+
+    assert result.verdict is Verdict.BLOCKED
+    assert BLOCKED[bench, identifier] in result.message
+
+
+def test_a_bench_speaks_for_the_requirements_of_its_own_profiles_only():
+    """A case that names requirements of both profiles claims those of the bench that it runs on (and every neutral one)."""
+    case = fault_reactions.CAMPAIGN["fault-reactions/drive-fault/2310/standstill"]
+    claimed = {
+        name: set(execute_case(case, bench_file(name), CaseSettings(seed=1)).result.requirements)
+        for name in ("reference", "profidrive")
+    }
+
+    assert claimed["reference"] == {"STP-559", "TA-020", "C402-014", "C402-015"}
+    assert claimed["profidrive"] == {"STP-559", "TA-020", "PD-104", "PD-115"}
 
 
 def test_the_campaign_crosses_all_stops_with_all_phases():

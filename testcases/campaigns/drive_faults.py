@@ -7,7 +7,8 @@ from typing import Any, Final
 from hil.campaign import Campaign, CaseContext
 from hil.expect import alarm, happens, no_alarm, state_at
 from hil.record import event
-from testcases.campaigns.fault_reactions import cycles, disabled_by_alarm, recovers, stopped_for_good
+from testcases.campaigns._profiles import by_profile, enters, warns_of_mains
+from testcases.campaigns._reactions import cycles, disabled_by_alarm, recovers, stopped_for_good
 from testcases.campaigns.support import (
     axis_name,
     bring_into,
@@ -70,7 +71,7 @@ def mains_off(ctx: CaseContext) -> None:
     ctx.run_for(4.0 + settle_s(ctx))
     ctx.expect(
         happens(
-            event("drive.warning", drive, text="mains missing"),
+            warns_of_mains(ctx),
             since=event("fault.applied"),
             within_s=cycles(ctx, 4) + 0.02,
         ),
@@ -125,8 +126,9 @@ def safe_stop_1(ctx: CaseContext, phase: str) -> None:
     ctx.run_for(2.0 + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(
-        happens(event("drive.state", drive, to="Switch on disabled"), since=event("fault.applied")).covers(
-            "C402-030"
+        happens(enters(ctx, "quick stop"), since=event("fault.applied"), within_s=cycles(ctx, 1)),
+        happens(enters(ctx, "switched off"), since=event("fault.applied")).covers(
+            *by_profile(ctx, cia402=("C402-030",), profidrive=("PD-113",))
         ),
         happens(event("alarm.raised", axis_name(ctx)), since=event("fault.applied")),
     )
@@ -199,4 +201,4 @@ def transition_refused(ctx: CaseContext) -> None:
     before = ctx.now_s
     fault.remove()
     ctx.wait_until(power.status, 5.0, "the axis is enabled")
-    ctx.expect(happens(event("drive.state", drive, to="Operation enabled"), since=before).covers("C402-311"))
+    ctx.expect(happens(enters(ctx, "operating"), since=before).covers("STP-043"))

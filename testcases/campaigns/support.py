@@ -17,6 +17,7 @@ ACCELERATION: Final = 1000.0
 JERK: Final = 10_000.0
 
 PHASES: Final = ("constant", "accelerating", "decelerating", "standstill")
+MOVING: Final = PHASES[:3]
 
 
 @dataclass(frozen=True)

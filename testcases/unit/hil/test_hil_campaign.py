@@ -225,7 +225,7 @@ def tripped(ctx):
     ctx.do("move", velocity=100.0)
     ctx.axis.move_velocity(100.0)
     ctx.run_for(0.2)
-    ctx.inject("drive.fault", code=0x2310, duration_s=0.3, trigger=event("never.comes"))
+    ctx.inject("drive.fault", code=0x2310, duration_s=0.3, trigger=event("storage.failed"))
     ctx.inject("drive.fault", code=0x2310)
     ctx.run_for(0.5)
     ctx.axis.reset()

@@ -168,6 +168,32 @@ def test_a_watch_costs_nothing_once_it_has_fired(bench, faults):
     assert len(bench.history._listeners) == listeners
 
 
+@pytest.mark.parametrize(
+    ("options", "key"),
+    [
+        ({"trigger": on_event("alarm.rised")}, "trigger.kind"),
+        ({"trigger": on_event("alarms.")}, "trigger.kind"),
+        ({"trigger": state("axis1", "MOTION", kind="axis.stat")}, "trigger.kind"),
+        ({"trigger": at(1.0), "until": on_event("job.finished")}, "until.kind"),
+    ],
+)
+def test_a_trigger_on_a_kind_that_nobody_emits_is_refused(bench, faults, options, key):
+    """It would never fire, and say nothing; the message names near kinds, and nothing is armed."""
+    with pytest.raises(ConfigurationError, match=rf"{key}.*(alarm\.raised|axis\.state|job\.done)"):
+        faults.inject("mechanics.jam", **options)
+    assert faults.armed == []
+
+
+def test_a_kind_of_ones_own_can_be_declared(bench, faults):
+    """What a part of one's own emits is known once it is declared, or once it was heard."""
+    with pytest.raises(ConfigurationError, match=r"history.declare\('bench.mark'\)"):
+        faults.inject("mechanics.jam", trigger=on_event("bench.mark"))
+    bench.history.emit("bench", "bench.mark")
+    armed = faults.inject("mechanics.jam", trigger=on_event("bench.mark"))
+    bench.history.emit("bench", "bench.mark")
+    assert armed.active
+
+
 # -- lasting, repeating, ending -----------------------------------------------------------------------------------
 
 
@@ -182,6 +208,7 @@ def test_a_duration_ends_a_fault_exactly(bench, faults):
 
 def test_until_ends_a_fault(bench, faults):
     """The second trigger removes the fault."""
+    bench.history.declare("bench.mark")
     armed = faults.inject("mechanics.jam", until=on_event("bench.mark"))
     bench.run_for(0.01)
     assert bench.toy_drive.jammed
@@ -192,6 +219,7 @@ def test_until_ends_a_fault(bench, faults):
 
 def test_count_repeats_an_application(bench, faults):
     """A fault with a count is applied at each firing of its trigger until the count is reached."""
+    bench.history.declare("bench.mark")
     armed = faults.inject("drive.heartbeat_loss", trigger=on_event("bench.mark"), duration_s=0.001, count=2)
     for _ in range(4):
         bench.history.emit("bench", "bench.mark")

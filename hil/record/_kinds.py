@@ -1,0 +1,108 @@
+"""The kinds of events that a bench writes into its log, with what they tell: a trigger on any other would never fire."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from types import MappingProxyType
+from typing import Final
+
+from fieldbus.errors import ConfigurationError
+from hil.record._select import kind_matches
+
+EVENT_KINDS: Final = MappingProxyType(
+    {
+        "adapter.overrun": "an adapter has lost frames",
+        "adapter.state": "an adapter is opened, closed, or its bus state has changed",
+        "alarm.acknowledged": "a technology alarm is acknowledged",
+        "alarm.cleared": "a technology alarm is gone",
+        "alarm.raised": "a technology alarm is raised",
+        "axis.homed": "the axis is homed, or no longer",
+        "axis.state": "the axis changes its state",
+        "can.bus_error": "a node has found an error on the wire",
+        "can.given_up": "a frame is not sent again",
+        "can.ignored": "an adapter has ignored what a remote side sent",
+        "can.overload": "a node asks for a pause",
+        "can.overrun": "a transmit queue is full",
+        "can.status": "a node changes its error state",
+        "drive.communication_lost": "a PROFIdrive axis has lost its controller",
+        "drive.connection_lost": "a CiA 402 drive has lost its controller",
+        "drive.fault": "the drive has tripped",
+        "drive.fault_acknowledged": "the faults of a PROFIdrive axis are acknowledged",
+        "drive.fault_cleared": "the faults of a CiA 402 drive are acknowledged",
+        "drive.homing": "the homing of the drive begins, ends, or fails",
+        "drive.inputs": "digital inputs of the drive change",
+        "drive.nmt": "the drive changes its NMT state",
+        "drive.outputs": "digital outputs of the drive change",
+        "drive.probe": "a touch probe has latched a position",
+        "drive.state": "the drive changes its state",
+        "drive.sync_jitter": "SYNC comes too early or too late",
+        "drive.warning": "warnings of the drive change",
+        "emcy.cleared": "a node takes an error back",
+        "emcy.raised": "a node reports an error",
+        "emcy.received": "the controller has received an EMCY",
+        "encoder.alarm": "alarms of an encoder change",
+        "encoder.cams": "cams of an encoder change",
+        "encoder.preset": "a preset is written",
+        "encoder.warning": "warnings of an encoder change",
+        "fault.applied": "an injected fault acts",
+        "fault.armed": "a fault waits for its trigger",
+        "fault.disarmed": "a fault has ended before its trigger came",
+        "fault.hit": "a fault has hit a frame",
+        "fault.removed": "an injected fault is taken back",
+        "guarding.back": "the node is guarded again",
+        "guarding.lost": "the guarding of a node has failed",
+        "heartbeat.back": "a heartbeat is there again",
+        "heartbeat.lost": "a heartbeat is missing",
+        "job.aborted": "CommandAborted",
+        "job.active": "the job is in control",
+        "job.done": "Done",
+        "job.error": "Error",
+        "job.in_velocity": "InVelocity comes",
+        "job.leaves_velocity": "InVelocity goes",
+        "job.started": "a job is accepted",
+        "link.down": "the controller has lost the cyclic data of a drive",
+        "link.heartbeat_lost": "the controller misses the heartbeat of a drive",
+        "link.nmt_state": "a drive shows another NMT state",
+        "link.node_lost": "a drive is lost to its controller",
+        "link.up": "the cyclic data of a drive are there",
+        "lss.bitrate": "LSS sets a bit rate",
+        "lss.node_id": "LSS sets a node-ID",
+        "nmt.state": "a node changes its NMT state",
+        "node.boot": "the controller begins to take a node into service",
+        "node.booted": "a node is in service",
+        "node.bootup": "a node has sent its boot-up frame",
+        "node.configured": "a node has its parameters",
+        "node.failed": "a node could not be taken into service",
+        "node.lost": "the controller has lost a node",
+        "power.status": "MC_Power.Status changes",
+        "program.error": "a variable was accessed wrongly",
+        "program.write": "a variable was written",
+        "rpdo.timeout": "an RPDO is overdue",
+        "storage.failed": "parameters could not be stored",
+    }
+)
+"""Kind -> what it tells."""
+
+
+def check_event_kind(where: str, kind: str, *, others: Iterable[str] = ()) -> None:
+    """Refuse a kind, or a family with a trailing dot, of which no event can come.
+
+    Args:
+        where: What names it, for the message.
+        kind: `alarm.raised`, or `alarm.`.
+        others: Kinds of parts of one's own: `History.declare`, and those heard already.
+
+    Raises:
+        ConfigurationError: Nobody emits it; the message names near ones, and how to declare one's own.
+
+    """
+    known = {*EVENT_KINDS, *others}
+    if any(kind_matches(kind, one) for one in known):
+        return
+    near = difflib.get_close_matches(kind, known, n=5)
+    same = [one for one in sorted(known) if one.split(".")[0] == kind.split(".", maxsplit=1)[0] and one not in near]
+    proposals = [*near, *same] or sorted(known)
+    raise ConfigurationError(
+        where, kind, f"{', '.join(proposals)}; kinds of parts of your own: history.declare({kind!r})"
+    )

@@ -1,0 +1,42 @@
+"""What the campaigns about faults expect of an axis afterwards: at rest, disabled, recovered."""
+
+from __future__ import annotations
+
+from hil.campaign import CaseContext
+from hil.expect import no_motion_after, standstill, state_at, value_at
+from testcases.campaigns.support import acknowledge, axis_name, drive_name
+
+
+def cycles(ctx: CaseContext, number: float) -> float:
+    """Return the time of `number` cycles plus the scheduling tolerance of the bench, s."""
+    return number * ctx.bench.cycle_ns * 1e-9 + float(ctx.bench.config.tolerance.time_s)
+
+
+def stopped_for_good(ctx: CaseContext, ended: float) -> None:
+    """Expect the machine itself at rest, and no motion afterwards."""
+    axis, drive = axis_name(ctx), drive_name(ctx)
+    ctx.expect(
+        standstill(by=ended - 0.3, axis=axis, until=ended),
+        no_motion_after(ended - 0.3, position=f"{drive}.position", tolerance=0.00005, until=ended).named(
+            "machine at rest"
+        ),
+    )
+
+
+def disabled_by_alarm(ctx: CaseContext, ended: float) -> None:
+    """Expect the axis disabled by its alarm, with `MC_Power` still busy (STP-344)."""
+    axis = axis_name(ctx)
+    ctx.expect(
+        state_at(axis, ended, "ALARM_DISABLED"),
+        value_at(f"{axis}.power_status", ended, 0.0, tolerance=0.0).covers("STP-344"),
+        value_at(f"{axis}.power_busy", ended, 1.0, tolerance=0.0).covers("STP-344"),
+    )
+
+
+def recovers(ctx: CaseContext) -> None:
+    """Acknowledge, wait for the automatic enable, and move again."""
+    acknowledge(ctx)
+    ctx.wait_until(ctx.axis.power_instance.status, 5.0, "the axis is enabled again without a new edge")
+    ctx.do("MC_MoveRelative -20 mm")
+    move = ctx.axis.move_relative(-20.0)
+    ctx.wait_until(move.done, 5.0, "the axis moves again")
