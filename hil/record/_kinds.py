@@ -101,7 +101,11 @@ def check_event_kind(where: str, kind: str, *, others: Iterable[str] = ()) -> No
     if any(kind_matches(kind, one) for one in known):
         return
     near = difflib.get_close_matches(kind, known, n=5)
-    same = [one for one in sorted(known) if one.split(".")[0] == kind.split(".", maxsplit=1)[0] and one not in near]
+    same = [
+        one
+        for one in sorted(known)
+        if one.split(".")[0] == kind.split(".", maxsplit=1)[0] and one not in near
+    ]
     proposals = [*near, *same] or sorted(known)
     raise ConfigurationError(
         where, kind, f"{', '.join(proposals)}; kinds of parts of your own: history.declare({kind!r})"

@@ -260,7 +260,7 @@ def test_alarms_and_faults_are_recorded_with_their_times():
     assert alarm_record.cleared_s > alarm_record.time_s
     waiting, applied = result.faults
     assert (waiting.applied_s, waiting.removed_s, waiting.axis_state) == (None, None, "")
-    assert waiting.trigger == "at never.comes"
+    assert waiting.trigger == "at storage.failed"
     assert (applied.kind, applied.target, applied.parameters) == ("drive.fault", "drive1", {"code": 0x2310})
     assert applied.axis_state == "MOTION"
     assert 0 < alarm_record.time_s - applied.applied_s < 0.02
