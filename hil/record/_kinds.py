@@ -35,6 +35,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "drive.nmt": "the drive changes its NMT state",
         "drive.outputs": "digital outputs of the drive change",
         "drive.probe": "a touch probe has latched a position",
+        "drive.ready": "the ready output of an analog drive changes",
         "drive.state": "the drive changes its state",
         "drive.sync_jitter": "SYNC comes too early or too late",
         "drive.warning": "warnings of the drive change",
@@ -79,6 +80,8 @@ EVENT_KINDS: Final = MappingProxyType(
         "program.error": "a variable was accessed wrongly",
         "program.write": "a variable was written",
         "rpdo.timeout": "an RPDO is overdue",
+        "station.power": "the supply of an I/O station comes or goes",
+        "station.substituted": "an I/O station puts out its substitute values",
         "storage.failed": "parameters could not be stored",
     }
 )
