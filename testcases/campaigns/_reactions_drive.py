@@ -11,6 +11,11 @@ from testcases.campaigns._profiles import by_profile, enters, profile_of
 from testcases.campaigns._reactions import cycles, disabled_by_alarm, recovers, stopped_for_good
 from testcases.campaigns.support import PHASES, axis_name, bring_into, drive_name, enable, settle_s
 
+COASTS_402: Final = ("3210",)
+"""Faults of `drive_fault` after which a CiA 402 drive has no torque."""
+COASTS_PD: Final = ("2310", "3210")
+"""Those with reaction OFF2 of a PROFIdrive axis: pulses off at once. The following error has OFF1."""
+
 CASES: Final = Campaign("fault reactions", tags=("fault",), bench="reference")
 
 
@@ -39,12 +44,14 @@ def drive_fault(ctx: CaseContext, code: str, phase: str) -> None:
         )
     )
     order = [applied, event("alarm.raised", axis)]
-    if profile_of(ctx) == "profidrive":
-        # All three faults take the pulses away at once (OFF2): the drive is off before the axis knows.
-        order[1:1] = [faulted]
-    elif phase != "standstill" and code != "3210":
-        order[1:1] = [event("drive.state", drive, to="Fault reaction active")]
+    brakes = phase != "standstill" and code not in by_profile(ctx, cia402=COASTS_402, profidrive=COASTS_PD)
+    if brakes:
+        # The drive has the time to tell before it stands.
+        reacts = by_profile(ctx, cia402="Fault reaction active", profidrive="S5 ramp stop")
+        order[1:1] = [event("drive.state", drive, to=reacts)]
         order.append(faulted)
+    elif profile_of(ctx) == "profidrive" and code in COASTS_PD:
+        order[1:1] = [faulted]
     ctx.expect(event_order(order))
     if job is not None:
         ctx.expect(
