@@ -12,10 +12,12 @@ from motion.axis import TechnologyAxis
 from motion.instructions import (
     Instruction,
     MC_Halt,
+    MC_HaltSuperimposed,
     MC_Home,
     MC_MoveAbsolute,
     MC_MoveJog,
     MC_MoveRelative,
+    MC_MoveSuperimposed,
     MC_MoveVelocity,
     MC_Power,
     MC_Reset,
@@ -165,6 +167,14 @@ class AxisHandle:
                 self.object, JogForward=not backward, JogBackward=backward, Velocity=velocity, **inputs
             )
         )
+
+    def move_superimposed(self, distance: float, **inputs: Any) -> MC_MoveSuperimposed:
+        """Start `MC_MoveSuperimposed` by `distance`, axis unit, on top of the motion that runs."""
+        return self.run(MC_MoveSuperimposed(self.object, Execute=True, Distance=distance, **inputs))
+
+    def halt_superimposed(self, **inputs: Any) -> MC_HaltSuperimposed:
+        """Start `MC_HaltSuperimposed`."""
+        return self.run(MC_HaltSuperimposed(self.object, Execute=True, **inputs))
 
     def halt(self, **inputs: Any) -> MC_Halt:
         """Start `MC_Halt`."""

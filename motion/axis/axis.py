@@ -206,11 +206,11 @@ class TechnologyAxis:
             self._resets = [reset for reset in self._resets if not reset.done]
         enabling.step()
         motion = self.motion
-        gen = motion.gen
         if self.facts.controlled and not enabling.switching_off:
             if has_position and motion.position_controlled:
                 self.limits.check_software()
             motion.step(self.cycle_s)
+            gen = motion.total
             self._setpoint_due = False
             if has_position:
                 controller = self.controller
@@ -236,7 +236,7 @@ class TechnologyAxis:
         else:
             output = 0.0
             if not self.facts.controlled:
-                gen.set_state(
+                motion.gen.set_state(
                     feedback.position, 0.0
                 )  # follow-up: position tracks, speed setpoint zero (CTL-003)
             # Otherwise the drive is being switched off: the setpoint stays where its ramp has ended (STP-306).
@@ -270,7 +270,7 @@ class TechnologyAxis:
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the values of `trace_columns` for the present cycle."""
-        gen = self.motion.gen
+        gen = self.motion.total
         port = self.port
         engine = self.alarms.engine
         feedback = self.feedback
@@ -307,10 +307,10 @@ class TechnologyAxis:
 
     def _live_variables(self) -> dict[str, Callable[[], Any]]:
         engine = self.alarms.engine
-        gen = self.motion.gen
+        motion = self.motion
         live: dict[str, Callable[[], Any]] = {
-            "Velocity": lambda: gen.v,
-            "Acceleration": lambda: gen.a,
+            "Velocity": lambda: motion.total.v,
+            "Acceleration": lambda: motion.total.a,
             "ActualSpeed": lambda: self.port.actual_speed_rpm,
             "VelocitySetpoint": lambda: self.speed_output_rpm / self.mechanics.rpm_per_unit,
             "StatusDrive.InOperation": lambda: self.in_operation,
@@ -326,15 +326,16 @@ class TechnologyAxis:
         }
         if self.has_position:
             live |= {
-                "Position": lambda: gen.s,
+                "Position": lambda: motion.total.s,
                 "ActualPosition": lambda: self.feedback.position,
                 "ActualVelocity": lambda: self.feedback.velocity,
                 "StatusPositioning.FollowingError": lambda: self.controller.following_error,
                 "StatusPositioning.TargetPosition": self._target_position,
-                "StatusPositioning.Distance": lambda: self._target_position() - gen.s,
+                "StatusPositioning.SuperimposedDistance": lambda: motion.superimposed_distance,
+                "StatusPositioning.Distance": lambda: self._target_position() - motion.total.s,
                 "StatusServo.ControlDifference": lambda: self.controller.control_difference,
                 "StatusServo.BalancedPosition": lambda: self.controller.balanced_position,
-                "StatusServo.PositionAfterDynamicFilter": lambda: gen.s,
+                "StatusServo.PositionAfterDynamicFilter": lambda: motion.total.s,
                 "StatusSensor[1].State": lambda: self.feedback.state,
                 "StatusSensor[1].Position": lambda: self.feedback.position,
                 "StatusSensor[1].Velocity": lambda: self.feedback.velocity,
@@ -345,8 +346,7 @@ class TechnologyAxis:
         return live
 
     def _target_position(self) -> float:
-        job = self.motion.job
-        return job.target if job is not None else 0.0
+        return self.motion.destination or 0.0
 
     def var(self, path: str) -> Any:
         """Return a variable of the technology data block by its original path; bits as `StatusWord.X7`.
@@ -399,9 +399,11 @@ class PositioningAxis(TechnologyAxis):
         elif mode in (1, 6, 12):
             offset = position
         else:
-            offset = position - gen.s
+            offset = position - self.motion.total.s
         self.feedback.shift(offset)
         gen.shift(offset)
+        if self.motion.superimposed is not None:
+            self.motion.superimposed.refresh()
         self.controller.shift(offset)
         self.limits.shift(offset)
         self.homed = True

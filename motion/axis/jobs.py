@@ -51,6 +51,8 @@ class JobClass(IntEnum):
     """`MC_Halt` with `Mode` 0 (H5)."""
     STOP = 4
     """`MC_Stop` (H6)."""
+    SUPERIMPOSED = 5
+    """`MC_MoveSuperimposed`, `MC_HaltSuperimposed` (H7)."""
 
 
 class Job:

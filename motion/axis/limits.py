@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from motion.axis.jobs import JobClass
 from motion.axis.state import AxisState
 from motion.drives.port import INPUT_NEGATIVE_LIMIT, INPUT_POSITIVE_LIMIT
 from motion.setpoint import stop_distance
@@ -107,7 +106,7 @@ class TravelLimits:
         # Acknowledged, still active, and commanded further outwards: the alarm comes again (LIM-049, LIM-059).
         if (
             axis.state is AxisState.MOTION
-            and axis.motion.gen.v * switch.direction > 0.0
+            and axis.motion.total.v * switch.direction > 0.0
             and not axis.alarms.blocking
         ):
             self._alarm()
@@ -125,7 +124,7 @@ class TravelLimits:
             self._was_active = False
             self.software_min = self.software_max = False
             return
-        gen = axis.motion.gen
+        gen = axis.motion.total
         position = gen.s
         low, high = self._sw_min.value, self._sw_max.value
         if not self._was_active:
@@ -166,10 +165,17 @@ class TravelLimits:
         next_position, velocity, acceleration = following
         speed = velocity * direction
         growth = acceleration * direction
-        if job is not None and job.job_class is JobClass.POSITIONING:
-            inside = self._range_min - _PASSED_TOLERANCE <= job.target <= self._range_max + _PASSED_TOLERANCE
-            to_target = (job.target - next_position) * direction
-            if inside and stop_distance(speed, growth, job.deceleration, job.jerk) <= to_target + _ON_TARGET:
+        target = motion.destination
+        if target is not None:
+            inside = self._range_min - _PASSED_TOLERANCE <= target <= self._range_max + _PASSED_TOLERANCE
+            to_target = (target - next_position) * direction
+            if job is None:
+                job = motion.superimposed.job if motion.superimposed is not None else None
+            if (
+                inside
+                and job is not None
+                and stop_distance(speed, growth, job.deceleration, job.jerk) <= to_target + _ON_TARGET
+            ):
                 return
         deceleration, jerk = self._dynamics()
         if (

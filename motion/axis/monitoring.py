@@ -68,7 +68,7 @@ class Monitoring:
 
     def _watch(self, *, first: bool = False) -> None:
         axis = self._axis
-        inside = abs(axis.feedback.position - axis.motion.gen.s) <= self._window.value
+        inside = abs(axis.feedback.position - axis.motion.total.s) <= self._window.value
         if inside:
             if self._entered:
                 self._dwell += self._cycle
@@ -124,7 +124,7 @@ class Monitoring:
             minimum = self._fe_min.value
             level = self._fe_level.value * 0.01
             if error >= minimum * level:
-                permitted = self.permitted_following_error(axis.motion.gen.v)
+                permitted = self.permitted_following_error(axis.motion.total.v)
                 if error > permitted:
                     axis.alarms.raise_alarm(ALARM_FOLLOWING_ERROR)
                     return

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import copysign, sqrt
 from typing import TYPE_CHECKING, Final
 
 from motion.axis.jobs import (
@@ -16,8 +15,9 @@ from motion.axis.jobs import (
     JobState,
 )
 from motion.axis.override import aborts
+from motion.axis.planning import SetpointPlanning
 from motion.axis.state import ACCEPTS_MOTION, AxisState
-from motion.setpoint import SetpointGenerator, resolve
+from motion.axis.superposition import Superposition
 
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
@@ -28,50 +28,22 @@ QUEUE_DEPTH: Final = 8
 _STOP_SEVERITY: Final = {0: 3, 2: 2, 3: 1}
 """Severity of `MC_Stop` by its mode (STP-433 to STP-435)."""
 
-ALARM_VELOCITY_LIMITED: Final = 501
-ALARM_ACCELERATION_LIMITED: Final = 502
-ALARM_JERK_LIMITED: Final = 503
-ALARM_ZERO_VELOCITY: Final = 304
-ALARM_ZERO_ACCELERATION: Final = 305
-ALARM_ZERO_JERK: Final = 306
-
-_LAST_RESORT: Final = 1.0e6
-"""Deceleration of a stop for which every configured value is zero."""
-
 
 def stop_severity(mode: int) -> int:
     """Return the severity 1..3 of an `MC_Stop` mode."""
     return _STOP_SEVERITY[mode]
 
 
-class MotionControl:
-    """Setpoint generator, job in control and waiting jobs of one axis."""
+class MotionControl(SetpointPlanning):
+    """Job in control, waiting jobs and superimposed job of one axis, and the setpoint that they make."""
 
-    __slots__ = ("_axis", "_cells", "_emergency", "_limit_velocity", "_max_acceleration", "_max_deceleration",
-                 "_max_jerk", "_max_velocity", "_override", "_planned_velocity", "_settling", "gen", "job",
-                 "position_controlled", "queue", "severity")  # fmt: skip
+    __slots__ = ("queue",)
 
     def __init__(self, axis: TechnologyAxis) -> None:
-        self._axis = axis
-        bind = axis.variables.bind
-        self._max_velocity = bind("DynamicLimits.MaxVelocity")
-        self._limit_velocity = bind("DynamicLimits.Velocity")
-        self._max_acceleration = bind("DynamicLimits.MaxAcceleration")
-        self._max_deceleration = bind("DynamicLimits.MaxDeceleration")
-        self._max_jerk = bind("DynamicLimits.MaxJerk")
-        self._emergency = bind("DynamicDefaults.EmergencyDeceleration")
-        self._override = bind("Override.Velocity")
-        self.gen = SetpointGenerator()
-        self.job: Job | None = None
-        """Job in control, `MC_Stop` included."""
+        super().__init__(axis)
         self.queue: list[Job] = []
-        self.position_controlled = False
-        self.severity = 0
-        """Severity of the stop ramp in progress: 0 none, 1 current, 2 maximum, 3 emergency (STP-432 to STP-435)."""
-        self._planned_velocity = 0.0
-        self._settling = False
 
-    # -- acceptance -------------------------------------------------------------------------------------------
+    # -- acceptance -----------------------------------------------------------------------------------------
 
     def submit(self, job: Job) -> int:
         """Take `job` over, or return the ErrorID of its rejection (running jobs are then untouched)."""
@@ -99,8 +71,51 @@ class MotionControl:
             # MC_Halt Mode 1 on top of MC_Halt Mode 0: without superimposed motion both end at the same zero (OVR-089).
             self.queue.append(job)
             return NO_ERROR
-        self.abort_all()
+        if self.superimposed is None or aborts(job.job_class, JobClass.SUPERIMPOSED, append=job.append):
+            self.abort_all()
+        else:
+            self._abort_basic()
         self._activate(job)
+        return NO_ERROR
+
+    def submit_superimposed(self, job: Job) -> int:
+        """Let `job` move the axis by its distance, or halt that, on top of what it does; or return an ErrorID (OVR-016)."""
+        axis = self._axis
+        state = axis.state
+        if state is AxisState.RESTARTING:
+            return ERROR_STATE
+        if axis.alarms.blocking:
+            return ERROR_ALARM
+        active = self.job
+        if state not in ACCEPTS_MOTION or (active is not None and active.job_class is JobClass.STOP):
+            return ERROR_LOCKED
+        job.start(axis.name, axis.history)
+        moving = self.superimposed
+        halt = job.instruction == "MC_HaltSuperimposed"
+        if moving is None and halt:
+            job.activate()
+            job.finish()  # nothing to halt (MC-369)
+            return NO_ERROR
+        if moving is None:
+            self.set_position_control(True)
+            moving = self.superimposed = self.total = Superposition(
+                self.gen,
+                velocity_limit=lambda: min(self._max_velocity.value, self._limit_velocity.value),
+                basic_velocity=self._basic_velocity,
+            )
+        elif moving.job is not None:
+            moving.job.abort()
+        job.activate()
+        if self._limits_are_zero():
+            return NO_ERROR
+        acceleration, deceleration, jerk = self._limits(job)
+        if halt:
+            moving.halt(job, deceleration, jerk)
+        else:
+            moving.move(job, acceleration, deceleration, jerk)
+        if state is AxisState.STANDSTILL:
+            self._settling = False
+            axis.set_state(AxisState.MOTION)
         return NO_ERROR
 
     def submit_stop(self, job: Job) -> int:
@@ -146,7 +161,14 @@ class MotionControl:
             self.begin_reaction(severity, abort_acceleration=job.abort_acceleration)
 
     def abort_all(self) -> None:
-        """End the job in control and the waiting ones with `CommandAborted`."""
+        """End the job in control, the waiting ones and the superimposed one with `CommandAborted`."""
+        if self.superimposed is not None:
+            moved = self._merge()
+            if moved is not None:
+                moved.abort()
+        self._abort_basic()
+
+    def _abort_basic(self) -> None:
         job = self.job
         if job is not None:
             self.job = None
@@ -158,6 +180,10 @@ class MotionControl:
 
     def fail_all(self, error_id: int = ERROR_ALARM) -> None:
         """End motion jobs with an error because of an alarm; a stop job is left to the caller (STP-252)."""
+        if self.superimposed is not None:
+            moved = self._merge()
+            if moved is not None:
+                moved.fail(error_id)
         job = self.job
         if job is not None and job.job_class is not JobClass.STOP:
             self.job = None
@@ -167,59 +193,7 @@ class MotionControl:
             for one in waiting:
                 one.fail(error_id)
 
-    # -- planning ---------------------------------------------------------------------------------------------
-
-    def _limits(self, job: Job) -> tuple[float, float, float]:
-        """Return acceleration, deceleration and jerk of `job` after the dynamic limits, with their warnings."""
-        acceleration, limited = resolve(job.acceleration, 0.0, self._max_acceleration.value)
-        deceleration, also_limited = resolve(job.deceleration, 0.0, self._max_deceleration.value)
-        jerk, jerk_limited = resolve(job.jerk, 0.0, self._max_jerk.value)
-        if limited or also_limited:
-            self._axis.alarms.warn(ALARM_ACCELERATION_LIMITED)
-        if jerk_limited:
-            self._axis.alarms.warn(ALARM_JERK_LIMITED)
-        return acceleration, deceleration, jerk
-
-    def _bound_acceleration(self, jerk: float) -> None:
-        """Let a present acceleration that `jerk` cannot end in time end at once, as far as needed (STP-119).
-
-        What is carried over neither accelerates beyond the maximum velocity nor brakes through zero. This matters only
-        after a ramp with a higher jerk or without jerk limit, an emergency ramp for example.
-        """
-        gen = self.gen
-        a = gen.a
-        if a == 0.0 or jerk <= 0.0:
-            return
-        v = gen.v
-        room = abs(v) if v * a < 0.0 else max(0.0, self._max_velocity.value - abs(v))
-        bound = sqrt(2.0 * jerk * room)
-        if abs(a) > bound:
-            gen.a = copysign(bound, a)
-
-    def _effective_velocity(self, job: Job) -> float:
-        """Return the job's velocity after override, then limits (MC-094)."""
-        velocity: float = job.velocity * self._override.value * 0.01
-        limit: float = min(self._max_velocity.value, self._limit_velocity.value)
-        if velocity > limit:
-            self._axis.alarms.warn(ALARM_VELOCITY_LIMITED)
-            return limit
-        if velocity < -limit:
-            self._axis.alarms.warn(ALARM_VELOCITY_LIMITED)
-            return -limit
-        return velocity
-
-    def _limits_are_zero(self) -> bool:
-        """Raise alarm 304, 305 or 306 when a dynamic limit is zero, so that no motion can be planned (STP-607)."""
-        if self._max_velocity.value <= 0.0:
-            number = ALARM_ZERO_VELOCITY
-        elif self._max_acceleration.value <= 0.0 or self._max_deceleration.value <= 0.0:
-            number = ALARM_ZERO_ACCELERATION
-        elif self._max_jerk.value <= 0.0:
-            number = ALARM_ZERO_JERK
-        else:
-            return False
-        self._axis.alarms.raise_alarm(number)
-        return True
+    # -- cycle ----------------------------------------------------------------------------------------------
 
     def _activate(self, job: Job) -> None:
         axis = self._axis
@@ -250,22 +224,6 @@ class MotionControl:
             gen.start_stop(deceleration, jerk, abort_acceleration=job.abort_acceleration)
             axis.set_state(AxisState.HALTING)
 
-    def _plan_position(self, job: Job) -> None:
-        velocity = self._planned_velocity = self._effective_velocity(job)
-        acceleration, deceleration, jerk = self._limits(job)
-        self._bound_acceleration(jerk)
-        if velocity > 0.0:
-            self.gen.start_position(job.target, velocity, acceleration, deceleration, jerk)
-        else:
-            # Override 0 %: the axis waits on its way and goes on when the override does.
-            self.gen.start_velocity(0.0, acceleration, deceleration, jerk)
-
-    def _plan_velocity(self, job: Job) -> None:
-        velocity = self._planned_velocity = 0.0 if job.released else self._effective_velocity(job)
-        acceleration, deceleration, jerk = self._limits(job)
-        self._bound_acceleration(jerk)
-        self.gen.start_velocity(velocity, acceleration, deceleration, jerk)
-
     def replan(self) -> None:
         """Take changed values of the job in control over (jog inputs, shifted coordinates)."""
         job = self.job
@@ -276,62 +234,6 @@ class MotionControl:
             self._plan_velocity(job)
         elif job.job_class is JobClass.POSITIONING:
             self._plan_position(job)
-
-    def set_position_control(self, on: bool) -> None:
-        """Close or open position control without a step of the speed setpoint."""
-        if on and not self.position_controlled:
-            self._start_from_actual_position(self.gen.v, self.gen.a)
-        self.position_controlled = on
-
-    # -- stops ------------------------------------------------------------------------------------------------
-
-    def begin_stop(
-        self, severity: int, deceleration: float, jerk: float, *, abort_acceleration: bool = False
-    ) -> None:
-        """Start a braking ramp from the setpoints with values that are limited by the dynamic limits."""
-        self.severity = severity
-        self._settling = False
-        maximum = self._max_jerk.value
-        jerk = min(jerk, maximum) if maximum > 0.0 else jerk
-        self._bound_acceleration(jerk)
-        self.gen.start_stop(
-            min(deceleration, self._max_deceleration.value) or self._emergency.value or _LAST_RESORT,
-            jerk,
-            abort_acceleration=abort_acceleration,
-        )
-
-    def begin_reaction(self, severity: int, *, abort_acceleration: bool = False) -> None:
-        """Start the ramp of severity 1 (current), 2 (maximum) or 3 (emergency) dynamics (STP-386 to STP-388)."""
-        if severity == 3:
-            self.take_actual_values()
-            self.severity = 3
-            self._settling = False
-            self.gen.start_stop(self._emergency.value or self._max_deceleration.value or _LAST_RESORT, 0.0)
-        elif severity == 2:
-            self.begin_stop(
-                2, self._max_deceleration.value, self._max_jerk.value, abort_acceleration=abort_acceleration
-            )
-        else:
-            job = self.job
-            if job is not None and job.deceleration > 0.0:
-                self.begin_stop(1, job.deceleration, job.jerk)
-            else:
-                read = self._axis.variables.read
-                self.begin_stop(1, read("DynamicDefaults.Deceleration"), read("DynamicDefaults.Jerk"))
-
-    def take_actual_values(self) -> None:
-        """Let the setpoint start from the actual values, moved on by the transport delay (STP-123, STP-054)."""
-        self._start_from_actual_position(self._axis.actual_velocity)
-
-    def _start_from_actual_position(self, velocity: float, acceleration: float = 0.0) -> None:
-        """Put the setpoint as far ahead of the actual position as `velocity` carries it during the delay."""
-        axis = self._axis
-        position = axis.feedback.position + velocity * axis.setpoint_delay_s
-        self.gen.set_state(position, velocity, acceleration)
-        if axis.has_position:
-            axis.controller.reset(position, velocity)
-
-    # -- cycle ------------------------------------------------------------------------------------------------
 
     def step(self, cycle_s: float) -> None:
         """Advance the setpoint by one cycle."""
@@ -352,12 +254,20 @@ class MotionControl:
                 self._plan_position(job)
         gen = self.gen
         gen.advance(cycle_s)
-        if not self.position_controlled and self._axis.has_position:
+        if self.total is not gen and self.superimposed is not None:
+            self.superimposed.advance(cycle_s)
+        elif not self.position_controlled and self._axis.has_position:
             gen.s = self._axis.feedback.position
 
     def finish_step(self) -> None:
         """End jobs and ramps whose setpoint has arrived; called after the monitoring of the cycle."""
         gen = self.gen
+        moving = self.superimposed
+        if moving is not None:
+            if moving.ended:
+                self._end_superimposed(moving)
+            elif self.job is None:
+                return
         if not gen.done:
             job = self.job
             if job is not None and job.in_velocity:
@@ -411,8 +321,8 @@ class MotionControl:
 
     def _settled(self) -> bool:
         """Return whether the end of the motion counts as reached (positioning monitoring, MON-016 to MON-022)."""
-        if not self.position_controlled:
-            return True
+        if not self.position_controlled or self.superimposed is not None:
+            return True  # while something is superimposed the axis has not arrived anywhere yet
         monitor = self._axis.monitoring
         if not self._settling:
             self._settling = True
@@ -433,8 +343,30 @@ class MotionControl:
         self.severity = 0
         if self.queue:
             self._activate(self.queue.pop(0))
+        elif self.superimposed is not None:
+            self._axis.set_state(AxisState.MOTION)
         else:
+            self._superimposed_before = 0.0
             self._axis.set_state(AxisState.STANDSTILL)
+
+    def _merge(self) -> Job | None:
+        """End the superimposed motion by making it part of the basic one; returns its job."""
+        self._sum_up()
+        moving, self.superimposed = self.superimposed, None
+        self._superimposed_before = 0.0
+        return None if moving is None else moving.job
+
+    def _end_superimposed(self, moving: Superposition) -> None:
+        """Move setpoint and target of the basic motion by what has been superimposed, which has ended by itself."""
+        distance = moving.part.s
+        self.total = self.gen
+        self.superimposed = None
+        self.shift(distance)
+        self._superimposed_before += distance
+        if moving.job is not None:
+            moving.job.finish()
+        if self.job is None and self._axis.state is AxisState.MOTION:
+            self._next()
 
     @property
     def moving_job(self) -> JobClass | None:

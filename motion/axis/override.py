@@ -32,6 +32,7 @@ _ROW: Final = {
     JobClass.POSITIONING: "move",
     JobClass.VELOCITY: "move",
     JobClass.STOP: "MC_Stop",
+    JobClass.SUPERIMPOSED: "superimposed",
 }
 _COLUMN: Final = {
     JobClass.HALT_BASIC: "H3",
@@ -39,6 +40,7 @@ _COLUMN: Final = {
     JobClass.VELOCITY: "H3",
     JobClass.HALT: "H5",
     JobClass.STOP: "H6",
+    JobClass.SUPERIMPOSED: "H7",
 }
 
 
@@ -47,6 +49,6 @@ def cell(row: str, column: str) -> str:
     return TABLE[row][COLUMNS.index(column)]
 
 
-def aborts(new: JobClass, active: JobClass) -> bool:
-    """Return whether a new job of class `new` aborts an active one (cell `A`)."""
-    return cell(_ROW[new], _COLUMN[active]) == "A"
+def aborts(new: JobClass, active: JobClass, *, append: bool = False) -> bool:
+    """Return whether a new job of class `new`, with `append` one with `BufferMode` 1, aborts an active one (cell `A`)."""
+    return cell("BufferMode 1" if append else _ROW[new], _COLUMN[active]) == "A"

@@ -27,7 +27,11 @@ SW_LIMIT_MIN: Final = 1 << 15
 SW_LIMIT_MAX: Final = 1 << 16
 HW_LIMIT_MIN: Final = 1 << 17
 HW_LIMIT_MAX: Final = 1 << 18
+MOVE_SUPERIMPOSED: Final = 1 << 23
 NON_POSITION_CONTROLLED: Final = 1 << 28
+
+STOP: Final = 1 << 0
+HALT_SUPERIMPOSED: Final = 1 << 7
 
 
 def status_word(axis: TechnologyAxis) -> int:
@@ -51,7 +55,7 @@ def status_word(axis: TechnologyAxis) -> int:
         elif cls is JobClass.VELOCITY:
             word |= JOG_COMMAND if job.instruction == "MC_MoveJog" else VELOCITY_COMMAND
     if facts.controlled and not axis.enabling.switching_off:
-        gen = motion.gen
+        gen = motion.total
         acceleration = gen.a
         if acceleration == 0.0:
             word |= CONSTANT_VELOCITY
@@ -79,10 +83,21 @@ def status_word(axis: TechnologyAxis) -> int:
             word |= HW_LIMIT_MAX
         if not motion.position_controlled:
             word |= NON_POSITION_CONTROLLED
+        if motion.superimposed is not None and not _halts_superimposed(axis):
+            word |= MOVE_SUPERIMPOSED
     return word
 
 
 def status_word2(axis: TechnologyAxis) -> int:
-    """Return `StatusWord2`: bit 0 while `MC_Stop` holds the axis."""
-    job = axis.motion.job
-    return 1 if job is not None and job.job_class is JobClass.STOP else 0
+    """Return `StatusWord2`: `MC_Stop` holds the axis, `MC_HaltSuperimposed` brakes."""
+    motion = axis.motion
+    job = motion.job
+    word = STOP if job is not None and job.job_class is JobClass.STOP else 0
+    if motion.superimposed is not None and _halts_superimposed(axis):
+        word |= HALT_SUPERIMPOSED
+    return word
+
+
+def _halts_superimposed(axis: TechnologyAxis) -> bool:
+    moving = axis.motion.superimposed
+    return moving is not None and moving.job is not None and moving.job.instruction == "MC_HaltSuperimposed"

@@ -7,15 +7,18 @@ from motion.instructions.move import MC_MoveAbsolute, MC_MoveRelative, MC_MoveVe
 from motion.instructions.power import MC_Power
 from motion.instructions.reset import MC_Reset
 from motion.instructions.stop import MC_Halt, MC_Stop
+from motion.instructions.superimposed import MC_HaltSuperimposed, MC_MoveSuperimposed
 
 __all__ = [
     "ExecuteInstruction",
     "Instruction",
     "MC_Halt",
+    "MC_HaltSuperimposed",
     "MC_Home",
     "MC_MoveAbsolute",
     "MC_MoveJog",
     "MC_MoveRelative",
+    "MC_MoveSuperimposed",
     "MC_MoveVelocity",
     "MC_Power",
     "MC_Reset",

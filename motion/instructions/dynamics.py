@@ -42,8 +42,15 @@ def _value(axis: TechnologyAxis, given: Any, default: str, *, zero: bool) -> flo
     return value
 
 
-def resolve(instance: Any, job: Job, *, velocity: bool, acceleration: bool = True) -> int:
-    """Resolve `Velocity` (where it has a default), `Acceleration`, `Deceleration` and `Jerk` into `job`.
+def resolve(
+    instance: Any,
+    job: Job,
+    *,
+    velocity: bool,
+    acceleration: bool = True,
+    velocity_input: str = "Velocity",
+) -> int:
+    """Resolve the velocity (where it has a default), `Acceleration`, `Deceleration` and `Jerk` into `job`.
 
     Returns:
         The ErrorID of the first input that is not allowed, 0 when all are.
@@ -51,7 +58,7 @@ def resolve(instance: Any, job: Job, *, velocity: bool, acceleration: bool = Tru
     """
     axis = instance.axis
     if velocity:
-        value = _value(axis, instance.Velocity, "Velocity", zero=False)
+        value = _value(axis, getattr(instance, velocity_input), "Velocity", zero=False)
         if value is None:
             return ERROR_VELOCITY
         job.velocity = value

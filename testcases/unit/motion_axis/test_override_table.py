@@ -25,6 +25,8 @@ ACTIVE = {
     "MC_Halt Mode 1": ("H3", lambda axis: axis.halt(Mode=1, Deceleration=50.0)),
     "MC_Halt Mode 0": ("H5", lambda axis: axis.halt(Mode=0, Deceleration=50.0)),
     "MC_Stop": ("H6", lambda axis: axis.stop(3, Deceleration=50.0)),
+    "MC_MoveSuperimposed": ("H7", lambda axis: axis.move_superimposed(300.0)),
+    "MC_HaltSuperimposed": ("H7", lambda axis: axis.halt_superimposed(Deceleration=50.0)),
 }
 NEW = {
     "MC_MoveAbsolute": ("move", lambda axis: axis.move_absolute(-20.0)),
@@ -36,6 +38,8 @@ NEW = {
     "MC_MoveAbsolute BufferMode 1": ("BufferMode 1", lambda axis: axis.move_absolute(-20.0, BufferMode=1)),
     "MC_MoveRelative BufferMode 1": ("BufferMode 1", lambda axis: axis.move_relative(20.0, BufferMode=1)),
     "MC_Stop": ("MC_Stop", lambda axis: axis.stop(0)),
+    "MC_MoveSuperimposed": ("superimposed", lambda axis: axis.move_superimposed(50.0)),
+    "MC_HaltSuperimposed": ("superimposed", lambda axis: axis.halt_superimposed(Deceleration=50.0)),
 }
 IDENTIFIERS = {
     "MC_Home 3, 5": "OVR-011", "MC_Home 9": "OVR-012", "MC_Halt 1": "OVR-013", "move": "OVR-014",
@@ -76,8 +80,17 @@ def test_cell(rig, new, active):
         # Something to brake: the halt or stop must still be on its way when the new job comes.
         rig.axis.move_velocity(200.0)
         rig.run(0.5)
+    if active.endswith("Superimposed"):
+        rig.axis.move_velocity(60.0)
+        if active == "MC_HaltSuperimposed":
+            rig.axis.move_superimposed(300.0)
+        rig.run(0.5)
     column, make = ACTIVE[active]
     running = started(rig, make)
+    if new == "MC_HaltSuperimposed" and column in ("H3", "H5"):
+        # Something to halt: without it the job is Done at once (MC-369).
+        rig.axis.move_superimposed(300.0)
+        rig.run(0.1)
     row, make_new = NEW[new]
     job = make_new(rig.axis)
     rig.cycles(2)

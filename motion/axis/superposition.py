@@ -1,0 +1,131 @@
+"""Superimposed motion: a second, relative setpoint on top of the basic one (section 2.9 and 2.10 of the instruction specification).
+
+The axis follows the sum. The basic motion goes on as if it were alone; what the superimposed motion has covered belongs
+to it once that has ended, so that target and setpoint of the basic motion are then moved by this distance.
+"""
+
+from __future__ import annotations
+
+from math import copysign
+from typing import TYPE_CHECKING, Final
+
+from motion.axis.jobs import Job
+from motion.setpoint import MotionPhase, SetpointGenerator
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_CHANGE: Final = 1e-3
+"""Share of the velocity limit by which the room for the superimposed motion has to change before it is planned anew."""
+
+
+class Superposition:
+    """One superimposed motion and its sum with the basic one.
+
+    Args:
+        basic: Setpoint of the basic motion.
+        velocity_limit: Returns the highest velocity of the sum, axis unit per second.
+        basic_velocity: Returns the velocity to which the basic motion accelerates, axis unit per second, signed.
+
+    """
+
+    __slots__ = (
+        "_basic", "_basic_velocity", "_braking", "_dynamics", "_limit", "_room", "_start", "_target", "a", "job",
+        "part", "s", "v",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        basic: SetpointGenerator,
+        *,
+        velocity_limit: Callable[[], float],
+        basic_velocity: Callable[[], float],
+    ) -> None:
+        self._basic = basic
+        self._limit = velocity_limit
+        self._basic_velocity = basic_velocity
+        self.part = SetpointGenerator()
+        """The superimposed motion alone; its position is the distance that it has covered."""
+        self.job: Job | None = None
+        self._target = 0.0
+        self._room = 0.0
+        self._braking = False
+        self._dynamics = (0.0, 0.0, 0.0)
+        self.refresh()
+
+    @property
+    def ended(self) -> bool:
+        """Whether the superimposed motion has arrived and stands; not while it waits for room."""
+        return self.part.done and (self._braking or self.part.positioning)
+
+    def move(self, job: Job, acceleration: float, deceleration: float, jerk: float) -> None:
+        """Begin to move by `job.distance`, from whatever the superimposed motion does now."""
+        self.job = job
+        self._braking = False
+        self._target = self.part.s + job.distance
+        self._dynamics = (acceleration, deceleration, jerk)
+        self._room = self._velocity_room()
+        self._plan()
+
+    def halt(self, job: Job, deceleration: float, jerk: float) -> None:
+        """Begin to brake the superimposed motion to zero."""
+        self.job = job
+        self._braking = True
+        self.part.start_stop(deceleration, jerk, abort_acceleration=job.abort_acceleration)
+
+    def advance(self, dt: float) -> None:
+        """Go on by `dt` s, after the basic motion has."""
+        if not self._braking and not self.ended:
+            room = self._velocity_room()
+            if abs(room - self._room) > _CHANGE * self._limit():
+                self._room = room
+                self._plan()
+        self.part.advance(dt)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Form the sum."""
+        basic, part = self._basic, self.part
+        self.s = basic.s + part.s
+        """Position setpoint of the axis, axis unit."""
+        self.v = basic.v + part.v
+        """Velocity setpoint of the axis, axis unit per second."""
+        self.a = basic.a + part.a
+        """Acceleration setpoint of the axis, axis unit per second squared."""
+
+    def peek(self, dt: float) -> tuple[float, float, float]:
+        """Return (s, v, a) as they will be after `dt` s."""
+        s, v, a = self._basic.peek(dt)
+        t, w, b = self.part.peek(dt)
+        return s + t, v + w, a + b
+
+    @property
+    def done(self) -> bool:
+        """Whether both motions have arrived."""
+        return self._basic.done and self.part.done
+
+    @property
+    def remaining(self) -> float:
+        """Distance that the superimposed motion still has to cover, axis unit."""
+        return 0.0 if self._braking else self._target - self.part.s
+
+    def _velocity_room(self) -> float:
+        """Return what the basic motion leaves of the velocity limit in the direction of the superimposed one (MC-352)."""
+        direction = copysign(1.0, self._target - self.part.s)
+        basic = self._basic
+        present = direction * basic.v
+        if basic.phase is MotionPhase.ACCELERATING:
+            # What it accelerates to counts at once: the sum would else have to be taken back with every cycle.
+            present = max(present, direction * self._basic_velocity())
+        return max(0.0, self._limit() - present)
+
+    def _plan(self) -> None:
+        job = self.job
+        if job is None:
+            return
+        acceleration, deceleration, jerk = self._dynamics
+        velocity = min(job.velocity, self._room)
+        if velocity > _CHANGE * self._limit():
+            self.part.start_position(self._target, velocity, acceleration, deceleration, jerk)
+        else:
+            self.part.start_velocity(0.0, acceleration, deceleration, jerk)  # waits until there is room
