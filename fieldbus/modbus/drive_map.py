@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final, Protocol
 
-from fieldbus.clock import MS, Scheduler
+from fieldbus.clock import Scheduler
+from fieldbus.errors import ConfigurationError
 from fieldbus.modbus.codes import ExceptionCode
 from fieldbus.modbus.map_file import BlockFile, MapFile
 from fieldbus.modbus.registers import Area, Block, RegisterMap, RegisterRefusal, WordOrder
@@ -22,10 +23,6 @@ from fieldbus.profidrive.requests import (
     unpack_values,
 )
 
-_DS47: Final = 0x2F
-_LONGEST_DS47: Final = 240
-_WRITTEN, _STARTED, _READY = 0, 1, 2
-_WRONG_LENGTH, _WRONG_FUNCTION, _NOT_READY = 1, 3, 4
 _MAILBOX_READ, _MAILBOX_WRITE, _MAILBOX_ERROR, _MAILBOX_DONE = 0x01, 0x02, 0x03, 0x10
 _MAILBOX_ORDER, _MAILBOX_LENGTH, _MAILBOX_DATA = 3, 4, 10
 _INTERNAL: Final = 0xFF
@@ -41,8 +38,25 @@ class ProcessDataDevice(Protocol):
     def transmit(self) -> bytes:
         """Return the telegram to the controller with the values of now."""
 
+    def accessed(self) -> None:
+        """Take note that a register was read or written which keeps the process data from timing out (PD-292)."""
+
     def request(self, data: bytes) -> bytes:
         """Answer a request of base mode parameter access (PD-199 to PD-230)."""
+
+
+class RegisterChannel(Protocol):
+    """A parameter channel in registers: data record 47 (PD-326)."""
+
+    @property
+    def first(self) -> int:
+        """Number of its first register."""
+
+    def write(self, first: int, values: Sequence[int], now_ns: int) -> bool:
+        """Take registers; return False, without effect, while it is busy."""
+
+    def read(self, first: int, count: int, now_ns: int) -> list[int]:
+        """Return registers."""
 
 
 class DriveMap:
@@ -53,10 +67,12 @@ class DriveMap:
         device: The drive.
         file: Which registers there are.
         telegram_bytes: Length of the telegram from the controller; what is written behind it is only stored.
-        on_timeout: Called when process data stays out for `timeout_ms` (F01910, PD-292), once until it comes again.
-        processing_ns: Until a request of DS47 is answered, ns.
-        watch_all: Whether every process data register counts for the time-out, as over TCP, or the number in the file.
+        channel: The parameter channel; needed when the file has the hook `ds47`.
+        watch_all: Whether every process data register keeps the time-out off, as over TCP, or the number in the file.
         drive_object: DO-ID of the parameters that registers and mailbox reach.
+
+    Raises:
+        ConfigurationError: The file has a parameter channel and the drive none.
 
     """
 
@@ -67,24 +83,20 @@ class DriveMap:
         file: MapFile,
         *,
         telegram_bytes: int,
-        on_timeout: Callable[[], object] | None = None,
-        processing_ns: int = 10 * MS,
+        channel: RegisterChannel | None = None,
         watch_all: bool = False,
         drive_object: int = 1,
     ) -> None:
         self._scheduler = scheduler
         self._device = device
         self._telegram_bytes = telegram_bytes
-        self._on_timeout = on_timeout
-        self._processing_ns = processing_ns
-        self._watched = None if watch_all else file.watched
+        self._channel = channel
+        self._watched = file.watched
         self._drive_object = drive_object
         self._low_first = file.byte_order == "low_first"
         self._reference = 0
-        self._accessed_ns = 0
-        self._watching = False
-        self.timeout_ms = file.timeout_ms
-        """Time-out of the process data, ms; 0 = off."""
+        self.watch_all = watch_all
+        """Whether every process data register keeps the time-out off."""
         self.error_code = 0
         """Of the last failed access to a parameter by register (PD-323)."""
         self.registers = RegisterMap(
@@ -97,21 +109,28 @@ class DriveMap:
             "actual_values": self._actual_values,
             "ds47": self._ds47,
             "mailbox": self._mailbox,
-            "timeout": self._timeout,
             "error_code": self._error_code,
         }
         for entry in file.block:
-            low = entry.minimum if entry.minimum is not None else -0x8000 if entry.signed else 0
-            high = entry.maximum if entry.maximum is not None else 0x7FFF if entry.signed else 0xFFFF
             block = Block(
-                entry.register_ - file.first, entry.count,
-                name=entry.hook or f"register {entry.register_}", writable=entry.writable, minimum=low, maximum=high,
-            )  # fmt: skip
+                entry.register_ - file.first,
+                entry.count,
+                name=entry.hook or f"register {entry.register_}",
+                writable=entry.writable,
+            )
+            if entry.words == 1:  # of a long value its hook knows the limits
+                block.minimum, block.maximum = _limits(entry)
             if entry.hook is not None:
                 makers[entry.hook](block)
             elif entry.parameter is not None:
                 self._parameter(block, entry)
             self.registers.add(Area.HOLDING_REGISTERS, block)
+
+    def restart(self) -> None:
+        """Forget what clients have written, as after power-on."""
+        self.error_code = 0
+        for block in self.registers.blocks(Area.HOLDING_REGISTERS):
+            block.values[:] = [0] * block.count
 
     # -------------------------------------------------------------------------------------------------- process data
 
@@ -147,32 +166,8 @@ class DriveMap:
         block.writable = False
 
     def _seen(self, offset: int) -> None:
-        if self._watched is not None and offset >= self._watched:
-            return
-        self._accessed_ns = self._scheduler.now
-        if not self._watching and self.timeout_ms:
-            self._watching = True
-            self._scheduler.after(self.timeout_ms * MS, self._look)
-
-    def _look(self) -> None:
-        due_ns = self._accessed_ns + self.timeout_ms * MS
-        if self.timeout_ms and self._scheduler.now < due_ns:
-            self._scheduler.at(due_ns, self._look)
-            return
-        self._watching = False
-        if self.timeout_ms and self._on_timeout is not None:
-            self._on_timeout()
-
-    def _timeout(self, block: Block) -> None:
-        def read(offset: int, count: int) -> Sequence[int]:
-            return [self.timeout_ms & 0xFFFF, self.timeout_ms >> 16][offset : offset + count]
-
-        def write(offset: int, values: Sequence[int]) -> None:
-            words = [self.timeout_ms & 0xFFFF, self.timeout_ms >> 16]
-            words[offset : offset + len(values)] = values
-            self.timeout_ms = words[0] | words[1] << 16
-
-        block.read, block.write = read, write
+        if self.watch_all or self._watched is None or offset < self._watched:
+            self._device.accessed()
 
     # ---------------------------------------------------------------------------------------------------- parameters
 
@@ -201,30 +196,70 @@ class DriveMap:
             raise RegisterRefusal(ExceptionCode.SERVER_DEVICE_FAILURE)
 
     def _parameter(self, block: Block, entry: BlockFile) -> None:
-        low, high = (-0x8000, 0x7FFF) if entry.signed else (0, 0xFFFF)
+        number = entry.parameter or 0
+        size = entry.words
+        low, high = value_range(entry)
+        lowest, highest = _limits(entry)
+        high_first = self.registers.word_order is WordOrder.HIGH_FIRST
 
-        def address(offset: int) -> Address:
-            return Address(entry.parameter or 0, entry.sub_index + offset, 1 if entry.count > 1 else 0)
+        def address(place: int) -> Address:
+            if entry.sub_index is None and entry.count == size:
+                return Address(number, 0, 0)
+            return Address(number, (entry.sub_index or 0) + place, 1)
+
+        def shown(place: int) -> int:
+            """Return what the registers of a place show, saturated (PD-294)."""
+            if entry.bit is not None:
+                value = self._value(Address(number, 0, 0)).values[0]
+                return int(value) >> entry.bit + place & 1
+            value = self._value(address(place)).values[0]
+            if isinstance(value, bytes) or value != value:  # noqa: PLR0124 - not a number
+                self.error_code = _INTERNAL
+                raise RegisterRefusal
+            return round(min(max(value * entry.scale, low), high))
+
+        def words(value: int) -> tuple[int, ...]:
+            if size == 1:
+                return (value & 0xFFFF,)
+            halves = (value >> 16 & 0xFFFF, value & 0xFFFF)
+            return halves if high_first else halves[::-1]
 
         def read(offset: int, count: int) -> Sequence[int]:
-            words = []
-            for number in range(offset, offset + count):
-                value = self._value(address(number)).values[0]
-                if isinstance(value, bytes) or value != value:  # noqa: PLR0124 - not a number
-                    self.error_code = _INTERNAL
-                    raise RegisterRefusal
-                words.append(round(min(max(value * entry.scale, low), high)))
-            return words
+            first = offset // size
+            found = [
+                word for place in range(first, -(-(offset + count) // size)) for word in words(shown(place))
+            ]
+            return found[offset - first * size :][:count]
+
+        def store(place: int, raw: int) -> None:
+            if entry.signed and raw >> 16 * size - 1:
+                raw -= 1 << 16 * size
+            if not lowest <= raw <= highest:
+                raise RegisterRefusal
+            present = self._value(address(place))  # tells the format
+            value = raw / entry.scale
+            kept = value if isinstance(present.values[0], float) else round(value)
+            self._store(address(place), Values(present.code, (kept,)))
 
         def write(offset: int, values: Sequence[int]) -> None:
-            for number, word in enumerate(values, offset):
-                raw = word - 0x10000 if entry.signed and word & 0x8000 else word
-                present = self._value(address(number))  # tells the format
-                value = raw / entry.scale
-                kept = value if isinstance(present.values[0], float) else round(value)
-                self._store(address(number), Values(present.code, (kept,)))
+            at = offset
+            while at < offset + len(values):
+                place, half = divmod(at, size)
+                new = list(values[at - offset : at - offset + size - half])
+                if len(new) < size:  # half of a long value: the other half stays
+                    image = list(words(shown(place)))
+                    image[half : half + len(new)] = new
+                else:
+                    image = new
+                ordered = image if high_first else image[::-1]
+                store(place, ordered[0] if size == 1 else ordered[0] << 16 | ordered[1])
+                at += len(new)
 
-        block.read, block.write = read, write
+        block.read = read
+        if entry.bit is None:
+            block.write = write
+        else:
+            block.writable = False
 
     def _error_code(self, block: Block) -> None:
         block.read = lambda _offset, _count: [self.error_code]
@@ -233,42 +268,18 @@ class DriveMap:
     # ------------------------------------------------------------------------------------------------ DS47 (PD-326)
 
     def _ds47(self, block: Block) -> None:
-        pending: list[bytes] = []
-        last = [_DS47 << 8, _NOT_READY]
-
-        def answer(request: bytes) -> None:
-            if not pending or pending[0] is not request:
-                return  # another request has replaced it
-            pending.clear()
-            show(self._device.request(request)[:_LONGEST_DS47])
-
-        def show(data: bytes) -> None:
-            data += bytes(len(data) % 2)
-            words = [int.from_bytes(data[at : at + 2], "big") for at in range(0, len(data), 2)]
-            put([_READY, _DS47 << 8 | len(data), *words])
-
-        def put(words: Sequence[int]) -> None:
-            block.values[:] = [*words, *[0] * (block.count - len(words))]
+        channel = self._channel
+        if channel is None:
+            raise ConfigurationError("register map", "hook ds47", "a drive with a parameter channel")
+        scheduler = self._scheduler
+        first = channel.first
 
         def write(offset: int, values: Sequence[int]) -> None:
-            image = [*block.values[:offset], *values, *block.values[offset + len(values) :]]
-            if offset or values[0] != _STARTED:
-                return  # stored by the map
-            pending.clear()
-            function, length = image[1] >> 8, image[1] & 0xFF
-            sent = b"".join(word.to_bytes(2, "big") for word in image[2:])
-            if function != _DS47 or not 0 < length <= _LONGEST_DS47:
-                wrong = _WRONG_FUNCTION if function != _DS47 else _WRONG_LENGTH
-                self._scheduler.at(self._scheduler.now, lambda: put([_READY, *last[:1], wrong]))
-                return
-            request = sent[:length]
-            pending.append(request)
-            self._scheduler.after(self._processing_ns, lambda: answer(request))
+            if not channel.write(first + offset, values, scheduler.now):
+                raise RegisterRefusal  # a request is being carried out
 
         def read(offset: int, count: int) -> Sequence[int]:
-            if pending:
-                return [_STARTED, *last, *[0] * (block.count - 3)][offset : offset + count]
-            return block.values[offset : offset + count]
+            return channel.read(first + offset, count, scheduler.now)
 
         block.read, block.write = read, write
 
@@ -328,3 +339,17 @@ class DriveMap:
         )
         self._store(address, Values(present.code, parts))
         return 0
+
+
+def value_range(entry: BlockFile) -> tuple[int, int]:
+    """Return the lowest and highest number that the registers of a value can show."""
+    bits = 16 * entry.words
+    return (-(1 << bits - 1), (1 << bits - 1) - 1) if entry.signed else (0, (1 << bits) - 1)
+
+
+def _limits(entry: BlockFile) -> tuple[int, int]:
+    low, high = value_range(entry)
+    return (
+        low if entry.minimum is None else entry.minimum,
+        high if entry.maximum is None else entry.maximum,
+    )

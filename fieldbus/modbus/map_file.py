@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from fieldbus.errors import ConfigurationError
 
-HOOKS: Final = ("setpoints", "actual_values", "ds47", "mailbox", "timeout", "error_code")
+HOOKS: Final = ("setpoints", "actual_values", "ds47", "mailbox", "error_code")
 SHIPPED: Final = ("sinamics_g120", "festo")
 
 Order = Literal["high_first", "low_first"]
@@ -25,10 +25,15 @@ class BlockFile(BaseModel):
     register_: int = Field(alias="register", ge=0)
     """Number as the manual gives it; `first` is address 0 on the wire."""
     count: int = Field(default=1, ge=1, le=65536)
-    hook: Literal["setpoints", "actual_values", "ds47", "mailbox", "timeout", "error_code"] | None = None
+    hook: Literal["setpoints", "actual_values", "ds47", "mailbox", "error_code"] | None = None
     parameter: int | None = Field(default=None, ge=1, le=65535)
-    """PNU; register n of the block is the sub-index `sub_index` + n."""
-    sub_index: int = Field(default=0, ge=0, le=65535)
+    """PNU; value n of the block is its sub-index `sub_index` + n."""
+    sub_index: int | None = Field(default=None, ge=0, le=65535)
+    """First sub-index; None and a single value: the parameter is no array."""
+    bit: int | None = Field(default=None, ge=0, le=31)
+    """Register n of the block is the bit `bit` + n of the parameter; read-only."""
+    words: Literal[1, 2] = 1
+    """Registers of a value, in the `word_order` of the map."""
     scale: float = Field(default=1.0, gt=0)
     """Register = value x scale, saturated (PD-294)."""
     signed: bool = False
@@ -40,6 +45,10 @@ class BlockFile(BaseModel):
     def _one_meaning(self) -> BlockFile:
         if self.hook is not None and self.parameter is not None:
             raise ValueError("a block has a hook or a parameter, not both")
+        if self.parameter is None and (self.bit is not None or self.sub_index is not None or self.words != 1):
+            raise ValueError("bit, sub_index and words are of a parameter")
+        if self.count % self.words or (self.bit is not None and self.words != 1):
+            raise ValueError("values of two registers need an even count, and bits one register each")
         return self
 
 
@@ -51,7 +60,10 @@ class MapFile(BaseModel):
     name: str
     first: int = Field(default=0, ge=0)
     """Register number that is address 0 on the wire (MODB-034)."""
-    functions: tuple[int, ...] = (3, 6, 16, 23, 43)
+    functions: tuple[int, ...] = (3, 6, 16, 23)
+    """Function codes; with an identification also 43 (PD-334)."""
+    identification: dict[int, str] = Field(default_factory=dict)
+    """Objects of function 43/14 by number (MODB-021)."""
     limits: dict[int, int] = Field(default_factory=dict)
     partial_writes: bool = False
     word_order: Order = "high_first"

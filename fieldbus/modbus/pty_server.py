@@ -42,7 +42,11 @@ class PtyServer:
         self._scheduler = scheduler
         self._face = RtuFace(server)
         self._format = format_ if format_ is not None else SerialFormat()
-        self._processing_ns = processing_ns
+        self.processing_ns = processing_ns
+        self.online = True
+        """Whether the device is supplied; without supply it hears and says nothing."""
+        self.silent = False
+        """Whether requests are carried out and not answered."""
         self._pause_ns = max(self._format.t35_ns, _SHORTEST_PAUSE_NS)
         self._buffer = bytearray()
         self._timer: Timer | None = None
@@ -54,6 +58,8 @@ class PtyServer:
         return self._line.path
 
     def _received(self, data: bytes) -> None:
+        if not self.online:
+            return
         # One byte beyond the longest frame is kept: it makes the frame one that is too long.
         self._buffer += data[: LONGEST_RTU + 1 - len(self._buffer)]
         if self._timer is not None:
@@ -64,9 +70,9 @@ class PtyServer:
         frame = bytes(self._buffer)
         self._buffer.clear()
         self._timer = None
-        answer = self._face.receive(frame)
-        if answer is not None:
-            delay_ns = self._processing_ns + self._format.duration_ns(len(frame) + len(answer))
+        answer = self._face.receive(frame) if self.online else None
+        if answer is not None and not self.silent:
+            delay_ns = self.processing_ns + self._format.duration_ns(len(frame) + len(answer))
             self._scheduler.after(delay_ns, lambda: self._line.write(answer))
 
     def close(self) -> None:

@@ -81,14 +81,27 @@ class RtuStation:
         self.port = line.attach(name, self.assembler, format_)
         self.missed = 0
         """Frames that came while a response was not sent yet, and were ignored (MODB-010)."""
+        self.silent = False
+        """Whether requests are carried out and not answered."""
         self._pending = False
 
+    @property
+    def online(self) -> bool:
+        """Whether the station is supplied; without supply it hears and says nothing."""
+        return self.port.online
+
+    @online.setter
+    def online(self, online: bool) -> None:
+        self.port.online = online
+
     def _frame(self, frame: bytes, damaged: bool) -> None:
+        if not self.port.online:
+            return
         if self._pending:
             self.missed += 1
             return
         answer = self._face.receive(frame, damaged=damaged)
-        if answer is not None:
+        if answer is not None and not self.silent:
             self._pending = True
             self._scheduler.after(self.processing_ns, lambda: self._send(answer))
 
@@ -124,10 +137,28 @@ class TcpStation(Generic[End]):
         self._limit = connections
         self.ends: list[End] = []
         """Its ends of the open connections."""
+        self.silent = False
+        """Whether requests are carried out and not answered."""
+        self._online = True
         link.listen(self._accept)
 
+    @property
+    def online(self) -> bool:
+        """Whether the station is supplied.
+
+        Without supply it refuses connections and answers nothing. Clients are not told (MODB-042): they learn it when
+        they send something after the supply has come back, which resets the connection.
+        """
+        return self._online
+
+    @online.setter
+    def online(self, online: bool) -> None:
+        if not online:
+            self.ends.clear()
+        self._online = online
+
     def _accept(self, end: End) -> _Served[End] | None:
-        if len(self.ends) >= self._limit:
+        if not self._online or len(self.ends) >= self._limit:
             return None
         self.ends.append(end)
         return _Served(self, end)
@@ -149,13 +180,25 @@ class _Served(Generic[End]):
     def receive(self, data: bytes) -> None:
         """Answer what is complete; a wrong header ends the connection (MODB-037)."""
         station, end = self._station, self._end
+        if not station.online:
+            return
+        if end not in station.ends:  # a connection from before the supply was lost
+            end.close()
+            return
+        answers = self._face.responses(data)
+        if station.silent:
+            answers.clear()
         if station.processing_ns == 0:
-            end.send(self._face.receive(data))
+            end.send(b"".join(answers))
         else:
-            for answer in self._face.responses(data):
-                station.scheduler.after(station.processing_ns, lambda answer=answer: end.send(answer))  # type: ignore[misc]
+            for answer in answers:
+                station.scheduler.after(station.processing_ns, lambda answer=answer: self._send(answer))  # type: ignore[misc]
         if self._face.broken and end.open:
             station.scheduler.after(station.processing_ns, self._close)
+
+    def _send(self, answer: bytes) -> None:
+        if self._end in self._station.ends:
+            self._end.send(answer)
 
     def _close(self) -> None:
         self._end.close()

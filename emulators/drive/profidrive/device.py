@@ -73,7 +73,8 @@ class ProfidriveDrive:
         "_frame", "_g1_at", "_history", "_places", "_stw2_at", "config", "controlled_cyclically", "core", "cycle_at_ns",
         "data_at_ns", "digital_inputs", "encoder", "encoder_words", "faults", "g1_stw", "g1_words", "isochronous", "mechanics",
         "mode", "monitors", "name", "on_fault", "on_inputs", "on_warning", "operation", "power", "powered", "rejected", "row",
-        "safety", "scheduler", "settings", "sign_of_life", "stw1", "stw2", "switches", "telegram", "torque", "words",
+        "safety", "scheduler", "settings", "sign_of_life", "stw1", "stw2", "switches", "telegram", "torque",
+        "watched_by_transport", "words",
     )  # fmt: skip
 
     def __init__(
@@ -155,6 +156,8 @@ class ProfidriveDrive:
         self.rejected = 0
         """Frames that were not taken over because of their length (PD-030)."""
         self.cycle_at_ns = self.data_at_ns = 0
+        self.watched_by_transport = False
+        """The transport says by `data_at_ns` that process data come (PD-292); otherwise every telegram does."""
         self._frame: bytes | None = None
         self.words = StatusWords(self)
         self.words.connect()
@@ -288,8 +291,9 @@ class ProfidriveDrive:
         row = (*self.telegram.setpoint.unpack(frame), 0)
         stw1 = row[0]
         stw2 = row[self._stw2_at]
+        if not (self.watched_by_transport and self.controlled_cyclically):
+            self.data_at_ns = now_ns
         self.controlled_cyclically = True
-        self.data_at_ns = now_ns
         if not stw1 & _CONTROL:
             # Everything is kept but the bit itself; the sign of life is evaluated all the same (PD-076).
             self.stw1 &= ~_CONTROL

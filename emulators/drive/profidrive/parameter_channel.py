@@ -61,6 +61,9 @@ class ParameterChannel:
         "latency_ns",
     )
 
+    first: Final = FIRST_REGISTER
+    """Number of the first register."""
+
     def __init__(
         self,
         server: ParameterServer,

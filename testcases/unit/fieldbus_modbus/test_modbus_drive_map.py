@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from emulators.drive.profidrive.parameter_channel import ParameterChannel
 from emulators.drive.profidrive.parameter_server import ParameterServer
 from emulators.drive.profidrive.parameters import ParameterStore
 from fieldbus.clock import MS, S, VirtualScheduler
@@ -19,7 +20,9 @@ class Drive:
     def __init__(self):
         self.store = ParameterStore()
         self.server = ParameterServer({1: self.store})
+        self.channel = ParameterChannel(self.server)
         self.received = []
+        self.accesses = 0
         self.sent = bytes.fromhex("0237 1000")
 
     def receive(self, frame):
@@ -27,6 +30,9 @@ class Drive:
 
     def transmit(self):
         return self.sent
+
+    def accessed(self):
+        self.accesses += 1
 
     def request(self, data):
         return self.server.request(data)
@@ -42,11 +48,9 @@ class Rig:
     def __init__(self, name, **options):
         self.scheduler = VirtualScheduler()
         self.drive = Drive()
-        self.lost = []
         file = load_map(name)
         self.map = DriveMap(
-            self.scheduler, self.drive, file, telegram_bytes=4,
-            on_timeout=lambda: self.lost.append(self.scheduler.now), **options,
+            self.scheduler, self.drive, file, telegram_bytes=4, channel=self.drive.channel, **options
         )  # fmt: skip
         self.server = ModbusServer(
             self.map.registers, functions=set(file.functions) - {43}, limits=file.limits
@@ -106,16 +110,16 @@ def test_the_example_of_ds47(g120):
     assert g120.read(40607, 2) == [0, 0]
 
 
-@pytest.mark.requirement("PD-326")
-def test_ds47_in_two_steps_and_replaced(g120):
-    """Values written with control 0 wait for control 1; a request that another one replaces is not answered."""
+@pytest.mark.requirement("PD-206", "PD-326")
+def test_ds47_in_two_steps_and_one_at_a_time(g120):
+    """Values written with control 0 wait for control 1; while a request is carried out another one is refused."""
     assert g120.write(40601, 0, 0x2F0A, 0x8101, 0x0101, 0x1001, 0x0002, 0x0000) == "done"
     g120.scheduler.run_for(S)
     assert g120.read(40601) == [0]
     assert g120.write(40601, 1) == "done"
-    assert g120.write(40601, 1, 0x2F0A, 0x8201) == "done"
+    assert g120.write(40601, 1, 0x2F0A, 0x8201) == "exception 4"
     g120.scheduler.run_for(S)
-    assert g120.read(40603) == [0x8201]
+    assert g120.read(40603) == [0x8101]
 
 
 @pytest.mark.requirement("PD-329", "PD-331")
@@ -142,7 +146,7 @@ def test_parameters_by_register(g120):
             for block in load_map("sinamics_g120").block
         )}
     )  # fmt: skip
-    map_ = DriveMap(g120.scheduler, g120.drive, broken, telegram_bytes=4)
+    map_ = DriveMap(g120.scheduler, g120.drive, broken, telegram_bytes=4, channel=g120.drive.channel)
     server = ModbusServer(map_.registers)
     map_.error_code = 0x7F
     assert server.respond(Request(3, 40322 - 40001, 1).encode()) == b"\x83\x04"
@@ -163,28 +167,20 @@ def test_values_that_do_not_fit_saturate(g120):
     assert ModbusServer(map_.registers).respond(Request(3, 321, 1).encode()) == b"\x03\x02\xff\xff"
 
 
-@pytest.mark.requirement("PD-292", "MODB-042")
-def test_time_out_of_the_process_data():
-    """It runs from the first access on; parameters and, on the line, 40102 do not keep it; it is told once."""
-    for watch_all, kept in ((False, False), (True, True)):
-        rig = Rig("sinamics_g120", watch_all=watch_all)
-        rig.scheduler.run_for(S)
-        assert rig.lost == []
-        rig.write(40100, 0)
-        rig.scheduler.run_for(99 * MS)
-        rig.read(40110)
-        rig.scheduler.run_for(99 * MS)
-        assert rig.lost == []
-        rig.write(40102, 0)
-        rig.read(40322)
-        rig.scheduler.run_for(50 * MS)
-        assert bool(rig.lost) is not kept
-        rig.scheduler.run_for(S)
-        assert len(rig.lost) == 1
-        rig.map.timeout_ms = 0
-        rig.write(40100, 0)
-        rig.scheduler.run_for(S)
-        assert len(rig.lost) == 1
+@pytest.mark.requirement("PD-292")
+@pytest.mark.parametrize(
+    ("options", "counting"), [({}, (40100, 40101, 40110, 40111)), ({"watch_all": True}, range(40100, 40120))]
+)
+def test_which_registers_keep_the_process_data(options, counting):
+    """On the line the first two of either direction, over TCP all of them; parameters never."""
+    rig = Rig("sinamics_g120", **options)
+    for register in (*range(40100, 40120), 40322, 40499, 40601):
+        before = rig.drive.accesses
+        rig.read(register)
+        assert rig.drive.accesses - before == (register in counting), register
+        if register < 40110 or register > 40601:
+            rig.write(register, 0)
+            assert rig.drive.accesses - before == 2 * (register in counting), register
 
 
 @settings(max_examples=40)
@@ -215,6 +211,7 @@ def test_any_words_at_any_register(name, orders):
         assert rig.write(500, 2, 0, 1, 1) == "done"
         assert rig.read(510) == [31]
     else:
+        rig.scheduler.run_for(S)
         rig.write(40601, 1, 0x2F0A, 0x8001, 0x0101, 0x1001, 0x0002, 0x0000)
         rig.scheduler.run_for(S)
         assert rig.read(40601, 6) == [0x0002, 0x2F08, 0x8001, 0x0101, 0x0301, 0x001F]
@@ -227,11 +224,13 @@ def test_festo_words_and_time_out(festo):
     assert festo.read(100, 2) == [0x3702, 0x0010]
     assert festo.write(400, 250, 0) == "done"
     assert festo.read(400, 2) == [250, 0]
-    festo.scheduler.run_for(249 * MS)
-    assert festo.lost == []
-    festo.write(0, 0)
-    festo.scheduler.run_for(S)
-    assert len(festo.lost) == 1
+    assert festo.drive.value(2040) == 250.0
+    assert festo.write(401, 1) == "done"
+    assert festo.drive.value(2040) == 65536.0 + 250.0
+    assert festo.write(400, 0) == "done"
+    assert [festo.read(400), festo.read(401)] == [[0], [1]]
+    assert festo.write(401, 0x7FFF) == "exception 4"  # p2040 has its limits
+    assert festo.read(400, 2) == [0, 1]
 
 
 def test_festo_mailbox(festo):

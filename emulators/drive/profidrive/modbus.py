@@ -1,0 +1,317 @@
+"""The PROFIdrive axis on Modbus: its telegram in process data registers, parameters in registers and by data record 47.
+
+A register map (`fieldbus.modbus.load_map`) says what stands where (PD-286 to PD-337). What a client writes is handed to the
+drive when it comes, and acts in the next cycle of the drive, which runs by itself; what a client reads is of that moment.
+Import this module, not the package, for it: it loads pymodbus.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from emulators.drive.injection import cancel
+from emulators.drive.profidrive._drive_on_bus import DriveOnBus
+from emulators.drive.profidrive._modbus_faults import ModbusFaults
+from emulators.drive.profidrive._trace import TRACE_ENUMS, trace_row
+from emulators.drive.profidrive.config import ProfidriveConfig
+from emulators.drive.profidrive.drive_parameters import DriveParameters
+from emulators.drive.profidrive.parameter_channel import ParameterChannel
+from fieldbus.clock import MS, Scheduler, seconds_to_ns
+from fieldbus.errors import ConfigurationError
+from fieldbus.history import History
+from fieldbus.modbus import (
+    DriveMap,
+    MapFile,
+    ModbusServer,
+    Parity,
+    PtyServer,
+    RtuStation,
+    SerialFormat,
+    TcpStation,
+    load_map,
+)
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from fieldbus.clock import Timer
+    from fieldbus.modbus import SerialLine, SocketNetwork, TcpLink
+
+_CYCLE_PRIORITY: Final = 2
+"""The bus cycle follows the servo step and the control cycle of the same instant."""
+_IDENTIFICATION: Final = 43
+RATES: Final = (4800, 9600, 19200, 38400, 57600, 76800, 93750, 115200, 187500)
+"""Rates of the serial line, bit/s (PD-289)."""
+_CHARACTER_DELAY_NS: Final = {
+    38400: 750_000, 57600: 556_000, 76800: 417_000, 93750: 341_000, 115200: 278_000, 187500: 171_000,
+}  # fmt: skip
+"""Longest pause within a frame by rate (PD-291); below it is 1.5 characters."""
+_BITS: Final = 11
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfidriveModbusConfig:
+    """A PROFIdrive axis on Modbus.
+
+    Args:
+        unit: Address on a serial line, 1..247. Over TCP every unit is answered (MODB-040).
+        registers: Name of a shipped register map, or a file.
+        drive: The drive. It is isochronous only if `drive.isochronous` is True: the client then writes one telegram with a
+            sign of life in every cycle of the drive.
+        setpoint_monitoring_s: p2040: without access to process data for so long F01910, s; 0 = off; None = the register
+            map's time.
+        processing_ns: From a request to its response, ns.
+        parameter_latency_ns: From a request of data record 47 to its answer, ns.
+        boot_time_s: From power-on to the first response, s.
+
+    Raises:
+        ConfigurationError: A value is out of range.
+
+    """
+
+    unit: int = 1
+    registers: str | Path = "sinamics_g120"
+    drive: ProfidriveConfig = field(default_factory=lambda: ProfidriveConfig(telegram=1))
+    setpoint_monitoring_s: float | None = None
+    processing_ns: int = 1 * MS
+    parameter_latency_ns: int = 20 * MS
+    boot_time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.unit <= 247:
+            raise ConfigurationError("unit", self.unit, "1..247")
+        if self.setpoint_monitoring_s is not None and not 0.0 <= self.setpoint_monitoring_s <= 2000.0:
+            raise ConfigurationError("setpoint_monitoring_s", self.setpoint_monitoring_s, "0..2000")
+        for name in ("processing_ns", "parameter_latency_ns", "boot_time_s"):
+            if not getattr(self, name) >= 0:
+                raise ConfigurationError(name, getattr(self, name), ">= 0")
+
+
+class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
+    """An emulated PROFIdrive axis as a Modbus server, with all that a test can do to it and its machine.
+
+    It is off until `power_on`; the machine moves from the start. One of `listen`, `attach` and `open_terminal` puts it on
+    its bus; without it the server can be asked directly.
+
+    Args:
+        scheduler: Time of the bench; a realtime scheduler for real connections.
+        config: Registers and drive.
+        name: Name of the drive on the line and in the history.
+        history: Log; None for none.
+        rng: Source of the encoder's noise; None: the encoder cannot be made noisy.
+
+    Raises:
+        ConfigurationError: The configuration does not fit together, or the register map has not enough process data
+            registers for the telegram.
+
+    """
+
+    __slots__ = (
+        "_boot_timer",
+        "_terminal",
+        "channel",
+        "modbus_config",
+        "parameters",
+        "registers",
+        "server",
+        "station",
+    )
+
+    trace_enums = TRACE_ENUMS
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        config: ProfidriveModbusConfig,
+        *,
+        name: str,
+        history: History | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        file = load_map(config.registers)
+        limit_s = config.setpoint_monitoring_s
+        settings = replace(
+            config.drive.settings,
+            setpoint_monitoring_s=file.timeout_ms / 1000.0 if limit_s is None else limit_s,
+        )
+        own = replace(config.drive, settings=settings, isochronous=bool(config.drive.isochronous))
+        super().__init__(scheduler, own, name=name, history=history, rng=rng)
+        self.modbus_config = config
+        drive = self.drive
+        drive.watched_by_transport = True
+        _check_words(file, "setpoints", drive.telegram.setpoint.words)
+        _check_words(file, "actual_values", drive.telegram.actual.words)
+        self.parameters = DriveParameters(drive)
+        """The parameters of the drive."""
+        self.parameters.store.set(918, config.unit)
+        self.channel = ParameterChannel(
+            self.parameters.server,
+            latency_ns=config.parameter_latency_ns,
+            available=lambda: drive.powered,
+        )
+        """Parameter channel of data record 47."""
+        self.registers = DriveMap(
+            scheduler, self, file, telegram_bytes=drive.telegram.setpoint.length, channel=self.channel
+        )
+        """What the registers mean."""
+        self.server = ModbusServer(
+            self.registers.registers,
+            unit=config.unit,
+            functions=file.functions,
+            limits=file.limits,
+            identification={number: text.encode() for number, text in file.identification.items()} or None,
+        )
+        """Answers requests."""
+        self.station: RtuStation | TcpStation[Any] | PtyServer | None = None
+        """Where it is on the bus."""
+        self._terminal: PtyServer | None = None
+        self._boot_timer: Timer | None = None
+        scheduler.every(own.cycle_ns, drive.cycle, priority=_CYCLE_PRIORITY)
+
+    def trace_row(self) -> tuple[float, ...]:
+        """Return the present values of `trace_columns`; position and velocity are those of the true mechanics."""
+        return trace_row(self.drive)
+
+    # -- bus -------------------------------------------------------------------------------------------------------------
+
+    def listen(self, network: TcpLink | SocketNetwork, *, connections: int = 16) -> TcpStation[Any]:
+        """Serve a TCP network; every unit is answered, and every process data register keeps the time-out off (PD-292).
+
+        Raises:
+            ConfigurationError: The drive is on a bus already.
+
+        """
+        self._be_free()
+        self.server.unit = None
+        self.registers.watch_all = True
+        self.station = station = TcpStation(
+            self.scheduler,
+            network,
+            self.server,
+            processing_ns=self.modbus_config.processing_ns,
+            connections=connections,
+        )
+        station.online = self._online
+        return station
+
+    def attach(self, line: SerialLine, format_: SerialFormat | None = None) -> RtuStation:
+        """Hang the drive on a serial line.
+
+        Args:
+            line: The line.
+            format_: Rate and parity of the drive where they are not those of the line.
+
+        Raises:
+            ConfigurationError: The drive is on a bus already, or it has not this rate or characters (PD-289).
+
+        """
+        self._be_free()
+        rate = line.format if format_ is None else format_
+        _check_format(rate)
+        self.station = station = RtuStation(
+            self.scheduler, line, self.server, name=self.name, format_=format_, lenient=False,
+            processing_ns=self.modbus_config.processing_ns, t15_ns=_CHARACTER_DELAY_NS.get(rate.baud),
+        )  # fmt: skip
+        station.online = self._online
+        return station
+
+    def open_terminal(self, format_: SerialFormat | None = None) -> PtyServer:
+        """Open a pseudo-terminal that any program takes for its serial port (`path`); `close` takes it away.
+
+        Raises:
+            ConfigurationError: The drive is on a bus already, or it has not this rate or characters (PD-289).
+            OSError: The system has no pseudo-terminal left.
+
+        """
+        self._be_free()
+        rate = SerialFormat() if format_ is None else format_
+        _check_format(rate)
+        self.station = self._terminal = station = PtyServer(
+            self.scheduler, self.server, format_=rate, processing_ns=self.modbus_config.processing_ns
+        )
+        station.online = self._online
+        return station
+
+    def close(self) -> None:
+        """Take the pseudo-terminal away, if there is one; harmless to repeat."""
+        if self._terminal is not None:
+            self._terminal.close()
+
+    def _be_free(self) -> None:
+        if self.station is not None:
+            raise ConfigurationError("bus of the drive", self.name, "one bus")
+
+    # -- life ------------------------------------------------------------------------------------------------------------
+
+    @property
+    def _online(self) -> bool:
+        return self.drive.powered and self._boot_timer is None
+
+    def power_on(self) -> None:
+        """Switch the control supply on; the saved parameters are loaded."""
+        if self.drive.powered:
+            return
+        self.parameters.memory.restart()
+        self.registers.restart()
+        self.channel.reset()
+        if self.modbus_config.boot_time_s:
+            self._boot_timer = self.scheduler.after(
+                seconds_to_ns(self.modbus_config.boot_time_s), self._booted
+            )
+        self._show_supply()
+
+    def _booted(self) -> None:
+        self._boot_timer = None
+        self._show_supply()
+
+    def power_off(self) -> None:
+        """Switch everything off at once: the motor coasts, all but the saved parameters is lost."""
+        cancel(self, "_boot_timer")
+        self.drive.power_off()
+        self._show_supply()
+
+    def _show_supply(self) -> None:
+        if self.station is not None:
+            self.station.online = self._online
+
+    # -- the drive as its registers see it -------------------------------------------------------------------------------
+
+    def receive(self, frame: bytes) -> None:
+        """Take a telegram of the client; it acts in the next cycle of the drive."""
+        self.drive.receive(frame)
+
+    def transmit(self) -> bytes:
+        """Return the telegram to the client with the values of now."""
+        return self.drive.transmit()
+
+    def accessed(self) -> None:
+        """Keep the process data from timing out (PD-292)."""
+        self.drive.data_at_ns = self.scheduler.now
+
+    def request(self, data: bytes) -> bytes:
+        """Answer a request of base mode parameter access."""
+        return self.parameters.server.request(data)
+
+
+def _check_words(file: MapFile, hook: str, words: int) -> None:
+    room = max((block.count for block in file.block if block.hook == hook), default=0)
+    if words > room:
+        raise ConfigurationError(
+            f"telegram, {hook.replace('_', ' ')}",
+            f"{words} words",
+            f"at most {room} in register map {file.name}",
+        )
+
+
+def _check_format(format_: SerialFormat) -> None:
+    if format_.baud not in RATES:
+        raise ConfigurationError("serial line, baud", format_.baud, ", ".join(map(str, RATES)))
+    if format_.bits != _BITS:
+        parity = "no parity" if format_.parity is Parity.NONE else f"{format_.parity.value} parity"
+        raise ConfigurationError(
+            "serial line, characters",
+            f"{format_.bits} bits, {parity}",
+            f"{_BITS} bits: parity and 1 stop bit, or 2 stop bits",
+        )
