@@ -138,10 +138,19 @@ class TechnologyAxis:
                 additional_delay=bind("FollowingError.AdditionalSetpointDelayTime"),
                 cycle_s=self.cycle_s,
                 delay_s=self.delay_s,
+                quantum=self._control_quantum(),
             )
             self.monitoring = Monitoring(self, self.cycle_s)
             self.limits = TravelLimits(self)
             self._rest_threshold = bind("StandstillSignal.VelocityThreshold")
+
+    def _control_quantum(self) -> float:
+        """Return the quantum of the control difference, axis unit: none, the encoder's resolution, or a value (CFG-379 to 381)."""
+        read = self.variables.read
+        mode = read("PositionControl.ControlDifferenceQuantization.Mode")
+        if mode == 1:
+            return abs(self.mechanics.increment)
+        return float(read("PositionControl.ControlDifferenceQuantization.Value")) if mode == 2 else 0.0
 
     # -- state ------------------------------------------------------------------------------------------------
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from math import exp
-from typing import TYPE_CHECKING
+from math import copysign, exp
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from motion.variables import Cell
+
+_WHOLE: Final = 1e-9
+"""Share of a quantum by which a difference may fall short of a whole multiple."""
 
 
 class PositionController:
@@ -24,12 +27,14 @@ class PositionController:
         additional_delay: Cell of `FollowingError.AdditionalSetpointDelayTime`, s.
         cycle_s: Application cycle, s.
         delay_s: Transport delay from setpoint to actual value, s.
+        quantum: Step to whose whole multiples the control difference is rounded towards zero, axis unit; 0 = it is not
+            (`PositionControl.ControlDifferenceQuantization`, CFG-383).
 
     """
 
     __slots__ = (
         "_additional_delay", "_balanced", "_balanced_history", "_cycle", "_decay", "_delay_cycles", "_delay_rest",
-        "_kpc", "_kv", "_last_constant", "_setpoint_history", "_time_constant", "balanced_position",
+        "_kpc", "_kv", "_last_constant", "_quantum", "_setpoint_history", "_time_constant", "balanced_position",
         "control_difference", "following_error", "gain", "precontrol",
     )  # fmt: skip
 
@@ -42,12 +47,14 @@ class PositionController:
         additional_delay: Cell,
         cycle_s: float,
         delay_s: float,
+        quantum: float = 0.0,
     ) -> None:
         self._kv = kv
         self._kpc = kpc
         self._time_constant = time_constant
         self._additional_delay = additional_delay
         self._cycle = cycle_s
+        self._quantum = quantum
         cycles = delay_s / cycle_s
         self._delay_cycles = whole = int(cycles + 1e-9)
         self._delay_rest = max(0.0, cycles - whole)
@@ -126,7 +133,12 @@ class PositionController:
         delayed = balanced_history[newest]
         if rest:
             delayed += (balanced_history[newest - 1] - delayed) * rest
-        self.control_difference = difference = delayed - actual
+        difference = delayed - actual
+        quantum = self._quantum
+        if quantum:
+            # What rounding may have taken from a whole multiple is no step.
+            difference = quantum * int(difference / quantum + copysign(_WHOLE, difference))
+        self.control_difference = difference
         delayed_setpoint = setpoints[newest]
         if rest:
             delayed_setpoint += (setpoints[newest - 1] - delayed_setpoint) * rest
