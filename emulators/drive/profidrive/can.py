@@ -1,16 +1,13 @@
 """The PROFIdrive axis as a node of a CAN segment: its telegram in free process data words on PDOs, latched by SYNC.
 
-Each word of the telegram is an object: 5800h and following to the drive, 5810h and following from it, four in a PDO at most
-(PD-338 to PD-341). At SYNC the words of all RPDOs become one telegram, if every RPDO that carries some of them has come; the
-drive makes its cycle; the words of its answer go into the TPDOs of the same SYNC. A drive that is not isochronous makes its
-cycle by itself when nobody sends SYNC.
+At SYNC the drive takes what has come (`process_words`), makes its cycle, and its answer goes into the TPDOs of the same
+SYNC. A drive that is not isochronous makes its cycle by itself when nobody sends SYNC.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from struct import Struct
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from emulators.drive.injection import NodeFaults
@@ -21,6 +18,7 @@ from emulators.drive.profidrive._eds import profidrive_dictionary
 from emulators.drive.profidrive._trace import TRACE_ENUMS, trace_row
 from emulators.drive.profidrive.config import ProfidriveConfig
 from emulators.drive.profidrive.fault_catalogue import Fault
+from emulators.drive.profidrive.process_words import ProcessWords
 from emulators.drive.profidrive.statemachine import Off
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.abort import AbortCode, SdoAbort
@@ -33,7 +31,6 @@ from fieldbus.history import History
 if TYPE_CHECKING:
     import numpy as np
 
-    from fieldbus.canopen.pdo import ReceivePdo
     from fieldbus.clock import Timer
 
 _FREE_RUNNING_PRIORITY: Final = 2
@@ -85,8 +82,7 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
     """
 
     __slots__ = (
-        "_carriers", "_counts", "_emcys", "_from_words", "_keys_in", "_keys_out", "_storm_code", "_storm_timer", "_sync_ns",
-        "_to_frame", "_touches", "node_config", "slave",
+        "_emcys", "_storm_code", "_storm_timer", "_sync_ns", "_words", "node_config", "slave",
     )  # fmt: skip
 
     trace_enums: ClassVar = {**TRACE_ENUMS, "nmt_state": {int(state): state.name for state in NmtState}}
@@ -105,16 +101,6 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         super().__init__(scheduler, config.drive, name=name, history=history, rng=rng)
         self.node_config = config
         drive = self.drive
-        layouts = (drive.telegram.setpoint, drive.telegram.actual)
-        for layout in layouts:
-            if layout.words > objects.WORDS:
-                raise ConfigurationError(
-                    "telegram", f"{layout.words} words", f"at most {objects.WORDS} words"
-                )
-        self._keys_in = tuple(objects.RECEIVE_WORD + word << 8 for word in range(layouts[0].words))
-        self._keys_out = tuple(objects.SEND_WORD + word << 8 for word in range(layouts[1].words))
-        self._to_frame = Struct(f">{layouts[0].words}h")
-        self._from_words = Struct(f">{layouts[1].words}h")
         self.slave = CanopenSlave(
             scheduler,
             segment,
@@ -125,9 +111,7 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
             boot_time_ns=seconds_to_ns(config.boot_time_s),
             storage=config.storage,
         )
-        self._carriers: tuple[ReceivePdo, ...] = ()
-        self._counts: tuple[int, ...] = ()
-        self._touches = False
+        self._words = ProcessWords(self.slave, drive.telegram)
         self._sync_ns = 0
         self._emcys: set[int] = set()
         self._storm_timer: Timer | None = None
@@ -178,19 +162,8 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
 
     def _on_nmt_state(self, old: NmtState, new: NmtState) -> None:
         self.drive.emit("drive.nmt", **{"from": old.name, "to": new.name})
-        if new is not NmtState.OPERATIONAL:
-            return
-        pdos = self.slave.pdos
-        words = frozenset(self._keys_in)
-        self._carriers = tuple(
-            pdo for pdo in pdos.receive if pdo.valid and not words.isdisjoint(pdo.layout.keys)
-        )
-        self._counts = tuple(pdo.effective for pdo in self._carriers)
-        answers = frozenset(self._keys_out)
-        self._touches = any(
-            pdo.valid and pdo.event_driven and not answers.isdisjoint(pdo.layout.keys)
-            for pdo in pdos.transmit
-        )
+        if new is NmtState.OPERATIONAL:
+            self._words.begin()
 
     # -- bus cycle --------------------------------------------------------------------------------------------------------
 
@@ -206,17 +179,11 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
 
     def _cycle(self) -> None:
         drive = self.drive
-        values = self.slave.values
-        counts = tuple([pdo.effective for pdo in self._carriers])
-        before = self._counts
-        self._counts = counts
-        if counts and not any(map(_same, counts, before)):
-            drive.receive(self._to_frame.pack(*[values[key] for key in self._keys_in]))
+        frame = self._words.take()
+        if frame is not None:
+            drive.receive(frame)
         drive.cycle()
-        values.update(zip(self._keys_out, self._from_words.unpack(drive.transmit()), strict=True))
-        if self._touches:
-            for key in self._keys_out:
-                self.slave.pdos.touch(key)
+        self._words.give(drive.transmit())
 
     # -- faults -------------------------------------------------------------------------------------------------------------
 
@@ -239,10 +206,6 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         for code in sorted(self._emcys):
             slave.emcy_clear(code)
         self._emcys.clear()
-
-
-def _same(left: int, right: int) -> bool:
-    return left == right
 
 
 def _check_abort_connection(value: Any) -> None:
