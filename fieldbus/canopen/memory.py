@@ -67,6 +67,7 @@ class ParameterFile:
             values = {_key(name): value for name, value in body["values"].items()}
             store.stored = {key: self._value(store, key, value) for key, value in values.items()}
             store.restoring = {int(area): bool(soon) for area, soon in body["restore"].items()}
+            store.extra = dict(body.get("extra", {}))
             node_id, bitrate = body["lss"]["node_id"], body["lss"]["bitrate"]
             if node_id is not None and not (1 <= int(node_id) <= 127 or node_id == UNCONFIGURED):
                 raise self._refuse(f"a file with a node-ID of 1 to 127, not {node_id}")
@@ -83,7 +84,7 @@ class ParameterFile:
             MemoryFailureError: It cannot be written.
 
         """
-        body = {
+        body: dict[str, Any] = {
             "device": _identity(store),
             "lss": {
                 "node_id": lss.stored.node_id if lss.settings_stored else None,
@@ -95,6 +96,8 @@ class ParameterFile:
                 for key, value in sorted(store.stored.items())
             },
         }
+        if store.extra:
+            body["extra"] = store.extra
         text = json.dumps({"format": FORMAT, "sha256": _digest(body), "memory": body}, indent=1)
         draft = self.path.with_name(f".{self.path.name}.{os.getpid()}")
         try:

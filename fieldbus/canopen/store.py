@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.dictionary import Entry, Value, entries_of
@@ -35,6 +35,34 @@ NOT_STORED: Final = frozenset((0x1001, 0x1002, 0x1003, 0x1010, 0x1011))
 """Objects that are no configuration."""
 
 
+class ForeignObjects(Protocol):
+    """Objects that the dictionary does not list: they may come and go, as the parameters of a drive do. SDO alone reaches them."""
+
+    def entry(self, index: int, sub: int) -> Entry | None:
+        """Return an entry; None when there is no such object.
+
+        Raises:
+            SdoAbort: The object has no such sub-index.
+
+        """
+
+    def read(self, entry: Entry) -> Value:
+        """Return the present value.
+
+        Raises:
+            SdoAbort: It cannot be read.
+
+        """
+
+    def write(self, entry: Entry, value: Value) -> None:
+        """Take a value.
+
+        Raises:
+            SdoAbort: It is refused.
+
+        """
+
+
 class ObjectStore:
     """Values, access rules and memory of one device.
 
@@ -51,7 +79,11 @@ class ObjectStore:
         "commands",
         "dictionary",
         "entries",
+        "extra",
+        "foreign",
         "guards",
+        "on_restore",
+        "on_save",
         "persist",
         "read_hooks",
         "restoring",
@@ -84,6 +116,14 @@ class ObjectStore:
         """Keys that 1010h does not save although they are writable, such as setpoints."""
         self.restoring: dict[int, bool] = {}
         """Areas that get their defaults with the next reset -> whether reset communication is enough."""
+        self.foreign: ForeignObjects | None = None
+        """Objects beside those of the dictionary."""
+        self.extra: dict[str, Any] = {}
+        """What the device keeps in non-volatile memory beside its objects: by name, as JSON can hold it."""
+        self.on_save: Callable[[int], object] = _nobody
+        """Called with the group of 1010h before the memory is written; fills `extra`."""
+        self.on_restore: Callable[[int], object] = _nobody
+        """Called with the area of 1011h when its defaults come back; clears `extra`."""
         self.persist: Callable[[], object] = _nothing
         """Writes the memory to where it lasts; raises `HilError` when it cannot."""
         for sub in range(1, 0x80):
@@ -121,6 +161,8 @@ class ObjectStore:
 
         """
         entry = self.entries.get(index << 8 | sub)
+        if entry is None and self.foreign is not None and index not in self._indices:
+            entry = self.foreign.entry(index, sub)
         if entry is None:
             raise SdoAbort(AbortCode.NO_SUB_INDEX if index in self._indices else AbortCode.NO_OBJECT)
         return entry
@@ -136,7 +178,11 @@ class ObjectStore:
         if not entry.readable:
             raise SdoAbort(AbortCode.WRITE_ONLY if entry.writable else AbortCode.ACCESS)
         hook = self.read_hooks.get(entry.key)
-        return entry.encode(self.values[entry.key] if hook is None else hook())
+        if hook is not None:
+            return entry.encode(hook())
+        if self.foreign is not None and entry.key not in self.entries:
+            return entry.encode(self.foreign.read(entry))
+        return entry.encode(self.values[entry.key])
 
     def check_write(self, index: int, sub: int, size: int | None) -> int:
         """Check a download before its data have come, and return the most bytes that it may bring.
@@ -192,6 +238,9 @@ class ObjectStore:
 
         """
         key = entry.key
+        if self.foreign is not None and key not in self.entries:
+            self.foreign.write(entry, value)
+            return
         if entry.low is not None or entry.high is not None:
             entry.check_limits(value)
         guard = self.guards.get(key)
@@ -223,6 +272,7 @@ class ObjectStore:
         for area in due:
             self.stored = {key: value for key, value in self.stored.items() if not _in_group(key, area)}
             del self.restoring[area]
+            self.on_restore(area)
         if due:
             # A file that cannot be written keeps the order to restore: it is carried out again at the next start.
             with suppress(HilError):
@@ -239,6 +289,7 @@ class ObjectStore:
         def save(signature: Any) -> None:
             if signature != SAVE:
                 raise SdoAbort(AbortCode.CANNOT_STORE)
+            self.on_save(group)
             stored, restoring = self.stored, self.restoring
             self.stored = dict(stored)
             self.restoring = {area: soon for area, soon in restoring.items() if area not in _areas(group)}

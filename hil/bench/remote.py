@@ -55,6 +55,9 @@ FAULT_METHODS: Final = frozenset((
 """Methods of a drive that may be called through the pipe."""
 
 
+PARAMETER_METHODS: Final = frozenset(("read_parameter", "write_parameter", "request_parameters"))
+"""What `RemoteParameters` sends through the pipe."""
+
 _METHODS: Final = FAULT_METHODS | ENCODER_METHODS | DEVICE_METHODS
 
 
@@ -163,9 +166,17 @@ class DriveHost:
             self.scheduler.worst_lateness_ns = 0
             return None
         drive = self.drives.get(str(command.get("drive")))
+        if drive is not None and call in PARAMETER_METHODS and hasattr(drive, "parameters"):
+            return self._parameters(drive.parameters, str(call), command.get("args", ()))
         if drive is None or call not in FAULT_METHODS | ENCODER_METHODS or not hasattr(drive, str(call)):
             raise RemoteError(f"unknown command {call!r} for drive {command.get('drive')!r}")
         return getattr(drive, str(call))(*command.get("args", ()), **command.get("kwargs", {}))
+
+    @staticmethod
+    def _parameters(parameters: Any, call: str, args: Any) -> Any:
+        if call == "request_parameters":
+            return parameters.request(bytes.fromhex(args[0])).hex()
+        return getattr(parameters, call.removesuffix("_parameter"))(*args)
 
     def _fetch(self) -> dict[str, Any]:
         return {
@@ -212,12 +223,53 @@ class RemoteDrive:
         self._methods = methods
         self.name = name
 
+    @property
+    def parameters(self) -> RemoteParameters:
+        """The parameters of a PROFIdrive axis."""
+        return RemoteParameters(self._remote, self.name)
+
     def __getattr__(self, method: str) -> Callable[..., Any]:
         if method not in self._methods:
             raise AttributeError(
                 f"{self.name} in another process has no {method!r}; it has {', '.join(sorted(self._methods))}"
             )
         return lambda *args, **kwargs: self._remote.call(method, self.name, args, kwargs)
+
+
+class RemoteParameters:
+    """Stands for the parameters of a PROFIdrive axis in the drive process; see `DriveParameters`."""
+
+    def __init__(self, remote: RemoteDrives, name: str) -> None:
+        self._remote = remote
+        self._name = name
+
+    def read(self, parameter: int | str, sub_index: int = 0) -> int | float:
+        """Return the present value of a parameter, given by number or name.
+
+        Raises:
+            RemoteError: It is refused, or the drive has no parameters.
+
+        """
+        value: int | float = self._remote.call("read_parameter", self._name, (parameter, sub_index))
+        return value
+
+    def write(self, parameter: int | str, value: float, sub_index: int = 0) -> None:
+        """Write a parameter by all rules.
+
+        Raises:
+            RemoteError: It is refused, or the drive has no parameters.
+
+        """
+        self._remote.call("write_parameter", self._name, (parameter, value, sub_index))
+
+    def request(self, data: bytes) -> bytes:
+        """Return the answer to a request of base mode parameter access.
+
+        Raises:
+            RemoteError: The drive has no parameters.
+
+        """
+        return bytes.fromhex(self._remote.call("request_parameters", self._name, (data.hex(),)))
 
 
 class DriveProcess:

@@ -12,6 +12,7 @@ from emulators.drive.profidrive import fault_catalogue as numbers
 from emulators.drive.profidrive._trace import trace_columns
 from emulators.drive.profidrive.config import ProfidriveConfig
 from emulators.drive.profidrive.device import ProfidriveDrive
+from emulators.drive.profidrive.drive_parameters import DriveParameters
 from emulators.drive.profidrive.fault_catalogue import DriveWarning
 from emulators.drive.profidrive.statemachine import AxisState
 from emulators.encoder import AbsoluteEncoder
@@ -42,7 +43,7 @@ class DriveOnBus(MachineFaults, PowerFaults):
 
     """
 
-    __slots__ = ("_drift_rest", "_drift_timer", "config", "core", "digital_inputs", "drive", "encoder", "mechanics", "name", "scheduler", "switches", "trace_columns")  # fmt: skip
+    __slots__ = ("_drift_rest", "_drift_timer", "config", "core", "digital_inputs", "drive", "encoder", "mechanics", "name", "parameters", "scheduler", "switches", "trace_columns")  # fmt: skip
 
     bus_columns: tuple[str, ...] = ()
     """Columns of the trace that the transport adds."""
@@ -60,6 +61,8 @@ class DriveOnBus(MachineFaults, PowerFaults):
         self.name = name
         self.config = config
         self.drive = drive = ProfidriveDrive(scheduler, config, name=name, history=history, rng=rng)
+        self.parameters = DriveParameters(drive)
+        """Parameters of the drive, read and written by the rules of the bus."""
         self.core = drive.core
         self.encoder = drive.encoder
         self.mechanics = drive.mechanics

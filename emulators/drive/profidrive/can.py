@@ -6,6 +6,7 @@ SYNC. A drive that is not isochronous makes its cycle by itself when nobody send
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
@@ -19,13 +20,14 @@ from emulators.drive.profidrive._trace import TRACE_ENUMS, trace_row
 from emulators.drive.profidrive.config import ProfidriveConfig
 from emulators.drive.profidrive.fault_catalogue import Fault
 from emulators.drive.profidrive.process_words import ProcessWords
+from emulators.drive.profidrive.sdo_parameters import ParameterObjects
 from emulators.drive.profidrive.statemachine import Off
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.clock import Scheduler, seconds_to_ns
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, HilError
 from fieldbus.history import History
 
 if TYPE_CHECKING:
@@ -34,6 +36,9 @@ if TYPE_CHECKING:
     from fieldbus.clock import Timer
 
 _FREE_RUNNING_PRIORITY: Final = 2
+_MEMORY: Final = "parameters"
+_WITH_PARAMETERS: Final = (1, 3)
+"""Groups of 1010h and 1011h to which the parameters of the drive belong: all, application."""
 _NOT_VALID: Final = 0x0001
 _REACTIONS: Final = {1: Off.OFF2, 2: Off.OFF2, 3: Off.OFF3}
 """6007h: 0 nothing, 1 fault, 2 pulses off, 3 quick stop (PD-345)."""
@@ -82,7 +87,7 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
     """
 
     __slots__ = (
-        "_emcys", "_storm_code", "_storm_timer", "_sync_ns", "_words", "node_config", "slave",
+        "_configured", "_emcys", "_storm_code", "_storm_timer", "_sync_ns", "_words", "node_config", "slave",
     )  # fmt: skip
 
     trace_enums: ClassVar = {**TRACE_ENUMS, "nmt_state": {int(state): state.name for state in NmtState}}
@@ -117,6 +122,15 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         self._storm_timer: Timer | None = None
         slave = self.slave
         slave.on_write(objects.ABORT_CONNECTION, 0, _check_abort_connection)
+        store = slave.store
+        self._configured = self.parameters.store.saved
+        """What counts as saved when nothing is: the configuration."""
+        store.foreign = ParameterObjects(self.parameters.store)
+        store.on_save = self._save_parameters
+        store.on_restore = self._restore_parameters
+        self.parameters.memory.on_saved = self._keep_parameters
+        if _MEMORY in store.extra:
+            self.parameters.store.saved = store.extra[_MEMORY]
         slave.on_sync.append(self._on_sync)
         slave.on_nmt_state.append(self._on_nmt_state)
         slave.on_reset.append(self._on_reset)
@@ -136,8 +150,9 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
     def power_on(self) -> None:
         """Switch the control supply on."""
         if not self.slave.powered:
-            self.drive.power_on()
             self.slave.power_on()
+            self.parameters.power_on()
+            self.drive.power_on()
             self._show_all()
 
     def power_off(self) -> None:
@@ -150,9 +165,29 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
     def _on_reset(self, application: bool) -> None:
         if application:
             self.drive.power_off()
+            self.parameters.power_on()
             self.drive.power_on()
             self._emcys.clear()
         self._show_all()
+
+    # -- memory of the parameters (PD-250, PD-344) ------------------------------------------------------------------------
+
+    def _save_parameters(self, group: int) -> None:
+        if group in _WITH_PARAMETERS:
+            self.parameters.store.save()
+            self.slave.store.extra[_MEMORY] = self.parameters.store.saved
+
+    def _restore_parameters(self, area: int) -> None:
+        if area in _WITH_PARAMETERS:
+            self.slave.store.extra.pop(_MEMORY, None)
+            self.parameters.store.saved = self._configured
+
+    def _keep_parameters(self) -> None:
+        """Keep what p0971 or p0977 has saved, in the file too if there is one."""
+        store = self.slave.store
+        store.extra[_MEMORY] = self.parameters.store.saved
+        with suppress(HilError):  # the history tells of a file that cannot be written
+            store.persist()
 
     def _show_all(self) -> None:
         drive, slave = self.drive, self.slave

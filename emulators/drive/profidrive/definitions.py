@@ -26,6 +26,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -188,6 +189,12 @@ def range_of(code: int) -> tuple[float, float]:
         return -_LARGEST_FLOAT, _LARGEST_FLOAT
     bits, signed = _BITS[code]
     return (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
+
+
+@cache
+def factory_definitions() -> tuple[ParameterDefinition, ...]:
+    """Return the parameters of the emulated drive, read once."""
+    return load_definitions(FACTORY)
 
 
 def load_definitions(path: Path = FACTORY) -> tuple[ParameterDefinition, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from typing import Final
 
@@ -21,6 +22,7 @@ from emulators.drive.profidrive.profile_parameters import (
 )
 from emulators.drive.profidrive.statemachine import AxisState
 from emulators.encoder.profidrive import p979
+from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.requests import ParameterError
 from fieldbus.profidrive.words import STW1
@@ -38,6 +40,24 @@ _SETTINGS: Final = {
 }
 """Parameters that are a setting of the drive, in the same unit."""
 _WHOLE: Final = frozenset({925, 930})
+
+
+_NAME: Final = re.compile(r"[rp]?(\d{1,5})", re.IGNORECASE)
+
+
+def parameter_number(parameter: int | str) -> int:
+    """Return the number of a parameter given as number or name.
+
+    Raises:
+        ConfigurationError: It is no name.
+
+    """
+    if isinstance(parameter, int):
+        return parameter
+    found = _NAME.fullmatch(parameter)
+    if found is None:
+        raise ConfigurationError("parameter", parameter, "a number, or r or p and a number, as in p1121")
+    return int(found[1])
 
 
 class DriveParameters:
@@ -77,6 +97,51 @@ class DriveParameters:
         self._show_encoder()
         self.memory = ParameterMemory(store, self._restart)
         store.save()
+
+    # -- for a test ----------------------------------------------------------------------------------------------
+
+    def request(self, data: bytes) -> bytes:
+        """Return the answer to a request of base mode parameter access, as a bus would bring it (PD-199 to PD-231)."""
+        return self.server.request(data)
+
+    def read(self, parameter: int | str, sub_index: int = 0) -> int | float:
+        """Return the present value of a parameter.
+
+        Args:
+            parameter: Number, or name as in a parameter list: p1121, r0002.
+            sub_index: Element of an array.
+
+        Raises:
+            ParameterAccessError: There is no such parameter or element, or reading is refused; `error` is the number.
+            ConfigurationError: The name is none.
+
+        """
+        number = parameter_number(parameter)
+        if number in self.store.refusals:
+            raise ParameterAccessError(f"parameter {number}", self.store.refusals[number])
+        return self.store.value(number, sub_index)
+
+    def write(self, parameter: int | str, value: float, sub_index: int = 0) -> None:
+        """Write a parameter by all rules, as a bus does.
+
+        Args:
+            parameter: Number, or name as in a parameter list.
+            value: In the unit of the parameter list.
+            sub_index: Element of an array.
+
+        Raises:
+            ParameterAccessError: It is refused; `error` is the number.
+            ConfigurationError: The name is none.
+
+        """
+        self.store.write(parameter_number(parameter), value, sub_index)
+
+    # -- life ----------------------------------------------------------------------------------------------------
+
+    def power_on(self) -> None:
+        """Begin with what is saved; what was written since then is lost."""
+        self.memory.reset = 0
+        self.store.load()
 
     # -- settings ------------------------------------------------------------------------------------------------
 

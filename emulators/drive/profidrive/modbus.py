@@ -16,7 +16,6 @@ from emulators.drive.profidrive._drive_on_bus import DriveOnBus
 from emulators.drive.profidrive._modbus_faults import ModbusFaults
 from emulators.drive.profidrive._trace import TRACE_ENUMS, trace_row
 from emulators.drive.profidrive.config import ProfidriveConfig
-from emulators.drive.profidrive.drive_parameters import DriveParameters
 from emulators.drive.profidrive.parameter_channel import ParameterChannel
 from fieldbus.clock import MS, Scheduler, seconds_to_ns
 from fieldbus.errors import ConfigurationError
@@ -113,7 +112,6 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         "_terminal",
         "channel",
         "modbus_config",
-        "parameters",
         "registers",
         "server",
         "station",
@@ -143,8 +141,6 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         drive.watched_by_transport = True
         _check_words(file, "setpoints", drive.telegram.setpoint.words)
         _check_words(file, "actual_values", drive.telegram.actual.words)
-        self.parameters = DriveParameters(drive)
-        """The parameters of the drive."""
         self.parameters.store.set(918, config.unit)
         self.channel = ParameterChannel(
             self.parameters.server,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final
 
-from emulators.drive.profidrive.definitions import ParameterDefinition, WriteRule, load_definitions
+from emulators.drive.profidrive.definitions import ParameterDefinition, WriteRule, factory_definitions
 from fieldbus.profidrive import TypeCode
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.requests import ParameterError, Refusal
@@ -55,7 +55,7 @@ class ParameterStore:
         """Whether the axis is in S1."""
         self.pulses_enabled: Callable[[], bool] = lambda: False
         """Whether the motor has torque."""
-        for definition in load_definitions() if definitions is None else definitions:
+        for definition in factory_definitions() if definitions is None else definitions:
             self.define(definition)
         for number in (*ALL_LISTS, *CHANGED_LISTS):
             self.define(_list_definition(number))
@@ -222,6 +222,20 @@ class ParameterStore:
             if self._is_setting(definition)
         }
 
+    @property
+    def saved(self) -> dict[str, list[int | float]]:
+        """What is saved, as JSON can hold it: values by parameter number."""
+        return {str(number): list(values) for number, values in (self._saved or {}).items()}
+
+    @saved.setter
+    def saved(self, values: Mapping[str, Sequence[int | float]]) -> None:
+        known = {int(number): tuple(row) for number, row in values.items() if number.isdecimal()}
+        self._saved = {
+            number: row
+            for number, row in known.items()
+            if number in self._definitions and len(row) == self._definitions[number].elements
+        }
+
     def load(self) -> None:
         """Take the settings that were saved last; without any the factory settings. What is not saved starts anew."""
         self._take(self._saved or {})
@@ -234,7 +248,10 @@ class ParameterStore:
         for number, definition in self._definitions.items():
             if number in self.locked or definition.write is WriteRule.NEVER:
                 continue
-            for at, value in enumerate(wanted.get(number, definition.defaults)):
+            row = wanted.get(number, definition.defaults)
+            if row == self.values(number, 0, definition.elements):
+                continue  # what is as it should be is left alone
+            for at, value in enumerate(row):
                 if not definition.save:
                     self._values[number][at] = value
                     continue

@@ -199,13 +199,15 @@ class ParameterMemory:
 
     """
 
-    __slots__ = ("_restart", "_store", "reset")
+    __slots__ = ("_restart", "_store", "on_saved", "reset")
 
     def __init__(self, store: ParameterStore, restart: Callable[[], None] | None = None) -> None:
         self._store = store
         self._restart = restart
         self.reset = 0
         """PNU 972: 2 prepared, 3 waits for the end of communication."""
+        self.on_saved: Callable[[], object] = _nothing
+        """Called when a parameter has ordered to save: the memory of the device keeps it."""
         store.readers.update(dict.fromkeys((970, 971, 976, 977), lambda _: 0))
         store.readers[972] = lambda _: self.reset
         store.writers.update(dict.fromkeys((970, 976), self._load))
@@ -235,12 +237,17 @@ class ParameterMemory:
     def _save(self, _sub_index: int, value: float) -> None:
         if value:
             self._store.save()
+            self.on_saved()
 
     def _take_reset(self, _sub_index: int, value: float) -> None:
         if value == _RESTART_IMMEDIATELY:
             self.restart()
         else:
             self.reset = int(value)
+
+
+def _nothing() -> None:
+    pass
 
 
 def _fill(store: ParameterStore, number: int, row: Iterable[int]) -> None:

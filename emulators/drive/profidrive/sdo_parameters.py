@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
+from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.dictionary import Entry, Value
 from fieldbus.errors import ConfigurationError
+from fieldbus.profidrive import TypeCode
+from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.requests import ParameterError
+
+if TYPE_CHECKING:
+    from emulators.drive.profidrive.definitions import ParameterDefinition
+    from emulators.drive.profidrive.parameters import ParameterStore
 
 FIRST_INDEX: Final = 0x2000
 OFFSETS: Final = (0, 10_000, 20_000, 30_000)
@@ -81,3 +89,85 @@ class ParameterWindow:
         if not self.enabled or number <= 0 or not 0 <= place < WINDOW or not 0 <= sub_index <= 0xFF:
             return None
         return FIRST_INDEX + place, sub_index
+
+
+_WINDOW: Final = 8630
+"""The parameter that moves the window; it is an object itself, whatever it says."""
+_DATA_TYPES: Final = {TypeCode.N2: 0x03, TypeCode.N4: 0x04, TypeCode.V2: 0x06, TypeCode.OCTET_STRING: 0x05, TypeCode.VISIBLE_STRING: 0x05}  # fmt: skip
+"""CiA 301 data type where its code differs from that of the profile; strings are arrays of bytes (PD-209)."""
+
+
+class ParameterObjects:
+    """The parameters as objects beside those of the dictionary, through the window of p8630; see `ForeignObjects`.
+
+    Args:
+        store: The parameters; p8630 is among them.
+
+    """
+
+    __slots__ = ("_store",)
+
+    def __init__(self, store: ParameterStore) -> None:
+        self._store = store
+
+    @property
+    def window(self) -> ParameterWindow:
+        """What p8630 lets be seen at present; an offset that there is not shows nothing."""
+        enabled, page, offset = (int(value) for value in self._store.values(_WINDOW, 0, 3))
+        known = offset < len(OFFSETS)
+        return ParameterWindow(enabled=enabled == 1 and known, page=page, offset=offset if known else 0)
+
+    def _place(self, index: int, sub: int) -> tuple[int, int] | None:
+        if index == FIRST_INDEX + _WINDOW:
+            return _WINDOW, sub
+        return self.window.parameter(index, sub)
+
+    def entry(self, index: int, sub: int) -> Entry | None:
+        """See `ForeignObjects.entry`."""
+        place = self._place(index, sub)
+        definition = None if place is None else self._store.definition(place[0])
+        if place is None or definition is None:
+            return None
+        if place[1] >= definition.elements:
+            raise SdoAbort(AbortCode.NO_SUB_INDEX)
+        return Entry(
+            _variable(definition, index, sub, writable=self._store.is_writable(place[0])),
+            node_id=0,
+            name=definition.name,
+        )
+
+    def read(self, entry: Entry) -> Value:
+        """See `ForeignObjects.read`."""
+        number, element = self._found(entry)
+        refused = self._store.refusals.get(number)
+        if refused is not None:
+            raise SdoAbort(abort_code(refused))
+        try:
+            return self._store.value(number, element)
+        except ParameterAccessError as error:
+            raise SdoAbort(abort_code(error.error)) from None
+
+    def write(self, entry: Entry, value: Value) -> None:
+        """See `ForeignObjects.write`: by all rules of the parameter."""
+        number, element = self._found(entry)
+        assert isinstance(value, (int, float))
+        try:
+            self._store.write(number, value, element)
+        except ParameterAccessError as error:
+            raise SdoAbort(abort_code(error.error)) from None
+
+    def _found(self, entry: Entry) -> tuple[int, int]:
+        place = self._place(entry.index, entry.sub)
+        if place is None:  # the window has moved since the transfer began
+            raise SdoAbort(AbortCode.NO_OBJECT)
+        return place
+
+
+def _variable(definition: ParameterDefinition, index: int, sub: int, *, writable: bool) -> object:
+    from canopen.objectdictionary import ODVariable
+
+    variable = ODVariable(definition.name, index, sub)
+    variable.data_type = _DATA_TYPES.get(definition.type, int(definition.type))
+    variable.access_type = "rw" if writable else "ro"
+    variable.pdo_mappable = False
+    return variable

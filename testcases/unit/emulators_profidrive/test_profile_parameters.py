@@ -299,7 +299,7 @@ def test_saving_and_loading(store):
     assert (store.value(1120), store.value(1121)) == (2.0, 10)
     store.write(970, 1)
     assert store.value(1120) == 10
-    assert seen == [2.0, 3.0, 2.0, 2.0, 10]
+    assert seen == [2.0, 3.0, 2.0, 10]
     memory.restart()
     assert store.value(1120) == 2.0
 

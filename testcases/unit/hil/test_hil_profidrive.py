@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 
 import pytest
 
 from fieldbus.profidrive import from_n4
+from fieldbus.profidrive.errors import ParameterAccessError
 from hil.bench import load_bench
 from hil.bench.bench import Bench
 from hil.bench.config import BenchFileError, parse, read
+from hil.bench.remote import FAULT_METHODS, DriveHost, RemoteDrive, RemoteError
 from hil.campaign import CaseSettings, execute_case
 from hil.faults import Injector
 from reports.model import Verdict
@@ -253,3 +256,47 @@ def test_a_bench_file_that_names_every_key_is_no_mistake(name):
     """Keys of the other profile with their defaults change nothing: a whole configuration can be read back."""
     config = load_bench(name).config
     assert type(config).model_validate(config.model_dump(mode="json")) == config
+
+
+# -- parameters ---------------------------------------------------------------------------------------------------------------
+
+
+def test_a_test_reads_and_writes_parameters_of_a_drive():
+    """`bench.drive().parameters`: what is written acts, here the ramp of OFF1."""
+    with bench() as machine:
+        parameters = machine.drive().parameters
+        assert parameters.read("p1121") == pytest.approx(1.0)
+        parameters.write("p1121", 0.25)
+        assert machine.drive().drive.settings.ramp_down_s == 0.25
+        answer = parameters.request(bytes.fromhex("01010101100104610000"))
+        assert answer == bytes.fromhex("0101010108013E800000")
+
+
+def test_parameters_of_a_drive_in_another_process(request):
+    """The same through the pipe: values as JSON, requests as bytes; a refusal comes back with its reason."""
+    text = read("profidrive")[1].replace('kind = "virtual"', 'kind = "live"')
+    text = text.replace(
+        "[segment.can0]", f'[segment.can0]\ninterface = "virtual"\nchannel = "{request.node.name}"'
+    )
+    host = DriveHost(parse(text, "own.toml"), record=False)
+
+    class Pipe:
+        """Commands as they pass the pipe."""
+
+        def call(self, method, name, args=(), kwargs=None):
+            command = {"call": method, "drive": name, "args": args, "kwargs": kwargs or {}}
+            return json.loads(json.dumps(host.execute(json.loads(json.dumps(command)))))
+
+    try:
+        parameters = RemoteDrive(Pipe(), "drive1", FAULT_METHODS).parameters
+        parameters.write("p1121", 0.25)
+        assert parameters.read(1121) == 0.25
+        assert parameters.request(bytes.fromhex("01010101100104610000")) == bytes.fromhex(
+            "0101010108013E800000"
+        )
+        with pytest.raises(ParameterAccessError):
+            parameters.write("r0002", 1)
+        with pytest.raises(RemoteError, match="drive9"):
+            RemoteDrive(Pipe(), "drive9", FAULT_METHODS).parameters.read(2)
+    finally:
+        host.close()
