@@ -16,6 +16,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush, heapreplace
+from itertools import count
 from threading import Condition
 from typing import Final
 
@@ -69,7 +70,7 @@ class Scheduler(ABC):
         self.now: int = 0
         """Present time, ns."""
         self._heap: list[tuple[int, int, int, Timer]] = []
-        self._sequence = 0
+        self._next_sequence = count(1).__next__
         self._running = False
 
     # An entry is (due, priority, sequence, timer); sequence numbers are unique, so timers are never compared.
@@ -86,9 +87,19 @@ class Scheduler(ABC):
                 raise SchedulerError(f"event at {time_ns} ns lies before the present time {self.now} ns")
             time_ns = self.now
         timer = Timer(time_ns, callback, priority)
-        self._sequence = sequence = self._sequence + 1
-        heappush(self._heap, (time_ns, priority, sequence, timer))
+        heappush(self._heap, (time_ns, priority, self._next_sequence(), timer))
         return timer
+
+    def again(self, timer: Timer, time_ns: int) -> None:
+        """Enter a single event anew that has fired; cheaper than a new one. It must not be entered or cancelled.
+
+        Args:
+            timer: The event.
+            time_ns: Not before now.
+
+        """
+        timer.due_ns = time_ns
+        heappush(self._heap, (time_ns, timer.priority, self._next_sequence(), timer))
 
     def after(self, delay_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
         """Enter `callback` for `delay_ns` (>= 0) from now."""
@@ -112,8 +123,7 @@ class Scheduler(ABC):
             raise SchedulerError(f"phase {phase_ns} ns is outside 0..{period_ns - 1} ns")
         due = -(-(self.now - phase_ns) // period_ns) * period_ns + phase_ns
         timer = Timer(due, callback, priority, period_ns)
-        self._sequence = sequence = self._sequence + 1
-        heappush(self._heap, (due, priority, sequence, timer))
+        heappush(self._heap, (due, priority, self._next_sequence(), timer))
         return timer
 
     @abstractmethod
@@ -182,13 +192,14 @@ class VirtualScheduler(Scheduler):
         try:
             if asked and predicate():
                 return True
-            while heap and heap[0][0] <= end:
-                self.now = due = heap[0][0]
-                while heap and heap[0][0] == due:
-                    _, priority, sequence, timer = heap[0]
-                    if timer.cancelled:
-                        heappop(heap)
-                        continue
+            while heap:
+                due, priority, sequence, timer = heap[0]
+                if due > end:
+                    break
+                self.now = due
+                if timer.cancelled:
+                    heappop(heap)
+                else:
                     period = timer.period_ns
                     if period:
                         timer.due_ns = following = due + period
@@ -196,7 +207,7 @@ class VirtualScheduler(Scheduler):
                     else:
                         heappop(heap)
                     timer.callback()
-                if asked and predicate():
+                if asked and not (heap and heap[0][0] == due) and predicate():
                     return True
             self.now = end
         finally:

@@ -238,8 +238,7 @@ class ServoCore(ServoState):
 
     def step(self) -> None:
         """Advance plant and control by one servo period."""
-        self._step_mechanics(self.torque, self._period)
-        angle = self._sample(self._mechanics.motor_angle)
+        angle = self._sample(self._step_mechanics(self.torque, self._period))
         self.velocity = velocity = (angle - self.position) * self._inverse_period
         self.position = angle
         if not self.enabled:
@@ -259,6 +258,28 @@ class ServoCore(ServoState):
             self.position_demand = angle
             wanted = self._middle
             self.velocity_demand = new
+        elif source == SERVO:
+            self.position_demand = demand = self._next_position
+            left = self._left
+            if left:
+                self._left = left = left - 1
+                if left:
+                    new = old + self._velocity_step
+                    self._next_position = demand + self._reference_step
+                else:
+                    new = self._velocity_target
+                    self._next_position = self._position_target
+            else:
+                new = old
+            correction = self._servo_gain * (demand - angle)
+            wanted = self._middle + correction
+            limit = self._catching_up_limit
+            if -limit <= wanted <= limit:
+                self.speed_limited = False
+                self.velocity_demand = new + correction
+            else:
+                self.speed_limited = True
+                self.velocity_demand = wanted = math.copysign(limit, wanted)
         else:
             wanted, new = self._other_source(source, old, angle)
             if self._switched_off():
@@ -266,14 +287,15 @@ class ServoCore(ServoState):
         self._feedforward = new
         self._middle = 0.5 * (old + new)
         step = new - old
-        torque = (
-            self._proportional_gain * (wanted - velocity)
-            + self._integral
-            + self._inertia_per_step * step
-            + self.torque_offset
-        )
         if source == TORQUE:
             torque = self._torque_command(velocity)
+        else:
+            torque = (
+                self._proportional_gain * (wanted - velocity)
+                + self._integral
+                + self._inertia_per_step * step
+                + self.torque_offset
+            )
         if self._limit_low <= torque <= self._limit_high:
             self.torque_limited = False
             predicted = self._predicted
@@ -338,20 +360,6 @@ class ServoCore(ServoState):
                 correction = 0.0
             if self._stop_pending and new == 0.0:
                 self._watch_standstill()
-        elif source == SERVO:
-            self.position_demand = demand = self._next_position
-            correction = self._servo_gain * (demand - angle)
-            left = self._left
-            if left:
-                self._left = left = left - 1
-                if left:
-                    new = old + self._velocity_step
-                    self._next_position = demand + self._reference_step
-                else:
-                    new = self._velocity_target
-                    self._next_position = self._position_target
-            else:
-                new = old
         elif source == SMOOTHED:
             left = self._left
             if left:

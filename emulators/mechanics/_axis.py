@@ -218,8 +218,8 @@ class AxisMechanics:
 
     # -- integration -----------------------------------------------------------------------------------------
 
-    def step(self, torque_Nm: float, dt_s: float) -> None:
-        """Advance by `dt_s` under a constant motor torque.
+    def step(self, torque_Nm: float, dt_s: float) -> float:
+        """Advance by `dt_s` under a constant motor torque, and return the motor angle, rad.
 
         Args:
             torque_Nm: Air-gap torque of the motor, Nm.
@@ -231,7 +231,7 @@ class AxisMechanics:
         velocity = self.velocity
         force = torque_Nm * self._force_per_torque + self._load_force
         if velocity == 0.0 and -self._breakaway <= force <= self._breakaway:
-            return
+            return self.motor_angle
         new = velocity * self._decay + force * self._gain
         friction = self._friction_step
         if new > friction:
@@ -244,9 +244,10 @@ class AxisMechanics:
         if self._low < position < self._high:
             self.velocity = new
             self.position = position
-            self.motor_angle = position * self._angle_per_unit
-        else:
-            self._step_special(force, new, position)
+            self.motor_angle = angle = position * self._angle_per_unit
+            return angle
+        self._step_special(force, new, position)
+        return self.motor_angle
 
     def _step_special(self, force: float, free_velocity: float, free_position: float) -> None:
         """Finish a step that ends outside the quiet range: jam, end stop or switch edge."""

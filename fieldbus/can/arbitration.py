@@ -12,13 +12,13 @@ else of that instant, because a hook must see a frame once and only when it real
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from heapq import heappop, heappush
 from typing import Final
 
-from fieldbus.can.frame import CanFrame
+from fieldbus.can.frame import CanFrame, FrameReceiver
 from fieldbus.can.hooks import FrameHook, ask_hooks
-from fieldbus.can.port import NOT_ASKED, Entry, MediumPort
+from fieldbus.can.port import NOT_ASKED, Confirmation, Entry, MediumPort, deaf
 from fieldbus.can.timing import INTERMISSION_BITS, timing_of
 from fieldbus.clock import Scheduler, Timer
 from fieldbus.errors import BusError, ConfigurationError
@@ -48,9 +48,12 @@ class Arbitration(ABC):
         """Every frame on the wire in order; grows, is never replaced."""
         self._keep_log = keep_log
         self._at = scheduler.at
+        self._again = scheduler.again
         self._on_end: Callable[[], None] = self._end_of_frame
         self._durations: Final = [bits * _NS // bitrate for bits in range(_LONGEST_BITS)]
         self._intermission_ns = self._durations[INTERMISSION_BITS]
+        # By bits with the intermission, which comes behind the end of a frame.
+        self._to_end_ns: Final = [0] * INTERMISSION_BITS + self._durations
         self._ports: list[MediumPort] = []  # all that may send, in the order in which they came
         self._hooks: tuple[FrameHook, ...] = ()
         self._hook_entries: tuple[tuple[FrameHook], ...] = ()
@@ -65,6 +68,7 @@ class Arbitration(ABC):
         self._end_ns = 0
         self._open_until_ns = COMMITTED  # last instant at which another frame may take its place
         self._timer: Timer | None = None
+        self._spare: Timer | None = None  # event of an end of frame that is over: good for the next one
         # The first frame that came after the SOF of the frame that began at `_late_ns`.
         self._late_ns = -1
         self._late_sequence = 0
@@ -82,33 +86,59 @@ class Arbitration(ABC):
 
     # --------------------------------------------------------------------------------------------- sending
 
-    def submit(self, port: MediumPort, frame: CanFrame) -> None:
-        """Queue `frame` of `port`; see `MediumPort.send`."""
-        try:
-            key, bits = timing_of(frame.can_id, frame.data, frame.extended, frame.remote, frame.dlc)
-        except TypeError:
-            raise BusError(f"the data of a frame must be bytes, not {type(frame.data).__name__}") from None
-        if not port.can_send:
-            if port.detached:
-                raise BusError(f"port {port.name} is detached from {self.name}")
-            if port.listen_only:
-                raise BusError(f"port {port.name} on {self.name} listens only")
-            return
-        self._sequence = sequence = self._sequence + 1
-        if self._entry is None and self._plain:
-            start = self._free_ns
-            now = self.scheduler.now
-            if start < now:  # noqa: PLR1730 - max() is a call on the cyclic path
-                start = now
-            self._entry = (key, sequence, 0, frame, bits, NOT_ASKED)
-            self._sender = port
-            self._start_ns = self._open_until_ns = start
-            self._end_ns = end = start + self._durations[bits - INTERMISSION_BITS]
+    def submit(self, port: MediumPort, frames: Iterable[CanFrame]) -> None:
+        """Queue `frames` of `port`; see `MediumPort.send`."""
+        for frame in frames:
+            try:
+                key, bits = timing_of(frame.can_id, frame.data, frame.extended, frame.remote, frame.dlc)
+            except TypeError:
+                raise BusError(
+                    f"the data of a frame must be bytes, not {type(frame.data).__name__}"
+                ) from None
+            if not port.can_send:
+                if port.detached:
+                    raise BusError(f"port {port.name} is detached from {self.name}")
+                if port.listen_only:
+                    raise BusError(f"port {port.name} on {self.name} listens only")
+                continue
+            self._sequence = sequence = self._sequence + 1
+            if self._plain:
+                current = self._entry
+                if current is None:
+                    start = self._free_ns
+                    now = self.scheduler.now
+                    if start < now:  # noqa: PLR1730 - max() is a call on the cyclic path
+                        start = now
+                    self._sender = port
+                    self._begin_frame((key, sequence, 0, frame, bits, NOT_ASKED), start)
+                    continue
+                if (
+                    port is self._sender
+                    and key > current[0]
+                    and self.scheduler.now <= self._open_until_ns
+                    and len(port.queue) < port.tx_buffers
+                ):
+                    # One more frame of a node whose first one has yet to start, and ranks higher: nothing changes.
+                    heappush(port.queue, (key, sequence, 0, frame, bits, NOT_ASKED))
+                    self._backlog += 1
+                    continue
+            if len(port.queue) < port.tx_buffers:
+                self._offer(port, (key, sequence, 0, frame, bits, NOT_ASKED))
+            else:
+                self._overrun(port)
+
+    def _begin_frame(self, entry: Entry, start_ns: int) -> None:
+        """Put a frame of `_sender` on the wire, unless a better one comes until the very instant."""
+        self._entry = entry
+        self._start_ns = self._open_until_ns = start_ns
+        self._end_ns = end = start_ns + self._to_end_ns[entry[4]]
+        timer = self._spare
+        if timer is None:
             self._timer = self._at(end, self._on_end)
-        elif len(port.queue) < port.tx_buffers:
-            self._offer(port, (key, sequence, 0, frame, bits, NOT_ASKED))
         else:
-            self._overrun(port)
+            self._spare = None
+            self._timer = timer
+            self._again(timer, end)
 
     def _offer(self, port: MediumPort, entry: Entry) -> None:
         heappush(port.queue, entry)
@@ -188,13 +218,10 @@ class Arbitration(ABC):
 
     def _transmit(self, start_ns: int, port: MediumPort, open_until_ns: int) -> None:
         """Put the first frame of `port` on the wire."""
-        self._entry = entry = heappop(port.queue)
         self._backlog -= 1
         self._sender = port
-        self._start_ns = start_ns
+        self._begin_frame(heappop(port.queue), start_ns)
         self._open_until_ns = open_until_ns
-        self._end_ns = end = start_ns + self._durations[entry[4] - INTERMISSION_BITS]
-        self._timer = self._at(end, self._on_end)
 
     # --------------------------------------------------------------------------------------------- the end
 
@@ -207,16 +234,55 @@ class Arbitration(ABC):
         assert entry is not None
         assert sender is not None
         end = self._end_ns
-        frame = entry[3]
-        self._busy_bits += entry[4]
+        key, _, _, frame, bits, _ = entry
+        self._busy_bits += bits
         if self._keep_log:
             self.log.append((end, sender.name, frame, ""))
         self._free_ns = free = end + self._intermission_ns
-        self._entry = None
-        if self._backlog:
+        backlog = self._backlog
+        if not backlog:
+            self._entry = None
+            self._spare = self._timer
+        elif backlog == len(sender.queue) and self._plain and sender.not_before_ns <= free and self._timer:
+            # Nobody else wants the bus: as `_begin_frame`, without a call.
+            self._backlog = backlog - 1
+            self._entry = entry = heappop(sender.queue)
+            self._start_ns = self._open_until_ns = free
+            self._end_ns = following = free + self._to_end_ns[entry[4]]
+            self._again(self._timer, following)
+        else:
+            self._entry = None
+            self._spare = self._timer
             self._arbitrate(free)
+        receive = sender.routes.get(key)
+        if receive is None:
+            receive = self._find_route(sender, frame, key)
+        receive(frame, end)
+
+    def _find_route(self, sender: MediumPort, frame: CanFrame, key: int) -> FrameReceiver:
+        """Note who takes frames of `sender` with this arbitration field, and return what gives it to them."""
+        routes = sender.routes
+        takers: list[tuple[MediumPort | Confirmation, FrameReceiver]] = []
         for port in sender.receivers:
-            port.receive(frame, end)
+            boxes = port.mailboxes
+            if boxes is None or frame.extended or frame.remote:
+                takers.append((port, port.receive))
+            elif frame.can_id in boxes:
+                takers.append((port, boxes[frame.can_id]))
+
+        def receive_all(frame: CanFrame, time_ns: int) -> None:
+            for port, take in takers:
+                # A taker may change what the others listen to, or take them off the bus.
+                (take if sender.routes is routes else port.receive)(frame, time_ns)
+
+        route = receive_all if len(takers) > 1 else takers[0][1] if takers else deaf
+        routes[key] = route
+        return route
+
+    def routes_changed(self) -> None:
+        """Forget who takes which frame."""
+        for port in self._ports:
+            port.routes = {}
 
     # --------------------------------------------------------------------------------------------- hooks
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Protocol, runtime_checkable
 
 from fieldbus.clock import Scheduler
@@ -70,6 +70,9 @@ class CanPort(Protocol):
 
     def send(self, frame: CanFrame) -> None:
         """Queue `frame` for transmission; returns at once."""
+
+    def send_all(self, frames: Iterable[CanFrame]) -> None:
+        """Queue several frames, in their order."""
 
     def detach(self) -> None:
         """Leave the segment for good; queued frames are lost."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from fieldbus.can.frame import CanFrame, FrameReceiver
@@ -42,6 +43,11 @@ class LivePort:
 
         """
         self.segment.submit(self, frame)
+
+    def send_all(self, frames: Iterable[CanFrame]) -> None:
+        """Hand several frames over, in their order; see `send`."""
+        for frame in frames:
+            self.segment.submit(self, frame)
 
     def detach(self) -> None:
         """Leave the segment for good; harmless to repeat."""

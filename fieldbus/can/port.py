@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.can.confinement import WARNING_LIMIT, NodeState
@@ -32,6 +32,8 @@ class Confirmation:
 
     __slots__ = ("receive",)
 
+    mailboxes: Final = None
+
     def __init__(self, confirm: FrameReceiver) -> None:
         self.receive = confirm
 
@@ -60,6 +62,7 @@ class MediumPort:
         "joining",
         "listen_only",
         "listening",
+        "mailboxes",
         "medium",
         "name",
         "not_before_ns",
@@ -76,6 +79,7 @@ class MediumPort:
         "recovery_count",
         "recovery_from_ns",
         "recovery_timer",
+        "routes",
         "state",
         "tec",
         "tx_buffers",
@@ -132,6 +136,8 @@ class MediumPort:
         self.receive: FrameReceiver = deaf
         self.confirmation = None if confirm is None else Confirmation(confirm)
         self.receivers: tuple[MediumPort | Confirmation, ...] = ()
+        self.mailboxes: Mapping[int, FrameReceiver] | None = None
+        self.routes: dict[int, FrameReceiver] = {}  # who takes the frames of this port, by arbitration field
         self.acknowledged = False
         self.queue: list[Entry] = []
         self.dead_sequence = 0  # entries up to this number must not return to the queue
@@ -147,7 +153,21 @@ class MediumPort:
             BusError: The port is detached or listens only, or the frame is no classical CAN frame.
 
         """
-        self.medium.submit(self, frame)
+        self.medium.submit(self, (frame,))
+
+    def send_all(self, frames: Iterable[CanFrame]) -> None:
+        """Queue several frames at once; see `send`."""
+        self.medium.submit(self, frames)
+
+    def accept(self, mailboxes: Mapping[int, FrameReceiver]) -> None:
+        """Take good data frames with 11-bit identifiers by these tables from now on, and no others (acceptance filter).
+
+        What is in no table is not handed over at all; frames with 29-bit identifiers, remote frames, and all frames while
+        their reception is delayed go to the receiver of the port, which has to do the same with them. Call it again
+        when the table has changed.
+        """
+        self.mailboxes = None if self._delayed else mailboxes
+        self.medium.routes_changed()
 
     def detach(self) -> None:
         """Leave the segment for good; queued frames are lost. Harmless to repeat."""
@@ -211,6 +231,7 @@ class MediumPort:
         if value and self._delayed is None:
             self._delayed = self.handler
             self.handler = self._receive_late
+            self.mailboxes = None
         self.medium.ports_changed()
 
     def _receive_late(self, frame: CanFrame, time_ns: int) -> None:

@@ -26,6 +26,7 @@ CRC_POLYNOMIAL: Final = 0x4599
 # A stuff table has, for the run of equal bits that the wire shows so far, one entry per next byte: the table
 # of the run after it and the stuff bits inserted meanwhile.
 _StuffTable = list[tuple["_StuffTable", int]]
+# Behind its 256 bytes a table has, for 7 bits more (the rest of a checksum behind its first byte), the stuff bits alone.
 _Run = tuple[int, int]  # last bit, how many of it in a row (1..4)
 
 _RUNS: Final[tuple[_Run, ...]] = tuple((bit, length) for bit in (0, 1) for length in (1, 2, 3, 4))
@@ -45,16 +46,15 @@ def _advance(run: _Run, value: int, width: int) -> tuple[_Run, int]:
     return (last, length), stuffed
 
 
-def _build_stuff_tables() -> tuple[dict[_Run, _StuffTable], dict[int, list[int]]]:
+def _build_stuff_tables() -> dict[_Run, _StuffTable]:
     nibbles = {run: [_advance(run, value, 4) for value in range(16)] for run in _RUNS}
     tables: dict[_Run, _StuffTable] = {run: [] for run in _RUNS}
     for run, table in tables.items():
         for high, high_stuffed in nibbles[run]:
             for low, low_stuffed in nibbles[high]:
                 table.append((tables[low], high_stuffed + low_stuffed))
-    # The checksum ends with 7 bits after its first byte; keyed by the identity of the byte table of the run.
-    tails = {id(table): [_advance(run, value, 7)[1] for value in range(128)] for run, table in tables.items()}
-    return tables, tails
+        table += [(table, _advance(run, value, 7)[1]) for value in range(128)]
+    return tables
 
 
 def _build_crc_table() -> tuple[int, ...]:
@@ -76,7 +76,7 @@ def _build_position_tables() -> list[tuple[int, ...]]:
     return tables
 
 
-_STUFF, _STUFF_TAIL = _build_stuff_tables()
+_STUFF = _build_stuff_tables()
 _CRC = _build_crc_table()
 _P0, _P1, _P2, _P3, _P4, _P5, _P6, _P7 = _build_position_tables()
 
@@ -122,12 +122,7 @@ def timing_of(can_id: int, data: bytes, extended: bool, remote: bool, dlc: int) 
     """
     key, crc, crc_8, stuff, bits = _header(can_id, extended, remote, dlc)
     length = len(data)
-    if length != (0 if remote else min(dlc, 8)):
-        raise BusError(
-            f"a {'remote' if remote else 'data'} frame with DLC {dlc} carries "
-            f"{0 if remote else min(dlc, 8)} data bytes, not {length}"
-        )
-    if length == 8:  # the usual case, twice as fast without the loop
+    if length == dlc == 8 and not remote:  # the usual case, twice as fast without the loop
         a, b, c, d, e, f, g, h = data
         crc = crc_8 ^ _P7[a] ^ _P6[b] ^ _P5[c] ^ _P4[d] ^ _P3[e] ^ _P2[f] ^ _P1[g] ^ _P0[h]
         stuff, i = stuff[a]
@@ -138,15 +133,20 @@ def timing_of(can_id: int, data: bytes, extended: bool, remote: bool, dlc: int) 
         stuff, n = stuff[f]
         stuff, o = stuff[g]
         stuff, p = stuff[h]
-        bits += 64 + i + j + k + q + m + n + o + p
-    else:
-        bits += 8 * length
-        for byte in data:
-            crc = crc << 8 & 0x7FFF ^ _CRC[crc >> 7 ^ byte]
-            stuff, stuffed = stuff[byte]
-            bits += stuffed
+        stuff, r = stuff[crc >> 7]
+        return key, bits + 64 + i + j + k + q + m + n + o + p + r + stuff[256 + (crc & 0x7F)][1]
+    if length != (0 if remote else min(dlc, 8)):
+        raise BusError(
+            f"a {'remote' if remote else 'data'} frame with DLC {dlc} carries "
+            f"{0 if remote else min(dlc, 8)} data bytes, not {length}"
+        )
+    bits += 8 * length
+    for byte in data:
+        crc = crc << 8 & 0x7FFF ^ _CRC[crc >> 7 ^ byte]
+        stuff, stuffed = stuff[byte]
+        bits += stuffed
     stuff, stuffed = stuff[crc >> 7]
-    return key, bits + stuffed + _STUFF_TAIL[id(stuff)][crc & 0x7F]
+    return key, bits + stuffed + stuff[256 + (crc & 0x7F)][1]
 
 
 def frame_bits(frame: CanFrame) -> int:

@@ -77,6 +77,7 @@ class ErrorHandling(Arbitration):
             others: list[MediumPort] = [other for other in ears if other is not port]
             port.acknowledged = any(other.acknowledges and not other.listen_only for other in others)
             port.receivers = (*others, port.confirmation) if port.confirmation is not None else tuple(others)
+            port.routes = {}
         self._assess()
 
     def _assess(self) -> None:

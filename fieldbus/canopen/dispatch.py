@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 from fieldbus.can.frame import CanFrame
 
@@ -15,9 +15,11 @@ Route = tuple[int, bool, FrameHandler]
 class Dispatcher:
     """Tables from identifier to handler, made anew when state or configuration change; one look-up per frame."""
 
-    __slots__ = ("_data", "_extended", "_remote", "_remote_extended")
+    __slots__ = ("_data", "_extended", "_remote", "_remote_extended", "on_change")
 
     def __init__(self) -> None:
+        self.on_change: Callable[[Mapping[int, FrameHandler]], None] | None = None
+        """Told of the table for data frames with 11-bit identifiers when it has changed."""
         self._data: dict[int, FrameHandler] = {}
         self._extended: dict[int, FrameHandler] = {}
         self._remote: dict[int, FrameHandler] = {}
@@ -38,6 +40,8 @@ class Dispatcher:
         """Put new tables in force; services that share an identifier all get the frame, in the given order."""
         self._data, self._extended = _tables(data)
         self._remote, self._remote_extended = _tables(remote)
+        if self.on_change is not None:
+            self.on_change(self._data)
 
 
 def _tables(routes: Iterable[Route]) -> tuple[dict[int, FrameHandler], dict[int, FrameHandler]]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Final
 
-from fieldbus.can.frame import CanFrame, CanSegment
+from fieldbus.can.frame import CanFrame, CanSegment, FrameReceiver
 from fieldbus.canopen.nmt import COB_EMCY, COB_ERROR_CONTROL, COB_NMT, COB_SYNC, NmtCommand, NmtState
 from fieldbus.canopen.node import RemoteNode
 from fieldbus.canopen.node_setup import NodeSetup
@@ -47,10 +47,12 @@ class CanopenMaster:
     """
 
     __slots__ = (
+        "_accept",
         "_clients",
         "_frame_ns",
         "_heartbeat",
         "_history",
+        "_mailboxes",
         "_nodes",
         "_port",
         "_sdo_active",
@@ -97,13 +99,24 @@ class CanopenMaster:
         self._sync_next = 0
         self.sync_count = 0
         """SYNCs sent since construction."""
+        self._mailboxes: dict[int, FrameReceiver] = {}
         self._port = segment.attach(name, self._receive)
+        # A controller in virtual time looks up itself who takes a frame.
+        self._accept: Callable[[Mapping[int, FrameReceiver]], None] | None = getattr(
+            self._port, "accept", None
+        )
+        if self._accept is not None:
+            self._accept(self._mailboxes)
 
     # -- frames -----------------------------------------------------------------------------------------------
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Queue a data frame with an 11-bit identifier."""
         self._port.send(CanFrame(cob_id, data))
+
+    def send_all(self, frames: Iterable[CanFrame]) -> None:
+        """Queue several frames."""
+        self._port.send_all(frames)
 
     def send_remote(self, cob_id: int, dlc: int = 0) -> None:
         """Queue a remote frame: a guarding request or a PDO request."""
@@ -115,16 +128,24 @@ class CanopenMaster:
         `data` is what came on the wire, of any length: the callback must not trust it.
         """
         subscribers = self._subscribers
-        subscribers[cob_id] = (*subscribers.get(cob_id, ()), callback)
+        self._subscribe(cob_id, (*subscribers.get(cob_id, ()), callback))
 
         def remove() -> None:
-            rest = tuple(other for other in subscribers.get(cob_id, ()) if other is not callback)
-            if rest:
-                subscribers[cob_id] = rest
-            else:
-                subscribers.pop(cob_id, None)
+            self._subscribe(
+                cob_id, tuple(other for other in subscribers.get(cob_id, ()) if other is not callback)
+            )
 
         return remove
+
+    def _subscribe(self, cob_id: int, callbacks: tuple[DataCallback, ...]) -> None:
+        if not callbacks:
+            self._subscribers.pop(cob_id, None)
+            self._mailboxes.pop(cob_id, None)
+        else:
+            self._subscribers[cob_id] = callbacks
+            self._mailboxes[cob_id] = _only(callbacks[0]) if len(callbacks) == 1 else self._receive
+        if self._accept is not None:
+            self._accept(self._mailboxes)
 
     def _receive(self, frame: CanFrame, time_ns: int) -> None:
         callbacks = self._subscribers.get(frame.can_id)
@@ -371,3 +392,12 @@ class CanopenMaster:
                 self._watches.remove(watch)
 
         return end
+
+
+def _only(callback: DataCallback) -> FrameReceiver:
+    """Return what gives the data of a frame to a callback."""
+
+    def take(frame: CanFrame, time_ns: int) -> None:
+        callback(frame.data, time_ns)
+
+    return take

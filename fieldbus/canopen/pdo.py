@@ -85,13 +85,14 @@ class Pdo:
 class ReceivePdo(Pdo):
     """One RPDO: checks the length, waits for SYNC when synchronous, stores."""
 
-    __slots__ = ("_apply", "_deadline_ns", "_last_ns", "_timed_out", "_timer", "effective", "pending", "size", "watchers")  # fmt: skip
+    __slots__ = ("_deadline_ns", "_last_ns", "_timed_out", "_timer", "apply", "effective", "pending", "size", "watchers")  # fmt: skip
 
     receive = True
 
     def __init__(self, engine: PdoEngine, number: int, key: int, map_key: int) -> None:
         super().__init__(engine, number, key, map_key)
-        self._apply: Applier = _no_effect
+        self.apply: Applier = _no_effect
+        """Stores a payload of the right length."""
         self._deadline_ns = 0
         self._last_ns = 0
         self._timed_out = False
@@ -106,7 +107,7 @@ class ReceivePdo(Pdo):
 
     def compile(self, apply: Applier) -> None:
         """Put a new mapping in force."""
-        self._apply = apply
+        self.apply = apply
         self.size = 8 if self.multiplex else self.layout.size
         self._deadline_ns = self.engine.store.values.get(self.key | 5, 0) * MS
         if self._timed_out and not (self.valid and self._deadline_ns):
@@ -133,16 +134,18 @@ class ReceivePdo(Pdo):
         if data is None:
             return
         self.effective += 1
-        self._apply(data)
+        self.apply(data)
         if self.watchers:
             self.engine.mark(self.watchers)
 
     def on_sync_frame(self, frame: CanFrame, time_ns: int) -> None:
         """Take a frame of types 0 to 240: effective with the next SYNC, unless it comes after the window."""
-        data = self._accepted(frame.data, time_ns)
-        if data is None:
-            return
+        data: bytes | None = frame.data
         engine = self.engine
+        if len(frame.data) != self.size or self._deadline_ns or engine.length_errors:
+            data = self._accepted(frame.data, time_ns)
+            if data is None:
+                return
         if engine.window_ns and engine.sync_ns >= 0 and time_ns - engine.sync_ns > engine.window_ns:
             return
         self.pending = data
@@ -173,14 +176,6 @@ class ReceivePdo(Pdo):
         if self.multiplex:
             return self.on_multiplex_frame
         return self.on_sync_frame if self.synchronous else self.on_event_frame
-
-    def latch(self, data: bytes) -> None:
-        """Make `data` effective."""
-        self.pending = None
-        self.effective += 1
-        self._apply(data)
-        if self.watchers:
-            self.engine.mark(self.watchers)
 
     def _fed(self, time_ns: int) -> None:
         self._last_ns = time_ns
@@ -219,6 +214,7 @@ class TransmitPdo(Pdo):
         "_start",
         "_started",
         "dirty",
+        "frame",
         "last",
         "sample",
     )
@@ -228,6 +224,8 @@ class TransmitPdo(Pdo):
         self.sample: Sampler = _no_payload
         self.last: bytes | None = None
         """Payload sent last since Operational was entered."""
+        self.frame: CanFrame | None = None
+        """Frame that a SYNC has sent last: good for the next one while the values are the same."""
         self.dirty = False
         """An object may have changed; looked at when the present instant ends."""
         self._counter = 0
@@ -256,6 +254,7 @@ class TransmitPdo(Pdo):
         """Put new parameters in force; with `restart` counters, timers and events start anew."""
         values = self.engine.store.values
         self.sample = sample
+        self.frame = None
         self._inhibit_ns = values.get(self.key | 3, 0) * 100_000 if self.kind >= 254 else 0
         self._period_ns = values.get(self.key | 5, 0) * MS if self.kind >= 254 else 0
         self._start = values.get(self.key | 6, 0) if 1 <= self.kind <= 240 else 0

@@ -30,6 +30,7 @@ class PdoEngine:
         scheduler: Time.
         store: Values and access.
         send: Puts a frame on the bus.
+        send_all: Puts several frames on the bus.
         on_change: Called after any change that alters which frames the slave listens to.
         emcy: Raises an error by code.
         emcy_clear: Ends an error by code.
@@ -46,6 +47,7 @@ class PdoEngine:
         "_on_timeout",
         "_other_sync",
         "_scanned",
+        "_send_all",
         "_stale",
         "_sync_receive",
         "_watchers",
@@ -70,6 +72,7 @@ class PdoEngine:
         store: ObjectStore,
         send: Callable[[CanFrame], None],
         *,
+        send_all: Callable[[Iterable[CanFrame]], None],
         on_change: Callable[[], None],
         emcy: Callable[[int], object],
         emcy_clear: Callable[[int], object],
@@ -78,6 +81,7 @@ class PdoEngine:
         self.scheduler = scheduler
         self.store = store
         self.send = send
+        self._send_all = send_all
         self._on_change = on_change
         self._emcy = emcy
         self._emcy_clear = emcy_clear
@@ -223,14 +227,22 @@ class PdoEngine:
         for pdo in self._sync_receive:
             data = pdo.pending
             if data is not None:
-                pdo.latch(data)
+                pdo.pending = None
+                pdo.effective += 1
+                pdo.apply(data)
+                if pdo.watchers:
+                    self.mark(pdo.watchers)
 
     def on_sync(self, counter: int) -> None:
         """Sample and send the synchronous TPDOs."""
-        send = self.send
+        frames = []
         for pdo in self._each_sync:
             pdo.last = payload = pdo.sample()
-            send(CanFrame(pdo.can_id, payload))
+            frame = pdo.frame
+            if frame is None or frame.data != payload:
+                pdo.frame = frame = CanFrame(pdo.can_id, payload)
+            frames.append(frame)
+        self._send_all(frames)
         for pdo in self._other_sync:
             pdo.on_sync(counter)
 

@@ -138,6 +138,8 @@ class CanopenSlave(DeviceAccess):
         self._dispatcher = Dispatcher()
         self._port = segment.attach(name, self._dispatcher.receive)
         self._port.online = False
+        # A controller in virtual time looks up itself who takes a frame.
+        self._dispatcher.on_change = getattr(self._port, "accept", None)
         # Ports of a virtual segment tell when the error state of their controller changes.
         listeners = getattr(self._port, "on_state", None)
         if isinstance(listeners, list):
@@ -163,6 +165,7 @@ class CanopenSlave(DeviceAccess):
             scheduler,
             store,
             send,
+            send_all=self._port.send_all,
             on_change=self._rebuild,
             emcy=communication.raise_error,
             emcy_clear=self.errors.clear,

@@ -176,13 +176,18 @@ class SyncService:
         self._monitor = self._scheduler.at(max(due_ns, self._scheduler.now), self._overdue)
 
     def _overdue(self) -> None:
+        monitor = self._monitor
         self._monitor = None
         if not self._timeout_ns:
             return
         now = self._scheduler.now
         due = self.time_ns + self._timeout_ns
         if due > now:
-            self._arm(due)
+            if monitor is None:
+                self._arm(due)
+            else:
+                self._monitor = monitor
+                self._scheduler.again(monitor, due)
             return
         # Monitoring goes on with the next SYNC: one report for each gap.
         self.lost += 1

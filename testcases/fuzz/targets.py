@@ -6,7 +6,7 @@ import math
 import re
 import struct
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from copy import copy
 from functools import cache, partial
 from typing import Any, Final
@@ -90,6 +90,10 @@ class Loose:
         promise(0 <= frame.can_id <= (0x1FFFFFFF if frame.extended else 0x7FF), "an identifier out of range")
         self.judge(frame)
         self.heard.append(frame)
+
+    def send_all(self, frames: Iterable[CanFrame]) -> None:
+        for frame in frames:
+            self.send(frame)
 
     def detach(self) -> None:
         pass

@@ -148,11 +148,11 @@ def test_event_per_frame(scheduler, medium):
     """A saturated segment costs the scheduler one event per frame."""
     a, b = Node(medium, "a"), Node(medium, "b")
     count = 0
-    enter = scheduler.at
+    enter = scheduler.again
 
     for number in range(100):
         a.send(CanFrame(0x100 + number, bytes(8)))
-    medium._at = lambda *arguments, **options: (counted(), enter(*arguments, **options))[1]
+    medium._again = lambda *arguments: (counted(), enter(*arguments))[1]
 
     def counted():
         nonlocal count

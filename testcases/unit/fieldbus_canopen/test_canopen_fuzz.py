@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import deque
+from collections.abc import Iterable
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -44,6 +45,10 @@ class Wire:
         assert len(frame.data) <= 8
         self.sent += 1
         self.heard.append(frame)
+
+    def send_all(self, frames: Iterable[CanFrame]) -> None:
+        for frame in frames:
+            self.send(frame)
 
     def detach(self) -> None:
         pass

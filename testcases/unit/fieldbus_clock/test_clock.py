@@ -439,3 +439,19 @@ class TestRealtime:
 def test_seconds_to_ns(seconds, ns):
     """Seconds become the nearest whole nanosecond."""
     assert seconds_to_ns(seconds) == ns
+
+
+def test_an_event_that_has_fired_can_be_entered_again():
+    """A handle that has fired serves again, fires behind what was entered before it, and can be cancelled."""
+    scheduler = VirtualScheduler()
+    fired: list[tuple[str, int]] = []
+    timer = scheduler.at(10, lambda: fired.append(("again", scheduler.now)))
+    scheduler.run_for(10)
+    scheduler.at(30, lambda: fired.append(("other", scheduler.now)))
+    scheduler.again(timer, 30)
+    assert timer.due_ns == 30
+    scheduler.run_for(30)
+    scheduler.again(timer, 50)
+    timer.cancel()
+    scheduler.run_for(30)
+    assert fired == [("again", 10), ("other", 30), ("again", 30)]
