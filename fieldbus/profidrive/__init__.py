@@ -17,6 +17,7 @@ from fieldbus.profidrive.formats import (
 from fieldbus.profidrive.telegrams import (
     FREE_CONFIGURATION,
     NUMBERS,
+    SAFETY_TELEGRAMS,
     SIGNALS,
     WITH_750,
     Layout,
@@ -52,6 +53,7 @@ __all__ = [
     "N2_ONE",
     "N4_ONE",
     "NUMBERS",
+    "SAFETY_TELEGRAMS",
     "POS_STW1",
     "POS_STW2",
     "POS_ZSW1",

@@ -44,11 +44,11 @@ SIGNALS: Final[dict[str, Kind]] = {
         ),
         "n2",
     ),
-    **dict.fromkeys(("NSOLL_B", "NIST_B"), "n4"),
+    **dict.fromkeys(("NSOLL_B", "NIST_B", "S_V_LIMIT_B"), "n4"),
     **dict.fromkeys(
         (
             "G1_XIST1", "G1_XIST2", "G2_XIST1", "G2_XIST2", "XERR", "KPC", "MDI_TARPOS", "MDI_VELOCITY", "XIST_A",
-            "VIST_A", "MDI_ACC_32", "MDI_DEC_32", "REF_COORDINATE", "RESERVED_32", "S_V_LIMIT_B",
+            "VIST_A", "MDI_ACC_32", "MDI_DEC_32", "REF_COORDINATE", "RESERVED_32",
         ),
         "int32",
     ),
@@ -213,11 +213,11 @@ class Telegram:
             TelegramError: The supplement is none, or this telegram does not take it.
 
         """
-        if number != 750 or self.number not in WITH_750:
-            raise TelegramError(
-                f"telegram {number} does not supplement telegram {self.number}; 750 supplements "
-                f"{', '.join(map(str, sorted(WITH_750)))}"
+        if number not in _SUPPLEMENTED or self.number not in _SUPPLEMENTED[number]:
+            rules = "; ".join(
+                f"{one} supplements {', '.join(map(str, sorted(of)))}" for one, of in _SUPPLEMENTED.items()
             )
+            raise TelegramError(f"telegram {number} does not supplement telegram {self.number}; {rules}")
         other = telegram(number)
         return Telegram(self.number, self.setpoint + other.setpoint, self.actual + other.actual)
 
@@ -227,6 +227,10 @@ class Telegram:
 
 WITH_750: Final = frozenset({1, 2, 3, 4, 5, 6, 102, 103, 105, 106})
 """Telegrams that 750 may supplement (CFG-214)."""
+SAFETY_TELEGRAMS: Final = (700, 701)
+"""Supplements with the safety information channel (PD-028)."""
+_WITH_SAFETY: Final = WITH_750 | {7, 9, 20, 110, 111, 112, 999}
+_SUPPLEMENTED: Final = {750: WITH_750, 700: _WITH_SAFETY, 701: _WITH_SAFETY}
 
 _ENCODER_1: Final = "G1_ZSW G1_XIST1 G1_XIST2"
 _ENCODER_2: Final = "G2_ZSW G2_XIST1 G2_XIST2"

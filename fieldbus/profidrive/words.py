@@ -207,6 +207,38 @@ class G_ZSW(IntEnum):  # noqa: N801
     ERROR = 0x8000
 
 
+class S_ZSW1B(IntEnum):  # noqa: N801
+    """Status word 1 of the safety information channel (CFG-471 to CFG-493); bits 9 and 10 are the level of SLS."""
+
+    STO_ACTIVE = 0x0001
+    SS1_ACTIVE = 0x0002
+    SS2_ACTIVE = 0x0004
+    SOS_ACTIVE = 0x0008
+    SLS_ACTIVE = 0x0010
+    SOS_SELECTED = 0x0020
+    SLS_SELECTED = 0x0040
+    INTERNAL_EVENT = 0x0080
+    SLA_SELECTED = 0x0100
+    SDI_POSITIVE_SELECTED = 0x1000
+    SDI_NEGATIVE_SELECTED = 0x2000
+    MESSAGE = 0x8000
+
+
+class S_ZSW2B(IntEnum):  # noqa: N801
+    """Status word 2 of the safety information channel (CFG-494 to CFG-496)."""
+
+    SLP_RANGE_2 = 0x0010
+    SLP_SELECTED = 0x0080
+    SDI_POSITIVE_SELECTED = 0x0100
+    SDI_NEGATIVE_SELECTED = 0x0200
+
+
+class S_ZSW3B(IntEnum):  # noqa: N801
+    """Status word 3 of the safety information channel (CFG-479)."""
+
+    SS2E_ACTIVE = 0x0800
+
+
 COMMAND_MASK: Final = 0x0070
 """Command in Gx_STW: 0 none, 1 activate, 2 read, 3 cancel."""
 COMMAND_SHIFT: Final = 4
@@ -238,6 +270,7 @@ _FLAGS: Final[dict[str, type[IntEnum]]] = {
     "STW1": STW1, "ZSW1": ZSW1, "STW2": STW2, "ZSW2": ZSW2, "MELDW": MELDW, "STW2_ENC": STW2_ENC, "ZSW2_ENC": ZSW2_ENC,
     "POS_STW1": POS_STW1, "POS_STW2": POS_STW2,
     "POS_ZSW1": POS_ZSW1, "POS_ZSW2": POS_ZSW2, "G1_STW": G_STW, "G2_STW": G_STW, "G1_ZSW": G_ZSW, "G2_ZSW": G_ZSW,
+    "S_ZSW1B": S_ZSW1B, "S_ZSW2B": S_ZSW2B, "S_ZSW3B": S_ZSW3B,
 }  # fmt: skip
 _WITH_SIGN_OF_LIFE: Final = frozenset({"STW2", "ZSW2", "STW2_ENC", "ZSW2_ENC", "CU_STW1", "CU_ZSW1"})
 

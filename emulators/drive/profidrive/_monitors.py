@@ -45,7 +45,7 @@ class Monitors:
         now = drive.scheduler.now
         if drive.power.update(now):
             self.look_at_models()
-        if drive.safety.braking:
+        if drive.safety.watching:
             drive.safety.watch()
         if drive.controlled_cyclically:
             self._look_at_bus(now)

@@ -83,7 +83,17 @@ def _position(drive: ProfidriveDrive) -> dict[str, Getter]:
     }
 
 
-FAMILIES: Final[tuple[Family, ...]] = (_status, _speed, _torque, _encoders, _position)
+def _safety(drive: ProfidriveDrive) -> dict[str, Getter]:
+    safety, settings = drive.safety, drive.settings
+    return {
+        "S_ZSW1B": safety.s_zsw1b,
+        "S_ZSW2B": safety.s_zsw2b,
+        "S_ZSW3B": safety.s_zsw3b,
+        "S_V_LIMIT_B": lambda: to_n4(safety.speed_limit() / (settings.reference_speed_rpm * RPM)),
+    }
+
+
+FAMILIES: Final[tuple[Family, ...]] = (_status, _speed, _torque, _encoders, _position, _safety)
 
 
 def getters(drive: ProfidriveDrive, names: Iterable[str]) -> tuple[Getter, ...]:

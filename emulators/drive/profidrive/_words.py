@@ -120,7 +120,7 @@ class StatusWords:
         stw1 = drive.stw1
         if stw1 & 0x0002 and not off & _OFF2:
             word |= _NO_OFF2
-        if stw1 & 0x0004 and not off & _OFF3 and state is not AxisState.S5B:
+        if stw1 & 0x0004 and not (off & _OFF3 or drive.safety.holding) and state is not AxisState.S5B:
             word |= _NO_OFF3
         if faults.present:
             word |= _FAULT

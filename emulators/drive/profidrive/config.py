@@ -16,12 +16,13 @@ from emulators.drive.machine import (
     check_number,
 )
 from emulators.drive.profidrive.positioner_config import PositionerSettings
+from emulators.drive.profidrive.safe_motion import SafeMotionConfig
 from emulators.drive.supply import SupplyConfig
 from emulators.drive.thermal import ThermalConfig
 from emulators.encoder.profidrive import EncoderFormat
 from fieldbus.clock import MS, US
 from fieldbus.errors import ConfigurationError
-from fieldbus.profidrive import FREE_CONFIGURATION, Telegram, free_telegram, telegram
+from fieldbus.profidrive import FREE_CONFIGURATION, SAFETY_TELEGRAMS, Telegram, free_telegram, telegram
 
 POSITION_TELEGRAMS = (7, 9, 110, 111, 112)
 """Telegrams of the basic positioner, which go with operating mode 2 (PD-032)."""
@@ -109,6 +110,7 @@ class ProfidriveConfig:
     Args:
         telegram: Number, one of `AXIS_TELEGRAMS`.
         torque_telegram: Supplement 750 behind it.
+        safety_telegram: Supplement 700 or 701 behind them, the safety information channel; None = neither.
         free_setpoint: Signals of telegram 999, from the controller.
         free_actual: Signals of telegram 999, to the controller.
         isochronous: Operation with clock and sign of life; None = wherever the telegram has one (CFG-190) and leads the speed.
@@ -128,6 +130,7 @@ class ProfidriveConfig:
         supply: DC link and mains.
         thermal: Temperatures and overload.
         safety: Safety inputs; an interlock is not among them.
+        safe_motion: Safe motion functions.
         power_on_delay_s: From S3 to S4, s (PD-103).
         blocked_time_s: Torque limit at standstill for this long is F07900, s; 0 = not watched.
         input_filter_s: A limit or home switch counts when it has been stable for this long, s.
@@ -141,6 +144,7 @@ class ProfidriveConfig:
 
     telegram: int = 3
     torque_telegram: bool = False
+    safety_telegram: int | None = None
     free_setpoint: tuple[str, ...] = ()
     free_actual: tuple[str, ...] = ()
     isochronous: bool | None = None
@@ -160,6 +164,7 @@ class ProfidriveConfig:
     supply: SupplyConfig = field(default_factory=SupplyConfig)
     thermal: ThermalConfig = field(default_factory=ThermalConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
+    safe_motion: SafeMotionConfig = field(default_factory=SafeMotionConfig)
     power_on_delay_s: float = 0.0
     blocked_time_s: float = 0.0
     input_filter_s: float = 0.0
@@ -176,6 +181,10 @@ class ProfidriveConfig:
                 "operating_mode (PNU 930)",
                 self.settings.operating_mode,
                 f"2 with the telegrams {', '.join(map(str, POSITION_TELEGRAMS))}, 1 or 3 with the others",
+            )
+        if self.safety_telegram not in (None, *SAFETY_TELEGRAMS):
+            raise ConfigurationError(
+                "safety_telegram", self.safety_telegram, ", ".join(map(str, SAFETY_TELEGRAMS))
             )
         if self.servo_period_ns <= 0 or self.control_period_ns % self.servo_period_ns:
             raise ConfigurationError(
@@ -212,7 +221,9 @@ class ProfidriveConfig:
             chosen = free_telegram(self.free_setpoint, self.free_actual)
         else:
             chosen = telegram(self.telegram)
-        return chosen.with_supplement() if self.torque_telegram else chosen
+        if self.torque_telegram:
+            chosen = chosen.with_supplement()
+        return chosen if self.safety_telegram is None else chosen.with_supplement(self.safety_telegram)
 
     @property
     def positions(self) -> bool:

@@ -22,7 +22,7 @@ from emulators.drive.profidrive._monitors import Monitors
 from emulators.drive.profidrive._operation import Operation
 from emulators.drive.profidrive._position_mode import PositionMode
 from emulators.drive.profidrive._probes import ProbeLatch
-from emulators.drive.profidrive._safety import SafetyInputs
+from emulators.drive.profidrive._safety import SafetyFunctions
 from emulators.drive.profidrive._speed_mode import SpeedMode
 from emulators.drive.profidrive._torque import TorqueLimits
 from emulators.drive.profidrive._words import StatusWords
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 _CONTROL_PRIORITY: Final = 1
 """The control cycle follows the servo step of the same instant."""
 _ACKNOWLEDGE: Final = int(STW1.ACKNOWLEDGE)
+_OPEN_BRAKE: Final = int(STW1.OPEN_BRAKE)
 _CONTROL: Final = int(STW1.CONTROL_BY_PLC)
 _SIGN_OF_LIFE_FAILED: Final = 0x0F02
 _NOT_VALID: Final = 0x0001
@@ -131,7 +132,7 @@ class ProfidriveDrive:
         """Called when the digital inputs have changed."""
         self.on_warning: Callable[[], object] = _nothing
         """Called when the warnings have changed."""
-        self.safety = SafetyInputs(self)
+        self.safety = SafetyFunctions(self)
         self.sign_of_life = SignOfLife(tolerance=self.settings.sign_of_life_tolerance)
         speed = SpeedMode(self)
         self.mode: SpeedMode | PositionMode = PositionMode(self, speed.channel) if config.positions else speed
@@ -227,6 +228,7 @@ class ProfidriveDrive:
         self.words.restart()
         self.monitors.restart()
         self.power.restart(self.now_ns)
+        self.safety.restart()
         self.digital_inputs.read()
         self._forget()
         self.refresh()
@@ -243,6 +245,7 @@ class ProfidriveDrive:
         """Begin as after power-on: nobody has spoken to the drive yet."""
         self.sign_of_life.reset()
         self.stw1 = self.stw2 = self.g1_stw = 0
+        self.core.brake.forced_open = False
         self.controlled_cyclically = False
         self._frame = None
         self.row = (0,) * len(self.row)
@@ -276,7 +279,8 @@ class ProfidriveDrive:
         self.act()
         self.g1_words = self.encoder_words.step(self.g1_stw, now)
         if self.operation.machine.state is AxisState.S4:
-            self.mode.lead(self.row)
+            if not self.safety.holding:
+                self.mode.lead(self.row)
             if self.torque.follows_telegram:
                 self.torque.lead()
         self.mode.watch()
@@ -299,6 +303,8 @@ class ProfidriveDrive:
             self.stw1 &= ~_CONTROL
             self.stw2 = self.stw2 & ~SIGN_OF_LIFE_MASK | stw2 & SIGN_OF_LIFE_MASK
             return
+        if (stw1 ^ self.stw1) & _OPEN_BRAKE:
+            self.core.brake.forced_open = bool(stw1 & _OPEN_BRAKE)  # without any condition (PD-056)
         acknowledges = stw1 & ~self.stw1 & _ACKNOWLEDGE
         self.stw1 = stw1
         self.stw2 = stw2

@@ -106,3 +106,9 @@ class DriveWarning(IntEnum):
     STAGE_TEMPERATURE = 30502
     INJECTED = 7850
     MAINS_MISSING = 7840
+    # Messages of the safety functions: they wait for a safe acknowledgement.
+    SAFE_RAMP = 1706
+    SAFE_STANDSTILL = 1707
+    SAFE_SPEED = 1714
+    SAFE_POSITION = 1715
+    SAFE_DIRECTION = 1716
