@@ -113,6 +113,34 @@ class DriveOnBus(MachineFaults, PowerFaults):
         """Demand safe stop 1, or release it: quick stop, then safe torque off."""
         self.drive.safety.set_ss1(active)
 
+    def set_ss2(self, active: bool) -> None:
+        """Demand safe stop 2, or release it: quick stop, then monitored standstill under control."""
+        self.drive.safety.set_ss2(active)
+
+    def set_sos(self, active: bool) -> None:
+        """Select safe operating stop, or deselect it: the standstill is monitored after a delay."""
+        self.drive.safety.set_sos(active)
+
+    def set_sbc(self, active: bool) -> None:
+        """Demand safe brake control, or release it: torque off, and the brake closes."""
+        self.drive.safety.set_sbc(active)
+
+    def set_sls(self, level: int | None) -> None:
+        """Select a level of safely limited speed, or deselect it (None); see `SafetyFunctions.set_sls`."""
+        self.drive.safety.set_sls(level)
+
+    def set_sdi(self, direction: int | None) -> None:
+        """Select safe direction with the permitted one, 1 or -1, or deselect it (None)."""
+        self.drive.safety.set_sdi(direction)
+
+    def set_slp(self, number: int | None) -> None:
+        """Select a range of safely limited position, or deselect it (None); see `SafetyFunctions.set_slp`."""
+        self.drive.safety.set_slp(number)
+
+    def acknowledge_safety(self) -> None:
+        """Acknowledge safety messages safely."""
+        self.drive.safety.acknowledge()
+
     def refuse_transitions(self, *transitions: int) -> None:
         """Refuse S3 to S4 (given as 4); without numbers nothing is refused.
 

@@ -301,10 +301,7 @@ class SafetyFunctions:
             ramp = reaction == _SS2 or not own.ss2_external
             self._ss2 = _Stop(drive, own.ss2_time_s, ramp=ramp, monitored=own.ss2_monitored)
         torque_off = (
-            self.sto_input
-            or self.sbc_input
-            or reaction == _STO
-            or (self._ss1 is not None and self._ss1.done)
+            self.sto_input or self.sbc_input or reaction == _STO or (self._ss1 is not None and self._ss1.done)
         )
         self.holding = self._ss2 is not None and self._ss2.ramp and not torque_off
         if not self.holding:

@@ -245,7 +245,9 @@ def test_selected_safe_brake_control_is_an_off2():
 # -- safe motion monitoring ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.requirement("CFG-457", "CFG-458", "CFG-459", "CFG-463", "CFG-485", "CFG-486", "CFG-487", "CFG-488")
+@pytest.mark.requirement(
+    "CFG-457", "CFG-458", "CFG-459", "CFG-463", "CFG-485", "CFG-486", "CFG-487", "CFG-488"
+)
 def test_safely_limited_speed_with_a_controller_that_reacts():
     """Level 1 of 250 mm/s with 80 %: S_V_LIMIT_B is 1200 rpm of 3000, 1999 999Ah, 200 mm/s; at that speed nothing trips."""
     rig = build(sls_limits=(0.25,), sls_factor=0.8, sls_delay_s=0.2)
@@ -298,9 +300,7 @@ def test_the_limit_of_a_rotary_axis_is_that_of_its_motor():
         ProfidriveConfig.reference(),
         mechanics=RotaryAxisConfig(gear_ratio=10.0),
         safety_telegram=700,
-        safe_motion=SafeMotionConfig(
-            sls_limits=(1.0, 2.0, math.radians(900.0), 50.0), sls_factor=1.0
-        ),
+        safe_motion=SafeMotionConfig(sls_limits=(1.0, 2.0, math.radians(900.0), 50.0), sls_factor=1.0),
     )
     from emulators.drive.profidrive import ProfidriveDrive
     from fieldbus.clock import VirtualScheduler
@@ -319,7 +319,9 @@ def test_the_limit_of_a_rotary_axis_is_that_of_its_motor():
         drive.safety.set_sls(5)
 
 
-@pytest.mark.requirement("CFG-467", "CFG-468", "CFG-490", "CFG-491", "CFG-492", "CFG-493", "CFG-442", "CFG-611")
+@pytest.mark.requirement(
+    "CFG-467", "CFG-468", "CFG-490", "CFG-491", "CFG-492", "CFG-493", "CFG-442", "CFG-611"
+)
 @pytest.mark.parametrize(("direction", "bit"), [(1, 0x1000), (-1, 0x2000)])
 def test_safe_direction(direction, bit):
     """Only the selected direction is permitted: motion against it, still there after the delay, is stopped by the drive."""
@@ -386,7 +388,12 @@ def test_the_channel_follows_the_telegram(channel, setpoints, actual):
     """700 brings three words, 701 two there and five back, behind the telegram and behind 750."""
     config = replace(ProfidriveConfig.reference(), torque_telegram=True, safety_telegram=channel)
     chosen = config.build_telegram()
-    assert chosen.setpoint.names[-len(setpoints) - 3 :] == ("M_ADD1", "M_LIMIT_POS", "M_LIMIT_NEG", *setpoints)
+    assert chosen.setpoint.names[-len(setpoints) - 3 :] == (
+        "M_ADD1",
+        "M_LIMIT_POS",
+        "M_LIMIT_NEG",
+        *setpoints,
+    )
     assert chosen.actual.names[-len(actual) - 1 :] == ("M_ACT", *actual)
     assert chosen.actual.words == 11 + {700: 3, 701: 5}[channel]
 
@@ -415,4 +422,7 @@ def test_words_by_name():
     """A trace names the bits of the channel."""
     from fieldbus.profidrive import describe_word
 
-    assert describe_word("S_ZSW1B", int(S_ZSW1B.SS2_ACTIVE | S_ZSW1B.SOS_ACTIVE)) == "000Ch SS2_ACTIVE SOS_ACTIVE"
+    assert (
+        describe_word("S_ZSW1B", int(S_ZSW1B.SS2_ACTIVE | S_ZSW1B.SOS_ACTIVE))
+        == "000Ch SS2_ACTIVE SOS_ACTIVE"
+    )
