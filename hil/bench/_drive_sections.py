@@ -123,20 +123,13 @@ class ThermalSection(Section):
         )
 
 
-class SafetySection(Section):
-    """`[drive.NAME.safety]`: safety inputs of the drive."""
-
-    sto: Literal["inhibit", "fault"] = "inhibit"
-    ss1_time_ms: Annotated[float, Field(ge=1.0, le=600_000.0)] = 500.0
-    ss1_monitored: bool = True
-    interlock: Literal["none", "inhibit", "quick_stop", "fault"] = "none"
-
-
 class ProfidriveSection(Section):
     """`[drive.NAME.profidrive]`: what a PROFIdrive axis has beside its telegram."""
 
     torque_telegram: bool = False
     """Telegram 750 follows the telegram: additive torque, torque limits, actual torque."""
+    safety_telegram: Literal[700, 701] | None = None
+    """Telegram 700 or 701 follows: the safety information channel."""
     reference_speed_rpm: Annotated[float, Field(ge=6.0, le=210_000.0)] = 3000.0
     """p2000: speed that 4000h stands for."""
     reference_torque_nm: Annotated[float, Field(ge=0.001, le=1_000_000.0)] = 2.0

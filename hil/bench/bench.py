@@ -240,6 +240,7 @@ class Bench(BenchParts):
             words = TelegramConfig(
                 telegram=drive.telegram,
                 torque_telegram=own.torque_telegram,
+                safety_telegram=own.safety_telegram,
                 reference_speed_rpm=own.reference_speed_rpm,
                 reference_torque_nm=own.reference_torque_nm,
                 sign_of_life=drive.telegram != 1,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -14,7 +14,6 @@ from hil.bench._drive_sections import (
     Positive,
     ProfidriveSection,
     RampTime,
-    SafetySection,
     Section,
     SupplySection,
     ThermalSection,
@@ -22,6 +21,10 @@ from hil.bench._drive_sections import (
     Word,
     checked_personality,
 )
+from hil.bench._safety_section import SafetySection
+
+_WORDS: Final = 16
+"""Free process data words of a node in a direction."""
 
 
 class SwitchSection(Section):
@@ -193,6 +196,11 @@ class DriveSection(Section):
                     raise ValueError(
                         f'{key}: a drive with profile = "cia402" has none; set profile = "profidrive"'
                     )
+            beyond = self.safety.beyond
+            if beyond is not None:
+                raise ValueError(
+                    f'safety.{beyond}: a drive with profile = "cia402" has none; set profile = "profidrive"'
+                )
             return self
         for key in CIA402_KEYS:
             if self._differs(key):
@@ -212,9 +220,27 @@ class DriveSection(Section):
                 f"increments_per_revolution: {self.increments_per_revolution} times 4096 revolutions exceed the 32 bits of "
                 f"G1_XIST2; at most {1 << 20}"
             )
-        if self.telegram in (4, 6, 103, 106) and self.node_id > 0x5F:
-            raise ValueError(f"node_id: {self.node_id} with telegram {self.telegram}; at most 95")
+        self._check_words()
         return self
+
+    def _check_words(self) -> None:
+        """Check that the telegram with its supplements finds place on PDOs."""
+        from fieldbus.profidrive import telegram
+
+        words = telegram(self.telegram)
+        names = [str(self.telegram)]
+        if self.profidrive.torque_telegram:
+            words, names = words.with_supplement(), [*names, "750"]
+        if self.profidrive.safety_telegram is not None:
+            words = words.with_supplement(self.profidrive.safety_telegram)
+            names.append(str(self.profidrive.safety_telegram))
+        count = words.actual.words
+        if count > _WORDS:
+            raise ValueError(
+                f"telegram: {' with '.join(names)} has {count} words; at most {_WORDS} on CAN (5810h to 581Fh)"
+            )
+        if count > 12 and self.node_id > 0x5F:
+            raise ValueError(f"node_id: {self.node_id} with telegram {' with '.join(names)}; at most 95")
 
     @model_validator(mode="after")
     def _slopes(self) -> DriveSection:

@@ -55,7 +55,6 @@ def _machine(section: DriveSection) -> dict[str, Any]:
         BrakeConfig,
         EncoderConfig,
         LinearAxisConfig,
-        SafetyConfig,
         SwitchConfig,
     )
     from emulators.drive.tuning import ServoTuning
@@ -119,12 +118,7 @@ def _machine(section: DriveSection) -> dict[str, Any]:
         "supply": section.supply.build(),
         "thermal": section.thermal.build(),
         "thermal_time_constant_s": section.thermal.i2t_time_constant_s,
-        "safety": SafetyConfig(
-            sto=section.safety.sto,
-            ss1_time_s=section.safety.ss1_time_ms / 1000.0,
-            ss1_monitored=section.safety.ss1_monitored,
-            interlock=section.safety.interlock,
-        ),
+        "safety": section.safety.build(),
         "input_filter_s": travel.input_filter_ms / 1000.0,
         "rated_torque_Nm": section.rated_torque_nm,
         "power_on_delay_s": section.power_on_delay_ms / 1000.0,
@@ -184,6 +178,8 @@ def profidrive_config(config: BenchConfig, name: str) -> ProfidriveNodeConfig:
     drive = ProfidriveConfig(
         telegram=section.telegram,
         torque_telegram=own.torque_telegram,
+        safety_telegram=own.safety_telegram,
+        safe_motion=section.safety.build_motion(),
         cycle_ns=config.bench.cycle_ms * MS,
         servo_period_ns=config.bench.servo_period_us * US,
         control_period_ns=max(1 * MS, config.bench.servo_period_us * US),

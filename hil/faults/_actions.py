@@ -76,6 +76,15 @@ class _Pair(NamedTuple):
 _PAIRS: Final[dict[str, _Pair]] = {
     "drive.sto": _Pair("set_sto"),
     "drive.ss1": _Pair("set_ss1"),
+    "safety.ss2": _Pair("set_ss2"),
+    "safety.sos": _Pair("set_sos"),
+    "safety.sbc": _Pair("set_sbc"),
+    "safety.sls": _Pair("set_sls", lambda value: (value("level"),), (None,)),
+    "safety.sdi": _Pair(
+        "set_sdi", lambda value: (1 if value("direction") == "positive" else -1,), (None,)
+    ),
+    "safety.slp": _Pair("set_slp", lambda value: (value("range"),), (None,)),
+    "safety.acknowledge": _Pair("acknowledge_safety", lambda _value: (), None),
     "drive.interlock": _Pair("open_interlock"),
     "drive.heartbeat_loss": _Pair("stop_heartbeat"),
     "drive.heartbeat_late": _Pair("delay_heartbeat", lambda value: (value("delay_s"),), (0.0,)),

@@ -10,6 +10,7 @@ from fieldbus.errors import ConfigurationError
 from hil.faults._can_catalogue import CAN_FAULTS
 from hil.faults._catalogue_drive import DRIVE_FAULTS
 from hil.faults._catalogue_machine import MACHINE_FAULTS, MOTOR_ENCODER_FAULTS
+from hil.faults._catalogue_safety import SAFETY_FAULTS
 from hil.faults._encoder_kinds import ANY_ENCODER, OWN_DEVICE
 from hil.faults._parameters import FaultType, Parameter
 
@@ -96,6 +97,7 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
     ),
     *CAN_FAULTS,
     *DRIVE_FAULTS,
+    *SAFETY_FAULTS,
     *MACHINE_FAULTS,
     *ANY_ENCODER,
     *MOTOR_ENCODER_FAULTS,

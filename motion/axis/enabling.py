@@ -11,6 +11,7 @@ from motion.drives.port import (
     STW1_OFF2_OFF1,
     STW1_OFF3,
     STW1_OFF3_OFF1,
+    STW1,
     STW1_OPERATE,
     ZSW1,
 )
@@ -28,6 +29,7 @@ _REMOVE_ENABLE: Final = {1: STW1_IDLE, 3: STW1_OFF2_OFF1, 5: STW1_OFF3_OFF1, 7: 
 
 _DRIVE_OFF_MASK: Final = ZSW1.READY | ZSW1.OPERATION_ENABLED
 _AUTONOMOUS_MASK: Final = ZSW1.READY_TO_SWITCH_ON | ZSW1.READY | ZSW1.OPERATION_ENABLED | ZSW1.NO_OFF3
+_OPERATES_MASK: Final = ZSW1.OPERATION_ENABLED | ZSW1.NO_OFF3
 
 
 class EnableControl:
@@ -193,6 +195,15 @@ class EnableControl:
                     alarms.raise_alarm(ALARM_AUTONOMOUS)
             else:
                 alarms.raise_alarm(ALARM_DRIVE)
+        elif (
+            expected
+            and zsw1 & _OPERATES_MASK == ZSW1.OPERATION_ENABLED
+            and self.stw1 & STW1.NO_OFF3
+            and port.link_ok
+            and state is not AxisState.TRACKING
+        ):
+            # It brakes, or stands, under its own control: safe stop 2 (CFG-448).
+            alarms.raise_alarm(ALARM_AUTONOMOUS)
 
     def _may_start(self) -> bool:
         axis = self._axis

@@ -38,6 +38,7 @@ class TelegramConfig:
     Args:
         telegram: Number of the telegram, one of `SPEED_TELEGRAMS`.
         torque_telegram: Whether 750 follows it.
+        safety_telegram: 700 or 701, the safety information channel, follows them; None = neither.
         reference_speed_rpm: p2000.
         reference_torque_nm: p2003.
         sign_of_life: Whether both sides watch the counter of the other (CFG-192).
@@ -51,6 +52,7 @@ class TelegramConfig:
 
     telegram: int = 3
     torque_telegram: bool = False
+    safety_telegram: int | None = None
     reference_speed_rpm: float = 3000.0
     reference_torque_nm: float = 2.0
     sign_of_life: bool = True
@@ -66,9 +68,11 @@ class TelegramConfig:
             raise ConfigurationError("drive.telegram", self.telegram, "one with a sign of life (CFG-190)")
 
     def build(self) -> Telegram:
-        """Return the telegram, with its supplement."""
+        """Return the telegram, with its supplements."""
         chosen = telegram(self.telegram)
-        return chosen.with_supplement() if self.torque_telegram else chosen
+        if self.torque_telegram:
+            chosen = chosen.with_supplement()
+        return chosen if self.safety_telegram is None else chosen.with_supplement(self.safety_telegram)
 
 
 class ProfidrivePort(LinkedPort):
@@ -83,9 +87,32 @@ class ProfidrivePort(LinkedPort):
     """
 
     __slots__ = (
-        "_add_at", "_answer", "_encoder_ack", "_fault_number", "_g1_at", "_g1_zsw_at", "_kpc", "_kpc_at", "_m_act_at",
-        "_narrow", "_nist_at", "_nsoll_at", "_pack", "_row", "_sign", "_speed_scale", "_stw2_at", "_unpack", "_watch",
-        "_words", "_xerr", "_xerr_at", "_xist_at", "_zsw2_at", "telegram",
+        "_add_at",
+        "_answer",
+        "_encoder_ack",
+        "_fault_number",
+        "_g1_at",
+        "_g1_zsw_at",
+        "_kpc",
+        "_kpc_at",
+        "_m_act_at",
+        "_narrow",
+        "_nist_at",
+        "_nsoll_at",
+        "_pack",
+        "_place",
+        "_row",
+        "_sign",
+        "_speed_scale",
+        "_stw2_at",
+        "_unpack",
+        "_watch",
+        "_words",
+        "_xerr",
+        "_xerr_at",
+        "_xist_at",
+        "_zsw2_at",
+        "telegram",
     )  # fmt: skip
 
     def __init__(
@@ -127,6 +154,7 @@ class ProfidrivePort(LinkedPort):
         self._g1_zsw_at = place.get("G1_ZSW", -1)
         self._xist_at = place.get("G1_XIST1", -1)
         self._m_act_at = place.get("M_ACT", -1)
+        self._place = place
         self._answer: tuple[int, ...] = (0,) * len(back.names)
 
     # -- what the bus tells -------------------------------------------------------------------------------------
@@ -169,6 +197,18 @@ class ProfidrivePort(LinkedPort):
             self.sensor_fault = bool(g1_zsw & _ENCODER_ERROR)
             if not self.sensor_fault:
                 self.encoder_increments = answer[self._xist_at]
+
+    def actual(self, name: str) -> int:
+        """Return a signal of the last answer as the wire has it, such as `S_ZSW1B`; words are 0..FFFFh.
+
+        Raises:
+            ConfigurationError: The telegram has no such signal.
+
+        """
+        at = self._place.get(name)
+        if at is None:
+            raise ConfigurationError("signal of the telegram", name, ", ".join(self._place))
+        return self._answer[at]
 
     def control_position(self, deviation_increments: float, gain_per_s: float) -> None:
         """See `DrivePort.control_position`: XERR and KPC."""

@@ -32,6 +32,7 @@ def trace_columns(position_unit: str, bus: tuple[str, ...] = ()) -> tuple[tuple[
         ("brake_closed", ""),
         ("fault_number", ""),
         ("warning_number", ""),
+        ("safety", ""),
     )
 
 
@@ -65,4 +66,5 @@ def trace_row(drive: ProfidriveDrive, *bus: float) -> tuple[float, ...]:
         core.brake.holding_torque_Nm > 0.0,
         faults.number,
         faults.warning_number,
+        drive.safety.s_zsw1b(),
     )

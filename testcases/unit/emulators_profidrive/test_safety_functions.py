@@ -315,7 +315,7 @@ def test_the_limit_of_a_rotary_axis_is_that_of_its_motor():
         if level == 3:
             assert answer["S_V_LIMIT_B"] == pytest.approx(0x2000_0000, abs=1)
     assert levels == [0, 1, 2, 3]
-    with pytest.raises(ConfigurationError, match="1..4"):
+    with pytest.raises(ConfigurationError, match=r"1\.\.4"):
         drive.safety.set_sls(5)
 
 
