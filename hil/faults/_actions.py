@@ -80,9 +80,7 @@ _PAIRS: Final[dict[str, _Pair]] = {
     "safety.sos": _Pair("set_sos"),
     "safety.sbc": _Pair("set_sbc"),
     "safety.sls": _Pair("set_sls", lambda value: (value("level"),), (None,)),
-    "safety.sdi": _Pair(
-        "set_sdi", lambda value: (1 if value("direction") == "positive" else -1,), (None,)
-    ),
+    "safety.sdi": _Pair("set_sdi", lambda value: (1 if value("direction") == "positive" else -1,), (None,)),
     "safety.slp": _Pair("set_slp", lambda value: (value("range"),), (None,)),
     "safety.acknowledge": _Pair("acknowledge_safety", lambda _value: (), None),
     "drive.interlock": _Pair("open_interlock"),

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Final
 
 from motion.axis.state import DISABLING, DRIVE_EXPECTED_ON, AxisState
 from motion.drives.port import (
+    STW1,
     STW1_ALL_OFF,
     STW1_IDLE,
     STW1_OFF2_OFF1,
     STW1_OFF3,
     STW1_OFF3_OFF1,
-    STW1,
     STW1_OPERATE,
     ZSW1,
 )
