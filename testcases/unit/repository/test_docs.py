@@ -80,6 +80,8 @@ def in_words(default: object) -> str:
         return "empty"
     if isinstance(default, bool):
         return str(default).lower()
+    if isinstance(default, tuple):
+        return str(list(default))
     return (
         str(default)
         if not isinstance(default, float) or default >= 0.0001 or default <= 0
