@@ -36,6 +36,8 @@ EVENT_KINDS: Final = MappingProxyType(
         "drive.outputs": "digital outputs of the drive change",
         "drive.probe": "a touch probe has latched a position",
         "drive.ready": "the ready output of an analog drive changes",
+        "drive.safety": "S_ZSW1B of a PROFIdrive axis changes",
+        "drive.safety_message": "a safety function of a PROFIdrive axis is violated",
         "drive.state": "the drive changes its state",
         "drive.sync_jitter": "SYNC comes too early or too late",
         "drive.warning": "warnings of the drive change",
