@@ -21,7 +21,11 @@ from motion.instructions import (
     MC_MoveVelocity,
     MC_Power,
     MC_Reset,
+    MC_SetAxisSTW,
     MC_Stop,
+    MC_TorqueAdditive,
+    MC_TorqueLimiting,
+    MC_TorqueRange,
 )
 
 _T = TypeVar("_T", bound=Instruction)
@@ -175,6 +179,22 @@ class AxisHandle:
     def halt_superimposed(self, **inputs: Any) -> MC_HaltSuperimposed:
         """Start `MC_HaltSuperimposed`."""
         return self.run(MC_HaltSuperimposed(self.object, Execute=True, **inputs))
+
+    def torque_additive(self, value: float) -> MC_TorqueAdditive:
+        """Start `MC_TorqueAdditive` with `value`, Nm; end it with `instance.set(Enable=False)`."""
+        return self.run(MC_TorqueAdditive(self.object, Enable=True, Value=value))
+
+    def torque_range(self, upper: float, lower: float) -> MC_TorqueRange:
+        """Start `MC_TorqueRange` with limits in Nm; end it with `instance.set(Enable=False)`."""
+        return self.run(MC_TorqueRange(self.object, Enable=True, UpperLimit=upper, LowerLimit=lower))
+
+    def torque_limiting(self, limit: float = -1.0, *, mode: int = 0) -> MC_TorqueLimiting:
+        """Start `MC_TorqueLimiting` with `limit`, Nm or N; end it with `instance.set(Enable=False)`."""
+        return self.run(MC_TorqueLimiting(self.object, Enable=True, Limit=limit, Mode=mode))
+
+    def set_axis_stw(self, **inputs: Any) -> MC_SetAxisSTW:
+        """Start `MC_SetAxisSTW`."""
+        return self.run(MC_SetAxisSTW(self.object, Execute=True, **inputs))
 
     def halt(self, **inputs: Any) -> MC_Halt:
         """Start `MC_Halt`."""

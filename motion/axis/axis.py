@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from fieldbus.errors import ConfigurationError
 from motion.axis.control import PositionController
+from motion.axis.control_words import ControlWords
 from motion.axis.enabling import EnableControl
 from motion.axis.feedback import VALID, Feedback, Mechanics
 from motion.axis.limits import TravelLimits
@@ -15,6 +16,7 @@ from motion.axis.motion import MotionControl
 from motion.axis.reactions import AxisAlarms
 from motion.axis.state import FACTS, AxisState
 from motion.axis.status import status_word, status_word2
+from motion.axis.torque import TorqueControl
 from motion.drives.port import STW1, ZSW1
 from motion.variables import VariableStore
 
@@ -109,6 +111,7 @@ class TechnologyAxis:
         self.alarms = AxisAlarms(self)
         self.enabling = EnableControl(self)
         self.motion = MotionControl(self)
+        self.control_words = ControlWords(self)
         self.apply_configuration()
         self._live = self._live_variables()
 
@@ -124,6 +127,8 @@ class TechnologyAxis:
         self.feedback = Feedback(self.mechanics, self.cycle_s)
         self.homed = False
         self._dsc = False
+        self.torque = TorqueControl(self)
+        self.control_words.release()
         if self.has_position:
             bind = store.bind
             self._dsc = store.read("PositionControl.EnableDSC")
@@ -232,6 +237,8 @@ class TechnologyAxis:
                             (controller.balanced_position - feedback.position) / self.mechanics.increment,
                             controller.gain,
                         )
+                    if self.torque.detects:
+                        self.torque.step()
                     self.monitoring.step(controlled=True)
                 else:
                     controller.follow(gen.s)
@@ -260,8 +267,17 @@ class TechnologyAxis:
             speed = -limit
         self.speed_output_rpm = speed
         stw1 = enabling.stw1 | STW1.ACKNOWLEDGE if enabling.acknowledge_drive else enabling.stw1
+        words = self.control_words
+        if words.busy:
+            words.step()
+        if words.owned_stw1:
+            stw1 = stw1 & ~words.owned_stw1 | words.user_stw1
         self.stw1_sent = stw1
-        port.write(stw1, speed)
+        torque = self.torque
+        if torque.additive is None:
+            port.write(stw1, speed)
+        else:
+            port.write(stw1, speed, torque.additive_output_nm)
         self.status_word = status_word(self)
         self.status_word2 = status_word2(self)
         self._error_word_shown = self.alarms.engine.error_word
@@ -332,9 +348,12 @@ class TechnologyAxis:
             "ErrorDetail.Number": lambda: engine.number,
             "ErrorDetail.Reaction": lambda: engine.reaction,
             "StatusTorqueData.ActualTorque": lambda: self.port.actual_torque_nm,
+            "StatusTorqueData.CommandAdditiveTorqueActive": lambda: int(self.torque.additive is not None),
+            "StatusTorqueData.CommandTorqueRangeActive": lambda: int(self.torque.range_nm is not None),
         }
         if self.has_position:
             live |= {
+                "StatusTorqueData.TotalTorqueAdditive": lambda: self.torque.total_additive_nm,
                 "Position": lambda: motion.total.s,
                 "ActualPosition": lambda: self.feedback.position,
                 "ActualVelocity": lambda: self.feedback.velocity,
@@ -415,6 +434,7 @@ class PositioningAxis(TechnologyAxis):
             self.motion.superimposed.refresh()
         self.controller.shift(offset)
         self.limits.shift(offset)
+        self.torque.shift(offset)
         self.homed = True
         if mode in (6, 7, 13):
             self.variables.set_internal("StatusSensor[1].Adjusted", 1)

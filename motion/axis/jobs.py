@@ -26,6 +26,20 @@ ERROR_RESTART_ENABLED: Final = 0x800E
 ERROR_LOCKED: Final = 0x800F
 ERROR_JOB_MEMORY: Final = 0x8014
 ERROR_ACTUAL_VALUE: Final = 0x8016
+ERROR_LIMIT: Final = 0x8043
+ERROR_NO_TORQUE_REDUCTION: Final = 0x8044
+ERROR_POSITION_CONTROL: Final = 0x8045
+ERROR_CLAMPED: Final = 0x8046
+ERROR_INTO_STOP: Final = 0x8047
+ERROR_ADDITIVE_TORQUE: Final = 0x804A
+ERROR_UPPER_TORQUE: Final = 0x804B
+ERROR_LOWER_TORQUE: Final = 0x804C
+ERROR_TORQUE_RANGE: Final = 0x804D
+ERROR_EXCLUSIVE_TORQUE: Final = 0x804E
+ERROR_NO_TORQUE_DATA: Final = 0x804F
+ERROR_STW_MASK: Final = 0x8055
+ERROR_NOT_CONTROLLED: Final = 0x8071
+ERROR_UNSPECIFIED: Final = 0x8FFF
 
 
 class JobState(IntEnum):
@@ -53,6 +67,8 @@ class JobClass(IntEnum):
     """`MC_Stop` (H6)."""
     SUPERIMPOSED = 5
     """`MC_MoveSuperimposed`, `MC_HaltSuperimposed` (H7)."""
+    NONE = 6
+    """No motion: not in the table."""
 
 
 class Job:

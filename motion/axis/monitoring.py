@@ -68,6 +68,12 @@ class Monitoring:
 
     def _watch(self, *, first: bool = False) -> None:
         axis = self._axis
+        if axis.torque.relaxes_monitoring:
+            # The setpoint may be far away for good: the motion has ended when the axis stands (STP-148, MC-560).
+            if self.standstill:
+                self._watching = False
+                self._positioned = True
+            return
         inside = abs(axis.feedback.position - axis.motion.total.s) <= self._window.value
         if inside:
             if self._entered:
@@ -119,7 +125,7 @@ class Monitoring:
         if not controlled:
             self._watching = False
             return
-        if self._enable_fe.value:
+        if self._enable_fe.value and not axis.torque.relaxes_monitoring:
             error = abs(axis.controller.following_error)
             minimum = self._fe_min.value
             level = self._fe_level.value * 0.01

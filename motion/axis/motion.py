@@ -60,6 +60,9 @@ class MotionControl(SetpointPlanning):
         active = self.job
         if active is not None and active.job_class is JobClass.STOP:
             return ERROR_LOCKED  # acknowledged before its end, the ramp still belongs to the stop (STP-415)
+        refusal = axis.torque.refuses(job)
+        if refusal:
+            return refusal
         if job.append and active is not None:
             if len(self.queue) >= QUEUE_DEPTH:
                 return ERROR_JOB_MEMORY

@@ -28,7 +28,10 @@ SW_LIMIT_MAX: Final = 1 << 16
 HW_LIMIT_MIN: Final = 1 << 17
 HW_LIMIT_MAX: Final = 1 << 18
 MOVE_SUPERIMPOSED: Final = 1 << 23
+TORQUE_LIMITING_COMMAND: Final = 1 << 26
+IN_LIMITATION: Final = 1 << 27
 NON_POSITION_CONTROLLED: Final = 1 << 28
+IN_CLAMPING: Final = 1 << 30
 
 STOP: Final = 1 << 0
 HALT_SUPERIMPOSED: Final = 1 << 7
@@ -67,6 +70,14 @@ def status_word(axis: TechnologyAxis) -> int:
         word |= CONSTANT_VELOCITY
     elif facts.drive_ramp:
         word |= DECELERATING
+    torque = axis.torque
+    if torque.limiting or torque.range_nm is not None:
+        if torque.limiting:
+            word |= TORQUE_LIMITING_COMMAND
+        if torque.in_limitation:
+            word |= IN_LIMITATION
+        if torque.clamped:
+            word |= IN_CLAMPING
     if axis.has_position:
         if axis.homed:
             word |= HOMING_DONE

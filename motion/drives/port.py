@@ -59,9 +59,14 @@ class DrivePort(ABC):
         "dsc",
         "encoder_increments",
         "encoder_restarts",
+        "has_torque_data",
+        "has_torque_reduction",
         "inputs",
         "link_ok",
         "sensor_fault",
+        "speaks_telegram",
+        "stw2",
+        "torque_limit_reached",
         "zsw1",
     )
 
@@ -85,6 +90,16 @@ class DrivePort(ABC):
         """The drive can control the position itself, with what `control_position` gives (dynamic servo control, CFG-194)."""
         self.drive_fault_code = 0
         """Fault code of the drive, 0 when none."""
+        self.speaks_telegram = False
+        """The drive gets control words 1 and 2 as they are, so that their free bits mean something to it."""
+        self.stw2 = 0
+        """Bits 0 to 11 of control word 2 for the next `write`, where the telegram has it."""
+        self.has_torque_data = False
+        """Additive torque and torque range reach the drive (telegram 750)."""
+        self.has_torque_reduction = False
+        """A torque limit reaches the drive, and it says whether that is reached (telegrams 102, 103, 105, 106)."""
+        self.torque_limit_reached = False
+        """The drive works at the threshold of its torque limit (MELDW bit 1 = 0)."""
 
     @abstractmethod
     def read(self) -> None:
@@ -98,6 +113,14 @@ class DrivePort(ABC):
             gain_per_s: 1/s.
 
         """
+        raise NotImplementedError
+
+    def set_torque_range(self, upper: float, lower: float) -> None:
+        """Limit the torque, shares of the reference torque; where `has_torque_data`."""
+        raise NotImplementedError
+
+    def limit_torque(self, share: float | None) -> None:
+        """Limit the torque in both directions to a share of the reference torque, 0..1, or not; where `has_torque_reduction`."""
         raise NotImplementedError
 
     @abstractmethod

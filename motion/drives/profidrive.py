@@ -13,7 +13,7 @@ from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import Telegram, telegram
 from fieldbus.profidrive.formats import N2_ONE, N4_ONE, from_n2, to_kpc, to_n2, to_n4
 from fieldbus.profidrive.sign_of_life import SignWatch, next_sign
-from fieldbus.profidrive.words import G_STW, G_ZSW, SIGN_OF_LIFE_SHIFT, STW1
+from fieldbus.profidrive.words import G_STW, G_ZSW, MELDW, SIGN_OF_LIFE_SHIFT, STW1
 from motion.drives._link import LinkConfig, LinkedPort
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ _CONTROL: Final = int(STW1.CONTROL_BY_PLC)
 _ACKNOWLEDGE: Final = int(STW1.ACKNOWLEDGE)
 _ENCODER_ERROR: Final = int(G_ZSW.ERROR | G_ZSW.PARKING)
 _ENCODER_ACKNOWLEDGE: Final = int(G_STW.ACKNOWLEDGE)
+_TORQUE_BELOW_THRESHOLD: Final = int(MELDW.TORQUE_BELOW_THRESHOLD)
 _XERR_MAX: Final = 0x7FFFFFFF
 
 
@@ -87,32 +88,9 @@ class ProfidrivePort(LinkedPort):
     """
 
     __slots__ = (
-        "_add_at",
-        "_answer",
-        "_encoder_ack",
-        "_fault_number",
-        "_g1_at",
-        "_g1_zsw_at",
-        "_kpc",
-        "_kpc_at",
-        "_m_act_at",
-        "_narrow",
-        "_nist_at",
-        "_nsoll_at",
-        "_pack",
-        "_place",
-        "_row",
-        "_sign",
-        "_speed_scale",
-        "_stw2_at",
-        "_unpack",
-        "_watch",
-        "_words",
-        "_xerr",
-        "_xerr_at",
-        "_xist_at",
-        "_zsw2_at",
-        "telegram",
+        "_add_at", "_answer", "_encoder_ack", "_fault_number", "_g1_at", "_g1_zsw_at", "_kpc", "_kpc_at", "_m_act_at",
+        "_meldw_at", "_momred_at", "_narrow", "_nist_at", "_nsoll_at", "_pack", "_place", "_range_at", "_row", "_sign",
+        "_speed_scale", "_stw2_at", "_unpack", "_watch", "_words", "_xerr", "_xerr_at", "_xist_at", "_zsw2_at", "telegram",
     )  # fmt: skip
 
     def __init__(
@@ -145,15 +123,19 @@ class ProfidrivePort(LinkedPort):
         self._xerr_at = place.get("XERR", -1)
         self._kpc_at = place.get("KPC", -1)
         self._add_at = place.get("M_ADD1", -1)
-        if self._add_at >= 0:
-            self._row[place["M_LIMIT_POS"]] = 0x7FFF
-            self._row[place["M_LIMIT_NEG"]] = -0x8000
+        self._range_at = (place.get("M_LIMIT_POS", -1), place.get("M_LIMIT_NEG", -1))
+        self._momred_at = place.get("MOMRED", -1)
+        self.speaks_telegram = True
+        self.has_torque_data = self._add_at >= 0
+        self.has_torque_reduction = self._momred_at >= 0
+        self.set_torque_range(1.0, -1.0)
         place = {name: at for at, name in enumerate(back.names)}
         self._nist_at = place["NIST_A" if self._narrow else "NIST_B"]
         self._zsw2_at = place.get("ZSW2", -1)
         self._g1_zsw_at = place.get("G1_ZSW", -1)
         self._xist_at = place.get("G1_XIST1", -1)
         self._m_act_at = place.get("M_ACT", -1)
+        self._meldw_at = place.get("MELDW", -1)
         self._place = place
         self._answer: tuple[int, ...] = (0,) * len(back.names)
 
@@ -191,6 +173,8 @@ class ProfidrivePort(LinkedPort):
         self.actual_speed_rpm = answer[self._nist_at] * self._speed_scale
         if self._m_act_at >= 0:
             self.actual_torque_nm = from_n2(answer[self._m_act_at]) * self._words.reference_torque_nm
+        if self._meldw_at >= 0:
+            self.torque_limit_reached = not answer[self._meldw_at] & _TORQUE_BELOW_THRESHOLD
         self.drive_fault_code = self._fault_number if zsw1 & 0x0008 else 0
         if self._xist_at >= 0:
             g1_zsw = answer[self._g1_zsw_at]
@@ -216,6 +200,17 @@ class ProfidrivePort(LinkedPort):
         self._xerr = round(bounded)
         self._kpc = to_kpc(gain_per_s)
 
+    def set_torque_range(self, upper: float, lower: float) -> None:
+        """See `DrivePort.set_torque_range`: M_LIMIT_POS and M_LIMIT_NEG."""
+        if self.has_torque_data:
+            for at, share in zip(self._range_at, (upper, lower), strict=True):
+                self._row[at] = to_n2(share)
+
+    def limit_torque(self, share: float | None) -> None:
+        """See `DrivePort.limit_torque`: MOMRED, where 4000h takes everything away (STP-136)."""
+        if self.has_torque_reduction:
+            self._row[self._momred_at] = 0 if share is None else round((1.0 - share) * N2_ONE)
+
     def _compose(self, stw1: int, speed_rpm: float, torque_nm: float) -> bytes:
         """Return the telegram of this cycle."""
         row = self._row
@@ -224,7 +219,7 @@ class ProfidrivePort(LinkedPort):
         row[self._nsoll_at] = to_n2(share) if self._narrow else to_n4(share)
         if self._stw2_at >= 0:
             self._sign = next_sign(self._sign)
-            row[self._stw2_at] = self._sign << SIGN_OF_LIFE_SHIFT
+            row[self._stw2_at] = self._sign << SIGN_OF_LIFE_SHIFT | self.stw2
         if self._g1_at >= 0:
             if stw1 & _ACKNOWLEDGE and self.sensor_fault:
                 self._encoder_ack = True

@@ -1,6 +1,7 @@
 """PLCopen `MC_` instructions as function blocks: called once per cycle, with edge and level semantics."""
 
 from motion.instructions.base import ExecuteInstruction, Instruction
+from motion.instructions.control_words import MC_SetAxisSTW
 from motion.instructions.home import MC_Home
 from motion.instructions.jog import MC_MoveJog
 from motion.instructions.move import MC_MoveAbsolute, MC_MoveRelative, MC_MoveVelocity
@@ -8,6 +9,7 @@ from motion.instructions.power import MC_Power
 from motion.instructions.reset import MC_Reset
 from motion.instructions.stop import MC_Halt, MC_Stop
 from motion.instructions.superimposed import MC_HaltSuperimposed, MC_MoveSuperimposed
+from motion.instructions.torque import MC_TorqueAdditive, MC_TorqueLimiting, MC_TorqueRange
 
 __all__ = [
     "ExecuteInstruction",
@@ -22,5 +24,9 @@ __all__ = [
     "MC_MoveVelocity",
     "MC_Power",
     "MC_Reset",
+    "MC_SetAxisSTW",
     "MC_Stop",
+    "MC_TorqueAdditive",
+    "MC_TorqueLimiting",
+    "MC_TorqueRange",
 ]
