@@ -30,8 +30,8 @@ class PowerStage:
     """
 
     __slots__ = (
-        "_core", "_left", "_mechanics", "_rated", "_since_ns", "_square", "_work", "dc_link", "dt_s", "motor",
-        "motor_overload", "stage", "stage_overload", "thermal",
+        "_core", "_left", "_mechanics", "_rated", "_since_ns", "_square", "_work", "dc_link", "drawn_J", "dt_s", "motor",
+        "motor_overload", "returned_J", "stage", "stage_overload", "thermal",
     )  # fmt: skip
 
     def __init__(
@@ -76,6 +76,9 @@ class PowerStage:
             fault_C=thermal.stage_fault_C,
         )
 
+        self.drawn_J = self.returned_J = 0.0
+        """Energy that went into the motor and came back from it since the drive was made, J."""
+
     def restart(self, now_ns: int) -> None:
         """Start after power-on: i2t forgets, what is hot has cooled meanwhile, the DC link is charged if mains are there."""
         self._heat(0.0, (now_ns - self._since_ns) / S)
@@ -104,7 +107,12 @@ class PowerStage:
         link = self.dc_link
         if square or not link.settled:
             losses = self.thermal.motor_loss_W * square / (self._rated * self._rated)
-            link.update(work / self._mechanics.ratio + losses, dt_s)
+            power = work / self._mechanics.ratio + losses
+            if power > 0.0:
+                self.drawn_J += power * dt_s
+            else:
+                self.returned_J -= power * dt_s
+            link.update(power, dt_s)
         return True
 
     def _heat(self, square: float, dt_s: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from struct import Struct
 from typing import Final, Protocol
 
 from fieldbus.clock import Scheduler
@@ -10,6 +11,7 @@ from fieldbus.errors import ConfigurationError
 from fieldbus.modbus.codes import ExceptionCode
 from fieldbus.modbus.map_file import BlockFile, MapFile
 from fieldbus.modbus.registers import Area, Block, RegisterMap, RegisterRefusal, WordOrder
+from fieldbus.profidrive import Telegram
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.requests import (
     Address,
@@ -66,13 +68,13 @@ class DriveMap:
         scheduler: Time.
         device: The drive.
         file: Which registers there are.
-        telegram_bytes: Length of the telegram from the controller; what is written behind it is only stored.
+        telegram: The telegram of the drive. What is written behind its words is only stored; what is read there is 0.
         channel: The parameter channel; needed when the file has the hook `ds47`.
         watch_all: Whether every process data register keeps the time-out off, as over TCP, or the number in the file.
         drive_object: DO-ID of the parameters that registers and mailbox reach.
 
     Raises:
-        ConfigurationError: The file has a parameter channel and the drive none.
+        ConfigurationError: The file has a parameter channel and the drive none, or not enough process data registers.
 
     """
 
@@ -82,18 +84,21 @@ class DriveMap:
         device: ProcessDataDevice,
         file: MapFile,
         *,
-        telegram_bytes: int,
+        telegram: Telegram,
         channel: RegisterChannel | None = None,
         watch_all: bool = False,
         drive_object: int = 1,
     ) -> None:
         self._scheduler = scheduler
         self._device = device
-        self._telegram_bytes = telegram_bytes
         self._channel = channel
         self._watched = file.watched
         self._drive_object = drive_object
-        self._low_first = file.byte_order == "low_first"
+        self._low_first = low_first = file.word_order == "low_first"
+        self._places = tuple(
+            layout.places(low_word_first=low_first) for layout in (telegram.setpoint, telegram.actual)
+        )
+        self._frames = (Struct(f">{telegram.setpoint.words}H"), Struct(f">{telegram.actual.words}H"))
         self._reference = 0
         self.watch_all = watch_all
         """Whether every process data register keeps the time-out off."""
@@ -144,10 +149,18 @@ class DriveMap:
         return [int.from_bytes(data[at : at + 2], order) for at in range(0, len(data), 2)]  # type: ignore[arg-type]
 
     def _setpoints(self, block: Block) -> None:
+        places, to_frame = self._places[0], self._frames[0]
+        if len(places) > block.count:
+            raise ConfigurationError(
+                "telegram, setpoints",
+                f"{len(places)} words",
+                f"at most {block.count} in {self.registers.name}",
+            )
+
         def write(offset: int, values: Sequence[int]) -> None:
             self._seen(offset)
             image = [*block.values[:offset], *values, *block.values[offset + len(values) :]]
-            self._device.receive(self._bytes(image)[: self._telegram_bytes])
+            self._device.receive(to_frame.pack(*[image[place] for place in places]))
 
         def read(offset: int, count: int) -> Sequence[int]:
             self._seen(offset)
@@ -156,11 +169,19 @@ class DriveMap:
         block.write, block.read = write, read
 
     def _actual_values(self, block: Block) -> None:
+        places, from_frame = self._places[1], self._frames[1]
+        if len(places) > block.count:
+            raise ConfigurationError(
+                "telegram, actual values",
+                f"{len(places)} words",
+                f"at most {block.count} in {self.registers.name}",
+            )
+        rest = (0,) * (block.count - len(places))
+
         def read(offset: int, count: int) -> Sequence[int]:
             self._seen(offset)
-            words = self._words(self._device.transmit())[: block.count]
-            words += [0] * (block.count - len(words))
-            return words[offset : offset + count]
+            found = from_frame.unpack(self._device.transmit())
+            return (*[found[place] for place in places], *rest)[offset : offset + count]
 
         block.read = read
         block.writable = False

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from fieldbus.errors import ConfigurationError
 
 HOOKS: Final = ("setpoints", "actual_values", "ds47", "mailbox", "error_code")
-SHIPPED: Final = ("sinamics_g120", "festo")
+SHIPPED: Final = ("sinamics_g120", "sinamics_g220", "festo")
 
 Order = Literal["high_first", "low_first"]
 
@@ -67,8 +67,7 @@ class MapFile(BaseModel):
     limits: dict[int, int] = Field(default_factory=dict)
     partial_writes: bool = False
     word_order: Order = "high_first"
-    byte_order: Order = "high_first"
-    """Of process data and mailbox."""
+    """Of double words, in process data too; with the low word first the bytes of the mailbox are in that order as well."""
     watched: int | None = Field(default=None, ge=1)
     """How many registers of either process data block keep the time-out from running out; None: all (PD-292)."""
     timeout_ms: int = Field(default=0, ge=0, le=2_000_000)

@@ -43,6 +43,8 @@ class PtyServer:
         self._face = RtuFace(server)
         self._format = format_ if format_ is not None else SerialFormat()
         self.processing_ns = processing_ns
+        self.longest_processing_ns = 0
+        """A response that would come later is not sent; 0 = it always is."""
         self.online = True
         """Whether the device is supplied; without supply it hears and says nothing."""
         self.silent = False
@@ -71,7 +73,8 @@ class PtyServer:
         self._buffer.clear()
         self._timer = None
         answer = self._face.receive(frame) if self.online else None
-        if answer is not None and not self.silent:
+        late = 0 < self.longest_processing_ns < self.processing_ns
+        if answer is not None and not (self.silent or late):
             delay_ns = self.processing_ns + self._format.duration_ns(len(frame) + len(answer))
             self._scheduler.after(delay_ns, lambda: self._line.write(answer))
 

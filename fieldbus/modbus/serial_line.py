@@ -291,7 +291,7 @@ class FrameAssembler:
 
     """
 
-    __slots__ = ("_buffer", "_damaged", "_last_ns", "_on_frame", "_scheduler", "_t15_ns", "_t35_ns", "_talkers", "_timer", "lenient", "overruns")  # fmt: skip
+    __slots__ = ("_buffer", "_damaged", "_last_ns", "_on_frame", "_scheduler", "_talkers", "_timer", "lenient", "overruns", "t15_ns", "t35_ns")  # fmt: skip
 
     def __init__(
         self,
@@ -305,8 +305,10 @@ class FrameAssembler:
         if not 0 < t15_ns <= t35_ns:
             raise ConfigurationError("pauses", (t15_ns, t35_ns), "0 < t1.5 <= t3.5")
         self._scheduler = scheduler
-        self._t15_ns = t15_ns
-        self._t35_ns = t35_ns
+        self.t15_ns = t15_ns
+        """Longest pause within a frame, ns."""
+        self.t35_ns = t35_ns
+        """Pause that ends a frame, ns; at least `t15_ns`."""
         self._on_frame = on_frame
         self.lenient = lenient
         self.overruns = 0
@@ -329,7 +331,7 @@ class FrameAssembler:
             return
         self._timer.cancel()
         self._timer = None
-        if time_ns - self._last_ns > self._t15_ns and not self.lenient:
+        if time_ns - self._last_ns > self.t15_ns and not self.lenient:
             self._damaged = True
 
     def received(self, data: bytes, damaged: bool, time_ns: int) -> None:
@@ -343,7 +345,7 @@ class FrameAssembler:
         self._last_ns = time_ns
         self._talkers -= 1
         if self._talkers == 0:  # else others talk on: a collision has no pause
-            self._timer = self._scheduler.at(time_ns + self._t35_ns, self._ended, priority=_END_OF_FRAME)
+            self._timer = self._scheduler.at(time_ns + self.t35_ns, self._ended, priority=_END_OF_FRAME)
 
     def _ended(self) -> None:
         frame, damaged = bytes(self._buffer), self._damaged

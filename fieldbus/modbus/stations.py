@@ -69,6 +69,8 @@ class RtuStation:
         self._scheduler = scheduler
         self.server = server
         self.processing_ns = processing_ns
+        self.longest_processing_ns = 0
+        """A response that would come later is not sent (p2024[0], PD-291); 0 = it always is."""
         self._face = RtuFace(server)
         rate = format_ if format_ is not None else line.format
         self.assembler = FrameAssembler(
@@ -101,7 +103,8 @@ class RtuStation:
             self.missed += 1
             return
         answer = self._face.receive(frame, damaged=damaged)
-        if answer is not None and not self.silent:
+        late = 0 < self.longest_processing_ns < self.processing_ns
+        if answer is not None and not (self.silent or late):
             self._pending = True
             self._scheduler.after(self.processing_ns, lambda: self._send(answer))
 

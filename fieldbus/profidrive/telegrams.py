@@ -153,6 +153,15 @@ class Layout:
             at += 2 * _CODES[SIGNALS[one]][1]
         raise TelegramError(f"{name} is not in this telegram; it has: {', '.join(self.names)}")
 
+    def places(self, *, low_word_first: bool) -> tuple[int, ...]:
+        """Return for each word where it stands on a link: where it is, or with the low word of a signal first."""
+        found: list[int] = []
+        for name in self.names:
+            size = _CODES[SIGNALS[name]][1]
+            own = range(len(found), len(found) + size)
+            found += reversed(own) if low_word_first else own
+        return tuple(found)
+
     def describe(self, data: bytes) -> str:
         """Return a frame in words for a trace; one of a wrong length in hexadecimal, with the mistake."""
         if len(data) != self.length:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from emulators.drive.core import RPM
+from emulators.drive.profidrive._terminals import Terminals
 from emulators.drive.profidrive.definitions import ParameterDefinition
 from emulators.drive.profidrive.device import ProfidriveDrive
 from emulators.drive.profidrive.fault_catalogue import CATALOGUE, DriveWarning
@@ -72,7 +73,7 @@ class DriveParameters:
 
     """
 
-    __slots__ = ("drive", "memory", "server", "store")
+    __slots__ = ("drive", "memory", "server", "store", "terminals")
 
     def __init__(
         self,
@@ -95,6 +96,8 @@ class DriveParameters:
         self._connect_settings()
         self._connect_display()
         self._show_encoder()
+        self.terminals = Terminals(drive, store)
+        """Digital and analog terminals."""
         self.memory = ParameterMemory(store, self._restart)
         store.save()
 

@@ -22,7 +22,6 @@ from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 from fieldbus.modbus import (
     DriveMap,
-    MapFile,
     ModbusServer,
     Parity,
     PtyServer,
@@ -31,6 +30,8 @@ from fieldbus.modbus import (
     TcpStation,
     load_map,
 )
+from fieldbus.profidrive.errors import ParameterAccessError
+from fieldbus.profidrive.requests import ParameterError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -109,6 +110,7 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
 
     __slots__ = (
         "_boot_timer",
+        "_limits_ns",
         "_terminal",
         "channel",
         "modbus_config",
@@ -139,18 +141,17 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         self.modbus_config = config
         drive = self.drive
         drive.watched_by_transport = True
-        _check_words(file, "setpoints", drive.telegram.setpoint.words)
-        _check_words(file, "actual_values", drive.telegram.actual.words)
-        self.parameters.store.set(918, config.unit)
+        store = self.parameters.store
+        store.set(918, config.unit)
+        store.save()
+        store.writers[2024] = self._check_time
         self.channel = ParameterChannel(
             self.parameters.server,
             latency_ns=config.parameter_latency_ns,
             available=lambda: drive.powered,
         )
         """Parameter channel of data record 47."""
-        self.registers = DriveMap(
-            scheduler, self, file, telegram_bytes=drive.telegram.setpoint.length, channel=self.channel
-        )
+        self.registers = DriveMap(scheduler, self, file, telegram=drive.telegram, channel=self.channel)
         """What the registers mean."""
         self.server = ModbusServer(
             self.registers.registers,
@@ -163,6 +164,8 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         self.station: RtuStation | TcpStation[Any] | PtyServer | None = None
         """Where it is on the bus."""
         self._terminal: PtyServer | None = None
+        self._limits_ns = (0, 0)
+        """Longest character delay and shortest pause of the line."""
         self._boot_timer: Timer | None = None
         scheduler.every(own.cycle_ns, drive.cycle, priority=_CYCLE_PRIORITY)
 
@@ -208,8 +211,10 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         _check_format(rate)
         self.station = station = RtuStation(
             self.scheduler, line, self.server, name=self.name, format_=format_, lenient=False,
-            processing_ns=self.modbus_config.processing_ns, t15_ns=_CHARACTER_DELAY_NS.get(rate.baud),
+            processing_ns=self.modbus_config.processing_ns,
         )  # fmt: skip
+        self._limits_ns = (_CHARACTER_DELAY_NS.get(rate.baud, rate.t15_ns), rate.t35_ns)
+        self._apply_times()
         station.online = self._online
         return station
 
@@ -228,6 +233,7 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
             self.scheduler, self.server, format_=rate, processing_ns=self.modbus_config.processing_ns
         )
         station.online = self._online
+        self._apply_times()
         return station
 
     def close(self) -> None:
@@ -235,9 +241,34 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         if self._terminal is not None:
             self._terminal.close()
 
+    # Times of the serial line, p2024 (PD-291).
+
+    def _check_time(self, sub_index: int, value: float) -> None:
+        time_ns = round(value * MS)
+        if isinstance(self.station, RtuStation) and time_ns:
+            delay_ns, pause_ns = self._limits_ns
+            if (sub_index == 1 and time_ns > delay_ns) or (sub_index == 2 and time_ns < pause_ns):
+                raise ParameterAccessError("this time is not possible at this rate", ParameterError.LIMIT)
+        # The store keeps the value behind this.
+        self.scheduler.at(self.scheduler.now, self._apply_times)
+
+    def _apply_times(self) -> None:
+        station = self.station
+        if station is None or isinstance(station, TcpStation):
+            return
+        longest, delay, pause = (round(value * MS) for value in self.parameters.store.values(2024, 0, 3))
+        station.longest_processing_ns = longest
+        if isinstance(station, RtuStation):
+            station.assembler.t15_ns = delay or self._limits_ns[0]
+            station.assembler.t35_ns = pause or self._limits_ns[1]
+
     def _be_free(self) -> None:
         if self.station is not None:
             raise ConfigurationError("bus of the drive", self.name, "one bus")
+
+    def set_analog_input(self, number: int, percent: float) -> None:
+        """Let an analog input show a value; see `Terminals.set_analog_input`."""
+        self.parameters.terminals.set_analog_input(number, percent)
 
     # -- life ------------------------------------------------------------------------------------------------------------
 
@@ -250,6 +281,8 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         if self.drive.powered:
             return
         self.parameters.memory.restart()
+        if self.server.unit is not None:
+            self.server.unit = int(self.parameters.store.value(918))
         self.registers.restart()
         self.channel.reset()
         if self.modbus_config.boot_time_s:
@@ -289,16 +322,6 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
     def request(self, data: bytes) -> bytes:
         """Answer a request of base mode parameter access."""
         return self.parameters.server.request(data)
-
-
-def _check_words(file: MapFile, hook: str, words: int) -> None:
-    room = max((block.count for block in file.block if block.hook == hook), default=0)
-    if words > room:
-        raise ConfigurationError(
-            f"telegram, {hook.replace('_', ' ')}",
-            f"{words} words",
-            f"at most {room} in register map {file.name}",
-        )
 
 
 def _check_format(format_: SerialFormat) -> None:

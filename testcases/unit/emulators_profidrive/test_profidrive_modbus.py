@@ -220,7 +220,7 @@ def test_telegrams_that_do_not_fit_are_refused():
         if fits:
             ProfidriveModbusDrive(scheduler, config, name="drive")
         else:
-            with pytest.raises(ConfigurationError, match="at most 10 in register map SINAMICS G120"):
+            with pytest.raises(ConfigurationError, match="at most 10 in SINAMICS G120"):
                 ProfidriveModbusDrive(scheduler, config, name="drive")
 
 

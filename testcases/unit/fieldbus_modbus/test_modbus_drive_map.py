@@ -10,6 +10,7 @@ from emulators.drive.profidrive.parameters import ParameterStore
 from fieldbus.clock import MS, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.modbus import DriveMap, ModbusServer, Request, load_map
+from fieldbus.profidrive import telegram
 from fieldbus.profidrive.requests import Address, RequestId, decode_answer
 from fieldbus.profidrive.requests import Request as ParameterRequest
 
@@ -50,7 +51,7 @@ class Rig:
         self.drive = Drive()
         file = load_map(name)
         self.map = DriveMap(
-            self.scheduler, self.drive, file, telegram_bytes=4, channel=self.drive.channel, **options
+            self.scheduler, self.drive, file, telegram=telegram(1), channel=self.drive.channel, **options
         )  # fmt: skip
         self.server = ModbusServer(
             self.map.registers, functions=set(file.functions) - {43}, limits=file.limits
@@ -146,7 +147,7 @@ def test_parameters_by_register(g120):
             for block in load_map("sinamics_g120").block
         )}
     )  # fmt: skip
-    map_ = DriveMap(g120.scheduler, g120.drive, broken, telegram_bytes=4, channel=g120.drive.channel)
+    map_ = DriveMap(g120.scheduler, g120.drive, broken, telegram=telegram(1), channel=g120.drive.channel)
     server = ModbusServer(map_.registers)
     map_.error_code = 0x7F
     assert server.respond(Request(3, 40322 - 40001, 1).encode()) == b"\x83\x04"
@@ -162,7 +163,7 @@ def test_values_that_do_not_fit_saturate(g120):
             block.model_copy(update={"scale": 1e9}) for block in load_map("sinamics_g120").block
             if block.register_ == 40322
         )}),
-        telegram_bytes=4,
+        telegram=telegram(1),
     )  # fmt: skip
     assert ModbusServer(map_.registers).respond(Request(3, 321, 1).encode()) == b"\x03\x02\xff\xff"
 
@@ -217,11 +218,33 @@ def test_any_words_at_any_register(name, orders):
         assert rig.read(40601, 6) == [0x0002, 0x2F08, 0x8001, 0x0101, 0x0301, 0x001F]
 
 
-def test_festo_words_and_time_out(festo):
-    """The telegram's bytes stand in the registers with the low byte first; register 400 is the time-out."""
-    assert festo.write(0, 0x7F04, 0x0010) == "done"
+def test_festo_words(festo):
+    """Words stand in the registers as they are, double words with the low word first, as telegram 111 shows."""
+    assert festo.write(0, 0x047F, 0x1000) == "done"
     assert festo.drive.received == [bytes.fromhex("047f 1000")]
-    assert festo.read(100, 2) == [0x3702, 0x0010]
+    assert festo.read(100, 3) == [0x0237, 0x1000, 0]
+    drive = Drive()
+    chosen = telegram(111)
+    drive.sent = chosen.actual.encode({"ZSW1": 0x0237, "XIST_A": 0x12345678, "NIST_B": -2, "FAULT_CODE": 7})
+    map_ = DriveMap(festo.scheduler, drive, load_map("festo"), telegram=chosen)
+    server = ModbusServer(map_.registers)
+    words = [0x047F, 0, 0, 0, 0x4000, 0x5678, 0x1234, 0xFFFE, 0xFFFF, 0x2000, 0x4000]
+    server.respond(Request(16, 0, len(words), tuple(words)).encode())
+    sent = chosen.setpoint.decode(drive.received[-1])
+    assert (sent["STW1"], sent["OVERRIDE"], sent["MDI_TARPOS"], sent["MDI_VELOCITY"]) == (
+        0x047F,
+        0x4000,
+        0x12345678,
+        -2,
+    )
+    assert (sent["MDI_ACC"], sent["MDI_DEC"]) == (0x2000, 0x4000)
+    answer = server.respond(Request(3, 100, 12).encode())
+    shown = [answer[at] << 8 | answer[at + 1] for at in range(2, len(answer), 2)]
+    assert shown == [0x0237, 0, 0, 0, 0, 0x5678, 0x1234, 0xFFFE, 0xFFFF, 7, 0, 0]
+
+
+def test_festo_time_out(festo):
+    """Registers 400 and 401 are p2040 in milliseconds, low word first, with the limits of the parameter."""
     assert festo.write(400, 250, 0) == "done"
     assert festo.read(400, 2) == [250, 0]
     assert festo.drive.value(2040) == 250.0
