@@ -28,6 +28,9 @@ def to_n2(fraction: float) -> int:
 
 def to_n4(fraction: float) -> int:
     """Return a fraction of the reference quantity as N4, held at the ends of the range (PD-034, CFG-246)."""
+    scaled = fraction * N4_ONE
+    if _N4_LOW < scaled < _N4_HIGH:
+        return int(scaled + 0.5) if scaled >= 0.0 else -int(0.5 - scaled)
     return _held(fraction, N4_ONE, _N4_LOW, _N4_HIGH)
 
 

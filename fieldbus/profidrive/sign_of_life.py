@@ -12,11 +12,12 @@ CYCLES_TO_SYNCHRONISE: Final = 16
 UNMONITORED: Final = 65_535
 """PNU 925: the sign of life is not monitored (PD-128)."""
 _FAILURE: Final = 10
+_HIGHEST: Final = 15
 
 
 def next_sign(value: int) -> int:
     """Return the value after `value`: 1..15, then 1 again; 0 stands for "not running" (PD-123)."""
-    return value + 1 if 0 <= value < 15 else 1
+    return value + 1 if 0 <= value < _HIGHEST else 1
 
 
 class SignState(Enum):
@@ -26,6 +27,10 @@ class SignState(Enum):
     COUNTING = "counting"
     ANSWERING = "answering"
     SYNCHRONISED = "synchronised"
+
+
+_IDLE: Final = SignState.IDLE
+_SYNCHRONISED: Final = SignState.SYNCHRONISED
 
 
 class SignOfLife:
@@ -79,7 +84,7 @@ class SignOfLife:
     @property
     def synchronised(self) -> bool:
         """Whether isochronous operation may begin (PD-131)."""
-        return self.state is SignState.SYNCHRONISED or self.tolerance == UNMONITORED
+        return self.state is _SYNCHRONISED or self.tolerance == UNMONITORED
 
     def step(self, received: int) -> bool:
         """Take the controller's counter of this cycle; return whether the sign of life has just failed (PD-129).
@@ -88,20 +93,28 @@ class SignOfLife:
             received: Bits 12..15 of the control word, 0..15.
 
         """
-        if self.state is SignState.IDLE:
+        state = self.state
+        if state is _IDLE:
             self._begin(received)
             return False
-        right = self._follow(received)
-        if self.state is not SignState.SYNCHRONISED:
+        self._left -= 1
+        if self._left == 0:
+            self._left = self._prescale
+            before = self._expected
+            self._expected = before + 1 if 0 <= before < _HIGHEST else 1
+        right = received == self._expected
+        if state is not _SYNCHRONISED:
             if not right:
                 self.reset()
                 self._begin(received)
             else:
                 self._advance()
             return False
-        self.value = next_sign(self.value)
+        value = self.value
+        self.value = value + 1 if 0 <= value < _HIGHEST else 1
         if right:
-            self.counter = max(0, self.counter - 1)
+            if self.counter:
+                self.counter -= 1
             return False
         self.failures += 1
         if self.tolerance == UNMONITORED:
@@ -119,14 +132,6 @@ class SignOfLife:
             self._left = self._prescale
             self._good = 0
         self._expected = received
-
-    def _follow(self, received: int) -> bool:
-        """Count on, and return whether the controller has done the same."""
-        self._left -= 1
-        if self._left == 0:
-            self._left = self._prescale
-            self._expected = next_sign(self._expected)
-        return received == self._expected
 
     def _advance(self) -> None:
         if self._left == self._prescale:

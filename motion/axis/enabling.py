@@ -27,6 +27,12 @@ ALARM_AUTONOMOUS: Final = 550
 _REMOVE_ENABLE: Final = {1: STW1_IDLE, 3: STW1_OFF2_OFF1, 5: STW1_OFF3_OFF1, 7: STW1_OFF3}
 """Control word at the alarm by `Actor.RemoveEnableReaction` (STP-363 to STP-366)."""
 
+# Names of the module, because in every cycle an attribute of an enumeration would cost more than what is done with it.
+_REQUESTED: Final = int(ZSW1.CONTROL_REQUESTED)
+_FAULT: Final = int(ZSW1.FAULT)
+_OPERATION: Final = int(ZSW1.OPERATION_ENABLED)
+_MOTION: Final = AxisState.MOTION
+_STANDSTILL: Final = AxisState.STANDSTILL
 _DRIVE_OFF_MASK: Final = ZSW1.READY | ZSW1.OPERATION_ENABLED
 _AUTONOMOUS_MASK: Final = ZSW1.READY_TO_SWITCH_ON | ZSW1.READY | ZSW1.OPERATION_ENABLED | ZSW1.NO_OFF3
 _OPERATES_MASK: Final = ZSW1.OPERATION_ENABLED | ZSW1.NO_OFF3
@@ -182,14 +188,14 @@ class EnableControl:
             if faulty is not self._cause_411:
                 self._cause_411 = faulty
                 alarms.set_cause(ALARM_ENCODER, faulty)
-        refused = expected and port.link_ok and not zsw1 & ZSW1.CONTROL_REQUESTED
-        fault = refused or zsw1 & ZSW1.FAULT != 0
+        refused = expected and port.link_ok and not zsw1 & _REQUESTED
+        fault = refused or zsw1 & _FAULT != 0
         if self._cause_421 or (fault and (expected or state is AxisState.ENABLING)):
             if fault is not self._cause_421:
                 self._cause_421 = fault
                 text = "control request withdrawn" if refused else f"drive fault {port.drive_fault_code:04X}h"
                 alarms.set_cause(ALARM_DRIVE, fault, text=text)
-        elif expected and port.link_ok and not zsw1 & ZSW1.OPERATION_ENABLED and not self.switching_off:
+        elif expected and port.link_ok and not zsw1 & _OPERATION and not self.switching_off:
             if zsw1 & _AUTONOMOUS_MASK == ZSW1.READY_TO_SWITCH_ON | ZSW1.READY:
                 if state is not AxisState.TRACKING:
                     alarms.raise_alarm(ALARM_AUTONOMOUS)
@@ -213,7 +219,7 @@ class EnableControl:
         """Make the transitions that depend on the drive's answer."""
         axis = self._axis
         state = axis.state
-        if state is AxisState.MOTION or state is AxisState.STANDSTILL:
+        if state is _MOTION or state is _STANDSTILL:
             return
         zsw1 = axis.port.zsw1
         off = not zsw1 & _DRIVE_OFF_MASK

@@ -52,6 +52,9 @@ class JobState(IntEnum):
     ERROR = 4
 
 
+_ACTIVE: Final = JobState.ACTIVE
+
+
 class JobClass(IntEnum):
     """Column of the override table that an active job belongs to (table 3.1)."""
 
@@ -116,7 +119,7 @@ class Job:
     @property
     def busy(self) -> bool:
         """Whether the job waits or is in control."""
-        return self.state <= JobState.ACTIVE
+        return self.state <= _ACTIVE
 
     def _log(self, kind: str) -> None:
         if self.history is not None:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 QUEUE_DEPTH: Final = 8
 """Waiting jobs per object (MC-265)."""
 
+_MOTION: Final = AxisState.MOTION
+_VELOCITY: Final = JobClass.VELOCITY
 _STOP_SEVERITY: Final = {0: 3, 2: 2, 3: 1}
 """Severity of `MC_Stop` by its mode (STP-433 to STP-435)."""
 
@@ -243,13 +245,13 @@ class MotionControl(SetpointPlanning):
         job = self.job
         if (
             job is not None
-            and self._axis.state is AxisState.MOTION
+            and self._axis.state is _MOTION
             and not (
                 self._max_deceleration.value * self._max_acceleration.value <= 0.0 and self._limits_are_zero()
             )
         ):
             cls = job.job_class
-            if cls is JobClass.VELOCITY:
+            if cls is _VELOCITY:
                 if not job.released and self._effective_velocity(job) != self._planned_velocity:
                     job.set_in_velocity(False)
                     self._plan_velocity(job)

@@ -10,6 +10,11 @@ from motion.axis.state import AxisState
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
 
+# Names of the module, because in every cycle an attribute of an enumeration would cost more than what is done with it.
+_RESTARTING: Final = AxisState.RESTARTING
+_POSITIONING: Final = JobClass.POSITIONING
+_VELOCITY: Final = JobClass.VELOCITY
+
 ENABLE: Final = 1 << 0
 ERROR: Final = 1 << 1
 RESTART_ACTIVE: Final = 1 << 2
@@ -48,14 +53,14 @@ def status_word(axis: TechnologyAxis) -> int:
         word |= ONLINE_START_VALUES_CHANGED
     if facts.quiet:
         word |= DONE
-    elif axis.state is AxisState.RESTARTING:
+    elif axis.state is _RESTARTING:
         word |= RESTART_ACTIVE
     job = motion.job
     if job is not None and job.busy:
         cls = job.job_class
-        if cls is JobClass.POSITIONING:
+        if cls is _POSITIONING:
             word |= POSITIONING_COMMAND
-        elif cls is JobClass.VELOCITY:
+        elif cls is _VELOCITY:
             word |= JOG_COMMAND if job.instruction == "MC_MoveJog" else VELOCITY_COMMAND
     if facts.controlled and not axis.enabling.switching_off:
         gen = motion.total

@@ -88,7 +88,7 @@ class ProfidrivePort(LinkedPort):
     """
 
     __slots__ = (
-        "_add_at", "_answer", "_encoder_ack", "_fault_number", "_g1_at", "_g1_zsw_at", "_kpc", "_kpc_at", "_m_act_at",
+        "_add_at", "_answer", "_fault_number", "_g1_at", "_g1_zsw_at", "_kpc", "_kpc_at", "_m_act_at",
         "_meldw_at", "_momred_at", "_narrow", "_nist_at", "_nsoll_at", "_pack", "_place", "_range_at", "_row", "_sign",
         "_speed_scale", "_stw2_at", "_unpack", "_watch", "_words", "_xerr", "_xerr_at", "_xist_at", "_zsw2_at", "telegram",
     )  # fmt: skip
@@ -106,7 +106,6 @@ class ProfidrivePort(LinkedPort):
         self._watch = SignWatch(tolerance=words.sign_tolerance)
         self._sign = 0
         self._xerr = self._kpc = 0
-        self._encoder_ack = False
         self._fault_number = 0
 
     def _compile(self) -> None:
@@ -145,7 +144,6 @@ class ProfidrivePort(LinkedPort):
         """See `LinkedPort.drive_restarted`."""
         LinkedPort.drive_restarted(self)
         self._fault_number = 0
-        self._encoder_ack = False
 
     def leave_service(self) -> None:
         """See `LinkedPort.leave_service`."""
@@ -196,8 +194,9 @@ class ProfidrivePort(LinkedPort):
 
     def control_position(self, deviation_increments: float, gain_per_s: float) -> None:
         """See `DrivePort.control_position`: XERR and KPC."""
-        bounded = min(max(deviation_increments, -_XERR_MAX), _XERR_MAX)
-        self._xerr = round(bounded)
+        if not -_XERR_MAX <= deviation_increments <= _XERR_MAX:
+            deviation_increments = min(max(deviation_increments, -_XERR_MAX), _XERR_MAX)
+        self._xerr = round(deviation_increments)
         self._kpc = to_kpc(gain_per_s)
 
     def set_torque_range(self, upper: float, lower: float) -> None:
@@ -218,14 +217,11 @@ class ProfidrivePort(LinkedPort):
         share = speed_rpm / self._words.reference_speed_rpm
         row[self._nsoll_at] = to_n2(share) if self._narrow else to_n4(share)
         if self._stw2_at >= 0:
-            self._sign = next_sign(self._sign)
-            row[self._stw2_at] = self._sign << SIGN_OF_LIFE_SHIFT | self.stw2
+            self._sign = sign = next_sign(self._sign)
+            row[self._stw2_at] = sign << SIGN_OF_LIFE_SHIFT | self.stw2
         if self._g1_at >= 0:
-            if stw1 & _ACKNOWLEDGE and self.sensor_fault:
-                self._encoder_ack = True
-            elif self._encoder_ack and not (stw1 & _ACKNOWLEDGE and self.sensor_fault):
-                self._encoder_ack = False
-            row[self._g1_at] = _ENCODER_ACKNOWLEDGE if self._encoder_ack else 0
+            acknowledges = stw1 & _ACKNOWLEDGE and self.sensor_fault
+            row[self._g1_at] = _ENCODER_ACKNOWLEDGE if acknowledges else 0
         if self.dsc:
             row[self._xerr_at] = self._xerr
             row[self._kpc_at] = self._kpc

@@ -8,7 +8,7 @@ change only in a call (MC-075).
 from __future__ import annotations
 
 from itertools import count
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from fieldbus.errors import ConfigurationError
 from motion.axis.jobs import ERROR_REFERENCE, NO_ERROR, Job, JobState
@@ -16,6 +16,7 @@ from motion.axis.jobs import ERROR_REFERENCE, NO_ERROR, Job, JobState
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
 
+_ACTIVE: Final = JobState.ACTIVE
 DEFAULT = -1.0
 """Input value that selects the dynamic default of the technology object (MC-086 to MC-089)."""
 
@@ -154,7 +155,7 @@ class ExecuteInstruction(Instruction):
 
     def _show(self, job: Job) -> None:
         state = job.state
-        if state <= JobState.ACTIVE:
+        if state <= _ACTIVE:
             self.Busy = True
             return
         self.Busy = False

@@ -21,6 +21,7 @@ from motion.instructions.dynamics import POSITION_LIMIT, is_number, resolve
 
 _DYNAMICS: Final = {"Acceleration": DEFAULT, "Deceleration": DEFAULT, "Jerk": DEFAULT}
 
+_ACTIVE: Final = JobState.ACTIVE
 ALARM_NOT_HOMED: Final = 321
 
 
@@ -58,7 +59,7 @@ class _Positioning(ExecuteInstruction):
 
     def _show(self, job: Job) -> None:
         super()._show(job)
-        self.Active = job.state is JobState.ACTIVE
+        self.Active = job.state is _ACTIVE
 
 
 class MC_MoveAbsolute(_Positioning):

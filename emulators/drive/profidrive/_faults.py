@@ -43,12 +43,12 @@ class FaultState:
     @property
     def present(self) -> bool:
         """Whether there is a fault (ZSW1 bit 3)."""
-        return bool(self.buffer.present)
+        return bool(self.buffer.current)
 
     @property
     def number(self) -> int:
         """Number of the oldest present fault, 0 = none (PD-043)."""
-        messages = self.buffer.present
+        messages = self.buffer.current
         return messages[0].number if messages else 0
 
     @property

@@ -65,9 +65,11 @@ class Monitors:
         if limit_s and now - drive.data_at_ns > seconds_to_ns(limit_s):
             faults.keep(numbers.SETPOINT_TIMEOUT, self._silent)
             drive.raise_fault(numbers.SETPOINT_TIMEOUT)
-        if drive.isochronous and drive.sign_of_life.synchronised and drive.sign_of_life.value:
+        if drive.isochronous:
             missed = drive.settings.sign_of_life_tolerance + 1.5
-            if now - drive.cycle_at_ns > missed * drive.config.cycle_ns:
+            if now - drive.cycle_at_ns > missed * drive.config.cycle_ns and (
+                drive.sign_of_life.synchronised and drive.sign_of_life.value
+            ):
                 drive.sign_of_life.reset()
                 drive.raise_fault(numbers.CLOCK_FAILURE)
 

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from emulators.drive.profidrive.device import ProfidriveDrive
 
 _ON: Final = int(STW1.ON)
+_S3: Final = AxisState.S3
+_NOTHING: Final = Action.NOTHING
 _JOG: Final = int(STW1.JOG_1 | STW1.JOG_2)
 
 
@@ -57,10 +59,10 @@ class Operation:
             self._command(old),
             off=drive.faults.off | drive.safety.off,
             standstill=self._standstill,
-            ready=drive.ready and (old is not AxisState.S3 or self._delay_over()),
+            ready=drive.ready and (old is not _S3 or self._delay_over()),
             synchronised=not drive.isochronous or drive.sign_of_life.synchronised,
         )
-        if action is not Action.NOTHING:
+        if action is not _NOTHING:
             self._carry_out(action)
         if machine.state is not old:
             self._changed(old)

@@ -89,7 +89,8 @@ class SpeedMode:
         core = drive.core
         word = _IN_TOLERANCE if drive.words.in_tolerance else 0
         velocity = core.velocity
-        if abs(velocity) >= drive.settings.comparison_speed_rpm * RPM:
+        limit = drive.settings.comparison_speed_rpm * RPM
+        if not -limit < velocity < limit:
             word |= _REACHED
         if velocity >= 0.0:
             word |= _POSITIVE

@@ -10,8 +10,6 @@ from emulators.drive.profidrive.statemachine import AxisState
 if TYPE_CHECKING:
     from emulators.drive.profidrive.device import ProfidriveDrive
 
-_NUMBERS: Final = {state: number for number, state in enumerate(AxisState)}
-
 
 def trace_columns(position_unit: str, bus: tuple[str, ...] = ()) -> tuple[tuple[str, str], ...]:
     """Return (name, unit) of the columns; `position_unit` is m or rad, `bus` are the columns of the transport."""
@@ -37,7 +35,7 @@ def trace_columns(position_unit: str, bus: tuple[str, ...] = ()) -> tuple[tuple[
 
 
 TRACE_ENUMS: Final[dict[str, dict[int, str]]] = {
-    "state": {number: state.text for state, number in _NUMBERS.items()},
+    "state": {state.number: state.text for state in AxisState},
 }
 """Texts of the columns that show a state."""
 
@@ -60,7 +58,7 @@ def trace_row(drive: ProfidriveDrive, *bus: float) -> tuple[float, ...]:
         core.encoder.increments,
         drive.stw1,
         drive.words.zsw1(),
-        _NUMBERS[drive.machine.state],
+        drive.machine.state.number,
         *bus,
         drive.inputs,
         core.brake.holding_torque_Nm > 0.0,

@@ -24,7 +24,20 @@ _OFF2: Final = int(Off.OFF2)
 _OFF3: Final = int(Off.OFF3)
 _PULSES: Final = int(ZSW2.PULSES_ENABLED)
 _PARKING: Final = int(ZSW2.PARKING)
-_BITS: Final = {state: state.bits for state in AxisState}
+_PARK: Final = int(STW2.PARKING)
+_S5B: Final = AxisState.S5B
+_MOTOR_TEMPERATURE: Final = int(DriveWarning.MOTOR_TEMPERATURE)
+_STAGE_TEMPERATURE: Final = int(DriveWarning.STAGE_TEMPERATURE)
+_RAMP_COMPLETED: Final = int(MELDW.RAMP_COMPLETED)
+_BELOW_TORQUE: Final = int(MELDW.TORQUE_BELOW_THRESHOLD)
+_BELOW_3: Final = int(MELDW.SPEED_BELOW_THRESHOLD_3)
+_BELOW_2: Final = int(MELDW.SPEED_BELOW_THRESHOLD_2)
+_COOL_MOTOR: Final = int(MELDW.NO_MOTOR_OVERTEMPERATURE)
+_NO_OVERLOAD: Final = int(MELDW.NO_POWER_UNIT_OVERLOAD)
+_DEVIATION: Final = int(MELDW.DEVIATION_IN_TOLERANCE)
+_CONTROLS: Final = int(MELDW.CONTROLLER_ENABLED | MELDW.PULSES_ENABLED)
+_READY: Final = int(MELDW.READY)
+_G1: Final = ("G1_ZSW", "G1_XIST1", "G1_XIST2")
 
 
 class StatusWords:
@@ -40,6 +53,7 @@ class StatusWords:
         "_cycle_s",
         "_deviation",
         "_drive",
+        "_ends_with_g1",
         "_frozen",
         "_getters",
         "_pack",
@@ -57,13 +71,18 @@ class StatusWords:
         self._cleared = 0
         self._pack = drive.telegram.actual.pack
         self._getters: tuple[Getter, ...] = ()
+        self._ends_with_g1 = False
 
     def connect(self) -> None:
         """Find the source of every signal; when the drive is complete."""
-        self._getters = getters(self._drive, self._drive.telegram.actual.names)
+        names = self._drive.telegram.actual.names
+        self._ends_with_g1 = names[-3:] == _G1
+        self._getters = getters(self._drive, names[:-3] if self._ends_with_g1 else names)
 
     def frame(self) -> bytes:
         """Return the telegram to the controller with the values of now."""
+        if self._ends_with_g1:
+            return self._pack(*[get() for get in self._getters], *self._drive.g1_words)
         return self._pack(*[get() for get in self._getters])
 
     def restart(self) -> None:
@@ -114,13 +133,13 @@ class StatusWords:
         if not drive.controlled_cyclically:
             return 0
         state = drive.machine.state
-        word = _BITS[state] | _REQUESTED
+        word = state.bits | _REQUESTED
         faults = drive.faults
         off = faults.off | drive.safety.off
         stw1 = drive.stw1
         if stw1 & 0x0002 and not off & _OFF2:
             word |= _NO_OFF2
-        if stw1 & 0x0004 and not (off & _OFF3 or drive.safety.holding) and state is not AxisState.S5B:
+        if stw1 & 0x0004 and not (off & _OFF3 or drive.safety.holding) and state is not _S5B:
             word |= _NO_OFF3
         if faults.present:
             word |= _FAULT
@@ -138,7 +157,7 @@ class StatusWords:
         word = sign << SIGN_OF_LIFE_SHIFT | drive.stw2 & 0x1F
         if drive.core.enabled:
             word |= _PULSES
-        if drive.stw2 & STW2.PARKING and not drive.core.enabled:
+        if drive.stw2 & _PARK and not drive.core.enabled:
             word |= _PARKING
         return word
 
@@ -152,21 +171,21 @@ class StatusWords:
         limit = drive.torque_limit_Nm
         word = 0
         if not core.enabled or abs(core.precontrol_velocity - drive.channel.target) < 1e-9:
-            word |= MELDW.RAMP_COMPLETED
+            word |= _RAMP_COMPLETED
         if not limit or abs(core.torque) < settings.torque_threshold_percent * 0.01 * limit:
-            word |= MELDW.TORQUE_BELOW_THRESHOLD
+            word |= _BELOW_TORQUE
         if speed < settings.speed_threshold_3_rpm:
-            word |= MELDW.SPEED_BELOW_THRESHOLD_3
+            word |= _BELOW_3
         if speed <= settings.speed_threshold_2_rpm:
-            word |= MELDW.SPEED_BELOW_THRESHOLD_2
-        if DriveWarning.MOTOR_TEMPERATURE not in warnings:
-            word |= MELDW.NO_MOTOR_OVERTEMPERATURE
-        if DriveWarning.STAGE_TEMPERATURE not in warnings:
-            word |= MELDW.NO_POWER_UNIT_OVERLOAD
+            word |= _BELOW_2
+        if _MOTOR_TEMPERATURE not in warnings:
+            word |= _COOL_MOTOR
+        if _STAGE_TEMPERATURE not in warnings:
+            word |= _NO_OVERLOAD
         if not self._deviation.expired:
-            word |= MELDW.DEVIATION_IN_TOLERANCE
+            word |= _DEVIATION
         if core.enabled:
-            word |= MELDW.CONTROLLER_ENABLED | MELDW.PULSES_ENABLED
+            word |= _CONTROLS
         if drive.ready and not drive.faults.present:
-            word |= MELDW.READY
-        return int(word)
+            word |= _READY
+        return word

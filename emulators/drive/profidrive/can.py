@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from fieldbus.clock import Timer
 
+_OPERATIONAL: Final = NmtState.OPERATIONAL
 _FREE_RUNNING_PRIORITY: Final = 2
 _MEMORY: Final = "parameters"
 _WITH_PARAMETERS: Final = (1, 3)
@@ -204,7 +205,7 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
 
     def _on_sync(self, time_ns: int) -> None:
         self._sync_ns = time_ns
-        if self.slave.nmt_state is NmtState.OPERATIONAL:
+        if self.slave.nmt_state is _OPERATIONAL:
             self._cycle()
 
     def _free_running(self) -> None:

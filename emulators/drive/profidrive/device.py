@@ -45,6 +45,7 @@ _CONTROL_PRIORITY: Final = 1
 _ACKNOWLEDGE: Final = int(STW1.ACKNOWLEDGE)
 _OPEN_BRAKE: Final = int(STW1.OPEN_BRAKE)
 _CONTROL: Final = int(STW1.CONTROL_BY_PLC)
+_S4: Final = AxisState.S4
 _SIGN_OF_LIFE_FAILED: Final = 0x0F02
 _NOT_VALID: Final = 0x0001
 
@@ -276,9 +277,9 @@ class ProfidriveDrive:
         if self.isochronous and self.sign_of_life.step(self.stw2 >> SIGN_OF_LIFE_SHIFT):
             self.raise_fault(numbers.SIGN_OF_LIFE)
             self.encoder_words.report(_SIGN_OF_LIFE_FAILED)
-        self.act()
+        self.operation.act()
         self.g1_words = self.encoder_words.step(self.g1_stw, now)
-        if self.operation.machine.state is AxisState.S4:
+        if self.operation.machine.state is _S4:
             if not self.safety.holding:
                 self.mode.lead(self.row)
             if self.torque.follows_telegram:

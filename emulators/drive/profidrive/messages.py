@@ -32,10 +32,12 @@ class FaultMessage:
 class FaultBuffer:
     """The present fault situation and those that were acknowledged, newest first."""
 
-    __slots__ = ("_situations", "counter")
+    __slots__ = ("_situations", "counter", "current")
 
     def __init__(self) -> None:
-        self._situations: list[list[FaultMessage]] = [[]]
+        self.current: list[FaultMessage] = []
+        """The present situation itself, to be read only: what every bus cycle asks."""
+        self._situations: list[list[FaultMessage]] = [self.current]
         self.counter = 0
         """PNU 944: counts messages and acknowledgements, 65535 is followed by 1."""
 
@@ -68,14 +70,16 @@ class FaultBuffer:
         """Shift the present situation into the history; return whether there was one (PD-137)."""
         if not self._situations[0]:
             return False
-        self._situations.insert(0, [])
+        self.current = []
+        self._situations.insert(0, self.current)
         del self._situations[SITUATIONS:]
         self._count()
         return True
 
     def clear(self) -> None:
         """Forget everything, as writing 0 to PNU 952 does (PD-136)."""
-        self._situations = [[]]
+        self.current = []
+        self._situations = [self.current]
 
     def entry(self, index: int) -> FaultMessage | None:
         """Return the message at a sub-index of PNU 945 to 949: 0..7 the present situation, 8..15 the one before, ..."""

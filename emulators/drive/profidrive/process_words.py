@@ -6,6 +6,7 @@ one telegram, if every RPDO that carries some of them has come; the words of the
 
 from __future__ import annotations
 
+from operator import eq, itemgetter
 from struct import Struct
 from typing import TYPE_CHECKING
 
@@ -34,6 +35,7 @@ class ProcessWords:
         "_carriers",
         "_counts",
         "_from_words",
+        "_gather",
         "_keys_in",
         "_keys_out",
         "_slave",
@@ -49,6 +51,8 @@ class ProcessWords:
         self._slave = slave
         self._keys_in = tuple(objects.RECEIVE_WORD + word << 8 for word in range(out))
         self._keys_out = tuple(objects.SEND_WORD + word << 8 for word in range(back))
+        first, *others = self._keys_in
+        self._gather = itemgetter(first, *others) if others else lambda values: (values[first],)
         self._to_frame = Struct(f">{out}h")
         self._from_words = Struct(f">{back}h")
         self._carriers: tuple[ReceivePdo, ...] = ()
@@ -74,10 +78,9 @@ class ProcessWords:
         counts = tuple([pdo.effective for pdo in self._carriers])
         before = self._counts
         self._counts = counts
-        if not counts or any(map(_same, counts, before)):
+        if not counts or any(map(eq, counts, before)):
             return None
-        values = self._slave.values
-        return self._to_frame.pack(*[values[key] for key in self._keys_in])
+        return self._to_frame.pack(*self._gather(self._slave.values))
 
     def give(self, frame: bytes) -> None:
         """Let an answer go with the next TPDOs."""
@@ -85,7 +88,3 @@ class ProcessWords:
         if self._touches:
             for key in self._keys_out:
                 self._slave.pdos.touch(key)
-
-
-def _same(left: int, right: int) -> bool:
-    return left == right

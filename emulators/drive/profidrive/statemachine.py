@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum, IntFlag
+from typing import Final
 
 from fieldbus.profidrive.words import STW1
 
@@ -19,6 +20,8 @@ class AxisState(Enum):
     S5B = ("S5 quick stop", 0x0003)
 
     def __init__(self, text: str, bits: int) -> None:
+        self.number = len(type(self).__members__)
+        """Number in the trace."""
         self.text = text
         """Name for log and trace."""
         self.bits = bits
@@ -54,6 +57,12 @@ class Action(Enum):
     """Brake with the quick-stop rate, from the actual speed."""
     CONTINUE = "continue"
     """The ramp stop is taken back: follow the setpoint again."""
+
+
+# Names of the module, because in every bus cycle an attribute of an enumeration would cost more than what is done with it.
+_S4: Final = AxisState.S4
+_NOTHING: Final = Action.NOTHING
+_RUN: Final = int(STW1.ON | STW1.NO_OFF2 | STW1.NO_OFF3 | STW1.ENABLE_OPERATION)
 
 
 class GeneralStateMachine:
@@ -92,6 +101,8 @@ class GeneralStateMachine:
             synchronised: The sign of life allows S2 (PD-131).
 
         """
+        if self.state is _S4 and stw1 & _RUN == _RUN and not off:
+            return _NOTHING
         on = bool(stw1 & STW1.ON) and not off & _OFF1
         no_off2 = bool(stw1 & STW1.NO_OFF2) and not off & _OFF2
         no_off3 = bool(stw1 & STW1.NO_OFF3) and not off & _OFF3

@@ -79,7 +79,12 @@ class Counting:
 
     def xist1(self) -> int:
         """Return the present Gx_XIST1."""
-        return self.in_xist1(self._encoder.increments)
+        fine = self._fine1
+        increments = self._encoder.increments
+        value = (
+            (increments << fine if fine >= 0 else increments >> -fine) + self._base & self._mask & 0xFFFF_FFFF
+        )
+        return value - 0x1_0000_0000 if value & 0x8000_0000 else value
 
     def in_xist1(self, increments: int) -> int:
         """Return what Gx_XIST1 is at a position, increments of the model; signed 32-bit."""

@@ -118,8 +118,12 @@ class EncoderInterface:
             Gx_ZSW (0..FFFFh), Gx_XIST1 and Gx_XIST2 (signed 32-bit).
 
         """
-        if stw or self.state is not SD1 or self._event or self._faults or not self.valid:
-            self._transition(stw, now_ns)
+        if not (stw or self.state is not SD1 or self._event or self._faults) and self.valid:
+            # Nothing is asked for and nothing is wrong: the usual case.
+            self._asked = 0
+            self._xist1 = xist1 = self._counting.xist1()
+            return self._running, xist1, 0
+        self._transition(stw, now_ns)
         self._asked = stw & FUNCTION_MASK if stw & _COMMAND == ACTIVATE << COMMAND_SHIFT else 0
         return self._words(stw)
 
