@@ -48,7 +48,7 @@ class PositionMode:
     def __init__(self, drive: ProfidriveDrive, channel: SetpointChannel) -> None:
         self._drive = drive
         self.channel = channel
-        self.positioner = Positioner(drive.core, drive.config.positioner)
+        self.positioner = Positioner(drive.core, drive.config.positioner, cycle_s=drive.config.cycle_ns / 1e9)
         place = drive.setpoint_place
         self._stw1_at = place("POS_STW1")
         self._stw2_at = place("POS_STW2")
@@ -131,6 +131,10 @@ class PositionMode:
             self._report(positioner.refused)
         if positioner.off_course and drive.state is AxisState.S4:
             drive.raise_fault(Refused.FOLLOWING_ERROR)
+
+    def probe_edge(self, number: int, rising: bool, increments: int) -> None:
+        """Take an edge of probe input 1 or 2, with the increments of the motor encoder at it."""
+        self.positioner.probe_edge(number, rising, increments * self._drive.encoder.radians_per_increment)
 
     def _report(self, refused: Refused | None) -> None:
         drive = self._drive

@@ -20,6 +20,8 @@ class Motion(NamedTuple):
     acceleration: float
     deceleration: float
     end_velocity: float = 0.0
+    relative: bool = False
+    """The way counts, not the place: it is kept when positions get other numbers."""
 
 
 class ProfileMotion:
@@ -36,11 +38,17 @@ class ProfileMotion:
     def __init__(self, core: ServoCore, settings: PositionerSettings) -> None:
         self._core = core
         self._settings = settings
-        self.scale = 2.0 * math.pi / settings.lu_per_revolution
+        self.scale = 0.0
         """Size of an LU, rad."""
         self.offset = 0.0
         """Measured angle of position 0, rad."""
         self.clear()
+        self.apply(settings)
+
+    def apply(self, settings: PositionerSettings) -> None:
+        """Take changed settings over."""
+        self._settings = settings
+        self.scale = 2.0 * math.pi / settings.lu_per_revolution
 
     def clear(self) -> None:
         """Forget what was planned; the drive has taken the pulses away."""
@@ -60,6 +68,11 @@ class ProfileMotion:
     def demand(self) -> float:
         """Position demand, LU."""
         return (self._core.position_command - self.offset) / self.scale
+
+    @property
+    def following_error(self) -> float:
+        """Following error, LU; 0 while no position is controlled."""
+        return self._core.following_error / self.scale if self._core.controls_position else 0.0
 
     @property
     def velocity(self) -> float:
@@ -134,6 +147,27 @@ class ProfileMotion:
 
     def _slope(self, acceleration: float) -> float:
         return acceleration * 1000.0 * self.scale
+
+    def track(self) -> None:
+        """Let the demand follow the axis: no position is controlled, and the drive itself wants to stand."""
+        self.clear()
+        self._core.ramp(0.0, self._slope(self._settings.max_deceleration))
+
+    @property
+    def settling(self) -> bool:
+        """Whether the demand is at the target and the axis is not within the window."""
+        planned = self.planned
+        if planned is None or self.halted or not self._core.profile.done:
+            return False
+        return abs(planned.target - self.position) > self._settings.window
+
+    @property
+    def displaced(self) -> bool:
+        """Whether the demand stands and the axis does not stand there."""
+        core = self._core
+        if not core.controls_position or not core.profile.done or core.precontrol_velocity:
+            return False
+        return abs(core.following_error) > self._settings.standstill_window * self.scale
 
     def arrived(self) -> bool:
         """Whether the demand is at the target and the axis within the window."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from emulators.drive.core import ServoCore
 from emulators.encoder.profidrive import EncoderInterface
 from emulators.mechanics import SwitchModel, position_within
@@ -19,14 +21,15 @@ class ProbeLatch:
 
     """
 
-    __slots__ = ("_core", "_interface", "_period_ns", "_scheduler")
+    __slots__ = ("_core", "_period_ns", "_scheduler", "listeners")
 
     def __init__(
         self, scheduler: Scheduler, core: ServoCore, interface: EncoderInterface, *, period_ns: int
     ) -> None:
         self._scheduler = scheduler
         self._core = core
-        self._interface = interface
+        self.listeners: list[Callable[[int, bool, int], object]] = [interface.probe_edge]
+        """Called with number, edge (rising) and increments of the motor encoder."""
         self._period_ns = period_ns
 
     def on_edge(self, number: int, switch: SwitchModel) -> None:
@@ -36,7 +39,7 @@ class ProbeLatch:
         rising = switch.state
         place = switch.edge
         if place is not None:
-            self._interface.probe_edge(number, rising, core.encoder.increments_at(place / mechanics.ratio))
+            self._tell(number, rising, core.encoder.increments_at(place / mechanics.ratio))
             return
         # Where the machine is now will be known at the next servo instant, which can be this one.
         now = self._scheduler.now
@@ -47,6 +50,10 @@ class ProbeLatch:
             angle = mechanics.motor_angle
             if since_step:
                 angle = position_within(*start, angle, self._period_ns / S, since_step / S)
-            self._interface.probe_edge(number, rising, core.encoder.increments_at(angle))
+            self._tell(number, rising, core.encoder.increments_at(angle))
 
         self._scheduler.at(now - since_step + self._period_ns if since_step else now, latch)
+
+    def _tell(self, number: int, rising: bool, increments: int) -> None:
+        for listener in self.listeners:
+            listener(number, rising, increments)

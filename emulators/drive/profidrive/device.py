@@ -147,6 +147,8 @@ class ProfidriveDrive:
         self.digital_inputs.on_change = self._on_inputs
         probes = ProbeLatch(scheduler, self.core, self.encoder_words, period_ns=config.servo_period_ns)
         self.digital_inputs.on_probe = probes.on_edge
+        if isinstance(self.mode, PositionMode):
+            probes.listeners.append(self.mode.probe_edge)
         self.monitors = Monitors(self)
         self.stw1 = 0
         """STW1 in force: that of the last frame with control by PLC, and bit 10 of the last frame (PD-076)."""

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from emulators.drive.core import RPM
+from emulators.drive.profidrive._position_mode import PositionMode
+from emulators.drive.profidrive._positioner_parameters import connect_positioner
 from emulators.drive.profidrive._terminals import Terminals
 from emulators.drive.profidrive.definitions import ParameterDefinition
 from emulators.drive.profidrive.device import ProfidriveDrive
@@ -96,6 +98,8 @@ class DriveParameters:
         self._connect_settings()
         self._connect_display()
         self._show_encoder()
+        if isinstance(drive.mode, PositionMode):
+            connect_positioner(store, drive.mode)
         self.terminals = Terminals(drive, store)
         """Digital and analog terminals."""
         self.memory = ParameterMemory(store, self._restart)

@@ -34,7 +34,12 @@ CLOCK_FAILURE: Final = 1911
 SIGN_OF_LIFE: Final = 1912
 MOTOR_TEMPERATURE: Final = 7011
 EXTERNAL: Final = 7860
+POSITIONER_STANDSTILL: Final = 7450
+POSITIONER_WINDOW: Final = 7451
 FOLLOWING_ERROR: Final = 7452
+CAM_NOT_FOUND: Final = 7458
+MARK_NOT_FOUND: Final = 7459
+END_OF_CAM_NOT_FOUND: Final = 7460
 MINUS_CAM: Final = 7491
 PLUS_CAM: Final = 7492
 BLOCKED: Final = 7900
@@ -59,6 +64,11 @@ _ROWS: Final = (
     Fault(CLOCK_FAILURE, Off.OFF1, 0x8700, "clock of isochronous operation failed"),
     Fault(SIGN_OF_LIFE, Off.OFF1, 0x8700, "sign of life of the controller failed"),
     Fault(MOTOR_TEMPERATURE, Off.OFF2, 0x4310, "motor overtemperature"),
+    Fault(POSITIONER_STANDSTILL, Off.OFF1, 0x8611, "positioner: the axis does not stand where it should"),
+    Fault(POSITIONER_WINDOW, Off.OFF1, 0x8611, "positioner: the axis does not get into its window"),
+    Fault(CAM_NOT_FOUND, Off.OFF1, 0x8613, "positioner: reference cam not found"),
+    Fault(MARK_NOT_FOUND, Off.OFF1, 0x8613, "positioner: zero mark not found"),
+    Fault(END_OF_CAM_NOT_FOUND, Off.OFF1, 0x8613, "positioner: end of the reference cam not found"),
     Fault(FOLLOWING_ERROR, Off.OFF1, 0x8611, "positioner: following error too great"),
     Fault(MINUS_CAM, Off.OFF3, 0x8612, "positioner: minus limit cam reached"),
     Fault(PLUS_CAM, Off.OFF3, 0x8612, "positioner: plus limit cam reached"),
@@ -100,8 +110,12 @@ class DriveWarning(IntEnum):
     JOG_CONTRADICTION = 7220
     NOT_HOMED = 7461
     NO_SUCH_BLOCK = 7462
+    INCONSISTENT_BLOCK = 7464
+    NO_SUCCESSOR = 7465
+    NO_JUMP_TARGET = 7468
     TARGET_BELOW_LIMIT = 7469
     TARGET_ABOVE_LIMIT = 7470
+    OUTSIDE_MODULO_RANGE = 7471
     MOTOR_OVERLOAD = 7805
     STAGE_TEMPERATURE = 30502
     INJECTED = 7850

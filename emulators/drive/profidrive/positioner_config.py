@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
+from typing import Final
 
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive.words import POS_STW2
@@ -19,6 +20,22 @@ class BlockTask(Enum):
     RELATIVE = "relative"
     ENDLESS_POSITIVE = "endless positive"
     ENDLESS_NEGATIVE = "endless negative"
+    WAIT = "wait"
+    """For `parameter` milliseconds."""
+    GOTO = "goto"
+    """Block `parameter` is next."""
+    SET_OUTPUT = "set output"
+    """Direct outputs by the bits of `parameter`, 1..3."""
+    RESET_OUTPUT = "reset output"
+
+
+_PARAMETERS: Final = {
+    BlockTask.WAIT: range(1_000_001),
+    BlockTask.GOTO: range(LAST_BLOCK + 1),
+    BlockTask.SET_OUTPUT: range(1, 4),
+    BlockTask.RESET_OUTPUT: range(1, 4),
+}
+"""Range of `TraversingBlock.parameter` of the tasks that do not move."""
 
 
 class Continuation(Enum):
@@ -42,6 +59,7 @@ class TraversingBlock:
         acceleration_percent: Of the maximum acceleration, 1..100.
         deceleration_percent: Of the maximum deceleration, 1..100.
         continuation: What follows.
+        parameter: Of a block that does not move: ms, block number, or outputs as bits.
 
     Raises:
         ConfigurationError: A value is out of its range, or an endless block waits for its target.
@@ -54,8 +72,16 @@ class TraversingBlock:
     acceleration_percent: float = 100.0
     deceleration_percent: float = 100.0
     continuation: Continuation = Continuation.END
+    parameter: int = 0
 
     def __post_init__(self) -> None:
+        allowed = _PARAMETERS.get(self.task)
+        if allowed is not None and self.parameter not in allowed:
+            raise ConfigurationError(
+                f"block parameter of {self.task.value}",
+                self.parameter,
+                f"{allowed.start}..{allowed.stop - 1}",
+            )
         _positive("block velocity", self.velocity)
         for name in ("acceleration_percent", "deceleration_percent"):
             if not 1.0 <= getattr(self, name) <= 100.0:
@@ -70,6 +96,11 @@ class TraversingBlock:
         """Whether it has no target."""
         return self.task in {BlockTask.ENDLESS_POSITIVE, BlockTask.ENDLESS_NEGATIVE}
 
+    @property
+    def moves(self) -> bool:
+        """Whether it is a motion."""
+        return self.task not in _PARAMETERS
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionerSettings:
@@ -82,7 +113,13 @@ class PositionerSettings:
         max_deceleration: p2573, 1000 LU/s^2, > 0; also that of a rejected task.
         software_limits: p2580, p2581, LU.
         window: p2544, LU, > 0.
+        positioning_time_s: p2545: so long after the demand the axis may need into the window, s; 0 = not watched.
+        standstill_window: p2542, LU, > 0: while the demand stands, the axis stays within it ...
+        standstill_time_s: p2543: ... or is out of it for this long at most, s; 0 = not watched.
         following_tolerance: p2546, LU, > 0.
+        modulo_range: p2576, LU, of a modulo axis; 0 = none.
+        max_cam_distance: p2606, LU, > 0: way within which homing has to find the cam, and its end.
+        max_mark_distance: p2609, LU, > 0: way from the cam within which it has to find the zero mark.
         jog_velocities: p2585, p2586, 1000 LU/min, the sign is the direction.
         jog_increments: p2587, p2588, LU, >= 0; the direction is that of the velocity.
         reference_position: p2599, LU.
@@ -110,7 +147,13 @@ class PositionerSettings:
     max_deceleration: float = 1_000.0
     software_limits: tuple[int, int] = (-2_147_482_648, 2_147_482_647)
     window: float = 40.0
+    positioning_time_s: float = 1.0
+    standstill_window: float = 200.0
+    standstill_time_s: float = 0.2
     following_tolerance: float = 1_000.0
+    modulo_range: float = 0.0
+    max_cam_distance: float = 2_147_482_647.0
+    max_mark_distance: float = 20_000.0
     jog_velocities: tuple[float, float] = (-300.0, 300.0)
     jog_increments: tuple[int, int] = (1_000, 1_000)
     reference_position: int = 0
@@ -130,9 +173,12 @@ class PositionerSettings:
     def __post_init__(self) -> None:
         for name in (
             "lu_per_revolution", "max_velocity", "max_acceleration", "max_deceleration", "window", "following_tolerance",
-            "cam_velocity", "mark_velocity", "approach_velocity",
+            "cam_velocity", "mark_velocity", "approach_velocity", "standstill_window", "max_cam_distance", "max_mark_distance",
         ):  # fmt: skip
             _positive(name, getattr(self, name))
+        for name in ("positioning_time_s", "standstill_time_s", "modulo_range"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
+                raise ConfigurationError(name, getattr(self, name), "a number >= 0")
         if not self.software_limits[0] < self.software_limits[1]:
             raise ConfigurationError("software_limits", self.software_limits, "the lower one first")
         for velocity, way in zip(self.jog_velocities, self.jog_increments, strict=True):

@@ -463,7 +463,7 @@ def test_a_block_that_does_not_exist_is_refused():
     assert axis.positioner.refused is Refused.NO_SUCH_BLOCK
     axis.go(1.0, pos_stw1=1)
     assert axis.position == pytest.approx(2_000, abs=20)
-    assert axis.positioner.refused is Refused.NO_SUCH_BLOCK
+    assert axis.positioner.refused is Refused.NO_SUCCESSOR
 
 
 @pytest.mark.requirement("PD-089", "PD-090")
