@@ -19,7 +19,70 @@ if TYPE_CHECKING:
     from fieldbus.clock import Scheduler, Timer
 
 
-class MachineFaults:
+class TravelFaults:
+    """What a test can do to switches, end stops and load of a drive.
+
+    The drive has the attributes named here.
+    """
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+        name: str
+        mechanics: Any
+        switches: dict[str, SwitchModel]
+        digital_inputs: DigitalInputs
+
+    def jam(self, jammed: bool) -> None:
+        """Block the shaft, or release it."""
+        self.mechanics.jam(jammed)
+
+    def load_force(self, force: float) -> None:
+        """Set the force (N; Nm on a rotary axis) from outside on the load."""
+        self.mechanics.apply_force(force)
+
+    def set_stops(self, lower: float | None, upper: float | None) -> None:
+        """Move or remove (None) the end stops, m or rad."""
+        self.mechanics.set_stops(lower, upper)
+
+    def force_input(self, name: str, state: bool | None) -> None:
+        """Force an input: `negative_limit`, `positive_limit`, `home`, `probe1`, `probe2`; None = the switch works again.
+
+        Raises:
+            UnsupportedFaultError: The machine has no such switch.
+
+        """
+        self._switch(name).forced = state
+
+    def invert_input(self, name: str, inverted: bool) -> None:
+        """Set the polarity of a switch.
+
+        Raises:
+            UnsupportedFaultError: The machine has no such switch.
+
+        """
+        self._switch(name).inverted = inverted
+
+    def swap_limit_switches(self, swapped: bool) -> None:
+        """Exchange the wires of the two limit switches, or put them right again.
+
+        Raises:
+            UnsupportedFaultError: The machine has not both.
+
+        """
+        for name in LIMIT_SWITCHES:
+            self._switch(name)
+        self.digital_inputs.swap_limits(swapped)
+
+    def _switch(self, name: str) -> SwitchModel:
+        switch = self.switches.get(name)
+        if switch is None:
+            fitted = ", ".join(self.switches) or "none"
+            raise UnsupportedFaultError(f"{self.name}: there is no switch {name!r}; fitted: {fitted}")
+        return switch
+
+
+class MachineFaults(TravelFaults):
     """What a test can do to motor, encoder, brake, switches and load of a drive.
 
     The drive has the attributes named here, and slots for `_drift_rest` and `_drift_timer`.
@@ -28,13 +91,10 @@ class MachineFaults:
     __slots__ = ()
 
     if TYPE_CHECKING:
-        name: str
         scheduler: Scheduler
         core: ServoCore
         encoder: RotaryEncoder
         mechanics: AxisMechanics
-        switches: dict[str, SwitchModel]
-        digital_inputs: DigitalInputs
         config: Any
         _drift_rest: float
         _drift_timer: Timer | None
@@ -109,56 +169,6 @@ class MachineFaults:
     def _need_brake(self) -> None:
         if not self.core.brake.fitted:
             raise UnsupportedFaultError(f"{self.name}: there is no brake (brake.torque_nm)")
-
-    # -- machine -----------------------------------------------------------------------------------------------------
-
-    def jam(self, jammed: bool) -> None:
-        """Block the shaft, or release it."""
-        self.mechanics.jam(jammed)
-
-    def load_force(self, force: float) -> None:
-        """Set the force (N; Nm on a rotary axis) from outside on the load."""
-        self.mechanics.apply_force(force)
-
-    def set_stops(self, lower: float | None, upper: float | None) -> None:
-        """Move or remove (None) the end stops, m or rad."""
-        self.mechanics.set_stops(lower, upper)
-
-    def force_input(self, name: str, state: bool | None) -> None:
-        """Force an input: `negative_limit`, `positive_limit`, `home`, `probe1`, `probe2`; None = the switch works again.
-
-        Raises:
-            UnsupportedFaultError: The machine has no such switch.
-
-        """
-        self._switch(name).forced = state
-
-    def invert_input(self, name: str, inverted: bool) -> None:
-        """Set the polarity of a switch.
-
-        Raises:
-            UnsupportedFaultError: The machine has no such switch.
-
-        """
-        self._switch(name).inverted = inverted
-
-    def swap_limit_switches(self, swapped: bool) -> None:
-        """Exchange the wires of the two limit switches, or put them right again.
-
-        Raises:
-            UnsupportedFaultError: The machine has not both.
-
-        """
-        for name in LIMIT_SWITCHES:
-            self._switch(name)
-        self.digital_inputs.swap_limits(swapped)
-
-    def _switch(self, name: str) -> SwitchModel:
-        switch = self.switches.get(name)
-        if switch is None:
-            fitted = ", ".join(self.switches) or "none"
-            raise UnsupportedFaultError(f"{self.name}: there is no switch {name!r}; fitted: {fitted}")
-        return switch
 
 
 class PowerFaults:

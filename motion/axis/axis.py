@@ -106,6 +106,8 @@ class TechnologyAxis:
         self._status = False
         self._setpoint_due = False
         self._resets: list[Reset] = []
+        self.station_inputs: Callable[[DrivePort], object] | None = None
+        """Puts the switches that are wired to an I/O station into the inputs of the port, once per cycle."""
         self.power_owner: object | None = None
         """The `MC_Power` instance that rules this object (MC-160)."""
         self.alarms = AxisAlarms(self)
@@ -191,6 +193,8 @@ class TechnologyAxis:
         self.variables.latch()
         port = self.port
         port.read()
+        if self.station_inputs is not None:
+            self.station_inputs(port)
         self._setpoint_due = True
         zsw1 = port.zsw1
         self.communication_ok = port.link_ok and zsw1 & 0x0208 == 0x0200

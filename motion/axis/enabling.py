@@ -187,7 +187,8 @@ class EnableControl:
             faulty = port.sensor_fault
             if faulty is not self._cause_411:
                 self._cause_411 = faulty
-                alarms.set_cause(ALARM_ENCODER, faulty)
+                code = port.sensor_code
+                alarms.set_cause(ALARM_ENCODER, faulty, text=f"encoder error {code:04X}h" if code else "")
         refused = expected and port.link_ok and not zsw1 & _REQUESTED
         fault = refused or zsw1 & _FAULT != 0
         if self._cause_421 or (fault and (expected or state is AxisState.ENABLING)):
@@ -245,7 +246,7 @@ class EnableControl:
                 self._rest(STW1_IDLE)
         elif state is AxisState.DISABLING_QUICK:
             if self._phase == 0:
-                if off:
+                if off and (axis.port.reports_stop or axis.at_rest):
                     self.stw1 = STW1_ALL_OFF
                     self._phase = 1
             else:
@@ -272,7 +273,7 @@ class EnableControl:
             # OFF1 can be interrupted: acknowledged while it brakes, the drive is switched on again (STP-382).
             self._start_mode = self.start_mode
             axis.set_state(AxisState.ENABLING)
-        elif off and (self.stw1 != STW1_OFF2_OFF1 or axis.at_rest):
+        elif off and (axis.at_rest or (self.stw1 != STW1_OFF2_OFF1 and axis.port.reports_stop)):
             # Without a link nobody knows whether the drive still brakes: OFF2 would let it coast (STP-367).
             self._rest(STW1_ALL_OFF if self.stw1 == STW1_OFF3 and axis.port.link_ok else self.stw1)
 

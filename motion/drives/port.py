@@ -7,7 +7,7 @@ terms (STP-258 to STP-290); a port of another profile translates (STP-541 to STP
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Final
+from typing import ClassVar, Final
 
 from fieldbus.profidrive.words import STW1, ZSW1
 
@@ -63,12 +63,16 @@ class DrivePort(ABC):
         "has_torque_reduction",
         "inputs",
         "link_ok",
+        "sensor_code",
         "sensor_fault",
         "speaks_telegram",
         "stw2",
         "torque_limit_reached",
         "zsw1",
     )
+
+    reports_stop: ClassVar[bool] = True
+    """The status word tells when a stop that the drive makes by itself has ended; False: the axis has to look."""
 
     def __init__(self) -> None:
         self.zsw1 = 0
@@ -82,6 +86,8 @@ class DrivePort(ABC):
         self.absolute_encoder = False
         self.sensor_fault = False
         """The drive reports its encoder as faulty."""
+        self.sensor_code = 0
+        """Its code for that (G1_XIST2), 0 when there is none."""
         self.actual_speed_rpm = 0.0
         self.actual_torque_nm = 0.0
         self.inputs = 0

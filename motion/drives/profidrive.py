@@ -90,7 +90,8 @@ class ProfidrivePort(LinkedPort):
     __slots__ = (
         "_add_at", "_answer", "_fault_number", "_g1_at", "_g1_zsw_at", "_kpc", "_kpc_at", "_m_act_at",
         "_meldw_at", "_momred_at", "_narrow", "_nist_at", "_nsoll_at", "_pack", "_place", "_range_at", "_row", "_sign",
-        "_speed_scale", "_stw2_at", "_unpack", "_watch", "_words", "_xerr", "_xerr_at", "_xist_at", "_zsw2_at", "telegram",
+        "_speed_scale", "_stw2_at", "_unpack", "_watch", "_words", "_xerr", "_xerr_at", "_xist2_at",
+        "_xist_at", "_zsw2_at", "telegram",
     )  # fmt: skip
 
     def __init__(
@@ -133,6 +134,7 @@ class ProfidrivePort(LinkedPort):
         self._zsw2_at = place.get("ZSW2", -1)
         self._g1_zsw_at = place.get("G1_ZSW", -1)
         self._xist_at = place.get("G1_XIST1", -1)
+        self._xist2_at = place.get("G1_XIST2", -1)
         self._m_act_at = place.get("M_ACT", -1)
         self._meldw_at = place.get("MELDW", -1)
         self._place = place
@@ -177,6 +179,7 @@ class ProfidrivePort(LinkedPort):
         if self._xist_at >= 0:
             g1_zsw = answer[self._g1_zsw_at]
             self.sensor_fault = bool(g1_zsw & _ENCODER_ERROR)
+            self.sensor_code = answer[self._xist2_at] & 0xFFFF_FFFF if g1_zsw & G_ZSW.ERROR else 0
             if not self.sensor_fault:
                 self.encoder_increments = answer[self._xist_at]
 

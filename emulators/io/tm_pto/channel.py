@@ -222,6 +222,20 @@ class PtoChannel:
             self._withdraw()
         self._stopped = stopped
 
+    def restart(self) -> None:
+        """Begin as after power-on: S1, nobody has spoken, the count shown begins anew."""
+        self._halt()
+        self._machine = GeneralStateMachine()
+        self._machine.state = AxisState.S1
+        self._stw1 = self._stw2 = self._g1_stw = 0
+        self._setpoint = 0.0
+        self._last_sign = self._sign_errors = self._missed = 0
+        self._signs_running = self._cyclic = self._dr_dropped = False
+        self._pending = None
+        self.fault = self._short
+        self.interface.power_on()
+        self._frame = self._build(self.interface.words())
+
     def supply(self, present: bool) -> None:
         """Take the load supply away, or bring it back (PTO-209)."""
         self._supply = present

@@ -112,6 +112,16 @@ class StepperMotor:
         friction = math.copysign(self.config.friction, generator.frequency) if generator.frequency else 0.0
         return self.config.inertia * angular + friction + self.load_torque
 
+    def slip(self, periods: int) -> None:
+        """Let a shaft that is in step lag behind by whole electrical periods more."""
+        if not self.stalled:
+            self.lost += STEPS_PER_PERIOD * self._per_step * periods
+
+    def stand(self, angle: float) -> None:
+        """Fall out of step at an angle, rad: something blocks the shaft there."""
+        self._stood_at = round(angle / _TAU * self.config.increments)
+        self.stalled = True
+
     def follow(self) -> None:
         """Fall out of step, or be caught again."""
         generator = self._generator

@@ -1,0 +1,246 @@
+"""A pulse module with a stepper drive as a node of a CAN segment: telegram 3 in free process data words on PDOs, latched by SYNC.
+
+The node shows the objects of the PROFIdrive axis, of which it uses the process data words, the digital inputs and the fault
+number. When SYNC stays away the module goes on with its own clock, so that its watchdog sees that nobody leads it any more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+from emulators.drive.injection import NodeFaults, TravelFaults
+from emulators.drive.profidrive import _objects as objects
+from emulators.drive.profidrive._eds import profidrive_dictionary
+from emulators.drive.profidrive.process_words import ProcessWords
+from emulators.drive.stepper import StepperDrive, StepperDriveConfig
+from fieldbus.can.frame import CanSegment
+from fieldbus.canopen.nmt import NmtState
+from fieldbus.canopen.slave import CanopenSlave
+from fieldbus.clock import MS, Scheduler, seconds_to_ns
+from fieldbus.errors import ConfigurationError
+from fieldbus.history import History
+from fieldbus.profidrive import pto_telegram, telegram
+from fieldbus.profidrive.words import ENCODER_ERRORS
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from fieldbus.clock import Timer
+
+_OWN_CLOCK_PRIORITY: Final = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepperNodeConfig:
+    """A pulse module on CANopen.
+
+    Args:
+        node_id: 1..127.
+        drive: Module, motor and machine.
+        cycle_ns: Bus cycle, ns.
+        boot_time_s: From power-on or reset to the boot-up frame, s.
+
+    """
+
+    node_id: int = 1
+    drive: StepperDriveConfig = field(default_factory=StepperDriveConfig)
+    cycle_ns: int = 4 * MS
+    boot_time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.node_id <= 127:
+            raise ConfigurationError("node_id", self.node_id, "1..127")
+        if not self.boot_time_s >= 0.0:
+            raise ConfigurationError("boot_time_s", self.boot_time_s, ">= 0")
+        if self.cycle_ns <= 0:
+            raise ConfigurationError("cycle_ns", self.cycle_ns, "> 0")
+
+
+class StepperCanDrive(TravelFaults, NodeFaults):
+    """An emulated pulse module with its stepper drive on a CAN segment, and all that a test can do to them.
+
+    It is off until `power_on`. Injected faults act at once.
+
+    Args:
+        scheduler: Time of the bench.
+        segment: CAN segment.
+        config: Node and drive.
+        name: Name of the node on the segment and in the history.
+        history: Log; None for none.
+        rng: Not used: a pulse counter has no noise.
+
+    """
+
+    __slots__ = (
+        "_storm_code", "_storm_timer", "_sync_ns", "_words", "config", "digital_inputs", "drive", "mechanics", "name",
+        "scheduler", "slave", "switches", "trace_columns",
+    )  # fmt: skip
+
+    trace_enums: Final[dict[str, dict[int, str]]] = {
+        **StepperDrive.trace_enums,
+        "nmt_state": {int(state): state.name for state in NmtState},
+    }
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        segment: CanSegment,
+        config: StepperNodeConfig,
+        *,
+        name: str,
+        history: History | None = None,
+        rng: np.random.Generator | None = None,  # noqa: ARG002 - every drive takes one
+    ) -> None:
+        self.scheduler = scheduler
+        self.name = name
+        self.config = config
+        self.drive = drive = StepperDrive(scheduler, config.drive, name=name, history=history)
+        self.mechanics: Any = drive.mechanics
+        self.switches = drive.switches
+        self.digital_inputs = drive.digital_inputs
+        self.slave = slave = CanopenSlave(
+            scheduler,
+            segment,
+            profidrive_dictionary(),
+            config.node_id,
+            name=name,
+            history=history,
+            boot_time_ns=seconds_to_ns(config.boot_time_s),
+        )
+        self._words = ProcessWords(slave, telegram(3) if config.drive.channel.standard else pto_telegram())
+        self._sync_ns = 0
+        self._storm_code = 0
+        self._storm_timer: Timer | None = None
+        self.trace_columns = (*drive.trace_columns(), ("nmt_state", ""))
+        """(name, unit) of the values of `trace_row`."""
+        slave.on_sync.append(self._on_sync)
+        slave.on_nmt_state.append(self._on_nmt_state)
+        slave.on_reset.append(self._on_reset)
+        slave.on_communication_error.append(self._on_communication_error)
+        drive.on_inputs = self._show_inputs
+        scheduler.every(config.cycle_ns, self._own_clock, priority=_OWN_CLOCK_PRIORITY)
+
+    def trace_row(self) -> tuple[float, ...]:
+        """Return the present values of `trace_columns`."""
+        return (*self.drive.trace_row(), self.slave.nmt_state)
+
+    # -- life --------------------------------------------------------------------------------------------------------
+
+    def power_on(self) -> None:
+        """Switch the supply on."""
+        if not self.slave.powered:
+            self.drive.module.supply(True)
+            self.drive.restart()
+            self.slave.power_on()
+            self._show_inputs()
+
+    def power_off(self) -> None:
+        """Switch everything off at once: no pulses, no current, no answer."""
+        if self.slave.powered:
+            self.slave.power_off()
+            self.drive.module.supply(False)
+            self.drive.channel.restart()
+            self.drive.motor.energised = False
+            self.drive.told()
+
+    def _on_reset(self, application: bool) -> None:
+        if application:
+            self.drive.restart()
+        self._show_inputs()
+
+    def _on_nmt_state(self, old: NmtState, new: NmtState) -> None:
+        self.drive.emit("drive.nmt", **{"from": old.name, "to": new.name})
+        if new is NmtState.OPERATIONAL:
+            self._words.begin()
+
+    def _on_communication_error(self, reason: str) -> None:
+        """A controller that is gone is one that has stopped (PTO-204); a frame of one that is back is needed to go on."""
+        self.drive.emit("drive.communication_lost", reason=reason)
+        self.drive.channel.stop_controller(True)
+        self.drive.channel.stop_controller(False)
+
+    def _show_inputs(self) -> None:
+        self.slave.set(objects.DIGITAL_INPUTS, 0, self.drive.digital_inputs.value)
+        self.slave.set(objects.FAULT_NUMBER, 0, int(self.drive.channel.fault))
+
+    # -- bus cycle ---------------------------------------------------------------------------------------------------
+
+    def _on_sync(self, time_ns: int) -> None:
+        self._sync_ns = time_ns
+        if self.slave.nmt_state is NmtState.OPERATIONAL:
+            self._cycle(self._words.take())
+
+    def _own_clock(self) -> None:
+        operational = self.slave.nmt_state is NmtState.OPERATIONAL
+        if not operational or self.scheduler.now - self._sync_ns > 2 * self.config.cycle_ns:
+            self._cycle(None)
+
+    def _cycle(self, frame: bytes | None) -> None:
+        if not self.slave.powered:
+            return
+        module = self.drive.module
+        if frame is not None:
+            module.receive(0, frame)
+        fault = self.drive.channel.fault
+        module.cycle()
+        self.drive.told()
+        if self.drive.channel.fault is not fault:
+            self._show_inputs()
+        self._words.give(module.transmit(0)[0])
+
+    # -- faults ------------------------------------------------------------------------------------------------------
+
+    def short_outputs(self, present: bool, channel: int = 0) -> None:
+        """Bring about a short circuit at the outputs of a channel, or remove it: both channels stop (PTO-207)."""
+        self.drive.module.short_circuit(channel, present)
+        self._show_inputs()
+
+    def cut_supply(self, missing: bool) -> None:
+        """Take the load supply of the outputs away, or give it back (PTO-209)."""
+        self.drive.module.supply(not missing)
+
+    def fail_module(self, failed: bool) -> None:
+        """Let the module be pulled out of its station, or plugged in again (PTO-210)."""
+        self.drive.module.failed = failed
+        if failed:
+            self.drive.channel.restart()
+            self.drive.told()
+
+    def report_encoder_error(self, code: int, present: bool) -> None:
+        """Bring about the lasting cause of an error of the encoder feedback, or end it.
+
+        Raises:
+            ConfigurationError: There is no such code.
+
+        """
+        interface = self.drive.channel.interface
+        if code not in ENCODER_ERRORS:
+            raise ConfigurationError("encoder error", code, ", ".join(map(str, ENCODER_ERRORS)))
+        (interface.fail if present else interface.heal)(code)
+
+    def force_ready(self, level: bool | None) -> None:
+        """Bring a level to the ready input DR; None: that of the power stage."""
+        self.drive.force_ready(level)
+
+    def lose_steps(self, periods: int) -> None:
+        """Let the shaft slip by whole electrical periods; positive: it lags behind."""
+        self.drive.lose_steps(periods)
+
+    def raise_fault(self, code: int = 1, *, persistent: bool = False) -> None:
+        """Raise the only fault that there is: an error of a digital output, whatever the number.
+
+        Args:
+            code: Not used; 1 is shown.
+            persistent: The short circuit stays until `clear_fault_cause`.
+
+        """
+        del code
+        self.short_outputs(True)
+        if not persistent:
+            self.short_outputs(False)
+
+    def clear_fault_cause(self, code: int | None = None) -> None:
+        """End the short circuit; the fault itself waits for its acknowledgement."""
+        del code
+        self.short_outputs(False)

@@ -1,0 +1,167 @@
+"""The controller's side of an I/O station: one exchange of the process image per cycle, shared by everybody who uses it.
+
+Outputs are written at any time and go with the next `exchange`; inputs are those of the last answer. While an answer is
+outstanding the exchange of a cycle is left out: a line that is slower than the cycle is not flooded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final, Protocol
+
+from fieldbus.errors import ConfigurationError
+from fieldbus.modbus.client import Outcome, Result
+from fieldbus.modbus.io_image import IoImage
+from motion.drives._link import GRACE_CYCLES
+from motion.drives.port import INPUT_HOME, INPUT_NEGATIVE_LIMIT, INPUT_POSITIVE_LIMIT, DrivePort
+
+if TYPE_CHECKING:
+    from fieldbus.history import History
+    from fieldbus.modbus.client import Done, Job
+    from fieldbus.modbus.pdu import Request
+
+_BITS: Final = {
+    "negative_limit": INPUT_NEGATIVE_LIMIT,
+    "positive_limit": INPUT_POSITIVE_LIMIT,
+    "home": INPUT_HOME,
+}
+
+
+class Client(Protocol):
+    """What carries requests to the station."""
+
+    def submit(self, request: Request, unit: int = 1, done: Done | None = None) -> Job:
+        """Put a request into the queue."""
+
+
+class StationLink:
+    """Inputs and outputs of one station.
+
+    Args:
+        client: What carries requests to it.
+        image: Its channels.
+        unit: Its address.
+        grace_cycles: Cycles without an answer until it counts as lost.
+        name: Name of the station in the history.
+        history: Log; None for none.
+
+    """
+
+    __slots__ = (
+        "_age", "_analog_out", "_client", "_digital_out", "_grace", "_history", "_waiting", "analog", "answers", "counters",
+        "digital", "image", "name", "ok", "unit",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        client: Client,
+        image: IoImage,
+        *,
+        unit: int = 1,
+        grace_cycles: int = GRACE_CYCLES,
+        name: str = "station",
+        history: History | None = None,
+    ) -> None:
+        self._client = client
+        self.image = image
+        self.unit = unit
+        self.name = name
+        self._history = history
+        self._grace = self._age = grace_cycles
+        self._waiting = False
+        self._digital_out = 0
+        self._analog_out = [0] * image.analog_outputs
+        self.ok = False
+        """Answers come."""
+        self.answers = 0
+        """Number of answers so far."""
+        self.digital = 0
+        """Digital inputs, bit n is channel n; 0 while the station is lost."""
+        self.analog: list[int] = [0] * image.analog_inputs
+        """Words of the analog inputs."""
+        self.counters: list[int] = [0] * image.counters
+        """Counters, signed 32 bit."""
+
+    def input(self, number: int) -> bool:
+        """Return a digital input as it has last been told."""
+        return bool(self.digital >> number & 1)
+
+    def set_output(self, number: int, level: bool) -> None:
+        """Set a digital output; it goes with the next exchange."""
+        bit = 1 << number
+        self._digital_out = self._digital_out | bit if level else self._digital_out & ~bit
+
+    def set_analog(self, number: int, word: int) -> None:
+        """Set the word of an analog output; it goes with the next exchange."""
+        self._analog_out[number] = word
+
+    def exchange(self) -> None:
+        """Send the outputs and ask for the inputs; once per cycle."""
+        if self._age < self._grace:
+            self._age += 1
+            if self._age == self._grace:
+                self._lose()
+        if self._waiting:
+            return
+        request = self.image.request(self.image.pack_outputs(self._digital_out, self._analog_out))
+        if request is not None:
+            self._waiting = True
+            self._client.submit(request, self.unit, self._answered)
+
+    def _answered(self, result: Result) -> None:
+        self._waiting = False
+        if result.outcome is not Outcome.DONE or result.response is None:
+            return
+        if self.image.input_words:
+            self.digital, self.analog, self.counters = self.image.unpack_inputs(result.response.values)
+        self.answers += 1
+        self._age = 0
+        if not self.ok:
+            self.ok = True
+            self._emit("station.up")
+
+    def _lose(self) -> None:
+        self.ok = False
+        self.digital = 0
+        self.analog = [0] * self.image.analog_inputs
+        self._emit("station.down")
+
+    def _emit(self, kind: str) -> None:
+        if self._history is not None:
+            self._history.emit(self.name, kind)
+
+
+class StationInputs:
+    """Switches of an axis that are wired to a station, in place of those at its drive (`PositionLimits_HW`).
+
+    Args:
+        link: The station.
+        channels: Number of the digital input by `negative_limit`, `positive_limit`, `home`.
+
+    Raises:
+        ConfigurationError: There is no such switch or channel.
+
+    """
+
+    __slots__ = ("_channels", "_link", "_mask")
+
+    def __init__(self, link: StationLink, channels: Mapping[str, int]) -> None:
+        for name, number in channels.items():
+            if name not in _BITS:
+                raise ConfigurationError("input of an axis", name, ", ".join(_BITS))
+            if not 0 <= number < link.image.digital_inputs:
+                raise ConfigurationError(
+                    f"{link.name}: digital input", number, f"0..{link.image.digital_inputs - 1}"
+                )
+        self._link = link
+        self._channels = tuple((1 << number, _BITS[name]) for name, number in channels.items())
+        self._mask = ~sum(bit for _, bit in self._channels)
+
+    def __call__(self, port: DrivePort) -> None:
+        """Put the levels into the inputs of a port."""
+        digital = self._link.digital
+        inputs = port.inputs & self._mask
+        for channel, bit in self._channels:
+            if digital & channel:
+                inputs |= bit
+        port.inputs = inputs
