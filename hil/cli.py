@@ -188,6 +188,27 @@ def check(
 
 
 @app.command()
+def diag(
+    bench: Annotated[str, typer.Argument(metavar="[BENCH]", help="Bench file or embedded name.")] = "",
+    *,
+    token: Annotated[str, typer.Option("--token", "-t", help="Repeat this case and look into it.")] = "",
+    at: Annotated[
+        float | None,
+        typer.Option("--at", metavar="SECONDS", help="Bench time within the case; default: its end."),
+    ] = None,
+    after: Annotated[
+        float, typer.Option("--after", min=0.0, help="Without a case: seconds to run first.")
+    ] = 0.0,
+    axis: Annotated[str, typer.Option("--axis", help="Only this axis.")] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Show what the axes say about themselves: status, motion, alarms, values, telegram."""
+    from hil._commands.diag import show_diagnosis
+
+    raise typer.Exit(show_diagnosis(bench, token=token, at_s=at, after_s=after, axis=axis, as_json=as_json))
+
+
+@app.command()
 def replay(
     token: Annotated[str, typer.Argument(metavar="TOKEN", help="Token of a case, from report or terminal.")],
     report: ReportOption = Path("hil-report-replay"),

@@ -9,6 +9,7 @@ from fieldbus.clock import Scheduler, Timer
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 from motion.axis import TechnologyAxis
+from motion.diagnostics import Diagnosis, diagnose
 from motion.instructions import (
     Instruction,
     MC_Halt,
@@ -125,6 +126,10 @@ class AxisHandle:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.object, name)
+
+    def diagnosis(self) -> Diagnosis:
+        """Return what the axis says about itself now: `print(axis.diagnosis().text())`."""
+        return diagnose(self.object)
 
     def run(self, instance: _T) -> _T:
         """Hand an instance of your own to the runtime."""

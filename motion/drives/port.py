@@ -111,6 +111,10 @@ class DrivePort(ABC):
     def read(self) -> None:
         """Take over the inputs that have arrived since the last cycle."""
 
+    def telegram_view(self) -> dict[str, int]:
+        """Return the words of the telegram by signal name, as last sent and last received (DIA-100, DIA-101)."""
+        return {"ZSW1": self.zsw1}
+
     def control_position(self, deviation_increments: float, gain_per_s: float) -> None:
         """Give position deviation and gain of the next `write`, where `dsc`; without it the drive controls the speed alone.
 

@@ -195,6 +195,11 @@ class ProfidrivePort(LinkedPort):
             raise ConfigurationError("signal of the telegram", name, ", ".join(self._place))
         return self._answer[at]
 
+    def telegram_view(self) -> dict[str, int]:
+        """See `DrivePort.telegram_view`."""
+        sent = zip(self.telegram.setpoint.names, self._row, strict=True)
+        return {**dict(sent), **dict(zip(self.telegram.actual.names, self._answer, strict=True))}
+
     def control_position(self, deviation_increments: float, gain_per_s: float) -> None:
         """See `DrivePort.control_position`: XERR and KPC."""
         if not -_XERR_MAX <= deviation_increments <= _XERR_MAX:

@@ -239,6 +239,7 @@ def test_help_loads_nothing_heavy():
         "run",
         "emulate",
         "check",
+        "diag",
         "replay",
         "fuzz",
         "benchmark",

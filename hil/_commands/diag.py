@@ -1,0 +1,84 @@
+"""`hil diag`: what the axes of a bench say about themselves, on a fresh bench or in the middle of a case."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hil._commands.terminal import console, print_json, quiet_stdout
+from hil.campaign import CaseContext, Token, load_bench_file, load_campaign
+from hil.errors import BlockedError, TokenError
+from motion.diagnostics import diagnose
+
+
+def show_diagnosis(
+    bench: str, *, token: str, at_s: float | None, after_s: float, axis: str, as_json: bool
+) -> int:
+    """Dump the diagnosis of the axes of a bench; returns the exit code.
+
+    Args:
+        bench: Bench file or embedded name; empty for the default one, or for the one of the token.
+        token: Token of a case to be repeated; empty for a bench that is only brought up.
+        at_s: Bench time within the case, s; None for its end.
+        after_s: Time that a bench without a case runs first, s.
+        axis: Name of the only axis that is wanted; empty for all.
+        as_json: Whether JSON is wanted.
+
+    Raises:
+        TokenError: The token is none, or its case is gone.
+        ConfigurationError: There is no such axis.
+
+    """
+    with quiet_stdout(as_json):
+        found, note = _of_case(token, bench, at_s, axis) if token else _of_bench(bench, after_s, axis)
+    if as_json:
+        print_json({"note": note, "axes": [one.as_dict() for one in found]})
+        return 0
+    console().print(note, markup=False)
+    for one in found:
+        print(one.text())  # noqa: T201 - this is the answer
+        print()  # noqa: T201
+    return 0
+
+
+def _snapshot(bench: Any, axis: str) -> list[Any]:
+    names = [axis] if axis else list(bench.axis_names)
+    return [diagnose(bench.axis(name).object) for name in names]
+
+
+def _of_bench(reference: str, after_s: float, axis: str) -> tuple[list[Any], str]:
+    bench_file = load_bench_file(reference or None)
+    with bench_file.build(seed=0) as bench:
+        bench.run_for(after_s)
+        return _snapshot(bench, axis), f"{bench_file.name} at {bench.now_s:.3f} s"
+
+
+def _of_case(text: str, reference: str, at_s: float | None, axis: str) -> tuple[list[Any], str]:
+    token = Token.decode(text)
+    if token.program is not None:
+        raise TokenError("the token of a fuzz program; hil diag repeats cases of campaigns")
+    bench_file = load_bench_file(reference or token.bench or None)
+    campaign = load_campaign(token.campaign)
+    if token.case not in campaign:
+        raise TokenError(f"{token.campaign} has no case {token.case!r} any more")
+    case = campaign[token.case]
+    taken: list[tuple[list[Any], float]] = []
+    with bench_file.build(seed=token.seed) as bench:
+
+        def take() -> None:
+            if not taken:
+                taken.append((_snapshot(bench, axis), bench.now_s))
+
+        if at_s is not None:
+            if at_s * 1e9 <= bench.scheduler.now:
+                raise TokenError(f"--at {at_s:g}: the bench is ready only after {bench.now_s:.3f} s")
+            bench.scheduler.at(round(at_s * 1e9), take)
+        ending = "ended"
+        try:
+            case.call(CaseContext(bench, seed=token.seed))
+        except (AssertionError, BlockedError) as error:
+            ending = f"stopped with: {error}"
+        if at_s is not None and not taken:
+            raise TokenError(f"--at {at_s:g}: the case {ending} at {bench.now_s:.3f} s already")
+        take()
+    found, moment = taken[0]
+    return found, f"{case.identifier} on {bench_file.name} at {moment:.3f} s"
