@@ -18,6 +18,7 @@ DEMO: Final = (
     "testcases.campaigns.stop_modes",
     "testcases.campaigns.fault_reactions",
     "testcases.campaigns.drive_faults",
+    "testcases.campaigns.telegram_faults",
 )
 """Campaigns of `hil demo`; they ship with the product."""
 

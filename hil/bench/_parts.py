@@ -106,6 +106,10 @@ class BenchParts:
         port: Cia402Port | ProfidriveCanPort = self._part("drive with an axis", self._ports, drive_name)
         return port.node
 
+    def port(self, drive_name: str | None = None) -> Any:
+        """Return the port by which an axis of the bench leads a drive, by the name of the drive, or the first one."""
+        return self._part("drive with an axis", self._ports, drive_name)
+
     @property
     def axis_names(self) -> tuple[str, ...]:
         """Names of the axes."""

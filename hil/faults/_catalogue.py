@@ -13,6 +13,7 @@ from hil.faults._catalogue_machine import MACHINE_FAULTS, MOTOR_ENCODER_FAULTS
 from hil.faults._catalogue_safety import SAFETY_FAULTS
 from hil.faults._encoder_kinds import ANY_ENCODER, OWN_DEVICE
 from hil.faults._parameters import FaultType, Parameter
+from hil.faults._telegram_catalogue import TELEGRAM_FAULTS
 
 _SELECTION: Final = (
     Parameter("drive", "text", "Drive, encoder or device of the segment whose identifiers `message` names; empty: the default drive", default=""),
@@ -98,6 +99,7 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
     *CAN_FAULTS,
     *DRIVE_FAULTS,
     *SAFETY_FAULTS,
+    *TELEGRAM_FAULTS,
     *MACHINE_FAULTS,
     *ANY_ENCODER,
     *MOTOR_ENCODER_FAULTS,

@@ -14,7 +14,8 @@ from hil.faults._trigger import REPEATABLE, Immediately, Trigger, as_trigger, tr
 from hil.record import EventSelector
 
 _KEYS = ("kind", "target", "trigger", "until", "duration_s", "count", "parameters")
-_FRAME_MESSAGES = "frame."
+COUNTED = ("frame.", "telegram.")
+"""Kinds whose `count` says how many frames or telegrams are hit."""
 _COMMANDED = (2, 3, 4, 15, 16)
 
 
@@ -47,7 +48,7 @@ class Fault:
     duration_s: float | None = None
     """Removed after this time, s; not together with `until`."""
     count: int | None = None
-    """Frame faults: frames hit, then over (None: no limit). Others: how often the trigger applies it (None: once)."""
+    """Frame and telegram faults: how many are hit, then over (None: no limit). Others: how often the trigger applies it (None: once)."""
     parameters: Mapping[str, Scalar] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -90,7 +91,7 @@ class Fault:
         if self.count is not None:
             if not isinstance(self.count, int) or isinstance(self.count, bool) or self.count < 1:
                 raise ConfigurationError("fault.count", self.count, "a whole number >= 1")
-            if self.count > 1 and not self.kind.startswith(_FRAME_MESSAGES):
+            if self.count > 1 and not self.kind.startswith(COUNTED):
                 if not isinstance(self.trigger, REPEATABLE):
                     raise ConfigurationError(
                         "fault.count", self.count, f"1, because the trigger is '{self.trigger}'"

@@ -7,11 +7,12 @@ from typing import Any
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import HilError
 from hil.faults._actions import Action, alarm_action, drive_action, encoder_action
-from hil.faults._fault import Fault
+from hil.faults._fault import COUNTED, Fault
 from hil.faults._frames import FrameAction, InjectAction
 from hil.faults._kernel import KernelFrameAction
 from hil.faults._parameters import Scalar
 from hil.faults._segment import segment_action
+from hil.faults._telegram import TelegramAction
 from hil.faults._trigger import Immediately, OnFrame, Trigger, as_trigger
 from hil.faults._watch import Stop, check_kind, watch
 from hil.protocols import Bench
@@ -39,7 +40,7 @@ class ArmedFault:
         self._pending = False
         self._ends: list[Stop] = []
         self._stop_trigger: Stop | None = None
-        self._limit = fault.count if fault.count is not None and not fault.kind.startswith("frame.") else 1
+        self._limit = fault.count if fault.count is not None and not fault.kind.startswith(COUNTED) else 1
         self._action = self._make_action()
         self.target = self._action.target
 
@@ -54,6 +55,8 @@ class ArmedFault:
             return FrameAction(self._bench, self.fault, stream, self._ended, self._hit)
         if kind.startswith("can."):
             return segment_action(self._bench, self.fault, stream)
+        if kind.startswith("telegram."):
+            return TelegramAction(self._bench, self.fault, self._ended, self._telegram_hit)
         if kind == "axis.alarm":
             return alarm_action(self._bench, self.fault)
         if kind.startswith("encoder."):
@@ -142,6 +145,10 @@ class ArmedFault:
     def _hit(self, hit: int, can_id: int) -> None:
         """Log a frame that is hit: it may leave no other mark."""
         self._emit("fault.hit", hit=hit, can_id=can_id)
+
+    def _telegram_hit(self, hit: int, change: str) -> None:
+        """Log a telegram that is hit, with what has become of it."""
+        self._emit("fault.hit", hit=hit, change=change)
 
     def _end(self) -> None:
         if not self.active:

@@ -158,6 +158,7 @@ def fault_kinds(bench: Any) -> list[str]:
         and offered(bench.drive(), entry.name)
         and (not entry.name.startswith("can.") or entry.name in _OF_THE_BUS)
         and entry.name != "frame.collide"
+        and not entry.name.startswith("telegram.")
     ]
 
 

@@ -6,6 +6,7 @@ answers with `_take` and sends what `_compose` returns.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -30,6 +31,9 @@ _ENCODER_ERROR: Final = int(G_ZSW.ERROR | G_ZSW.PARKING)
 _ENCODER_ACKNOWLEDGE: Final = int(G_STW.ACKNOWLEDGE)
 _TORQUE_BELOW_THRESHOLD: Final = int(MELDW.TORQUE_BELOW_THRESHOLD)
 _XERR_MAX: Final = 0x7FFFFFFF
+
+TelegramSeam = Callable[[bytes], bytes | None]
+"""Gets a telegram between profile and bus; returns what passes on in its place, None for nothing."""
 
 
 @dataclass(slots=True, frozen=True, kw_only=True)
@@ -91,7 +95,7 @@ class ProfidrivePort(LinkedPort):
         "_add_at", "_answer", "_fault_number", "_g1_at", "_g1_zsw_at", "_kpc", "_kpc_at", "_m_act_at",
         "_meldw_at", "_momred_at", "_narrow", "_nist_at", "_nsoll_at", "_pack", "_place", "_range_at", "_row", "_sign",
         "_speed_scale", "_stw2_at", "_unpack", "_watch", "_words", "_xerr", "_xerr_at", "_xist2_at",
-        "_xist_at", "_zsw2_at", "telegram",
+        "_xist_at", "_zsw2_at", "actual_seam", "setpoint_seam", "telegram",
     )  # fmt: skip
 
     def __init__(
@@ -108,6 +112,15 @@ class ProfidrivePort(LinkedPort):
         self._sign = 0
         self._xerr = self._kpc = 0
         self._fault_number = 0
+        self.setpoint_seam: TelegramSeam | None = None
+        """Stands between this port and the bus, for every telegram to the drive; None: nothing does."""
+        self.actual_seam: TelegramSeam | None = None
+        """The same for every telegram from the drive."""
+
+    @property
+    def watches_sign_of_life(self) -> bool:
+        """Whether both sides watch the counter of the other."""
+        return self._words.sign_of_life
 
     def _compile(self) -> None:
         """Find the place of every signal; what the telegram lacks is -1."""
@@ -155,8 +168,13 @@ class ProfidrivePort(LinkedPort):
     # -- cycle --------------------------------------------------------------------------------------------------
 
     def _take(self, frame: bytes | None) -> None:
-        """Take the answer of this cycle, words with the high byte first; None: there is none."""
-        if frame is None:
+        """Take the answer of this cycle, words with the high byte first; None: there is none.
+
+        One of a wrong length is not taken over (PD-030).
+        """
+        if frame is not None and self.actual_seam is not None:
+            frame = self.actual_seam(frame)
+        if frame is None or len(frame) != self.telegram.actual.length:
             alive = self._judge(fresh=False)
         else:
             self._answer = answer = self._unpack(frame)
@@ -218,8 +236,8 @@ class ProfidrivePort(LinkedPort):
         if self.has_torque_reduction:
             self._row[self._momred_at] = 0 if share is None else round((1.0 - share) * N2_ONE)
 
-    def _compose(self, stw1: int, speed_rpm: float, torque_nm: float) -> bytes:
-        """Return the telegram of this cycle."""
+    def _compose(self, stw1: int, speed_rpm: float, torque_nm: float) -> bytes | None:
+        """Return the telegram of this cycle, of any length where a test disturbs it; None: nothing is sent."""
         row = self._row
         row[0] = stw1
         share = speed_rpm / self._words.reference_speed_rpm
@@ -236,7 +254,8 @@ class ProfidrivePort(LinkedPort):
             self._xerr = self._kpc = 0
         if self._add_at >= 0:
             row[self._add_at] = to_n2(torque_nm / self._words.reference_torque_nm)
-        return self._pack(*row)
+        frame = self._pack(*row)
+        return frame if self.setpoint_seam is None else self.setpoint_seam(frame)
 
     def _compose_release(self) -> bytes:
         """Return a last telegram, which disables the drive: nobody will lead it any more."""

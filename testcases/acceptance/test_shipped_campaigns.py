@@ -9,10 +9,10 @@ import pytest
 from hil.bench import load_bench
 from hil.campaign import CaseSettings, execute_case, requirements_here
 from reports.model import Verdict
-from testcases.campaigns import drive_faults, fault_reactions, stop_modes
+from testcases.campaigns import drive_faults, fault_reactions, stop_modes, telegram_faults
 
 ON_CANOPEN = (stop_modes.CAMPAIGN, fault_reactions.CAMPAIGN, drive_faults.CAMPAIGN)
-ON_PROFIDRIVE = (fault_reactions.CAMPAIGN, drive_faults.CAMPAIGN)
+ON_PROFIDRIVE = (fault_reactions.CAMPAIGN, drive_faults.CAMPAIGN, telegram_faults.CAMPAIGN)
 BLOCKED = {
     ("profidrive", "drive-faults/withdrawn/constant"): "offers no fall_to_switch_on_disabled",
     ("profidrive", "drive-faults/withdrawn/standstill"): "offers no fall_to_switch_on_disabled",
