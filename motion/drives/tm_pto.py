@@ -95,7 +95,7 @@ class TmPtoPort(ProfidriveCanPort):
         self._begun = False
         self._stw2_at = -1  # the sign of life has to be 0, in the standard variant too
 
-    def _compose(self, stw1: int, speed_rpm: float, torque_nm: float) -> bytes:
+    def _compose(self, stw1: int, speed_rpm: float, torque_nm: float) -> bytes | None:
         return super()._compose(self._step_by_step(stw1), speed_rpm, torque_nm)
 
     def _step_by_step(self, stw1: int) -> int:
