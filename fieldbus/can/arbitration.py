@@ -19,7 +19,7 @@ from typing import Final
 from fieldbus.can.frame import CanFrame, FrameReceiver
 from fieldbus.can.hooks import FrameHook, ask_hooks
 from fieldbus.can.port import NOT_ASKED, Confirmation, Entry, MediumPort, deaf
-from fieldbus.can.timing import INTERMISSION_BITS, timing_of
+from fieldbus.can.timing import INTERMISSION_BITS, note_timing, timing_of
 from fieldbus.clock import Scheduler, Timer
 from fieldbus.errors import BusError, ConfigurationError
 
@@ -89,12 +89,7 @@ class Arbitration(ABC):
     def submit(self, port: MediumPort, frames: Iterable[CanFrame]) -> None:
         """Queue `frames` of `port`; see `MediumPort.send`."""
         for frame in frames:
-            try:
-                key, bits = timing_of(frame.can_id, frame.data, frame.extended, frame.remote, frame.dlc)
-            except TypeError:
-                raise BusError(
-                    f"the data of a frame must be bytes, not {type(frame.data).__name__}"
-                ) from None
+            key, bits = frame.timing or note_timing(frame)
             if not port.can_send:
                 if port.detached:
                     raise BusError(f"port {port.name} is detached from {self.name}")

@@ -20,7 +20,7 @@ class CanFrame:
 
     """
 
-    __slots__ = ("can_id", "data", "dlc", "extended", "remote")
+    __slots__ = ("can_id", "data", "dlc", "extended", "remote", "timing")
 
     def __init__(
         self,
@@ -36,6 +36,7 @@ class CanFrame:
         self.extended = extended
         self.remote = remote
         self.dlc = len(data) if dlc is None else dlc
+        self.timing: tuple[int, int] | None = None  # kept by `fieldbus.can.timing.note_timing`
 
     def __eq__(self, other: object) -> bool:
         return (

@@ -3,8 +3,8 @@
 The length counts every bit from the start of frame to the end of the intermission, with the stuff bits that this very
 frame has (CANP-014, -015, -017), so that bus times are those of a real segment and not an average.
 
-A frame costs about a microsecond when it is new and a fraction of that when it came before: the header is looked
-up whole, data and checksum go through tables, byte by byte.
+A frame costs about a microsecond when it is new and nothing when it is sent again: the header is looked up whole, data
+and checksum go through tables, byte by byte, and the result is kept in the frame.
 """
 
 from __future__ import annotations
@@ -112,14 +112,7 @@ def _header(can_id: int, extended: bool, remote: bool, dlc: int) -> tuple[int, i
     return key, crc, crc_8, _STUFF[run], (67 if extended else 47) + stuffed
 
 
-@lru_cache(maxsize=1024)
-def timing_of(can_id: int, data: bytes, extended: bool, remote: bool, dlc: int) -> tuple[int, int]:
-    """Return `(arbitration key, bits)` of the frame with these fields; see `arbitration_key` and `frame_bits`.
-
-    Raises:
-        BusError: The fields do not make a classical CAN frame.
-
-    """
+def _timing(can_id: int, data: bytes, extended: bool, remote: bool, dlc: int) -> tuple[int, int]:
     key, crc, crc_8, stuff, bits = _header(can_id, extended, remote, dlc)
     length = len(data)
     if length == dlc == 8 and not remote:  # the usual case, twice as fast without the loop
@@ -147,6 +140,26 @@ def timing_of(can_id: int, data: bytes, extended: bool, remote: bool, dlc: int) 
         bits += stuffed
     stuff, stuffed = stuff[crc >> 7]
     return key, bits + stuffed + stuff[256 + (crc & 0x7F)][1]
+
+
+timing_of = lru_cache(maxsize=1024)(_timing)
+"""Return `(arbitration key, bits)` of the frame with these fields; see `arbitration_key` and `frame_bits`.
+
+Raises `BusError` if the fields do not make a classical CAN frame.
+"""
+
+
+def note_timing(frame: CanFrame) -> tuple[int, int]:
+    """Return `timing_of` a frame, and keep it in the frame.
+
+    Raises:
+        BusError: It is no classical CAN frame.
+
+    """
+    if not isinstance(frame.data, bytes):
+        raise BusError(f"the data of a frame must be bytes, not {type(frame.data).__name__}")
+    frame.timing = timing = _timing(frame.can_id, frame.data, frame.extended, frame.remote, frame.dlc)
+    return timing
 
 
 def frame_bits(frame: CanFrame) -> int:

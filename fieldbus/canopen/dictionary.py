@@ -293,6 +293,16 @@ class Entry:
         return content.ljust(self.size, b"\0")[: self.size] if self.size else content
 
 
+_SLOTS: Final = Entry.__slots__
+_PROTOTYPES: Final = "_prototypes"
+"""Attribute of a shared dictionary: its entries by node-ID, from which those of every device are copied."""
+
+
+def share_entries(dictionary: canopen.ObjectDictionary) -> None:
+    """Remember the entries of a dictionary that nobody changes, so that the next device has them sooner."""
+    vars(dictionary)[_PROTOTYPES] = {}
+
+
 def entries_of(dictionary: canopen.ObjectDictionary, node_id: int) -> dict[int, Entry]:
     """Return all entries from 1000h on, keyed `index << 8 | sub-index`, in ascending order.
 
@@ -304,6 +314,23 @@ def entries_of(dictionary: canopen.ObjectDictionary, node_id: int) -> dict[int, 
         ConfigurationError: The dictionary has no entry at 1000h or above.
 
     """
+    prototypes = vars(dictionary).get(_PROTOTYPES)
+    if prototypes is None:
+        return _read_entries(dictionary, node_id)
+    known = prototypes.get(node_id)
+    if known is None:
+        known = prototypes[node_id] = _read_entries(dictionary, node_id)
+    return {key: _copied(entry) for key, entry in known.items()}
+
+
+def _copied(entry: Entry) -> Entry:
+    copy = Entry.__new__(Entry)
+    for name in _SLOTS:
+        setattr(copy, name, getattr(entry, name))
+    return copy
+
+
+def _read_entries(dictionary: canopen.ObjectDictionary, node_id: int) -> dict[int, Entry]:
     entries: dict[int, Entry] = {}
     for index in sorted(dictionary.indices):
         if index < 0x1000:

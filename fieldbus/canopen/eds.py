@@ -18,6 +18,7 @@ from fieldbus.canopen.dictionary import (
     UNICODE_STRING,
     VISIBLE_STRING,
     relative,
+    share_entries,
 )
 from fieldbus.canopen.eds_file import EdsFile, EdsSection
 from fieldbus.errors import ConfigurationError
@@ -103,7 +104,9 @@ def shared_dictionary(path: str | PathLike[str], node_id: int | None = None) -> 
 
 @lru_cache(maxsize=64)
 def _dictionary_of(path: str, node_id: int | None, _state: tuple[int, ...]) -> canopen.ObjectDictionary:
-    return load_dictionary(path, node_id)
+    dictionary = load_dictionary(path, node_id)
+    share_entries(dictionary)
+    return dictionary
 
 
 class _Reader:

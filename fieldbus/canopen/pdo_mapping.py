@@ -209,7 +209,7 @@ def applier(layout: Layout, store: ObjectStore) -> Applier:
         update = values.update
 
         def apply_plain(data: bytes) -> None:
-            update(zip(keys, unpack(data), strict=True))
+            update(zip(keys, unpack(data)))  # noqa: B905 - as many as the struct has
 
         return apply_plain
 

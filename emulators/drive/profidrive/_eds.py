@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from emulators.drive.profidrive._objects import DEVICE_NAME, PRODUCT_CODE, all_objects
 from fieldbus.canopen import eds_text as writer
-from fieldbus.canopen.eds import load_dictionary
+from fieldbus.canopen.eds import shared_dictionary
 
 if TYPE_CHECKING:
     import canopen
@@ -36,7 +36,7 @@ def eds_text() -> str:
 @lru_cache(maxsize=1)
 def profidrive_dictionary() -> canopen.ObjectDictionary:
     """Return the object dictionary of the EDS; it is shared between drives: nobody may change it."""
-    return load_dictionary(EDS_PATH)
+    return shared_dictionary(EDS_PATH)
 
 
 def main(arguments: list[str]) -> int:

@@ -84,7 +84,8 @@ class ProcessWords:
 
     def give(self, frame: bytes) -> None:
         """Let an answer go with the next TPDOs."""
-        self._slave.values.update(zip(self._keys_out, self._from_words.unpack(frame), strict=True))
+        words = self._from_words.unpack(frame)
+        self._slave.values.update(zip(self._keys_out, words))  # noqa: B905 - as many as the struct has
         if self._touches:
             for key in self._keys_out:
                 self._slave.pdos.touch(key)
