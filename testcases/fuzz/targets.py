@@ -495,6 +495,7 @@ def parameters() -> Take:
 def targets() -> dict[str, Target]:
     """Return all targets by name."""
     from testcases.fuzz.modbus_targets import modbus, modbus_client  # which needs `promise`
+    from testcases.fuzz.telegram_targets import telegrams
 
     listed = [
         Target(
@@ -509,6 +510,7 @@ def targets() -> dict[str, Target]:
         Target("slcan", "serial-line adapter", slcan),
         Target("decoder", "bus monitor", decoder),
         Target("parameters", "PROFIdrive parameter access", parameters),
+        Target("telegram", "PROFIdrive telegrams: drive, encoder, port of the controller", telegrams),
         Target("modbus", "Modbus server behind TCP and on a serial line", modbus),
         Target(
             "modbus_client", "Modbus clients of both links, and the words of what they get", modbus_client
