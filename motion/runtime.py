@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from fieldbus.clock import Scheduler, Timer
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
-from motion.axis import TechnologyAxis
+from motion.axis import ExternalEncoder, TechnologyAxis
 from motion.diagnostics import Diagnosis, diagnose
 from motion.instructions import (
     Instruction,
@@ -23,10 +23,12 @@ from motion.instructions import (
     MC_Power,
     MC_Reset,
     MC_SetAxisSTW,
+    MC_SetSensor,
     MC_Stop,
     MC_TorqueAdditive,
     MC_TorqueLimiting,
     MC_TorqueRange,
+    MC_WriteParameter,
 )
 
 _T = TypeVar("_T", bound=Instruction)
@@ -59,6 +61,7 @@ class Runtime:
         self.phase_ns = cycle_ns // 2 if phase_ns is None else phase_ns
         self.history = history
         self.axes: list[TechnologyAxis] = []
+        self.encoders: list[ExternalEncoder] = []
         self.program: list[Callable[[], object]] = []
         """Called once per application cycle, in this order, after the axes."""
         self.after_cycle: list[Callable[[], object]] = []
@@ -70,6 +73,10 @@ class Runtime:
     def add(self, axis: TechnologyAxis) -> None:
         """Take an axis into the cycle."""
         self.axes.append(axis)
+
+    def add_encoder(self, encoder: ExternalEncoder) -> None:
+        """Take an external encoder into the cycle, before the axes."""
+        self.encoders.append(encoder)
 
     def call(self, instance: Callable[[], object]) -> None:
         """Call `instance` once per cycle from the next cycle on.
@@ -98,6 +105,8 @@ class Runtime:
     def cycle(self) -> None:
         """Run one application cycle."""
         self.cycles += 1
+        for encoder in self.encoders:
+            encoder.cycle()
         for axis in self.axes:
             axis.cycle()
         for one in self._dormant:
@@ -157,6 +166,16 @@ class AxisHandle:
         """Start `MC_Home`."""
         return self.run(MC_Home(self.object, Execute=True, Position=position, Mode=mode))
 
+    def set_sensor(self, sensor: int, *, mode: int = 0, reference: int = 1) -> MC_SetSensor:
+        """Start `MC_SetSensor`."""
+        return self.run(
+            MC_SetSensor(self.object, Execute=True, Sensor=sensor, Mode=mode, ReferenceSensor=reference)
+        )
+
+    def write_parameter(self, number: int, value: Any) -> MC_WriteParameter:
+        """Start `MC_WriteParameter`."""
+        return self.run(MC_WriteParameter(self.object, Execute=True, ParameterNumber=number, Value=value))
+
     def move_absolute(self, position: float, **inputs: Any) -> MC_MoveAbsolute:
         """Start `MC_MoveAbsolute` to `position`, axis unit."""
         return self.run(MC_MoveAbsolute(self.object, Execute=True, Position=position, **inputs))
@@ -208,3 +227,32 @@ class AxisHandle:
     def stop(self, mode: int = 0, **inputs: Any) -> MC_Stop:
         """Start `MC_Stop`; release the axis with `instance.set(Execute=False)`."""
         return self.run(MC_Stop(self.object, Execute=True, Mode=mode, **inputs))
+
+
+class EncoderHandle:
+    """An external encoder with the instructions that it knows as methods; see `AxisHandle`."""
+
+    def __init__(self, runtime: Runtime, encoder: ExternalEncoder) -> None:
+        self._runtime = runtime
+        self.object = encoder
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.object, name)
+
+    def run(self, instance: _T) -> _T:
+        """Hand an instance of your own to the runtime."""
+        self._runtime.call(instance)
+        return instance
+
+    def reset(self, *, restart: bool = False) -> MC_Reset:
+        """Start `MC_Reset`."""
+        return self.run(MC_Reset(self.object, Execute=True, Restart=restart))
+
+    def home(self, position: float = 0.0, *, mode: int = 0) -> MC_Home:
+        """Start `MC_Home`."""
+        return self.run(MC_Home(self.object, Execute=True, Position=position, Mode=mode))
+
+    def write_parameter(self, number: int, value: Any) -> MC_WriteParameter:
+        """Start `MC_WriteParameter`."""
+        external: Any = self.object
+        return self.run(MC_WriteParameter(external, Execute=True, ParameterNumber=number, Value=value))

@@ -54,6 +54,9 @@ class Violation(NamedTuple):
     value: Any
     allowed: str
 
+    def __str__(self) -> str:
+        return f"{self.path} = {self.value}; allowed: {self.allowed}"
+
 
 class Cell:
     """Place of one variable. `value` is the value in force: read it, and where the runtime owns it, set it."""
@@ -318,6 +321,25 @@ class VariableStore:
         cell, bit = self._bit(path)
         cell.value = cell.value | 1 << bit if value else cell.value & ~(1 << bit)
 
+    def preset(self, path: str, value: Any) -> None:
+        """Set start value and value in force of any variable: a download of what the device says, not of the user."""
+        cell = self.bind(path)
+        cell.value = cell.start = value
+
+    def violations(self) -> tuple[Violation, ...]:
+        """Return the start values that are not permitted, so that a restart ends with alarm 101."""
+        motion_type = self._motion_type.value
+        found = []
+        for path, cell in self._cells.items():
+            variable = cell.variable
+            if (
+                variable is not None
+                and variable.access != "RON"
+                and not variable.permits(cell.start, motion_type)
+            ):
+                found.append(Violation(path, cell.start, variable.allowed(motion_type)))
+        return tuple(found)
+
     def restart(self) -> tuple[Violation, ...]:
         """Put all start values into force together (VAR-006, VAR-227); RON variables keep their values.
 
@@ -326,18 +348,9 @@ class VariableStore:
             changed, and `online_start_values_changed` stays.
 
         """
-        motion_type = self._motion_type.value
-        violations = []
-        for path, cell in self._cells.items():
-            variable = cell.variable
-            if (
-                variable is not None
-                and variable.access != "RON"
-                and not variable.permits(cell.start, motion_type)
-            ):
-                violations.append(Violation(path, cell.start, variable.allowed(motion_type)))
+        violations = self.violations()
         if violations:
-            return tuple(violations)
+            return violations
         for cell in self._cells.values():
             if cell.variable is not None and cell.variable.access != "RON":
                 cell.value = cell.start

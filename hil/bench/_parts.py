@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hil.bench.words import BenchWords
     from motion.drives.cia402 import Cia402Port
     from motion.drives.profidrive_can import ProfidriveCanPort
-    from motion.runtime import AxisHandle
+    from motion.runtime import AxisHandle, EncoderHandle
 
 MASTER_NODE: Final = 127
 """Node-ID of the controller."""
@@ -34,6 +34,7 @@ class BenchParts:
     _encoder_nodes: EncoderNodes | None
     _ports: dict[str, Cia402Port | ProfidriveCanPort]
     _axes: dict[str, AxisHandle]
+    _external_encoders: dict[str, EncoderHandle]
     _words: dict[str | None, BenchWords]
 
     def _part(self, kind: str, parts: dict[str, Any], name: str | None) -> Any:
@@ -48,6 +49,11 @@ class BenchParts:
     def axis(self, name: str | None = None) -> AxisHandle:
         """Return an axis by name, or the first one."""
         part: AxisHandle = self._part("axis", self._axes, name)
+        return part
+
+    def external_encoder(self, name: str | None = None) -> EncoderHandle:
+        """Return an external encoder (technology object) by name, or the first one."""
+        part: EncoderHandle = self._part("external encoder", self._external_encoders, name)
         return part
 
     def drive(self, name: str | None = None) -> Any:
@@ -176,7 +182,14 @@ class BenchParts:
     def component_names(self) -> tuple[str, ...]:
         """Names of everything that tells its state in the history."""
         config = self.config
-        own = (config.axis, config.drive, config.encoder, config.device, config.segment)
+        own = (
+            config.axis,
+            config.external_encoder,
+            config.drive,
+            config.encoder,
+            config.device,
+            config.segment,
+        )
         return (*(name for table in own for name in table), "controller", "adapter")
 
     def decode(self, frame: CanFrame, *, segment: str | None = None) -> str:

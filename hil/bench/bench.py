@@ -21,21 +21,24 @@ from fieldbus.errors import BusError, HilError
 from fieldbus.history import History
 from hil.bench._load import LOAD_COLUMNS, LoadMeter
 from hil.bench._parts import MASTER_NODE, BenchParts
+from hil.bench.axis_config import from_drive, from_encoder
 from hil.bench.config import BenchConfig
 from hil.errors import BlockedError
 from hil.record import Recorder, Trace
-from motion.axis import PositioningAxis, SpeedAxis, TechnologyAxis
+from motion.axis import ExternalEncoder, PositioningAxis, SpeedAxis, TechnologyAxis
 from motion.drives.cia402 import Cia402Port, Cia402PortConfig, CommissioningError
 from motion.drives.profidrive import TelegramConfig
 from motion.drives.profidrive_can import ProfidriveCanConfig, ProfidriveCanPort
-from motion.runtime import AxisHandle, Runtime
+from motion.runtime import AxisHandle, EncoderHandle, Runtime
 
 if TYPE_CHECKING:
     from fieldbus.canopen.node import RemoteNode
+    from hil.bench.config import ExternalEncoderSection
     from hil.bench.drive_config import DriveSection
     from hil.bench.encoders import EncoderNodes
     from hil.bench.remote import RemoteDrives
     from hil.bench.words import BenchWords
+    from motion.drives.cia406 import Cia406Port
 
 _SAMPLE_PRIORITY: Final = 100
 _GC_THRESHOLD: Final = 100_000
@@ -81,6 +84,8 @@ class Bench(BenchParts):
         self._encoders: dict[str, Any] = {}
         self._devices: dict[str, Any] = {}
         self._encoder_nodes: EncoderNodes | None = None
+        self._encoder_ports: dict[str, Cia406Port] = {}
+        self._external_encoders: dict[str, EncoderHandle] = {}
         self._ports: dict[str, Cia402Port | ProfidriveCanPort] = {}
         self._axes: dict[str, AxisHandle] = {}
         self._cycle_callbacks: list[Callable[[], object]] = []
@@ -153,6 +158,8 @@ class Bench(BenchParts):
                     self.recorder.set_constant(f"{name}.{side}_stop", stop_mm / 1000.0)
         for name, axis_section in config.axis.items():
             self._build_axis(name, axis_section)
+        for name, encoder_section in config.external_encoder.items():
+            self._build_external_encoder(name, encoder_section)
         self.runtime.after_cycle.append(self._after_cycle)
 
     def _record(self, name: str, device: Any) -> None:
@@ -164,7 +171,7 @@ class Bench(BenchParts):
 
     def _build_encoders(self) -> None:
         from hil.bench.encoder_config import encoder_names
-        from hil.bench.encoders import ENCODER_METHODS, EncoderNodes, build_encoder
+        from hil.bench.encoders import ENCODER_METHODS, EncoderNodes, build_encoder, build_encoder_ports
 
         for name in encoder_names(self.config):
             if self._remote is not None:
@@ -176,7 +183,8 @@ class Bench(BenchParts):
             )  # fmt: skip
             self._encoders[name] = encoder
             self._record(name, encoder)
-        self._encoder_nodes = EncoderNodes(self._masters, self.config)
+        self._encoder_ports = build_encoder_ports(self._masters, self.config, self.history)
+        self._encoder_nodes = EncoderNodes(self._masters, self.config, self._encoder_ports)
 
     def _build_devices(self) -> None:
         from hil.bench.devices import DEVICE_METHODS, build_device
@@ -193,9 +201,23 @@ class Bench(BenchParts):
         drive = self.config.drive[section.drive]
         port = self._build_port(section.drive, drive)
         kind = PositioningAxis if section.type == "positioning" else SpeedAxis
+        variables = from_drive(drive)
+        encoders: list[Cia406Port | Cia402Port | ProfidriveCanPort] | None = None
+        if section.encoders is not None:
+            encoders = []
+            for number, one in enumerate(section.encoders, start=1):
+                if one == section.drive:
+                    encoders.append(port)
+                else:
+                    encoders.append(self._encoder_ports[one])
+                    variables |= from_encoder(self.config.encoder[one], f"Sensor[{number}]")
+        if section.connection == "data_block":
+            assert isinstance(port, ProfidriveCanPort)  # checked with the bench file
+            port.connect_block()
         axis: TechnologyAxis = kind(
-            name, port, cycle_ns=self.cycle_ns, variables=section.variables, history=self.history
-        )
+            name, port, cycle_ns=self.cycle_ns, variables={**variables, **section.variables}, history=self.history,
+            encoders=encoders, connection=section.connection, cpu=self.config.bench.cpu,
+        )  # fmt: skip
         self.runtime.add(axis)
         self._ports[section.drive] = port
         self._axes[name] = AxisHandle(self.runtime, axis)
@@ -215,6 +237,20 @@ class Bench(BenchParts):
         }
         for key, value in constants.items():
             self.recorder.set_constant(f"{name}.{key}", value)
+
+    def _build_external_encoder(self, name: str, section: ExternalEncoderSection) -> None:
+        variables = from_encoder(self.config.encoder[section.encoder], "Sensor")
+        variables.pop("Sensor.MountingMode", None)
+        encoder = ExternalEncoder(
+            name, self._encoder_ports[section.encoder], cycle_ns=self.cycle_ns,
+            variables={**variables, **section.variables}, history=self.history,
+        )  # fmt: skip
+        self.runtime.add_encoder(encoder)
+        self._external_encoders[name] = EncoderHandle(self.runtime, encoder)
+        group = self.recorder.add_group(
+            name, encoder.trace_columns, encoder.trace_row, enums=encoder.trace_enums
+        )
+        self.runtime.after_cycle.append(group.sample)
 
     def _build_port(self, name: str, drive: DriveSection) -> Cia402Port | ProfidriveCanPort:
         """Return the controller's port to a drive, as its profile wants it."""

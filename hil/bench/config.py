@@ -19,6 +19,7 @@ from pydantic import (
 
 from fieldbus.errors import ConfigurationError
 from hil.bench._drive_sections import NotNegative, Section
+from hil.bench.axis_config import check_axis_encoders, check_external_encoders
 from hil.bench.device_config import DeviceSection, anchor_files, check_devices, eds_files
 from hil.bench.drive_config import DriveSection
 from hil.bench.encoder_config import EncoderSection, check_encoders
@@ -50,6 +51,8 @@ class BenchSection(Section):
     servo_period_us: Annotated[int, Field(ge=50, le=5000)] = 250
     """Control cycle of the emulated drives, microseconds; a divisor of the bus cycle."""
 
+    cpu: Literal["S7-1500", "S7-1500T"] = "S7-1500T"
+    """Controller whose technology objects the axes are: the T has up to four encoders per axis and `MC_SetSensor`."""
     grace_cycles: Annotated[int, Field(ge=1, le=1000)] = 3
     """Cycles without actual values after which an axis reports its drive as lost (alarm 431)."""
 
@@ -128,6 +131,18 @@ class AxisSection(Section):
 
     type: Literal["positioning", "speed"] = "positioning"
     drive: str
+    encoders: tuple[str, ...] | None = Field(default=None, max_length=4)
+    """Where `Sensor[1]`, `Sensor[2]`, ... come from: the name of the drive for its own encoder, or encoders; None: the drive."""
+    connection: Literal["direct", "data_block"] = "direct"
+    """`data_block`: a program of the test stands between telegram and axis."""
+    variables: dict[str, bool | int | float] = {}
+    """Start values by their original path; checked against the variable table when the bench is built."""
+
+
+class ExternalEncoderSection(Section):
+    """`[external_encoder.NAME]`: a technology object that reads an encoder."""
+
+    encoder: str
     variables: dict[str, bool | int | float] = {}
     """Start values by their original path; checked against the variable table when the bench is built."""
 
@@ -142,6 +157,7 @@ class BenchConfig(Section):
     encoder: dict[str, EncoderSection] = {}
     device: dict[str, DeviceSection] = {}
     axis: dict[str, AxisSection] = {}
+    external_encoder: dict[str, ExternalEncoderSection] = {}
 
     @property
     def emulated_names(self) -> tuple[str, ...]:
@@ -166,7 +182,12 @@ class BenchConfig(Section):
                 "there is neither a drive nor an encoder nor a device; a bench needs at least one"
             )
         taken: dict[str, str] = {}
-        for kind, names in (("segment", self.segment), ("drive", self.drive), ("axis", self.axis)):
+        for kind, names in (
+            ("segment", self.segment),
+            ("drive", self.drive),
+            ("axis", self.axis),
+            ("external_encoder", self.external_encoder),
+        ):
             for name in names:
                 if "." in name or not name.strip():
                     raise ValueError(
@@ -210,16 +231,12 @@ class BenchConfig(Section):
                 )
             used[axis.drive] = name
             drive = self.drive[axis.drive]
+            check_axis_encoders(name, axis, self)
             with_dsc = drive.profile == "profidrive" and drive.telegram in (5, 6, 105, 106)
             if axis.variables.get("PositionControl.EnableDSC") and not with_dsc:
                 raise ValueError(
                     f"axis.{name}.variables: PositionControl.EnableDSC needs a drive with XERR and KPC: "
                     'profile = "profidrive" with telegram 5, 6, 105 or 106'
-                )
-            if axis.type == "positioning" and drive.profile == "profidrive" and drive.telegram in (1, 2):
-                raise ValueError(
-                    f"axis.{name}.drive: telegram {drive.telegram} of {axis.drive!r} has no encoder value for a positioning "
-                    "axis; allowed: 3, 4, 5, 6, 102, 103, 105, 106"
                 )
         for name, segment in self.segment.items():
             if self.bench.kind == "live" and (segment.interface is None or segment.channel is None):
@@ -236,6 +253,7 @@ class BenchConfig(Section):
         if self.bench.kind == "virtual" and any(d.device == "physical" for d in self.drive.values()):
             raise ValueError('a virtual bench cannot hold a physical drive; set bench.kind = "live"')
         check_encoders(self)
+        check_external_encoders(self)
         check_devices(self)
         return self
 

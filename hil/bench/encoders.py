@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from fieldbus.history import History
     from hil.bench.config import BenchConfig
     from hil.bench.encoder_config import EncoderSection
+    from motion.drives.cia406 import Cia406Port
 
 _RPM: Final = 2.0 * math.pi / 60.0
 _PROFILE: Final = 406
@@ -146,6 +147,29 @@ def _own_shaft(scheduler: Scheduler, section: EncoderSection) -> DrivenShaft:
     return shaft
 
 
+def build_encoder_ports(
+    masters: Mapping[str, CanopenMaster], config: BenchConfig, history: History
+) -> dict[str, Cia406Port]:
+    """Return a port to every encoder that an axis or an external encoder reads."""
+    from motion.drives.cia406 import Cia406Port, Cia406PortConfig
+
+    used = {one.encoder for one in config.external_encoder.values()}
+    used.update(name for axis in config.axis.values() for name in axis.encoders or ())
+    ports = {}
+    for name, section in config.encoder.items():
+        if name not in used:
+            continue
+        device = encoder_config(section)
+        settings = Cia406PortConfig(
+            node_id=section.node_id,
+            range_steps=device.raw_range,
+            absolute_encoder="incremental" not in section.type,
+            grace_cycles=config.bench.grace_cycles,
+        )
+        ports[name] = Cia406Port(masters[section.segment], settings, name=name, history=history)
+    return ports
+
+
 class EncoderNodes:
     """The encoders that the controller leads, as nodes of its network: checked, started, started again.
 
@@ -154,10 +178,17 @@ class EncoderNodes:
     Args:
         masters: CANopen services of the controller, by segment.
         config: The bench file.
+        ports: Technology objects that depend on encoders, by the name of the encoder.
 
     """
 
-    def __init__(self, masters: Mapping[str, CanopenMaster], config: BenchConfig) -> None:
+    def __init__(
+        self,
+        masters: Mapping[str, CanopenMaster],
+        config: BenchConfig,
+        ports: Mapping[str, Cia406Port] | None = None,
+    ) -> None:
+        ports = ports or {}
         self._sections = {
             name: section for name, section in config.encoder.items() if config.leads(section.segment)
         }
@@ -171,7 +202,8 @@ class EncoderNodes:
                     heartbeat_timeout_ms=_HEARTBEATS * section.heartbeat_ms
                     if section.device == "emulated"
                     else 0,
-                )
+                ),
+                ports.get(name),
             )
             for name, section in self._sections.items()
         }

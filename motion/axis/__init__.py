@@ -1,6 +1,7 @@
-"""Technology objects: positioning axis and speed axis."""
+"""Technology objects: positioning axis, speed axis, external encoder."""
 
 from motion.axis.axis import PositioningAxis, SpeedAxis, TechnologyAxis
+from motion.axis.external_encoder import ExternalEncoder
 from motion.axis.state import AxisState
 
-__all__ = ["AxisState", "PositioningAxis", "SpeedAxis", "TechnologyAxis"]
+__all__ = ["AxisState", "ExternalEncoder", "PositioningAxis", "SpeedAxis", "TechnologyAxis"]

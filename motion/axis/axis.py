@@ -2,31 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from fieldbus.errors import ConfigurationError
+from motion.axis.adaption import Adaption
+from motion.axis.configuration import (
+    DSC_TELEGRAMS,
+    Abilities,
+    Problem,
+    check_configuration,
+    derive_units,
+    setpoint_range,
+)
 from motion.axis.control import PositionController
 from motion.axis.control_words import ControlWords
+from motion.axis.data_block import live_variables, unit_names
 from motion.axis.enabling import EnableControl
-from motion.axis.feedback import VALID, Feedback, Mechanics
+from motion.axis.feedback import NO_FEEDBACK, VALID, EncoderSource, Feedback
+from motion.axis.homing import home_directly
 from motion.axis.limits import TravelLimits
+from motion.axis.mechanics import INCREMENTAL, Mechanics
+from motion.axis.modulo import NO_MODULO, Modulo
 from motion.axis.monitoring import Monitoring
 from motion.axis.motion import MotionControl
 from motion.axis.reactions import AxisAlarms
+from motion.axis.reset import Reset
+from motion.axis.simulation import (
+    SimulatedController,
+    SimulatedFeedback,
+    SimulatedPort,
+    VirtualController,
+)
 from motion.axis.state import FACTS, AxisState
 from motion.axis.status import status_word, status_word2
 from motion.axis.torque import TorqueControl
-from motion.drives.port import STW1, ZSW1
+from motion.drives.port import STW1
 from motion.variables import VariableStore
 
 if TYPE_CHECKING:
     from fieldbus.history import History
-    from motion.axis.reset import Reset
+    from motion.drives.encoder import EncoderPort
     from motion.drives.port import DrivePort
 
 _AT_REST_RPM: Final = 1.0
 """Motor speed below which a speed axis counts as standing."""
+ALARM_ADJUSTED: Final = 110
+
+CONNECTIONS: Final = ("direct", "data_block")
 
 
 class TechnologyAxis:
@@ -39,16 +62,19 @@ class TechnologyAxis:
         variables: Start values by their original path, for example `{"DynamicLimits.MaxVelocity": 500.0}`.
         history: Event log, or None.
         delay_s: Time from a setpoint to the actual value that it makes, without the lag of the drive
-            (`T_i + T_o + T_DC + T_servo`), s; default two cycles.
+            (`T_i + T_o + T_DC + T_servo`), s; default two cycles. With a data block the parameters 1010 to 1012 say it.
+        encoders: Where the values of `Sensor[1]`, `Sensor[2]`, ... come from; None = of one encoder, that of the drive.
+        connection: `direct`, or `data_block`: a user program stands between telegram and axis (CFG section 13).
+        cpu: `S7-1500T`, or `S7-1500`, which has one encoder per axis (CFG-177).
 
     Raises:
-        ConfigurationError: A variable does not exist or its value is out of range.
+        ConfigurationError: A variable does not exist, its value is out of range, or values do not fit together.
 
     """
 
     object_type: ClassVar[str] = ""
     has_position: ClassVar[bool] = False
-    trace_columns: ClassVar[tuple[tuple[str, str], ...]] = (
+    trace_columns: tuple[tuple[str, str], ...] = (
         ("position_setpoint", "mm"),
         ("velocity_setpoint", "mm/s"),
         ("acceleration_setpoint", "mm/s2"),
@@ -83,14 +109,32 @@ class TechnologyAxis:
         variables: Mapping[str, Any] | None = None,
         history: History | None = None,
         delay_s: float | None = None,
+        encoders: Sequence[EncoderPort | DrivePort] | None = None,
+        connection: str = "direct",
+        cpu: str = "S7-1500T",
     ) -> None:
+        if connection not in CONNECTIONS:
+            raise ConfigurationError("connection", connection, ", ".join(CONNECTIONS))
         self.name = name
-        self.port = port
+        self.drive_port = port
+        """Connection to the drive, also while it is not used."""
+        self.port: DrivePort = port
+        self.encoder_ports = (port,) if encoders is None else tuple(encoders)
+        self._other_ports = [one for one in self.encoder_ports if one is not port]
+        self.connection = connection
+        self.cpu = cpu
         self.history = history
         self.cycle_ns = cycle_ns
         self.cycle_s = cycle_ns * 1e-9
-        self.delay_s = 2 * self.cycle_s if delay_s is None else delay_s
-        self.variables = VariableStore(self.object_type, variables or {}, name=name, history=history)
+        self._direct_delay_s = 2 * self.cycle_s if delay_s is None else delay_s
+        start_values = derive_units(dict(variables or {}))
+        self.variables = VariableStore(
+            self.object_type, start_values, sensors=len(self.encoder_ports), name=name, history=history
+        )
+        if self.has_position:
+            for number, one in enumerate(self.encoder_ports, start=1):
+                if f"Sensor[{number}].Type" not in start_values and one.absolute_encoder:
+                    self.variables.preset(f"Sensor[{number}].Type", 1)
         self.state = AxisState.DISABLED
         self.facts = FACTS[AxisState.DISABLED]
         self.homed = False
@@ -114,49 +158,176 @@ class TechnologyAxis:
         self.enabling = EnableControl(self)
         self.motion = MotionControl(self)
         self.control_words = ControlWords(self)
+        self.sensors: tuple[Feedback, ...] = ()
+        """All encoders, in the order of `Sensor[n]`."""
+        self.operative_sensor = 1
+        """`OperativeSensor`: the encoder in position control (CFG-314)."""
+        problems = self.check(start=False)
+        if problems:
+            raise problems[0].error()
+        self.simulated = self.virtual = False
+        self.encoder_apart: EncoderSource | None = None
+        """The operative encoder, where it has a connection of its own."""
+        self.adaption: Adaption | None = None
         self.apply_configuration()
-        self._live = self._live_variables()
+        self._live = live_variables(self)
+        if self.has_position:
+            self.trace_columns = unit_names(self)
 
     # -- configuration ----------------------------------------------------------------------------------------
 
-    def apply_configuration(self) -> None:
-        """Derive everything from the variables, at start and after a restart."""
+    def check(self, *, start: bool) -> list[Problem]:
+        """Return what does not fit together, in the values in force or in the start values of the next restart."""
+        read = self.variables.start_value if start else self.variables.read
+        port = self.drive_port
+        number = port.telegram_number
+        abilities = Abilities(
+            dsc=port.dsc
+            and (not number or number in DSC_TELEGRAMS)
+            and (not self.has_position or self.encoder_ports[0] is port),
+            velocities=tuple(one.brings_speed for one in self.encoder_ports),
+            simulated=read("VirtualAxis.Mode") == 1 or read("Simulation.Mode") == 1,
+        )
+        return check_configuration(self.variables, abilities, cpu=self.cpu, start=start)
+
+    def apply_configuration(self, *, powered_off: bool = False) -> None:
+        """Derive everything from the variables, at start and after a restart.
+
+        Args:
+            powered_off: The controller has been without supply: nothing is kept but what is retentive.
+
+        """
         store = self.variables
+        self.virtual = store.read("VirtualAxis.Mode") == 1
+        self.simulated = simulated = self.virtual or store.read("Simulation.Mode") == 1
         if self.has_position:
-            store.set_internal("StatusSensor[1].Adjusted", 0)
-        self.mechanics = Mechanics(store, speed_axis=not self.has_position)
-        self._max_speed = store.bind("Actor.DriveParameter.MaxSpeed")
-        self.feedback = Feedback(self.mechanics, self.cycle_s)
-        self.homed = False
-        self._dsc = False
+            self.operative_sensor = store.read("PositionControl.InitialOperativeSensor")
         self.torque = TorqueControl(self)
         self.control_words.release()
-        if self.has_position:
-            bind = store.bind
-            self._dsc = store.read("PositionControl.EnableDSC")
-            if self._dsc and not self.port.dsc:
-                raise ConfigurationError(
-                    "PositionControl.EnableDSC", True, "FALSE: the drive takes no XERR and KPC (CFG-221)"
+        self.derive(restart=True, powered_off=powered_off)
+        self.homed = (
+            self.has_position
+            and not simulated
+            and self.feedback.scale.kind != INCREMENTAL
+            and store.read(f"StatusSensor[{self.operative_sensor}].Adjusted") == 1
+        )
+        if self.adaption is not None:
+            self.adaption.close()
+        sources = self.encoder_ports if self.has_position else ()
+        adaption = Adaption(
+            store, self.drive_port, sources, self.alarms, self.derive, simulated=simulated, name=self.name,
+            history=self.history,
+        )  # fmt: skip
+        self.adaption = adaption
+        self._adapting = adaption if adaption.active else None
+
+    def derive(self, *, restart: bool = False, powered_off: bool = False) -> None:
+        """Derive ratios, limits and encoders from the variables in force.
+
+        Without a `restart` an encoder whose data have not changed goes on as it is.
+        """
+        store = self.variables
+        self.mechanics = mechanics = Mechanics(store)
+        limits = setpoint_range(store)
+        self._max_speed = limits.maximum
+        if limits.adjusted:
+            self.alarms.raise_alarm(ALARM_ADJUSTED, info=1, text=limits.adjusted)
+        self.modulo = NO_MODULO
+        if self.simulated:
+            self.port = port = SimulatedPort(self.cycle_s, mechanics.rpm_per_unit)
+        else:
+            self.port = self.drive_port
+            self.port.set_reference(limits.reference, limits.torque)
+        self.delay_s = self._delay()
+        self.encoder_apart = None
+        if not self.has_position:
+            self.feedback = NO_FEEDBACK
+            return
+        self.modulo = Modulo(store)
+        before = self.sensors or (None,) * 4
+        offsets = [
+            store.bind(f"{one.prefix.replace('Sensor', 'StatusSensor')}.AbsEncoderOffset")
+            for one in mechanics.sensors
+        ]
+        if self.simulated:
+            feedbacks = tuple(
+                SimulatedFeedback(port, scale, self.cycle_s, cell, None if powered_off else old)
+                for scale, cell, old in zip(mechanics.sensors, offsets, before, strict=False)
+            )
+            port.feedbacks = feedbacks
+            self.sensors = feedbacks
+        else:
+            sensors = []
+            for source, scale, cell, old in zip(
+                self.encoder_ports, mechanics.sensors, offsets, before, strict=False
+            ):
+                if old is not None and not restart and old.scale == scale:
+                    sensors.append(old)
+                    continue
+                sensors.append(
+                    Feedback(source, scale, self.cycle_s, cell, before=old, powered_off=powered_off)
                 )
+                self.homed = False
+            self.sensors = tuple(sensors)
+        for number, sensor in enumerate(self.sensors, start=1):
+            adjusted = f"StatusSensor[{number}].Adjusted"
+            if self.virtual:
+                store.set_internal(adjusted, 1)
+            elif sensor.scale.kind == INCREMENTAL:
+                store.set_internal(adjusted, 0)
+        self._build_control()
+        self.take_sensor(self.operative_sensor)
+
+    def _delay(self) -> float:
+        """Return T_i + T_o + T_DC + T_servo, s: of a direct connection as it is, of a data block as it is told (CFG-263)."""
+        if self.simulated:
+            return self.cycle_s
+        if self.connection == "data_block":
+            return self.cycle_s + sum(
+                float(self.variables.parameter(one).value) for one in (1010, 1011, 1012)
+            )
+        return self._direct_delay_s
+
+    def _build_control(self) -> None:
+        """Make controller, monitoring and limits."""
+        store = self.variables
+        bind = store.bind
+        self._dsc = store.read("PositionControl.EnableDSC") and not self.simulated
+        self.controller: PositionController | VirtualController
+        if isinstance(self.port, SimulatedPort):
+            self.controller = (
+                VirtualController(self.port)
+                if self.virtual
+                else SimulatedController(self.port, store, self.cycle_s)
+            )
+        else:
             self.controller = PositionController(
                 kv=bind("PositionControl.Kv"),
                 kpc=bind("PositionControl.Kpc"),
                 time_constant=bind("DynamicAxisModel.VelocityTimeConstant"),
                 additional_delay=bind("FollowingError.AdditionalSetpointDelayTime"),
+                smoothing=bind("PositionControl.SmoothingTimeByChangeDifference"),
                 cycle_s=self.cycle_s,
                 delay_s=self.delay_s,
-                quantum=self._control_quantum(),
             )
-            self.monitoring = Monitoring(self, self.cycle_s)
-            self.limits = TravelLimits(self)
-            self._rest_threshold = bind("StandstillSignal.VelocityThreshold")
+        self.monitoring = Monitoring(self, self.cycle_s)
+        self.limits = TravelLimits(self)
+        self._rest_threshold = bind("StandstillSignal.VelocityThreshold")
+
+    def take_sensor(self, number: int) -> None:
+        """Control the position with encoder `number` from now on."""
+        self.operative_sensor = number
+        self.feedback = self.sensors[number - 1]
+        source = self.feedback.source
+        self.encoder_apart = None if source is self.port else source
+        self.controller.quantum = self._control_quantum()
 
     def _control_quantum(self) -> float:
         """Return the quantum of the control difference, axis unit: none, the encoder's resolution, or a value (CFG-379 to 381)."""
         read = self.variables.read
         mode = read("PositionControl.ControlDifferenceQuantization.Mode")
         if mode == 1:
-            return abs(self.mechanics.increment)
+            return abs(self.feedback.scale.increment)
         return float(read("PositionControl.ControlDifferenceQuantization.Value")) if mode == 2 else 0.0
 
     # -- state ------------------------------------------------------------------------------------------------
@@ -182,9 +353,16 @@ class TechnologyAxis:
         """Whether the actual position is valid (`StatusSensor[1].State` = 2); TRUE without an encoder."""
         return not self.has_position or self.feedback.state == VALID
 
-    def start_reset(self, reset: Reset) -> None:
-        """Let the cycle carry out `reset`."""
+    def make_reset(self, *, restart: bool) -> Reset:
+        """Return an execution of `MC_Reset`; the cycle carries it out."""
+        reset = Reset(self, restart=restart)
         self._resets.append(reset)
+        return reset
+
+    @property
+    def restart_refused(self) -> bool:
+        """Whether a restart is not possible now, because the object is enabled (VAR-007)."""
+        return self.facts.enabled or self.enabling.busy
 
     # -- cycle ------------------------------------------------------------------------------------------------
 
@@ -195,14 +373,20 @@ class TechnologyAxis:
         port.read()
         if self.station_inputs is not None:
             self.station_inputs(port)
+        for other in self._other_ports:
+            other.read()
+        if self._adapting is not None:
+            self._adapting.step()
+            port = self.port
         self._setpoint_due = True
         zsw1 = port.zsw1
         self.communication_ok = port.link_ok and zsw1 & 0x0208 == 0x0200
         self.in_operation = zsw1 & 0x0204 == 0x0204 and not zsw1 & 0x0008
-        feedback = self.feedback
         has_position = self.has_position
+        feedback = self.feedback
         if has_position:
-            feedback.update(port)
+            for sensor in self.sensors:
+                sensor.update()
             self.actual_velocity = velocity = feedback.velocity
             self.at_rest = -self._rest_threshold.value <= velocity <= self._rest_threshold.value
             if feedback.lost_reference:
@@ -264,7 +448,7 @@ class TechnologyAxis:
                 self.controller.follow(feedback.position)
                 self.monitoring.step(controlled=False)
         speed = output * self.mechanics.rpm_per_unit
-        limit = self._max_speed.value
+        limit = self._max_speed
         if speed > limit:
             speed = limit
         elif speed < -limit:
@@ -334,52 +518,6 @@ class TechnologyAxis:
 
     # -- variables under their original paths -----------------------------------------------------------------
 
-    def _live_variables(self) -> dict[str, Callable[[], Any]]:
-        engine = self.alarms.engine
-        motion = self.motion
-        live: dict[str, Callable[[], Any]] = {
-            "Velocity": lambda: motion.total.v,
-            "Acceleration": lambda: motion.total.a,
-            "ActualSpeed": lambda: self.port.actual_speed_rpm,
-            "VelocitySetpoint": lambda: self.speed_output_rpm / self.mechanics.rpm_per_unit,
-            "StatusDrive.InOperation": lambda: self.in_operation,
-            "StatusDrive.CommunicationOK": lambda: self.communication_ok,
-            "StatusDrive.Error": lambda: bool(self.port.zsw1 & ZSW1.FAULT),
-            "StatusWord": lambda: status_word(self),
-            "StatusWord2": lambda: status_word2(self),
-            "ErrorWord": lambda: engine.error_word,
-            "WarningWord": lambda: engine.warning_word,
-            "ErrorDetail.Number": lambda: engine.number,
-            "ErrorDetail.Reaction": lambda: engine.reaction,
-            "StatusTorqueData.ActualTorque": lambda: self.port.actual_torque_nm,
-            "StatusTorqueData.CommandAdditiveTorqueActive": lambda: int(self.torque.additive is not None),
-            "StatusTorqueData.CommandTorqueRangeActive": lambda: int(self.torque.range_nm is not None),
-        }
-        if self.has_position:
-            live |= {
-                "StatusTorqueData.TotalTorqueAdditive": lambda: self.torque.total_additive_nm,
-                "Position": lambda: motion.total.s,
-                "ActualPosition": lambda: self.feedback.position,
-                "ActualVelocity": lambda: self.feedback.velocity,
-                "StatusPositioning.FollowingError": lambda: self.controller.following_error,
-                "StatusPositioning.TargetPosition": self._target_position,
-                "StatusPositioning.SuperimposedDistance": lambda: motion.superimposed_distance,
-                "StatusPositioning.Distance": lambda: self._target_position() - motion.total.s,
-                "StatusServo.ControlDifference": lambda: self.controller.control_difference,
-                "StatusServo.BalancedPosition": lambda: self.controller.balanced_position,
-                "StatusServo.PositionAfterDynamicFilter": lambda: motion.total.s,
-                "StatusSensor[1].State": lambda: self.feedback.state,
-                "StatusSensor[1].Position": lambda: self.feedback.position,
-                "StatusSensor[1].Velocity": lambda: self.feedback.velocity,
-                "StatusSensor[1].CommunicationOK": lambda: self.port.link_ok,
-                "StatusSensor[1].Error": lambda: self.port.sensor_fault,
-                "StatusSensor[1].Control": lambda: True,
-            }
-        return live
-
-    def _target_position(self) -> float:
-        return self.motion.destination or 0.0
-
     def var(self, path: str) -> Any:
         """Return a variable of the technology data block by its original path; bits as `StatusWord.X7`.
 
@@ -417,34 +555,5 @@ class PositioningAxis(TechnologyAxis):
     has_position = True
 
     def home(self, mode: int, position: float) -> None:
-        """Carry out direct homing: the coordinate system shifts, nothing moves (HOM-139 to HOM-147).
-
-        Args:
-            mode: 0 absolute, 1 relative, 6 and 7 as 1 and 0 for an absolute encoder, 11 and 12 set the position
-                setpoint, 13 as 0 for an incremental encoder.
-            position: Position in the axis unit.
-
-        """
-        gen = self.motion.gen
-        if mode in (0, 7, 13):
-            offset = position - self.feedback.position
-        elif mode in (1, 6, 12):
-            offset = position
-        else:
-            offset = position - self.motion.total.s
-        self.feedback.shift(offset)
-        gen.shift(offset)
-        if self.motion.superimposed is not None:
-            self.motion.superimposed.refresh()
-        self.controller.shift(offset)
-        self.limits.shift(offset)
-        self.torque.shift(offset)
-        self.homed = True
-        if mode in (6, 7, 13):
-            self.variables.set_internal("StatusSensor[1].Adjusted", 1)
-        job = self.motion.job
-        if job is not None and job.busy and job.relative:
-            job.target += offset
-        self.motion.replan()
-        if self.history is not None:
-            self.history.emit(self.name, "axis.homed", mode=mode, offset=offset)
+        """See `motion.axis.homing.home_directly`."""
+        home_directly(self, mode, position)

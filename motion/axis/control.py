@@ -13,6 +13,10 @@ _WHOLE: Final = 1e-9
 """Share of a quantum by which a difference may fall short of a whole multiple."""
 
 
+_FADED: Final = 1e-9
+"""Rest of a step, axis unit, that is none any more."""
+
+
 class PositionController:
     """Proportional controller with velocity pre-control and balancing filter.
 
@@ -29,13 +33,14 @@ class PositionController:
         delay_s: Transport delay from setpoint to actual value, s.
         quantum: Step to whose whole multiples the control difference is rounded towards zero, axis unit; 0 = it is not
             (`PositionControl.ControlDifferenceQuantization`, CFG-383).
+        smoothing: Cell of `PositionControl.SmoothingTimeByChangeDifference`, s; None = a step acts at once.
 
     """
 
     __slots__ = (
         "_additional_delay", "_balanced", "_balanced_history", "_cycle", "_decay", "_delay_cycles", "_delay_rest",
-        "_kpc", "_kv", "_last_constant", "_quantum", "_setpoint_history", "_time_constant", "balanced_position",
-        "control_difference", "following_error", "gain", "precontrol",
+        "_kpc", "_kv", "_last_constant", "_setpoint_history", "_smoothing", "_step", "_step_decay", "_time_constant",
+        "balanced_position", "control_difference", "following_error", "gain", "precontrol", "quantum",
     )  # fmt: skip
 
     def __init__(
@@ -48,13 +53,17 @@ class PositionController:
         cycle_s: float,
         delay_s: float,
         quantum: float = 0.0,
+        smoothing: Cell | None = None,
     ) -> None:
         self._kv = kv
         self._kpc = kpc
         self._time_constant = time_constant
         self._additional_delay = additional_delay
+        self._smoothing = smoothing
+        self._step = self._step_decay = 0.0
         self._cycle = cycle_s
-        self._quantum = quantum
+        self.quantum = quantum
+        """See the argument; another encoder may have another one (CFG-384)."""
         cycles = delay_s / cycle_s
         self._delay_cycles = whole = int(cycles + 1e-9)
         self._delay_rest = max(0.0, cycles - whole)
@@ -90,6 +99,12 @@ class PositionController:
         """Share of the drive's time constant that the balancing filter takes into account, s."""
         lag: float = self._time_constant.value * min(self._kpc.value, 100.0) / 100.0
         return lag
+
+    def absorb(self, step: float) -> None:
+        """Let a step of the actual value, from a switch of encoders, reach the output with a time constant (CFG-329)."""
+        constant = 0.0 if self._smoothing is None else self._smoothing.value
+        self._step = step if constant > 0.0 else 0.0
+        self._step_decay = exp(-self._cycle / constant) if constant > 0.0 else 0.0
 
     def shift(self, offset: float) -> None:
         """Follow a shift of the coordinate system."""
@@ -134,7 +149,12 @@ class PositionController:
         if rest:
             delayed += (balanced_history[newest - 1] - delayed) * rest
         difference = delayed - actual
-        quantum = self._quantum
+        if self._step:
+            self._step *= self._step_decay
+            if abs(self._step) < _FADED:
+                self._step = 0.0
+            difference += self._step
+        quantum = self.quantum
         if quantum:
             # What rounding may have taken from a whole multiple is no step.
             difference = quantum * int(difference / quantum + copysign(_WHOLE, difference))

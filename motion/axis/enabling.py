@@ -176,19 +176,16 @@ class EnableControl:
         alarms = axis.alarms
         zsw1 = port.zsw1
         expected = axis.facts.drive_expected
-        if self._cause_431 or (not port.link_ok and (expected or state is AxisState.ENABLING)):
-            lost = not port.link_ok
-            if lost is not self._cause_431:
-                self._cause_431 = lost
-                alarms.set_cause(ALARM_COMMUNICATION, lost)
-        if axis.has_position and (
-            self._cause_411 or (port.sensor_fault and (expected or state is AxisState.ENABLING))
-        ):
-            faulty = port.sensor_fault
-            if faulty is not self._cause_411:
-                self._cause_411 = faulty
-                code = port.sensor_code
-                alarms.set_cause(ALARM_ENCODER, faulty, text=f"encoder error {code:04X}h" if code else "")
+        apart = axis.encoder_apart
+        lost = not port.link_ok or (apart is not None and not apart.link_ok)
+        if lost is not self._cause_431 and (self._cause_431 or expected or state is AxisState.ENABLING):
+            self._cause_431 = lost
+            alarms.set_cause(ALARM_COMMUNICATION, lost)
+        faulty = axis.has_position and (apart if apart is not None else port).sensor_fault
+        if faulty is not self._cause_411 and (self._cause_411 or expected or state is AxisState.ENABLING):
+            self._cause_411 = faulty
+            code = port.sensor_code if apart is None else 0
+            alarms.set_cause(ALARM_ENCODER, faulty, text=f"encoder error {code:04X}h" if code else "")
         refused = expected and port.link_ok and not zsw1 & _REQUESTED
         fault = refused or zsw1 & _FAULT != 0
         if self._cause_421 or (fault and (expected or state is AxisState.ENABLING)):
@@ -214,7 +211,13 @@ class EnableControl:
 
     def _may_start(self) -> bool:
         axis = self._axis
-        return axis.communication_ok and axis.sensor_valid and not axis.alarms.blocking
+        adaption = axis.adaption
+        return (
+            axis.communication_ok
+            and axis.sensor_valid
+            and not axis.alarms.blocking
+            and (adaption is None or adaption.ready)
+        )
 
     def step(self) -> None:
         """Make the transitions that depend on the drive's answer."""
@@ -229,8 +232,11 @@ class EnableControl:
                 axis.set_state(AxisState.ALARM_DISABLED)
             elif self.enable and self._may_start():
                 self._start_mode = self.start_mode
-                self.stw1 = STW1_IDLE
-                axis.set_state(AxisState.ENABLING)
+                if axis.port.simulated:
+                    self._arrive()  # nothing to wait for (CFG-132, CFG-164)
+                else:
+                    self.stw1 = STW1_IDLE
+                    axis.set_state(AxisState.ENABLING)
             else:
                 axis.set_state(AxisState.DISABLED)
         elif state is AxisState.ENABLING:

@@ -1,123 +1,114 @@
-"""Actual values: from raw encoder counts to position and velocity of the axis (CFG section 25, HOM section 2.14)."""
+"""Actual values: from raw encoder counts to position and velocity of the axis (CFG sections 15 to 17, HOM section 2.14)."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol, cast
 
-from fieldbus.errors import ConfigurationError
+from motion.axis.mechanics import CYCLIC_ABSOLUTE, INCREMENTAL
 
 if TYPE_CHECKING:
-    from motion.drives.port import DrivePort
-    from motion.variables import VariableStore
+    from motion.axis.mechanics import SensorScale
+    from motion.variables import Cell
 
 NOT_VALID: Final = 0
 WAITING_FOR_VALID: Final = 1
 VALID: Final = 2
 
-_HALF: Final = 1 << 31
-_FULL: Final = 1 << 32
 
+class EncoderSource(Protocol):
+    """Where an encoder value comes from: the port of the drive that evaluates it, or a port of its own."""
 
-class Mechanics:
-    """Ratios between motor, encoder and axis, from the variables of the technology object.
-
-    Args:
-        store: Variables of a positioning or speed axis.
-        speed_axis: The object has no position; its unit is rpm at the load.
-
-    """
-
-    __slots__ = ("increment", "rpm_per_unit", "units_per_load_revolution")
-
-    def __init__(self, store: VariableStore, *, speed_axis: bool) -> None:
-        gear = store.read("LoadGear.Numerator") / store.read("LoadGear.Denominator")
-        direction = -1.0 if store.read("Actor.InverseDirection") else 1.0
-        if speed_axis:
-            self.units_per_load_revolution = 1.0
-            self.rpm_per_unit = gear * direction
-            """Motor speed in rpm per velocity unit of the axis, signed by the drive direction."""
-            self.increment = 0.0
-            return
-        rotary = store.read("Properties.MotionType") == 1
-        travel = 360.0 if rotary else store.read("Mechanics.LeadScrew")
-        self.units_per_load_revolution = travel
-        self.rpm_per_unit = 60.0 / travel * gear * direction
-        steps = store.read("Sensor[1].Parameter.StepsPerRevolution") * 2 ** store.read(
-            "Sensor[1].Parameter.FineResolutionXist1"
-        )
-        measuring = store.read("Sensor[1].MeasuringGear.Numerator") / store.read(
-            "Sensor[1].MeasuringGear.Denominator"
-        )
-        mounting = store.read("Sensor[1].MountingMode")
-        if mounting == 0:
-            per_encoder_revolution = measuring / gear * travel
-        elif mounting == 1:
-            per_encoder_revolution = measuring * travel
-        elif mounting == 2:
-            per_encoder_revolution = measuring * store.read("Sensor[1].Parameter.DistancePerRevolution")
-        else:
-            raise ConfigurationError("Sensor[1].MountingMode", mounting, "0, 1 or 2")
-        sign = -1.0 if store.read("Sensor[1].InverseDirection") else 1.0
-        self.increment = sign * per_encoder_revolution / steps
-        """Axis units per raw increment, signed by the encoder direction."""
+    link_ok: bool
+    sensor_fault: bool
+    encoder_increments: int
+    encoder_restarts: int
+    actual_speed_rpm: float
 
 
 class Feedback:
-    """Position and velocity of the axis from the drive's encoder.
+    """Position and velocity of the axis from one encoder.
 
     The count is unwrapped to an integer of unlimited length, so that an endless axis does not drift.
 
     Args:
-        mechanics: Ratios of the axis.
+        source: Port that brings the count.
+        scale: Ratios and format of the encoder.
         cycle_s: Application cycle, s.
+        abs_offset: Cell of `StatusSensor[n].AbsEncoderOffset`, which outlasts power-off.
+        before: The same encoder before a restart of the technology object or of the controller; None at its first start.
+        powered_off: Whether the controller has been without supply meanwhile.
 
     """
 
-    __slots__ = ("_count", "_fresh", "_increment", "_last_raw", "_offset", "_rate", "_restarts", "lost_reference",
-                 "position", "state", "velocity")  # fmt: skip
+    __slots__ = (
+        "_abs_offset", "_correction", "_count", "_fresh", "_full", "_half", "_increment", "_last_raw", "_offset", "_rate", "_restarts",
+        "_retained", "_unit_per_rpm", "last_velocity", "lost_reference", "position", "scale", "source", "state", "velocity",
+    )  # fmt: skip
 
-    def __init__(self, mechanics: Mechanics, cycle_s: float) -> None:
-        self._increment = mechanics.increment
+    def __init__(
+        self,
+        source: EncoderSource,
+        scale: SensorScale,
+        cycle_s: float,
+        abs_offset: Cell,
+        *,
+        before: Feedback | None = None,
+        powered_off: bool = False,
+    ) -> None:
+        self.source = source
+        self.scale = scale
+        self._increment = scale.increment
         self._rate = 1.0 / cycle_s
-        self._count = 0
-        self._last_raw = 0
+        self._unit_per_rpm = scale.unit_per_rpm if scale.velocity_from_drive else 0.0
+        self._full = 1 << scale.bits
+        self._half = self._full >> 1
+        self._abs_offset = abs_offset
         self._offset = 0.0
+        self._correction = 0.0
+        self._last_raw = 0
+        self._count = 0
         self._restarts = 0
         self._fresh = True
+        self._retained: int | None = None
         self.position = 0.0
-        """Actual position, axis unit."""
+        """Actual position, axis unit; unwrapped on a modulo axis."""
         self.velocity = 0.0
-        """Actual velocity, axis unit per second: difference of two positions."""
+        """Actual velocity, axis unit per second: difference of two positions, or the drive's."""
+        self.last_velocity = 0.0
+        """`velocity` of the cycle before."""
         self.state = NOT_VALID
-        """`StatusSensor[1].State`."""
+        """`StatusSensor[n].State`."""
         self.lost_reference = False
         """Set when an incremental count came back with a new reference; the axis clears it."""
+        if scale.kind != INCREMENTAL:
+            self._offset = abs_offset.value
+            if before is not None:
+                self._go_on(before, powered_off=powered_off)
 
-    def update(self, port: DrivePort) -> None:
+    def _go_on(self, before: Feedback, *, powered_off: bool) -> None:
+        """Take over what an absolute encoder has counted before a restart (CFG-115), or what is kept over power-off (CFG-292)."""
+        if before._fresh:
+            self._retained = before._retained
+        elif powered_off:
+            self._retained = before._count
+        elif before.scale.increment == self._increment and before._full == self._full:
+            self._count, self._last_raw, self._restarts = before._count, before._last_raw, before._restarts
+            self._fresh = False
+            self.position = self._count * self._increment + self._offset
+
+    def update(self) -> None:
         """Take over the encoder count of this cycle."""
-        if not port.link_ok or port.sensor_fault:
+        source = self.source
+        self.last_velocity = self.velocity
+        if not source.link_ok or source.sensor_fault:
             self.state = NOT_VALID
             self.velocity = 0.0
             return
-        raw = port.encoder_increments
-        if self._fresh or port.encoder_restarts != self._restarts:
-            # First value, or a count with a new reference: an absolute encoder defines the position with it, an
-            # incremental one continues from the last known position, but is not homed any more.
-            if port.absolute_encoder:
-                self._count = raw
-            elif not self._fresh:
-                self.lost_reference = True
-            if not port.absolute_encoder:
-                self._offset = self.position
-                self._count = 0
-            self._fresh = False
-            self._restarts = port.encoder_restarts
-            self._last_raw = raw
-            self.position = self._count * self._increment + self._offset
-            self.velocity = 0.0
-            self.state = VALID
+        raw = source.encoder_increments
+        if self._fresh or source.encoder_restarts != self._restarts:
+            self._begin(raw)
             return
-        delta = (raw - self._last_raw + _HALF) % _FULL - _HALF
+        delta = (raw - self._last_raw + self._half) % self._full - self._half
         self._last_raw = raw
         self._count += delta
         if self.state != VALID:
@@ -126,9 +117,67 @@ class Feedback:
             self.velocity = 0.0
         else:
             self.velocity = delta * self._increment * self._rate
+        if self._unit_per_rpm:
+            self.velocity = source.actual_speed_rpm * self._unit_per_rpm
         self.position = self._count * self._increment + self._offset
+
+    def _begin(self, raw: int) -> None:
+        """Take the first value, or a count with a new reference.
+
+        An absolute encoder defines the position with it, an incremental one continues from the last known position, but
+        is not homed any more.
+        """
+        scale = self.scale
+        if scale.kind == INCREMENTAL:
+            if not self._fresh:
+                self.lost_reference = True
+            self._offset = self.position
+            self._count = 0
+        else:
+            known = self._retained if self._fresh else self._count
+            self._count = raw
+            if scale.kind == CYCLIC_ABSOLUTE and scale.range_counts and known is not None:
+                # The measuring ranges passed so far count on, the nearest one of them (CFG-292, CFG-298).
+                self._count += round((known - raw) / scale.range_counts) * scale.range_counts
+            self._retained = None
+        self._fresh = False
+        self._restarts = self.source.encoder_restarts
+        self._last_raw = raw
+        self.position = self._count * self._increment + self._offset
+        self.velocity = 0.0
+        self.state = VALID
 
     def shift(self, offset: float) -> None:
         """Move the coordinate system so that the position grows by `offset`."""
         self._offset += offset
         self.position += offset
+
+    def transfer(self, position: float) -> None:
+        """Show `position` from now on (`MC_SetSensor`); an absolute encoder remembers by how much that corrects it."""
+        offset = position - self.position
+        self._correction += offset
+        self.shift(offset)
+
+    def keep_offset(self) -> None:
+        """Make the present relation of encoder value and position the one that outlasts power-off (`AbsEncoderOffset`)."""
+        self._abs_offset.value = self._offset
+        self._correction = 0.0
+
+    def discard_correction(self) -> None:
+        """Take back what `transfer` has corrected at an absolute encoder (MC-389); an incremental one keeps it."""
+        correction, self._correction = self._correction, 0.0
+        if correction and self.scale.kind != INCREMENTAL:
+            self.shift(-correction)
+
+
+class _Nowhere:
+    """Feedback of an object without encoder."""
+
+    __slots__ = ("scale", "source")
+    position = velocity = last_velocity = 0.0
+    state = VALID
+    lost_reference = False
+
+
+NO_FEEDBACK: Final = cast("Feedback", _Nowhere())
+"""Of a speed axis."""

@@ -81,7 +81,7 @@ class Job:
     """
 
     __slots__ = (
-        "abort_acceleration", "acceleration", "append", "current", "deceleration", "distance", "error_id",
+        "abort_acceleration", "acceleration", "append", "current", "deceleration", "direction", "distance", "error_id",
         "history", "in_velocity", "instruction", "jerk", "job_class", "mode", "name", "position_controlled",
         "relative", "released", "source", "state", "target", "velocity",
     )  # fmt: skip
@@ -102,6 +102,8 @@ class Job:
         """0 = no jerk limit."""
         self.target = 0.0
         """Absolute target position (positioning)."""
+        self.direction = 0
+        """Way to the target on a modulo axis: 1 positive, 2 negative, 3 shortest; 0: the target is no place in the range."""
         self.distance = 0.0
         self.relative = False
         self.append = False

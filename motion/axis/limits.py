@@ -72,7 +72,7 @@ class TravelLimits:
 
     def check_hardware(self) -> None:
         """Evaluate both switches; runs before the setpoint of the cycle."""
-        if not self._hw_active.value:
+        if not self._hw_active.value or self._axis.simulated:
             if self.negative.active or self.positive.active:
                 for switch in (self.negative, self.positive):
                     switch.active = False
@@ -127,6 +127,8 @@ class TravelLimits:
         gen = axis.motion.total
         position = gen.s
         low, high = self._sw_min.value, self._sw_max.value
+        if axis.modulo.enabled:
+            low, high = axis.modulo.limits(low, high, position)
         if not self._was_active:
             self._was_active = True
             self._range_min = min(low, position)

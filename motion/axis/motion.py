@@ -215,6 +215,8 @@ class MotionControl(SetpointPlanning):
         if cls is JobClass.POSITIONING:
             if job.relative:
                 job.target = gen.s + job.distance
+            elif job.direction:
+                job.target = axis.modulo.target(job.target, gen.s, job.direction)
             self._plan_position(job)
             axis.set_state(AxisState.MOTION)
         elif cls is JobClass.VELOCITY:

@@ -38,13 +38,15 @@ class Reset:
         self._age += 1
         if self.restart:
             if self._age >= _RESTART_CYCLES:
-                violations = axis.variables.restart()
+                wrong = axis.variables.violations()
+                problems = [str(one) for one in wrong] or [str(one) for one in axis.check(start=True)]
                 axis.alarms.restart()
-                if violations:
-                    axis.alarms.raise_alarm(ALARM_CONFIGURATION)
+                if problems:
+                    axis.alarms.raise_alarm(ALARM_CONFIGURATION, text="; ".join(problems))
                 else:
+                    axis.variables.restart()
                     axis.apply_configuration()
-                axis.set_state(AxisState.ALARM_DISABLED if violations else AxisState.DISABLED)
+                axis.set_state(AxisState.ALARM_DISABLED if problems else AxisState.DISABLED)
                 self.done = True
             return
         # The drive acknowledges on the rising edge of STW1.7; one low cycle makes sure that there is an edge.

@@ -33,6 +33,7 @@ SW_LIMIT_MAX: Final = 1 << 16
 HW_LIMIT_MIN: Final = 1 << 17
 HW_LIMIT_MAX: Final = 1 << 18
 MOVE_SUPERIMPOSED: Final = 1 << 23
+AXIS_SIMULATION: Final = 1 << 25
 TORQUE_LIMITING_COMMAND: Final = 1 << 26
 IN_LIMITATION: Final = 1 << 27
 NON_POSITION_CONTROLLED: Final = 1 << 28
@@ -83,6 +84,8 @@ def status_word(axis: TechnologyAxis) -> int:
             word |= IN_LIMITATION
         if torque.clamped:
             word |= IN_CLAMPING
+    if axis.simulated:
+        word |= AXIS_SIMULATION
     if axis.has_position:
         if axis.homed:
             word |= HOMING_DONE

@@ -63,8 +63,7 @@ class LinkedPort(DrivePort):
 
     def drive_restarted(self) -> None:
         """Take note that the drive has started anew: an incremental count has lost its reference."""
-        if not self.absolute_encoder:
-            self.encoder_restarts += 1
+        self.encoder_restarts += 1
 
     def enter_service(self) -> None:
         """Take note that from now on cyclic data mean what they should."""

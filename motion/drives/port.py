@@ -7,6 +7,7 @@ terms (STP-258 to STP-290); a port of another profile translates (STP-541 to STP
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import ClassVar, Final
 
 from fieldbus.profidrive.words import STW1, ZSW1
@@ -55,18 +56,22 @@ class DrivePort(ABC):
         "absolute_encoder",
         "actual_speed_rpm",
         "actual_torque_nm",
+        "brings_speed",
         "drive_fault_code",
         "dsc",
         "encoder_increments",
         "encoder_restarts",
+        "has_parameters",
         "has_torque_data",
         "has_torque_reduction",
         "inputs",
         "link_ok",
         "sensor_code",
         "sensor_fault",
+        "simulated",
         "speaks_telegram",
         "stw2",
+        "telegram_number",
         "torque_limit_reached",
         "zsw1",
     )
@@ -82,13 +87,15 @@ class DrivePort(ABC):
         self.encoder_increments = 0
         """Raw encoder count, signed 32 bit, wraps."""
         self.encoder_restarts = 0
-        """Counts the times at which an incremental count lost its reference (power cycle of the drive)."""
+        """Counts the times at which the encoder began anew (power cycle of the drive); an incremental count lost its reference."""
         self.absolute_encoder = False
         self.sensor_fault = False
         """The drive reports its encoder as faulty."""
         self.sensor_code = 0
         """Its code for that (G1_XIST2), 0 when there is none."""
         self.actual_speed_rpm = 0.0
+        self.brings_speed = True
+        """`actual_speed_rpm` comes from the drive."""
         self.actual_torque_nm = 0.0
         self.inputs = 0
         """Digital inputs at the drive: bit 0 negative limit, 1 positive limit, 2 home switch; 1 = active."""
@@ -106,6 +113,12 @@ class DrivePort(ABC):
         """A torque limit reaches the drive, and it says whether that is reached (telegrams 102, 103, 105, 106)."""
         self.torque_limit_reached = False
         """The drive works at the threshold of its torque limit (MELDW bit 1 = 0)."""
+        self.has_parameters = False
+        """`read_parameter` works: the bus has an acyclic access to the parameters of a PROFIdrive device."""
+        self.telegram_number = 0
+        """Number of the PROFIdrive telegram; 0 without one."""
+        self.simulated = False
+        """There is no drive: setpoints become actual values by themselves."""
 
     @abstractmethod
     def read(self) -> None:
@@ -131,6 +144,26 @@ class DrivePort(ABC):
 
     def limit_torque(self, share: float | None) -> None:
         """Limit the torque in both directions to a share of the reference torque, 0..1, or not; where `has_torque_reduction`."""
+        raise NotImplementedError
+
+    def set_reference(self, speed_rpm: float, torque_nm: float) -> None:  # noqa: B027 - a connection without shares has nothing to do
+        """Take over what 100 % of setpoints and actual values mean, where the connection carries shares (CFG-273, CFG-275).
+
+        Args:
+            speed_rpm: Reference speed, rpm; of a linear motor m/min.
+            torque_nm: Reference torque, Nm; of a linear motor the force, N.
+
+        """
+
+    def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
+        """Begin to read a parameter of the drive, where `has_parameters`; nothing waits.
+
+        Args:
+            number: PROFIdrive number, 922 for p0922.
+            index: Element of an array; 0 without one.
+            answer: Called once, later: the value, or None and the reason why there is none.
+
+        """
         raise NotImplementedError
 
     @abstractmethod

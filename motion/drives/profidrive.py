@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from struct import Struct
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.errors import ConfigurationError
@@ -16,6 +17,7 @@ from fieldbus.profidrive.formats import N2_ONE, N4_ONE, from_n2, to_kpc, to_n2, 
 from fieldbus.profidrive.sign_of_life import SignWatch, next_sign
 from fieldbus.profidrive.words import G_STW, G_ZSW, MELDW, SIGN_OF_LIFE_SHIFT, STW1
 from motion.drives._link import LinkConfig, LinkedPort
+from motion.drives.telegram_block import TelegramBlock
 
 if TYPE_CHECKING:
     from fieldbus.history import History
@@ -24,6 +26,9 @@ POSITIONING_TELEGRAMS: Final = (3, 4, 5, 6, 102, 103, 105, 106)
 """Telegrams with setpoint and encoder value (CFG-196)."""
 SPEED_TELEGRAMS: Final = (1, 2, *POSITIONING_TELEGRAMS)
 """Telegrams of a speed axis (CFG-195)."""
+
+_FLOATING: Final = frozenset((1082, 2000, 2003))
+_FLOAT: Final = Struct("<f")
 
 _CONTROL: Final = int(STW1.CONTROL_BY_PLC)
 _ACKNOWLEDGE: Final = int(STW1.ACKNOWLEDGE)
@@ -34,6 +39,19 @@ _XERR_MAX: Final = 0x7FFFFFFF
 
 TelegramSeam = Callable[[bytes], bytes | None]
 """Gets a telegram between profile and bus; returns what passes on in its place, None for nothing."""
+
+
+def decode_parameter(number: int, data: bytes) -> float | None:
+    """Return the value of a parameter that came as an object of its own, low byte first; None for what is no number.
+
+    Args:
+        number: PROFIdrive number; it says which ones are floating point.
+        data: What was read.
+
+    """
+    if number in _FLOATING:
+        return float(_FLOAT.unpack(data)[0]) if len(data) == _FLOAT.size else None
+    return int.from_bytes(data, "little") if 1 <= len(data) <= 4 else None
 
 
 @dataclass(slots=True, frozen=True, kw_only=True)
@@ -93,9 +111,9 @@ class ProfidrivePort(LinkedPort):
 
     __slots__ = (
         "_add_at", "_answer", "_fault_number", "_g1_at", "_g1_zsw_at", "_kpc", "_kpc_at", "_m_act_at",
-        "_meldw_at", "_momred_at", "_narrow", "_nist_at", "_nsoll_at", "_pack", "_place", "_range_at", "_row", "_sign",
-        "_speed_scale", "_stw2_at", "_unpack", "_watch", "_words", "_xerr", "_xerr_at", "_xist2_at",
-        "_xist_at", "_zsw2_at", "actual_seam", "setpoint_seam", "telegram",
+        "_meldw_at", "_momred_at", "_narrow", "_nist_at", "_nsoll_at", "_pack", "_place", "_range_at", "_reference_speed",
+        "_reference_torque", "_row", "_sign", "_speed_scale", "_stw2_at", "_unpack", "_watch", "_words", "_xerr", "_xerr_at",
+        "_xist2_at", "_xist_at", "_zsw2_at", "actual_seam", "block", "setpoint_seam", "telegram",
     )  # fmt: skip
 
     def __init__(
@@ -106,8 +124,11 @@ class ProfidrivePort(LinkedPort):
         self.telegram = words.build()
         """Layout of both directions."""
         self.dsc = self.telegram.dsc and words.sign_of_life and words.isochronous
+        self.telegram_number = words.telegram
+        self.block: TelegramBlock | None = None
+        """The data block between telegram and axis, where a user program stands there (CFG section 13)."""
         self._compile()
-        self._speed_scale = words.reference_speed_rpm / (N2_ONE if self._narrow else N4_ONE)
+        self.set_reference(words.reference_speed_rpm, words.reference_torque_nm)
         self._watch = SignWatch(tolerance=words.sign_tolerance)
         self._sign = 0
         self._xerr = self._kpc = 0
@@ -153,6 +174,18 @@ class ProfidrivePort(LinkedPort):
         self._place = place
         self._answer: tuple[int, ...] = (0,) * len(back.names)
 
+    def set_reference(self, speed_rpm: float, torque_nm: float) -> None:
+        """See `DrivePort.set_reference`."""
+        self._reference_speed = speed_rpm
+        self._reference_torque = torque_nm
+        self._speed_scale = speed_rpm / (N2_ONE if self._narrow else N4_ONE)
+
+    def connect_block(self) -> TelegramBlock:
+        """Put a data block between telegram and axis; from now on the user program keeps the sign of life (CFG-260)."""
+        self.block = TelegramBlock(self.telegram)
+        self.has_parameters = False
+        return self.block
+
     # -- what the bus tells -------------------------------------------------------------------------------------
 
     def drive_restarted(self) -> None:
@@ -179,18 +212,22 @@ class ProfidrivePort(LinkedPort):
         else:
             self._answer = answer = self._unpack(frame)
             valid = True
-            if self._words.sign_of_life:
+            if self._words.sign_of_life and self.block is None:
                 sign = answer[self._zsw2_at] >> SIGN_OF_LIFE_SHIFT
                 valid = self._watch.step(sign) and sign != 0
             alive = self._judge(True, valid)
-        if alive:
+        if self.block is not None:
+            answer = self.block.receive(self._answer)
+            if alive:
+                self._show(answer)
+        elif alive:
             self._show(self._answer)
 
     def _show(self, answer: tuple[int, ...]) -> None:
         self.zsw1 = zsw1 = answer[0]
         self.actual_speed_rpm = answer[self._nist_at] * self._speed_scale
         if self._m_act_at >= 0:
-            self.actual_torque_nm = from_n2(answer[self._m_act_at]) * self._words.reference_torque_nm
+            self.actual_torque_nm = from_n2(answer[self._m_act_at]) * self._reference_torque
         if self._meldw_at >= 0:
             self.torque_limit_reached = not answer[self._meldw_at] & _TORQUE_BELOW_THRESHOLD
         self.drive_fault_code = self._fault_number if zsw1 & 0x0008 else 0
@@ -240,7 +277,7 @@ class ProfidrivePort(LinkedPort):
         """Return the telegram of this cycle, of any length where a test disturbs it; None: nothing is sent."""
         row = self._row
         row[0] = stw1
-        share = speed_rpm / self._words.reference_speed_rpm
+        share = speed_rpm / self._reference_speed
         row[self._nsoll_at] = to_n2(share) if self._narrow else to_n4(share)
         if self._stw2_at >= 0:
             self._sign = sign = next_sign(self._sign)
@@ -253,8 +290,13 @@ class ProfidrivePort(LinkedPort):
             row[self._kpc_at] = self._kpc
             self._xerr = self._kpc = 0
         if self._add_at >= 0:
-            row[self._add_at] = to_n2(torque_nm / self._words.reference_torque_nm)
-        frame = self._pack(*row)
+            row[self._add_at] = to_n2(torque_nm / self._reference_torque)
+        if self.block is None:
+            frame = self._pack(*row)
+        else:
+            if self._stw2_at >= 0:
+                row[self._stw2_at] = self.stw2
+            frame = self._pack(*self.block.send(row))
         return frame if self.setpoint_seam is None else self.setpoint_seam(frame)
 
     def _compose_release(self) -> bytes:

@@ -18,10 +18,11 @@ from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.node_setup import PdoSetup
 from fieldbus.errors import ConfigurationError, HilError
 from motion.drives._canopen import CanopenNode, CanopenNodeConfig, written
-from motion.drives.profidrive import ProfidrivePort, TelegramConfig
+from motion.drives.profidrive import ProfidrivePort, TelegramConfig, decode_parameter
 
 if TYPE_CHECKING:
     from fieldbus.canopen.master import CanopenMaster
+    from fieldbus.canopen.sdo_client import SdoJob
     from fieldbus.history import History
 
 _RECEIVE: Final = 0x5800
@@ -29,6 +30,7 @@ _SEND: Final = 0x5810
 _STATUS: Final = (0x22D20020, 0x28530010, 0x28540010)
 _STATUS_STRUCT: Final = Struct("<IHH")
 _WORDS_PER_PDO: Final = 4
+_PARAMETER: Final = 0x2000
 
 
 @dataclass(slots=True, frozen=True, kw_only=True)
@@ -76,6 +78,7 @@ class ProfidriveCanPort(ProfidrivePort):
     ) -> None:
         super().__init__(config, config.words, name=name, history=history)
         self.node_id = node = config.node_id
+        self.has_parameters = True
         self._master = master
         self._cut()
         self._seen = 0
@@ -128,6 +131,17 @@ class ProfidriveCanPort(ProfidrivePort):
     def parameters(self) -> list[tuple[int, int, int]]:
         """Return what commissioning may write, in order: (index, sub-index, value)."""
         return written(self.node)
+
+    def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
+        """See `DrivePort.read_parameter`: object 2000h + number (PD-343)."""
+
+        def ended(job: SdoJob) -> None:
+            if job.ok:
+                answer(decode_parameter(number, job.data), "")
+            else:
+                answer(None, f"{_PARAMETER + number:04X}h:{index}: {job.reason}")
+
+        self._master.sdo(self.node_id).upload(_PARAMETER + number, index, ended)
 
     # -- bus events -------------------------------------------------------------------------------------------
 

@@ -7,9 +7,11 @@ from motion.instructions.jog import MC_MoveJog
 from motion.instructions.move import MC_MoveAbsolute, MC_MoveRelative, MC_MoveVelocity
 from motion.instructions.power import MC_Power
 from motion.instructions.reset import MC_Reset
+from motion.instructions.set_sensor import MC_SetSensor
 from motion.instructions.stop import MC_Halt, MC_Stop
 from motion.instructions.superimposed import MC_HaltSuperimposed, MC_MoveSuperimposed
 from motion.instructions.torque import MC_TorqueAdditive, MC_TorqueLimiting, MC_TorqueRange
+from motion.instructions.write_parameter import MC_WriteParameter
 
 __all__ = [
     "ExecuteInstruction",
@@ -25,8 +27,10 @@ __all__ = [
     "MC_Power",
     "MC_Reset",
     "MC_SetAxisSTW",
+    "MC_SetSensor",
     "MC_Stop",
     "MC_TorqueAdditive",
     "MC_TorqueLimiting",
     "MC_TorqueRange",
+    "MC_WriteParameter",
 ]

@@ -5,14 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from motion.axis.jobs import ERROR_ACTUAL_VALUE, ERROR_MODE, ERROR_POSITION, ERROR_STATE, Job, JobClass
+from motion.axis.mechanics import INCREMENTAL
 from motion.axis.state import AxisState
 from motion.instructions.base import ExecuteInstruction
 from motion.instructions.dynamics import POSITION_LIMIT, is_number
 
 if TYPE_CHECKING:
     from motion.axis.axis import PositioningAxis
+    from motion.axis.external_encoder import ExternalEncoder
 
 _DIRECT: Final = frozenset((0, 1, 6, 7, 11, 12, 13))
+_WITHOUT_SETPOINT: Final = _DIRECT - {11, 12}
 _ERROR_INCREMENTAL: Final = 0x8010
 _ERROR_ABSOLUTE: Final = 0x8011
 
@@ -26,11 +29,11 @@ class MC_Home(ExecuteInstruction):
     """
 
     instruction = "MC_Home"
-    object_types = ("PositioningAxis",)
+    object_types = ("PositioningAxis", "ExternalEncoder")
     inputs: ClassVar[dict[str, Any]] = {"Execute": False, "Position": 0.0, "Mode": 0}
     Position: float
     Mode: int
-    axis: PositioningAxis
+    axis: PositioningAxis | ExternalEncoder  # type: ignore[assignment]
 
     def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
         self.ReferenceMarkPosition = 0.0
@@ -40,15 +43,16 @@ class MC_Home(ExecuteInstruction):
         axis = self.axis
         if axis.state is AxisState.RESTARTING:
             return ERROR_STATE
-        if self.Mode not in _DIRECT:
+        if self.Mode not in (_DIRECT if axis.object_type == "PositioningAxis" else _WITHOUT_SETPOINT):
             return ERROR_MODE
         if not is_number(self.Position, POSITION_LIMIT):
             return ERROR_POSITION
         if not axis.sensor_valid:
             return ERROR_ACTUAL_VALUE
-        if self.Mode in (6, 7) and not axis.port.absolute_encoder:
+        absolute = axis.feedback.scale.kind != INCREMENTAL
+        if self.Mode in (6, 7) and not absolute:
             return _ERROR_INCREMENTAL
-        if self.Mode == 13 and axis.port.absolute_encoder:
+        if self.Mode == 13 and absolute:
             return _ERROR_ABSOLUTE
         job = Job(JobClass.POSITIONING, instruction=self.instruction, name=self.name)
         job.start(axis.name, axis.history)

@@ -66,7 +66,7 @@ class MC_MoveAbsolute(_Positioning):
     """Move to an absolute position.
 
     Inputs: `Execute`; `Position`, axis unit; `Velocity`, `Acceleration`, `Deceleration`, `Jerk` (negative: dynamic
-    default); `BufferMode` 0 abort, 1 append; `Direction` (modulo axes). Outputs: `Active` and the common ones.
+    default); `BufferMode` 0 abort, 1 append; `Direction` on modulo axes 1 positive, 2 negative, 3 shortest way. Outputs: `Active` and the common ones.
     An axis that is not homed answers with alarm 321 (MC-246).
     """
 
@@ -81,7 +81,10 @@ class MC_MoveAbsolute(_Positioning):
         axis = self.axis
         if not is_number(self.Position, POSITION_LIMIT):
             return ERROR_POSITION
-        job = self._prepare(target=float(self.Position))
+        direction = self.Direction if axis.modulo.enabled else 0
+        if axis.modulo.enabled and direction not in (1, 2, 3):
+            return ERROR_DIRECTION
+        job = self._prepare(target=float(self.Position), direction=direction)
         if isinstance(job, int):
             return job
         if not axis.homed and not axis.alarms.blocking and axis.state in ACCEPTS_MOTION:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from motion.axis.jobs import ERROR_RESTART_ENABLED, ERROR_STATE, NO_ERROR
-from motion.axis.reset import Reset
 from motion.axis.state import AxisState
 from motion.instructions.base import Instruction
+
+if TYPE_CHECKING:
+    from motion.axis.external_encoder import EncoderReset
+    from motion.axis.reset import Reset
 
 ALARM_RESTART_REFUSED = 322
 
@@ -19,6 +22,7 @@ class MC_Reset(Instruction):
     """
 
     instruction = "MC_Reset"
+    object_types = ("SpeedAxis", "PositioningAxis", "ExternalEncoder")
     inputs: ClassVar[dict[str, Any]] = {"Execute": False, "Restart": False}
     Execute: bool
     Restart: bool
@@ -27,7 +31,7 @@ class MC_Reset(Instruction):
         self.Done = False
         self.CommandAborted = False
         self._last_execute = False
-        self._reset: Reset | None = None
+        self._reset: Reset | EncoderReset | None = None
         super().__init__(axis, name=name, **inputs)
 
     def _call(self) -> None:
@@ -52,12 +56,11 @@ class MC_Reset(Instruction):
         if axis.state is AxisState.RESTARTING:
             self._fail(ERROR_STATE)
             return
-        if self.Restart and (axis.facts.enabled or axis.enabling.busy):
+        if self.Restart and axis.restart_refused:
             axis.alarms.raise_alarm(ALARM_RESTART_REFUSED)
             self._fail(ERROR_RESTART_ENABLED)
             return
-        self._reset = Reset(axis, restart=bool(self.Restart))
-        axis.start_reset(self._reset)
+        self._reset = axis.make_reset(restart=bool(self.Restart))
         self.Busy = True
         self._log("job.started")
 

@@ -1,0 +1,105 @@
+"""`[axis.NAME]` and `[external_encoder.NAME]` of a bench file: which drives and encoders a technology object may have."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hil.bench.config import AxisSection, BenchConfig
+    from hil.bench.drive_config import DriveSection
+    from hil.bench.encoder_config import EncoderSection
+
+
+def check_axis_encoders(name: str, axis: AxisSection, config: BenchConfig) -> None:
+    """Check the encoders of an axis (CFG-174, CFG-175, CFG-201).
+
+    Raises:
+        ValueError: With the place, the value and what is allowed.
+
+    """
+    where = f"axis.{name}.encoders"
+    drive = config.drive[axis.drive]
+    if axis.connection == "data_block" and drive.profile != "profidrive":
+        raise ValueError(
+            f"axis.{name}.connection: 'data_block' holds a telegram; profile of {axis.drive!r} is {drive.profile}"
+        )
+    speed_only = drive.profile == "profidrive" and drive.telegram in (1, 2)
+    if axis.type == "speed":
+        if axis.encoders is not None:
+            raise ValueError(f"{where}: a speed axis has no encoder (CFG-174)")
+        return
+    encoders = axis.encoders if axis.encoders is not None else (axis.drive,)
+    if not encoders:
+        raise ValueError(f"{where}: a positioning axis needs an encoder")
+    if len(set(encoders)) != len(encoders):
+        raise ValueError(f"{where}: an encoder stands twice in {', '.join(encoders)}")
+    if len(encoders) > 1 and config.bench.cpu != "S7-1500T":
+        raise ValueError(
+            f'{where}: {len(encoders)} encoders need bench.cpu = "S7-1500T"; an {config.bench.cpu} has one per axis'
+        )
+    for one in encoders:
+        if one == axis.drive:
+            if speed_only:
+                raise ValueError(
+                    f"axis.{name}.drive: telegram {drive.telegram} of {axis.drive!r} has no encoder value for a positioning "
+                    "axis; allowed: 3, 4, 5, 6, 102, 103, 105, 106, or `encoders` of its own"
+                )
+        elif one not in config.encoder:
+            known = ", ".join((axis.drive, *config.encoder))
+            raise ValueError(f"{where}: {one!r} is neither its drive nor an encoder; there are: {known}")
+        elif not config.leads(config.encoder[one].segment):
+            raise ValueError(
+                f"{where}: {one!r} is on {config.encoder[one].segment!r}, which somebody else leads"
+            )
+
+
+def check_external_encoders(config: BenchConfig) -> None:
+    """Check what external encoders say of encoders (CFG-176).
+
+    Raises:
+        ValueError: With the place, the value and what is allowed.
+
+    """
+    for name, section in config.external_encoder.items():
+        if section.encoder not in config.encoder:
+            known = ", ".join(config.encoder) or "none"
+            raise ValueError(
+                f"external_encoder.{name}.encoder: {section.encoder!r} is not an encoder; there are: {known}"
+            )
+        if not config.leads(config.encoder[section.encoder].segment):
+            raise ValueError(
+                f"external_encoder.{name}.encoder: {section.encoder!r} is on a segment that somebody else leads"
+            )
+
+
+def from_drive(drive: DriveSection) -> dict[str, Any]:
+    """Return what the controller takes over from the configuration of a drive, as an offline transfer does (CFG-356)."""
+    if drive.profile == "profidrive":
+        own = drive.profidrive
+        speed, torque = own.reference_speed_rpm, own.reference_torque_nm
+    else:
+        speed, torque = drive.max_speed_rpm, drive.rated_torque_nm
+    return {
+        "Actor.DriveParameter.ReferenceSpeed": speed,
+        "Actor.DriveParameter.ReferenceTorque": torque,
+    }
+
+
+def from_encoder(encoder: EncoderSection, prefix: str) -> dict[str, Any]:
+    """Return what the controller takes over from the configuration of an encoder (CFG-356)."""
+    kind = 1 if "incremental" not in encoder.type else 0
+    values: dict[str, Any] = {f"{prefix}.Type": kind, f"{prefix}.Parameter.FineResolutionXist1": 0}
+    if encoder.linear:
+        values[f"{prefix}.System"] = 0
+        values[f"{prefix}.Parameter.Resolution"] = encoder.measuring_step_um / 1000.0
+        values[f"{prefix}.MountingMode"] = 1
+    else:
+        values[f"{prefix}.System"] = 1
+        values[f"{prefix}.Parameter.StepsPerRevolution"] = encoder.steps_per_revolution
+        values[f"{prefix}.Parameter.DeterminableRevolutions"] = 0
+        if kind:
+            counts = encoder.type in ("multi_turn", "single_turn_counting")
+            values[f"{prefix}.Parameter.DeterminableRevolutions"] = encoder.revolutions if counts else 1
+        if encoder.on is not None:
+            values[f"{prefix}.MountingMode"] = 0 if encoder.mounting == "motor" else 1
+    return values

@@ -1,0 +1,329 @@
+"""Which configurations of a technology object fit together, and what is adjusted instead (CFG sections 4 to 18, alarms 101, 110)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from fieldbus.errors import ConfigurationError
+from motion.axis.mechanics import CYCLIC_ABSOLUTE, EXTERNAL, LOAD_SIDE, MOTOR_SIDE
+from motion.axis.units import ANGLES, HIGH_RESOLUTION, LENGTHS, VELOCITY_OF
+
+if TYPE_CHECKING:
+    from motion.variables import VariableStore
+
+ENCODER_TELEGRAMS: Final = (81, 83)
+"""Telegrams of an encoder with a connection of its own (CFG-197, CFG-198)."""
+DRIVE_WITH_ENCODER: Final = (3, 4, 5, 6, 102, 103, 105, 106)
+"""Telegrams with setpoint and encoder value (CFG-196)."""
+DRIVE_TELEGRAMS: Final = (1, 2, *DRIVE_WITH_ENCODER)
+"""Telegrams of the setpoint (CFG-195, CFG-197)."""
+DSC_TELEGRAMS: Final = (5, 6, 105, 106)
+TORQUE_TELEGRAMS: Final = (102, 103, 105, 106)
+"""Telegrams with torque reduction (CFG-408)."""
+TWO_ENCODERS: Final = (4, 6, 103, 106)
+
+DIGITAL_OVERRUN: Final = 2.0
+"""Most of the setpoint as a multiple of the reference value, with a telegram (CFG-246)."""
+ANALOG_OVERRUN: Final = 1.17
+"""The same with an analog output (CFG-396)."""
+
+CPUS: Final = ("S7-1500", "S7-1500T")
+
+_ROTARY: Final = 1
+_LINEAR_MOTOR: Final = 1
+_LINEAR_SYSTEM: Final = 0
+_HIGH_RESOLUTION_LIMIT: Final = 1.0e9
+_POSITIONS: Final = ("PositionLimits_SW.MinPosition", "PositionLimits_SW.MaxPosition", "Modulo.StartValue", "Modulo.Length",
+                     "Homing.HomePosition")  # fmt: skip
+_DYNAMICS: Final = tuple(
+    f"{group}.{name}"
+    for group, names in (
+        ("DynamicLimits", ("MaxVelocity", "MaxAcceleration", "MaxDeceleration")),
+        ("DynamicDefaults", ("Velocity", "Acceleration", "Deceleration", "EmergencyDeceleration")),
+    )
+    for name in names
+)
+
+
+class Problem(NamedTuple):
+    """A variable whose value does not fit the others."""
+
+    path: str
+    value: Any
+    allowed: str
+    """What is allowed, and because of which other variable."""
+
+    def error(self) -> ConfigurationError:
+        """Return it as an exception."""
+        return ConfigurationError(self.path, self.value, self.allowed)
+
+    def __str__(self) -> str:
+        return f"{self.path} = {self.value}; allowed: {self.allowed}"
+
+
+class Abilities(NamedTuple):
+    """What the connection of a technology object can do."""
+
+    dsc: bool = False
+    """The drive takes XERR and KPC, and its motor encoder is the first of the object."""
+    second_encoder: bool = False
+    """The telegram carries a second encoder."""
+    velocities: tuple[bool, ...] = ()
+    """For every encoder in turn, whether its telegram has `NIST_B`."""
+    simulated: bool = False
+    """Nothing of the connection is used: the axis is virtual or simulated."""
+
+
+def derive_units(variables: dict[str, Any]) -> dict[str, Any]:
+    """Return start values with the units of a rotary object, degrees, where nothing else is given (CFG-069)."""
+    if variables.get("Properties.MotionType") != _ROTARY:
+        return variables
+    return {"Units.LengthUnit": 1005, "Units.VelocityUnit": 1521, **variables}
+
+
+def check_telegrams(object_type: str, drive: int | None, encoders: tuple[int, ...] = ()) -> Problem | None:
+    """Say what stands against telegrams for a type of technology object (CFG-195 to CFG-203).
+
+    Args:
+        object_type: `SpeedAxis`, `PositioningAxis`, `SynchronousAxis` or `ExternalEncoder`.
+        drive: Telegram of the drive; None without one.
+        encoders: Telegrams of encoders with a connection of their own, in the order of the object.
+
+    """
+    for number in encoders:
+        if number not in ENCODER_TELEGRAMS:
+            return Problem("encoder telegram", number, _numbers(ENCODER_TELEGRAMS))
+    if object_type == "ExternalEncoder":
+        if drive is not None:
+            return Problem("drive telegram", drive, "none: an external encoder has no drive (CFG-176)")
+        if len(encoders) != 1:
+            return Problem("encoder telegrams", encoders, "one of " + _numbers(ENCODER_TELEGRAMS))
+        return None
+    if drive not in DRIVE_TELEGRAMS:
+        return Problem("drive telegram", drive, _numbers(DRIVE_TELEGRAMS))
+    if object_type == "SpeedAxis":
+        if encoders:
+            return Problem("encoder telegrams", encoders, "none: a speed axis has no encoder (CFG-174)")
+    elif not encoders and drive not in DRIVE_WITH_ENCODER:
+        return Problem(
+            "drive telegram", drive,
+            f"{_numbers(DRIVE_WITH_ENCODER)}, or an encoder with telegram {_numbers(ENCODER_TELEGRAMS)} beside it (CFG-201)",
+        )  # fmt: skip
+    return None
+
+
+def encoders_of_telegram(drive: int, cpu: str = "S7-1500T") -> int:
+    """Return how many encoders of a drive telegram are connected by themselves (CFG-281 to CFG-283)."""
+    if drive not in DRIVE_WITH_ENCODER:
+        return 0
+    return 2 if drive in (6, 106) and cpu == "S7-1500T" else 1
+
+
+def _numbers(numbers: tuple[int, ...]) -> str:
+    return ", ".join(map(str, numbers))
+
+
+def check_configuration(
+    store: VariableStore, abilities: Abilities, *, cpu: str = "S7-1500T", start: bool = False
+) -> list[Problem]:
+    """Return everything that does not fit together; empty for a consistent configuration.
+
+    Args:
+        store: Variables of the technology object.
+        abilities: What the connection can do.
+        cpu: `S7-1500` or `S7-1500T`.
+        start: Look at the start values, which a restart would put into force, and not at the values in force.
+
+    """
+    return list(_Check(store, abilities, cpu, start=start).problems())
+
+
+class _Check:
+    def __init__(self, store: VariableStore, abilities: Abilities, cpu: str, *, start: bool) -> None:
+        self.kind = store.object_type
+        self.read = store.start_value if start else store.read
+        self.can = abilities
+        self.cpu = cpu
+
+    def problems(self) -> Iterator[Problem]:
+        if self.cpu not in CPUS:
+            yield Problem("cpu", self.cpu, ", ".join(CPUS))
+        axis = self.kind != "ExternalEncoder"
+        if axis:
+            yield from self._reference()
+        if self.kind == "SpeedAxis":
+            return
+        yield from self._units()
+        for number, prefix in enumerate(self._prefixes(), start=1):
+            yield from self._sensor(prefix)
+            if axis:
+                yield from self._mounting(prefix)
+            velocities = self.can.velocities
+            if (
+                not self.can.simulated
+                and self.read(f"{prefix}.ActualVelocityMode") == 1
+                and not (number <= len(velocities) and velocities[number - 1])
+            ):
+                yield Problem(
+                    f"{prefix}.ActualVelocityMode", 1, "0: its connection brings no actual speed (CFG-336)"
+                )
+        if axis:
+            yield from self._axis()
+
+    def _reference(self) -> Iterator[Problem]:
+        linear = self.kind != "SpeedAxis" and self.read("Actor.MotorType") == _LINEAR_MOTOR
+        path = (
+            "Actor.LinearMotorDriveParameter.ReferenceVelocity"
+            if linear
+            else "Actor.DriveParameter.ReferenceSpeed"
+        )
+        if self.read(path) <= 0.0:
+            yield Problem(path, self.read(path), "above 0: setpoints are shares of it (VAR-130)")
+
+    def _prefixes(self) -> list[str]:
+        if self.kind == "ExternalEncoder":
+            return ["Sensor"]
+        return [f"Sensor[{n}]" for n in range(1, 5) if self.read(f"Sensor[{n}].Existent")]
+
+    def _units(self) -> Iterator[Problem]:
+        read = self.read
+        length, velocity = read("Units.LengthUnit"), read("Units.VelocityUnit")
+        rotary = read("Properties.MotionType") == _ROTARY
+        if (length in ANGLES) is not rotary:
+            word, units = ("rotary", ANGLES) if rotary else ("linear", LENGTHS)
+            yield Problem(
+                "Units.LengthUnit", length,
+                f"{_numbers(tuple(units))}: Properties.MotionType = {int(rotary)} is a {word} object (CFG-068, CFG-069)",
+            )  # fmt: skip
+        elif velocity not in VELOCITY_OF.get(length, ()):
+            allowed = VELOCITY_OF.get(length, ())
+            fitting = (
+                f"{_numbers(allowed)}, one position unit per second"
+                if allowed
+                else "none is a position unit per second"
+            )
+            yield Problem("Units.VelocityUnit", velocity, f"with Units.LengthUnit = {length}: {fitting}")
+        if length in HIGH_RESOLUTION or velocity in HIGH_RESOLUTION:
+            axis = self.kind != "ExternalEncoder"
+            paths = (*_POSITIONS, *_DYNAMICS) if axis else ("Modulo.StartValue", "Modulo.Length")
+            for path in paths:
+                if abs(read(path)) > _HIGH_RESOLUTION_LIMIT:
+                    yield Problem(path, read(path), "up to 1e+09 with six decimals (CFG-090, CFG-091)")
+
+    def _sensor(self, prefix: str) -> Iterator[Problem]:
+        read = self.read
+        if read(f"{prefix}.System") == _LINEAR_SYSTEM and read("Properties.MotionType") == _ROTARY:
+            yield Problem(
+                f"{prefix}.System", 0,
+                "1: a linear encoder cannot measure a rotary object (Properties.MotionType = 1)",
+            )  # fmt: skip
+        if (
+            read(f"{prefix}.Type") == CYCLIC_ABSOLUTE
+            and read(f"{prefix}.Parameter.DeterminableRevolutions") == 0
+        ):
+            yield Problem(
+                f"{prefix}.Parameter.DeterminableRevolutions", 0,
+                f"1 or more: {prefix}.Type = 2 counts measuring ranges (CFG-292, CFG-299)",
+            )  # fmt: skip
+        second = read(f"{prefix}.Interface.Number") == 2
+        if second and not self.can.second_encoder and not self.can.simulated:
+            yield Problem(
+                f"{prefix}.Interface.Number",
+                2,
+                "1: the telegram of the connection carries one encoder (CFG-285)",
+            )
+
+    def _mounting(self, prefix: str) -> Iterator[Problem]:
+        read = self.read
+        mounting = read(f"{prefix}.MountingMode")
+        linear_system = read(f"{prefix}.System") == _LINEAR_SYSTEM
+        path = f"{prefix}.MountingMode"
+        linear_motor = read("Actor.MotorType") == _LINEAR_MOTOR
+        if linear_motor:
+            wanted = MOTOR_SIDE if linear_system else EXTERNAL
+            if mounting != wanted:
+                yield Problem(
+                    path, mounting,
+                    f"{wanted}: Actor.MotorType = 1 with {prefix}.System = {int(not linear_system)} (CFG-523)",
+                )  # fmt: skip
+        elif linear_system and mounting == MOTOR_SIDE:
+            yield Problem(
+                path, mounting,
+                f"{LOAD_SIDE} or {EXTERNAL}: a linear encoder ({prefix}.System = 0) does not sit on a motor shaft (CFG-513)",
+            )  # fmt: skip
+        if read(f"{prefix}.Backlash.Enable") and (linear_motor or mounting != MOTOR_SIDE):
+            yield Problem(
+                f"{prefix}.Backlash.Enable", True,
+                f"FALSE: compensation needs a standard motor and {path} = 0 (CFG-522)",
+            )  # fmt: skip
+
+    def _axis(self) -> Iterator[Problem]:
+        read, can = self.read, self.can
+        if read("Actor.MotorType") == _LINEAR_MOTOR and read("Properties.MotionType") == _ROTARY:
+            yield Problem(
+                "Actor.MotorType", 1, "0: a rotary axis (Properties.MotionType = 1) has a standard motor (CFG-069)"
+            )  # fmt: skip
+        existing = [n for n in range(1, 5) if read(f"Sensor[{n}].Existent")]
+        if not existing:
+            yield Problem("Sensor[1].Existent", False, "TRUE: a positioning axis needs an encoder (CFG-012)")
+        if len(existing) > 1 and self.cpu != "S7-1500T":
+            yield Problem(
+                f"Sensor[{existing[1]}].Existent", True, f"FALSE: cpu = {self.cpu} has one encoder (CFG-177)"
+            )
+        initial = read("PositionControl.InitialOperativeSensor")
+        if initial not in existing:
+            yield Problem(
+                "PositionControl.InitialOperativeSensor", initial,
+                f"{_numbers(tuple(existing))}: the encoders that exist",
+            )  # fmt: skip
+        elif initial != 1 and can.simulated:
+            yield Problem(
+                "PositionControl.InitialOperativeSensor", initial,
+                "1: a simulated axis is controlled with its first encoder (CFG-159)",
+            )  # fmt: skip
+        if read("PositionControl.EnableDSC") and not can.simulated:
+            if not can.dsc:
+                yield Problem(
+                    "PositionControl.EnableDSC", True, "FALSE: the drive takes no XERR and KPC (CFG-221)"
+                )
+            elif initial != 1:
+                yield Problem(
+                    "PositionControl.InitialOperativeSensor", initial,
+                    "1: with PositionControl.EnableDSC the motor encoder controls (CFG-221)",
+                )  # fmt: skip
+        if read("PositionControl.Kv") <= 0.0:
+            yield Problem("PositionControl.Kv", read("PositionControl.Kv"), "above 0 1/s (VAR-178)")
+
+
+class SetpointRange(NamedTuple):
+    """How the output of an axis is normalised, and where it ends."""
+
+    reference: float
+    """What 100 % of the setpoint means: rpm, of a linear motor m/min."""
+    maximum: float
+    """Limit of the setpoint in the same unit."""
+    adjusted: str
+    """Text of warning 110 where the configured limit is more than the connection can say; else empty."""
+    torque: float
+    """Reference torque, Nm, or force, N."""
+
+
+def setpoint_range(store: VariableStore) -> SetpointRange:
+    """Return normalisation and limit of the speed setpoint (CFG-247, CFG-629, VAR-131)."""
+    read = store.read
+    if store.object_type != "SpeedAxis" and read("Actor.MotorType") == _LINEAR_MOTOR:
+        place = "Actor.LinearMotorDriveParameter."
+        reference_name, maximum_name, torque_name = "ReferenceVelocity", "MaxVelocity", "ReferenceForce"
+    else:
+        place = "Actor.DriveParameter."
+        reference_name, maximum_name, torque_name = "ReferenceSpeed", "MaxSpeed", "ReferenceTorque"
+    reference, maximum = read(place + reference_name), read(place + maximum_name)
+    most = reference * (ANALOG_OVERRUN if read("Actor.Type") == 0 else DIGITAL_OVERRUN)
+    adjusted = ""
+    if maximum > most:
+        adjusted = (
+            f"{place}{maximum_name} = {maximum:g} works as {most:g}, because {reference_name} = {reference:g}"
+        )
+        maximum = most
+    return SetpointRange(reference, maximum, adjusted, read(place + torque_name))

@@ -1,0 +1,41 @@
+"""What an axis or an external encoder asks of an encoder with a connection of its own, whatever bus and profile carry it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+
+class EncoderPort(ABC):
+    """Cyclic coupling to one encoder; `read` refreshes the attributes from what the bus has brought."""
+
+    __slots__ = (
+        "absolute_encoder", "actual_speed_rpm", "brings_speed", "encoder_increments", "encoder_restarts", "has_parameters",
+        "link_ok", "sensor_fault", "telegram_number",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.link_ok = False
+        """Cyclic data arrive."""
+        self.sensor_fault = False
+        """The encoder reports that its value cannot be relied on."""
+        self.encoder_increments = 0
+        """Raw encoder count, signed 32 bit, wraps."""
+        self.encoder_restarts = 0
+        """Counts the times at which the encoder began anew."""
+        self.absolute_encoder = False
+        self.actual_speed_rpm = 0.0
+        """Speed of the encoder, where `brings_speed`, rpm."""
+        self.brings_speed = False
+        self.has_parameters = False
+        """See `DrivePort.has_parameters`."""
+        self.telegram_number = 0
+        """See `DrivePort.telegram_number`."""
+
+    @abstractmethod
+    def read(self) -> None:
+        """Take over the inputs that have arrived since the last cycle."""
+
+    def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
+        """See `DrivePort.read_parameter`."""
+        raise NotImplementedError

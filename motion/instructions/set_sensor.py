@@ -1,0 +1,69 @@
+"""`MC_SetSensor` (section 2.11 of the instruction specification)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+from fieldbus.errors import ConfigurationError
+from motion.axis.feedback import VALID
+from motion.axis.jobs import ERROR_ACTUAL_VALUE, ERROR_MODE, ERROR_STATE, Job, JobClass
+from motion.axis.sensors import SWITCH_BUMPLESS, TRANSFER_FROM, set_sensor
+from motion.axis.state import AxisState
+from motion.instructions.base import ExecuteInstruction
+
+if TYPE_CHECKING:
+    from motion.axis.axis import PositioningAxis
+
+ERROR_SENSOR: Final = 0x8050
+ERROR_REFERENCE_SENSOR: Final = 0x8051
+ERROR_HOMING: Final = 0x8074
+
+
+class MC_SetSensor(ExecuteInstruction):
+    """Switch the encoder in position control, or transfer a position to another one (S7-1500T).
+
+    Inputs: `Execute`; `Sensor` 1 to 4; `Mode` 0 switch with the position of the axis, 1 switch as it is, 2 transfer the
+    position of the axis, 3 that of `ReferenceSensor`. Outputs: the common ones.
+
+    Raises:
+        ConfigurationError: The axis belongs to an S7-1500, which has no such instruction (CFG-062).
+
+    """
+
+    instruction = "MC_SetSensor"
+    object_types = ("PositioningAxis",)
+    inputs: ClassVar[dict[str, Any]] = {"Execute": False, "Sensor": 1, "Mode": 0, "ReferenceSensor": 1}
+    Sensor: int
+    Mode: int
+    ReferenceSensor: int
+    axis: PositioningAxis
+
+    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+        if getattr(axis, "cpu", "S7-1500T") != "S7-1500T":
+            raise ConfigurationError("MC_SetSensor", axis.cpu, "cpu S7-1500T (CFG-062)")
+        super().__init__(axis, name=name, **inputs)
+
+    def _start(self) -> Job | int:
+        axis = self.axis
+        if axis.state is AxisState.RESTARTING:
+            return ERROR_STATE
+        numbers = range(1, len(axis.sensors) + 1)
+        if self.Sensor not in numbers:
+            return ERROR_SENSOR
+        if self.Mode not in range(4):
+            return ERROR_MODE
+        if self.Mode == TRANSFER_FROM and self.ReferenceSensor not in numbers:
+            return ERROR_REFERENCE_SENSOR
+        running = axis.motion.job
+        if running is not None and running.instruction == "MC_Home":
+            return ERROR_HOMING
+        source = axis.sensors[self.ReferenceSensor - 1] if self.Mode == TRANSFER_FROM else axis.feedback
+        target = axis.sensors[self.Sensor - 1]
+        if target.state != VALID or (self.Mode != SWITCH_BUMPLESS + 1 and source.state != VALID):
+            return ERROR_ACTUAL_VALUE
+        job = Job(JobClass.POSITIONING, instruction=self.instruction, name=self.name)
+        job.start(axis.name, axis.history)
+        job.activate()
+        set_sensor(axis, self.Sensor, self.Mode, self.ReferenceSensor)
+        job.finish()
+        return job

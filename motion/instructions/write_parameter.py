@@ -1,0 +1,45 @@
+"""`MC_WriteParameter` (section 2.14 of the instruction specification)."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Final
+
+from motion.axis.jobs import ERROR_STATE, Job, JobClass
+from motion.axis.state import AxisState
+from motion.instructions.base import ExecuteInstruction
+from motion.variables import ParameterError
+
+ERROR_DIRECT_CONNECTION: Final = 0x805D
+TIMES: Final = (1010, 1011, 1012)
+"""T_i, T_o, T_DC."""
+
+
+class MC_WriteParameter(ExecuteInstruction):
+    """Write a parameter of a technology object while the program runs.
+
+    Inputs: `Execute`; `ParameterNumber` 1000 `PositionLimits_HW.Active` and 1020 `Actor.RemoveEnableReaction`, which act at
+    once; 1010, 1011, 1012 T_i, T_o, T_DC in s, which act after a restart and only where the connection goes through a data
+    block (CFG-272); `Value`. Outputs: the common ones.
+    """
+
+    instruction = "MC_WriteParameter"
+    object_types = ("SpeedAxis", "PositioningAxis", "ExternalEncoder")
+    inputs: ClassVar[dict[str, Any]] = {"Execute": False, "ParameterNumber": 0, "Value": 0}
+    ParameterNumber: int
+    Value: Any
+
+    def _start(self) -> Job | int:
+        axis = self.axis
+        if axis.state is AxisState.RESTARTING:
+            return ERROR_STATE
+        if self.ParameterNumber in TIMES and (axis.connection == "direct" or axis.simulated):
+            return ERROR_DIRECT_CONNECTION
+        try:
+            axis.variables.write_parameter(self.ParameterNumber, self.Value)
+        except ParameterError as error:
+            return error.error_id
+        job = Job(JobClass.POSITIONING, instruction=self.instruction, name=self.name)
+        job.start(axis.name, axis.history)
+        job.activate()
+        job.finish()
+        return job
