@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from emulators.drive.profidrive.fault_catalogue import DriveWarning, Fault, fault
+from emulators.drive.profidrive.fault_catalogue import Acknowledgement, DriveWarning, Fault, fault
 from emulators.drive.profidrive.messages import FaultBuffer, FaultMessage
 from emulators.drive.profidrive.statemachine import Off
 from fieldbus.clock import MS, Scheduler
@@ -22,7 +22,7 @@ class FaultState:
 
     """
 
-    __slots__ = ("_causes", "_scheduler", "_since_ns", "buffer", "off", "on_acknowledged", "on_fault", "on_warning", "warnings")  # fmt: skip
+    __slots__ = ("_causes", "_scheduler", "_since_ns", "buffer", "off", "on_acknowledged", "on_fault", "on_warning", "pulses", "warnings")  # fmt: skip
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
@@ -37,6 +37,8 @@ class FaultState:
         """Called with a new fault and its value."""
         self.on_acknowledged: Callable[[], None] = _nobody
         """Called when a situation has been acknowledged."""
+        self.pulses: Callable[[], bool] = _no
+        """Tells whether there are pulses: some faults cannot be acknowledged then."""
         self.on_warning: Callable[[], None] = _nobody
         """Called when the warnings have changed."""
 
@@ -86,13 +88,20 @@ class FaultState:
             self._causes.pop(number, None)
 
     def acknowledge(self) -> bool:
-        """Acknowledge the situation; what lasts opens a new one at once (PD-137). Returns whether there was one."""
+        """Acknowledge the situation; returns whether there was one.
+
+        What lasts opens a new one at once (PD-137), and so does what cannot be acknowledged now (PD-139).
+        """
         before = self.buffer.present
         if not self.buffer.acknowledge():
             return False
         self.off = 0
         self.on_acknowledged()
         for message in before:
+            how = fault(message.number).acknowledgement
+            if how is Acknowledgement.POWER_ON or (how is Acknowledgement.PULSE_INHIBIT and self.pulses()):
+                self.enter(fault(message.number), message.value)
+                continue
             holds = self._causes.get(message.number)
             if holds is None:
                 continue
@@ -119,6 +128,10 @@ class FaultState:
 
 def _nothing(_fault: Fault, _value: int) -> None:
     pass
+
+
+def _no() -> bool:
+    return False
 
 
 def _nobody() -> None:

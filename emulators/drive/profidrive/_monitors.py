@@ -51,7 +51,8 @@ class Monitors:
             self._look_at_bus(now)
         core = drive.core
         if drive.config.blocked_time_s and self._blocked.update(
-            core.enabled and core.torque_limited and core.standing, self._period_s
+            core.enabled and core.torque_limited and core.standing and not drive.torque.at_fixed_stop,
+            self._period_s,
         ):
             drive.raise_fault(numbers.BLOCKED)
         if core.enabled and abs(core.velocity) > _OVERSPEED * drive.settings.max_speed_rpm * RPM:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.profidrive.formats import from_n2, torque_factor
+from fieldbus.profidrive.words import STW2
 
 if TYPE_CHECKING:
     from emulators.drive.profidrive.device import ProfidriveDrive
+
+_FIXED_STOP: Final = int(STW2.TRAVEL_TO_FIXED_STOP)
 
 
 class TorqueLimits:
@@ -20,14 +23,16 @@ class TorqueLimits:
     """
 
     __slots__ = (
-        "_add_at", "_drive", "_high_at", "_low_at", "_momred_at", "_words", "follows_telegram", "injected_Nm", "protection_Nm",
-        "upper_Nm",
+        "_add_at", "_drive", "_high_at", "_low_at", "_momred_at", "_words", "follows_telegram", "injected_Nm", "lower_Nm",
+        "protection_Nm", "upper_Nm",
     )  # fmt: skip
 
     def __init__(self, drive: ProfidriveDrive) -> None:
         self._drive = drive
         self.upper_Nm = math.inf
         """Upper torque limit in force, Nm."""
+        self.lower_Nm = math.inf
+        """Torque limit in the other direction, Nm, >= 0."""
         self.protection_Nm = math.inf
         """Limit because of heat, Nm; inf = none."""
         self.injected_Nm = math.inf
@@ -42,7 +47,7 @@ class TorqueLimits:
         self._words: tuple[int, int, int, float] | None = None
 
     def lead(self) -> None:
-        """Let the words of the telegram act; in every bus cycle of operation."""
+        """Let the words of the telegram act; in every bus cycle while there are pulses."""
         if self._add_at >= 0:
             drive = self._drive
             drive.core.torque_offset = from_n2(drive.row[self._add_at]) * drive.settings.reference_torque_Nm
@@ -79,4 +84,21 @@ class TorqueLimits:
             low = min(low, max(0.0, -from_n2(low_word) * settings.reference_torque_Nm))
         factor = torque_factor(momred, settings.momred_evaluation_percent)
         self.upper_Nm = min(cap, high * factor)
-        drive.core.set_torque_limits(self.upper_Nm, min(cap, low * factor))
+        self.lower_Nm = min(cap, low * factor)
+        drive.core.set_torque_limits(self.upper_Nm, self.lower_Nm)
+
+    @property
+    def utilised(self) -> bool:
+        """Whether the torque is at or above the threshold of its limit, p2194 (STP-156, STP-157)."""
+        core = self._drive.core
+        if not core.enabled:
+            return False
+        torque = core.torque_demand
+        limit = self.upper_Nm if torque >= 0.0 else self.lower_Nm
+        return abs(torque) >= self._drive.settings.torque_threshold_percent * 0.01 * limit
+
+    @property
+    def at_fixed_stop(self) -> bool:
+        """Whether the controller travels to a fixed stop: STW2 bit 8, in operation (PD-082, PD-083)."""
+        drive = self._drive
+        return bool(drive.stw2 & _FIXED_STOP) and drive.core.enabled

@@ -9,7 +9,7 @@ from emulators.drive.profidrive._signals import Getter, getters
 from emulators.drive.profidrive.fault_catalogue import DriveWarning
 from emulators.drive.profidrive.statemachine import AxisState, Off
 from emulators.drive.protection import WindowTimer
-from fieldbus.profidrive.words import MELDW, SIGN_OF_LIFE_SHIFT, STW2, ZSW1, ZSW2
+from fieldbus.profidrive.words import MELDW, SIGN_OF_LIFE_SHIFT, ZSW1, ZSW2
 
 if TYPE_CHECKING:
     from emulators.drive.profidrive.device import ProfidriveDrive
@@ -24,7 +24,8 @@ _OFF2: Final = int(Off.OFF2)
 _OFF3: Final = int(Off.OFF3)
 _PULSES: Final = int(ZSW2.PULSES_ENABLED)
 _PARKING: Final = int(ZSW2.PARKING)
-_PARK: Final = int(STW2.PARKING)
+_FIXED_STOP: Final = int(ZSW2.TRAVEL_TO_FIXED_STOP)
+_VARIABLE: Final = int(MELDW.VARIABLE_SIGNAL)
 _S5B: Final = AxisState.S5B
 _MOTOR_TEMPERATURE: Final = int(DriveWarning.MOTOR_TEMPERATURE)
 _STAGE_TEMPERATURE: Final = int(DriveWarning.STAGE_TEMPERATURE)
@@ -157,9 +158,16 @@ class StatusWords:
         word = sign << SIGN_OF_LIFE_SHIFT | drive.stw2 & 0x1F
         if drive.core.enabled:
             word |= _PULSES
-        if drive.stw2 & _PARK and not drive.core.enabled:
+        if drive.parked:
             word |= _PARKING
+        if drive.torque.at_fixed_stop:
+            word |= _FIXED_STOP
         return word
+
+    def _variable(self) -> float:
+        """Return the amount of the signal that MELDW bit 5 watches: Nm, or rpm."""
+        core = self._drive.core
+        return abs(core.torque if self._drive.settings.variable_signal == "torque" else core.velocity / RPM)
 
     def meldw(self) -> int:
         """Return the message word (PD-085)."""
@@ -168,16 +176,17 @@ class StatusWords:
         settings = drive.settings
         speed = abs(core.velocity) / RPM
         warnings = drive.faults.warnings
-        limit = drive.torque_limit_Nm
         word = 0
         if not core.enabled or abs(core.precontrol_velocity - drive.channel.target) < 1e-9:
             word |= _RAMP_COMPLETED
-        if not limit or abs(core.torque) < settings.torque_threshold_percent * 0.01 * limit:
+        if not drive.torque.utilised:
             word |= _BELOW_TORQUE
         if speed < settings.speed_threshold_3_rpm:
             word |= _BELOW_3
         if speed <= settings.speed_threshold_2_rpm:
             word |= _BELOW_2
+        if settings.variable_signal != "none" and self._variable() > settings.variable_threshold:
+            word |= _VARIABLE
         if _MOTOR_TEMPERATURE not in warnings:
             word |= _COOL_MOTOR
         if _STAGE_TEMPERATURE not in warnings:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 from emulators.drive.core import ServoTuning
 from emulators.drive.machine import (
@@ -58,7 +59,9 @@ class DriveSettings:
         deviation_time_s: ... and for how long it has to be exceeded, s.
         speed_threshold_2_rpm: MELDW bit 3.
         speed_threshold_3_rpm: MELDW bit 2.
-        torque_threshold_percent: MELDW bit 1, percent of the torque limit.
+        torque_threshold_percent: MELDW bit 1, percent of the torque limit (p2194).
+        variable_signal: MELDW bit 5 watches `torque`, `speed`, or nothing: `none`.
+        variable_threshold: ... and is 1 above this amount, Nm or rpm.
 
     """
 
@@ -80,6 +83,8 @@ class DriveSettings:
     speed_threshold_2_rpm: float = 900.0
     speed_threshold_3_rpm: float = 5.0
     torque_threshold_percent: float = 90.0
+    variable_signal: Literal["none", "torque", "speed"] = "none"
+    variable_threshold: float = 0.0
 
     def __post_init__(self) -> None:
         if self.operating_mode not in (1, 2, 3):
@@ -89,9 +94,11 @@ class DriveSettings:
         for name in (
             "ramp_up_s", "ramp_down_s", "quick_stop_s", "momred_evaluation_percent", "setpoint_monitoring_s",
             "comparison_speed_rpm", "deviation_rpm", "deviation_time_s", "speed_threshold_2_rpm", "speed_threshold_3_rpm",
-            "torque_threshold_percent",
+            "torque_threshold_percent", "variable_threshold",
         ):  # fmt: skip
             check_number(name, getattr(self, name))
+        if self.variable_signal not in ("none", "torque", "speed"):
+            raise ConfigurationError("variable_signal", self.variable_signal, "none, torque, speed")
         for value in self.torque_limits_Nm:
             check_number("torque_limits_Nm", value)
         for value in self.jog_rpm:

@@ -34,7 +34,7 @@ from emulators.encoder.profidrive import EncoderInterface
 from fieldbus.clock import Scheduler
 from fieldbus.history import History
 from fieldbus.profidrive.sign_of_life import SignOfLife
-from fieldbus.profidrive.words import SIGN_OF_LIFE_MASK, SIGN_OF_LIFE_SHIFT, STW1
+from fieldbus.profidrive.words import G_STW, SIGN_OF_LIFE_MASK, SIGN_OF_LIFE_SHIFT, STW1, STW2
 
 if TYPE_CHECKING:
     import numpy as np
@@ -44,6 +44,8 @@ _CONTROL_PRIORITY: Final = 1
 """The control cycle follows the servo step of the same instant."""
 _ACKNOWLEDGE: Final = int(STW1.ACKNOWLEDGE)
 _OPEN_BRAKE: Final = int(STW1.OPEN_BRAKE)
+_PARK_AXIS: Final = int(STW2.PARKING)
+_PARK_ENCODER: Final = int(G_STW.PARK)
 _CONTROL: Final = int(STW1.CONTROL_BY_PLC)
 _S4: Final = AxisState.S4
 _SIGN_OF_LIFE_FAILED: Final = 0x0F02
@@ -125,6 +127,7 @@ class ProfidriveDrive:
         self.operation = Operation(self)
         self.faults = FaultState(scheduler)
         self.faults.on_fault = self._on_fault
+        self.faults.pulses = lambda: self.core.enabled
         self.faults.on_acknowledged = self._on_acknowledged
         self.faults.on_warning = self._on_warning
         self.on_fault: list[FaultListener] = []
@@ -214,7 +217,12 @@ class ProfidriveDrive:
     @property
     def ready(self) -> bool:
         """Whether the power stage can be enabled."""
-        return not (self.power.dc_link.low or self.safety.torque_off or self.operation.refuses)
+        return not (self.power.dc_link.low or self.safety.torque_off or self.operation.refuses or self.parked)
+
+    @property
+    def parked(self) -> bool:
+        """Whether the axis is parked: STW2 bit 7, while there are no pulses (PD-082, PD-083)."""
+        return bool(self.stw2 & _PARK_AXIS) and not self.core.enabled
 
     # -- life --------------------------------------------------------------------------------------------------------
 
@@ -280,12 +288,12 @@ class ProfidriveDrive:
             self.raise_fault(numbers.SIGN_OF_LIFE)
             self.encoder_words.report(_SIGN_OF_LIFE_FAILED)
         self.operation.act()
-        self.g1_words = self.encoder_words.step(self.g1_stw, now)
-        if self.operation.machine.state is _S4:
-            if not self.safety.holding:
-                self.mode.lead(self.row)
-            if self.torque.follows_telegram:
-                self.torque.lead()
+        g1_stw = self.g1_stw | _PARK_ENCODER if self.stw2 & _PARK_AXIS and self.parked else self.g1_stw
+        self.g1_words = self.encoder_words.step(g1_stw, now)
+        if self.operation.machine.state is _S4 and not self.safety.holding:
+            self.mode.lead(self.row)
+        if self.torque.follows_telegram and self.core.enabled:
+            self.torque.lead()
         self.mode.watch()
         self.words.watch_deviation()
 
@@ -355,7 +363,7 @@ class ProfidriveDrive:
         self.raise_fault(numbers.CAN_ERROR)
 
     def _on_fault(self, row: Fault, value: int) -> None:
-        self.emit("drive.fault", number=row.number, value=value, text=row.text)
+        self.emit("drive.fault", number=row.number, value=value, text=row.text, diagnosis=str(row.diagnosis))
         for callback in self.on_fault:
             callback(row, value)
 

@@ -5,10 +5,43 @@ The numbers are those under which such drives report these events; FAULT_CODE an
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import Enum, IntEnum, StrEnum
 from typing import Final, NamedTuple
 
 from emulators.drive.profidrive.statemachine import Off
+
+
+class Acknowledgement(Enum):
+    """When a fault can be acknowledged (PD-139)."""
+
+    IMMEDIATELY = "immediately"
+    PULSE_INHIBIT = "pulse inhibit"
+    POWER_ON = "power on"
+
+
+class Diagnosis(StrEnum):
+    """What kind of trouble a fault is, as a diagnosis on the bus tells it (PD-140)."""
+
+    HARDWARE = "hardware or software"
+    MAINS = "mains"
+    SUPPLY_VOLTAGE = "supply voltage"
+    DC_LINK_OVERVOLTAGE = "DC link overvoltage"
+    POWER_ELECTRONICS = "power electronics"
+    OVERTEMPERATURE = "overtemperature"
+    EARTH_FAULT = "earth fault"
+    MOTOR_OVERLOAD = "motor overload"
+    BUS = "bus"
+    SAFETY = "safety"
+    ENCODER_VALUE = "encoder value"
+    INTERNAL_COMMUNICATION = "internal communication"
+    INFEED = "infeed"
+    BRAKE = "brake"
+    FILTER = "filter"
+    EXTERNAL = "external"
+    TECHNOLOGY = "technology"
+    ENGINEERING = "engineering"
+    OTHER = "other"
+    AUXILIARY = "auxiliary"
 
 
 class Fault(NamedTuple):
@@ -19,6 +52,8 @@ class Fault(NamedTuple):
         reaction: How the drive stops; NONE: it only reports.
         emcy: Code of the EMCY on CANopen.
         text: A few words.
+        diagnosis: Its class.
+        acknowledgement: When it can be acknowledged.
 
     """
 
@@ -26,6 +61,8 @@ class Fault(NamedTuple):
     reaction: Off
     emcy: int
     text: str
+    diagnosis: Diagnosis = Diagnosis.OTHER
+    acknowledgement: Acknowledgement = Acknowledgement.IMMEDIATELY
 
 
 SAFE_STOP: Final = 1600
@@ -53,6 +90,7 @@ STAGE_TEMPERATURE: Final = 30004
 STAGE_OVERLOAD: Final = 30005
 PHASE_LOSS: Final = 30011
 SAFE_TORQUE_OFF: Final = 30600
+HARDWARE: Final = 30662
 ENCODER_SERIAL: Final = 31110
 ENCODER_SIGNAL: Final = 31115
 OF_THE_ENCODER: Final = frozenset({ENCODER_SERIAL, ENCODER_SIGNAL})
@@ -83,14 +121,39 @@ _ROWS: Final = (
     Fault(STAGE_TEMPERATURE, Off.OFF2, 0x4210, "heat sink overtemperature"),
     Fault(STAGE_OVERLOAD, Off.OFF2, 0x2350, "power stage overloaded"),
     Fault(PHASE_LOSS, Off.OFF2, 0x3130, "mains phase missing"),
+    Fault(HARDWARE, Off.OFF2, 0x5000, "hardware of the control unit"),
     Fault(SAFE_TORQUE_OFF, Off.OFF2, 0xFF80, "safe torque off"),
     Fault(ENCODER_SERIAL, Off.OFF2, 0x7320, "encoder: serial communication"),
     Fault(ENCODER_SIGNAL, Off.OFF2, 0x7305, "encoder: signal level too low"),
 )
 
-CATALOGUE: Final = {row.number: row for row in _ROWS}
+_D = Diagnosis
+_DIAGNOSES: Final = {
+    SAFE_STOP: _D.SAFETY, SAFE_TORQUE_OFF: _D.SAFETY, SETPOINT_TIMEOUT: _D.BUS, CLOCK_FAILURE: _D.BUS, SIGN_OF_LIFE: _D.BUS,
+    CAN_ERROR: _D.BUS, MOTOR_TEMPERATURE: _D.OVERTEMPERATURE, STAGE_TEMPERATURE: _D.OVERTEMPERATURE, EXTERNAL: _D.EXTERNAL,
+    BLOCKED: _D.TECHNOLOGY, OVERSPEED: _D.TECHNOLOGY, FOLLOWING_ERROR: _D.TECHNOLOGY, MINUS_CAM: _D.TECHNOLOGY,
+    PLUS_CAM: _D.TECHNOLOGY, POSITIONER_STANDSTILL: _D.TECHNOLOGY, POSITIONER_WINDOW: _D.TECHNOLOGY,
+    CAM_NOT_FOUND: _D.TECHNOLOGY, MARK_NOT_FOUND: _D.TECHNOLOGY, END_OF_CAM_NOT_FOUND: _D.TECHNOLOGY,
+    MOTOR_OVERLOAD: _D.MOTOR_OVERLOAD, OVERCURRENT: _D.POWER_ELECTRONICS, STAGE_OVERLOAD: _D.POWER_ELECTRONICS,
+    OVERVOLTAGE: _D.DC_LINK_OVERVOLTAGE, UNDERVOLTAGE: _D.INFEED, PHASE_LOSS: _D.MAINS, HARDWARE: _D.HARDWARE,
+    ENCODER_SERIAL: _D.ENCODER_VALUE, ENCODER_SIGNAL: _D.ENCODER_VALUE,
+}  # fmt: skip
+_ACKNOWLEDGED: Final = {
+    ENCODER_SERIAL: Acknowledgement.PULSE_INHIBIT,
+    ENCODER_SIGNAL: Acknowledgement.PULSE_INHIBIT,
+    HARDWARE: Acknowledgement.POWER_ON,
+}
+"""Faults that cannot be acknowledged at once."""
+
+CATALOGUE: Final = {
+    row.number: row._replace(
+        diagnosis=_DIAGNOSES.get(row.number, Diagnosis.OTHER),
+        acknowledgement=_ACKNOWLEDGED.get(row.number, Acknowledgement.IMMEDIATELY),
+    )
+    for row in _ROWS
+}
 """By number."""
-_BY_EMCY: Final = {row.emcy: row for row in reversed(_ROWS)}
+_BY_EMCY: Final = {row.emcy: row for row in reversed(CATALOGUE.values())}
 _MANUFACTURER: Final = 0xFF00
 
 
