@@ -47,6 +47,12 @@ class Mounting:
         self._backlash = 0.5 * backlash
         self._coupled = source() * ratio + offset
 
+    def at(self, machine: float) -> float:
+        """Return where the encoder is while the machine is at a coordinate, with the play as it is now."""
+        there = machine * self._ratio + self._offset
+        play = self._backlash
+        return min(max(self._coupled, there - play), there + play) if play else there
+
     def coordinate(self) -> float:
         """Return where the encoder is now, rad or m; play is followed from call to call."""
         there = self._source() * self._ratio + self._offset

@@ -21,7 +21,7 @@ class ProbeLatch:
 
     """
 
-    __slots__ = ("_core", "_period_ns", "_scheduler", "listeners")
+    __slots__ = ("_core", "_period_ns", "_scheduler", "listeners", "others")
 
     def __init__(
         self, scheduler: Scheduler, core: ServoCore, interface: EncoderInterface, *, period_ns: int
@@ -30,6 +30,8 @@ class ProbeLatch:
         self._core = core
         self.listeners: list[Callable[[int, bool, int], object]] = [interface.probe_edge]
         """Called with number, edge (rising) and increments of the motor encoder."""
+        self.others: list[Callable[[int, bool, float], object]] = []
+        """Called with number, edge (rising) and the angle of the motor, rad: other encoders."""
         self._period_ns = period_ns
 
     def on_edge(self, number: int, switch: SwitchModel) -> None:
@@ -39,7 +41,7 @@ class ProbeLatch:
         rising = switch.state
         place = switch.edge
         if place is not None:
-            self._tell(number, rising, core.encoder.increments_at(place / mechanics.ratio))
+            self._tell(number, rising, place / mechanics.ratio)
             return
         # Where the machine is now will be known at the next servo instant, which can be this one.
         now = self._scheduler.now
@@ -50,10 +52,13 @@ class ProbeLatch:
             angle = mechanics.motor_angle
             if since_step:
                 angle = position_within(*start, angle, self._period_ns / S, since_step / S)
-            self._tell(number, rising, core.encoder.increments_at(angle))
+            self._tell(number, rising, angle)
 
         self._scheduler.at(now - since_step + self._period_ns if since_step else now, latch)
 
-    def _tell(self, number: int, rising: bool, increments: int) -> None:
+    def _tell(self, number: int, rising: bool, angle: float) -> None:
+        increments = self._core.encoder.increments_at(angle)
         for listener in self.listeners:
             listener(number, rising, increments)
+        for other in self.others:
+            other(number, rising, angle)

@@ -59,12 +59,20 @@ def _torque(drive: ProfidriveDrive) -> dict[str, Getter]:
 
 
 def _encoders(drive: ProfidriveDrive) -> dict[str, Getter]:
-    return {
+    known: dict[str, Getter] = {
         "G1_ZSW": lambda: drive.g1_words[0],
         "G1_XIST1": lambda: drive.g1_words[1],
         "G1_XIST2": lambda: drive.g1_words[2],
-        # A second encoder is not fitted: it shows itself as parked (PD-151).
-        "G2_ZSW": lambda: 0x4000,
+    }
+    second = drive.second
+    if second is None:
+        # A second encoder that is not fitted shows itself as parked (PD-151).
+        return {**known, "G2_ZSW": lambda: 0x4000}
+    return {
+        **known,
+        "G2_ZSW": lambda: second.words[0],
+        "G2_XIST1": lambda: second.words[1],
+        "G2_XIST2": lambda: second.words[2],
     }
 
 

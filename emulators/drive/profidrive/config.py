@@ -18,6 +18,7 @@ from emulators.drive.machine import (
 )
 from emulators.drive.profidrive.positioner_config import PositionerSettings
 from emulators.drive.profidrive.safe_motion import SafeMotionConfig
+from emulators.drive.profidrive.second_encoder import SecondEncoderConfig
 from emulators.drive.supply import SupplyConfig
 from emulators.drive.thermal import ThermalConfig
 from emulators.encoder.profidrive import EncoderFormat
@@ -60,6 +61,8 @@ class DriveSettings:
         speed_threshold_2_rpm: MELDW bit 3.
         speed_threshold_3_rpm: MELDW bit 2.
         torque_threshold_percent: MELDW bit 1, percent of the torque limit (p2194).
+        dsc_encoder: Encoder whose increments XERR counts, 1 or 2 (p1192).
+        dsc_factor: Increments of encoder 1 per increment of encoder 2 (p1193).
         variable_signal: MELDW bit 5 watches `torque`, `speed`, or nothing: `none`.
         variable_threshold: ... and is 1 above this amount, Nm or rpm.
 
@@ -83,6 +86,8 @@ class DriveSettings:
     speed_threshold_2_rpm: float = 900.0
     speed_threshold_3_rpm: float = 5.0
     torque_threshold_percent: float = 90.0
+    dsc_encoder: int = 1
+    dsc_factor: float = 1.0
     variable_signal: Literal["none", "torque", "speed"] = "none"
     variable_threshold: float = 0.0
 
@@ -97,6 +102,10 @@ class DriveSettings:
             "torque_threshold_percent", "variable_threshold",
         ):  # fmt: skip
             check_number(name, getattr(self, name))
+        if self.dsc_encoder not in (1, 2):
+            raise ConfigurationError("dsc_encoder (p1192)", self.dsc_encoder, "1, 2")
+        if not math.isfinite(self.dsc_factor):
+            raise ConfigurationError("dsc_factor (p1193)", self.dsc_factor, "a finite number")
         if self.variable_signal not in ("none", "torque", "speed"):
             raise ConfigurationError("variable_signal", self.variable_signal, "none, torque, speed")
         for value in self.torque_limits_Nm:
@@ -128,6 +137,7 @@ class ProfidriveConfig:
         positioner: Settings of the positioner.
         mechanics: The machine.
         encoder: The motor encoder; its counts are those of P979[2], without fine resolution.
+        encoder2: The second encoder; None = not fitted: telegrams with G2 show it as parked.
         fine_xist1: p0418, bits.
         fine_xist2: p0419, bits.
         brake: The holding brake.
@@ -162,6 +172,7 @@ class ProfidriveConfig:
     positioner: PositionerSettings = field(default_factory=PositionerSettings)
     mechanics: LinearAxisConfig | RotaryAxisConfig = field(default_factory=LinearAxisConfig)
     encoder: EncoderConfig = field(default_factory=lambda: EncoderConfig(counts_per_revolution=2048))
+    encoder2: SecondEncoderConfig | None = None
     fine_xist1: int = 11
     fine_xist2: int = 9
     brake: BrakeConfig = field(default_factory=BrakeConfig)
@@ -265,6 +276,12 @@ class ProfidriveConfig:
             revolutions=self.encoder.turns if absolute else 0,
             load_absolute=absolute,
         )
+
+    @property
+    def encoder_formats(self) -> tuple[EncoderFormat, ...]:
+        """Formats of all encoders, as P979 tells them."""
+        first = self.encoder_format
+        return (first,) if self.encoder2 is None else (first, self.encoder2.form)
 
     @classmethod
     def reference(

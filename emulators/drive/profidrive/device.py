@@ -28,6 +28,7 @@ from emulators.drive.profidrive._torque import TorqueLimits
 from emulators.drive.profidrive._words import StatusWords
 from emulators.drive.profidrive.config import DriveSettings, ProfidriveConfig
 from emulators.drive.profidrive.fault_catalogue import Fault, fault
+from emulators.drive.profidrive.second_encoder import SecondEncoder
 from emulators.drive.profidrive.setpoint_channel import SetpointChannel
 from emulators.drive.profidrive.statemachine import AxisState, GeneralStateMachine, Off
 from emulators.encoder.profidrive import EncoderInterface
@@ -74,10 +75,10 @@ class ProfidriveDrive:
     """
 
     __slots__ = (
-        "_frame", "_g1_at", "_history", "_places", "_stw2_at", "config", "controlled_cyclically", "core", "cycle_at_ns",
+        "_frame", "_g1_at", "_g2_at", "_history", "_places", "_stw2_at", "config", "controlled_cyclically", "core", "cycle_at_ns",
         "data_at_ns", "digital_inputs", "encoder", "encoder_words", "faults", "g1_stw", "g1_words", "isochronous", "mechanics",
         "mode", "monitors", "name", "on_fault", "on_inputs", "on_warning", "operation", "power", "powered", "rejected", "row",
-        "safety", "scheduler", "settings", "sign_of_life", "stw1", "stw2", "switches", "telegram", "torque",
+        "safety", "scheduler", "second", "settings", "sign_of_life", "stw1", "stw2", "switches", "telegram", "torque",
         "watched_by_transport", "words",
     )  # fmt: skip
 
@@ -148,7 +149,12 @@ class ProfidriveDrive:
         """G1_ZSW, G1_XIST1, G1_XIST2."""
         self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=config.input_filter_s)
         self.digital_inputs.on_change = self._on_inputs
+        self.second = None if config.encoder2 is None else SecondEncoder(self, config.encoder2, rng)
+        """The second encoder, G2; None = not fitted."""
+        self._g2_at = self.setpoint_place("G2_STW")
         probes = ProbeLatch(scheduler, self.core, self.encoder_words, period_ns=config.servo_period_ns)
+        if self.second is not None:
+            probes.others.append(self.second.probe_edge)
         self.digital_inputs.on_probe = probes.on_edge
         if isinstance(self.mode, PositionMode):
             probes.listeners.append(self.mode.probe_edge)
@@ -236,6 +242,8 @@ class ProfidriveDrive:
         self.faults.restart()
         self.encoder_words.power_on()
         self.g1_words = self.encoder_words.words()
+        if self.second is not None:
+            self.second.power_on()
         self.words.restart()
         self.monitors.restart()
         self.power.restart(self.now_ns)
@@ -287,9 +295,13 @@ class ProfidriveDrive:
         if self.isochronous and self.sign_of_life.step(self.stw2 >> SIGN_OF_LIFE_SHIFT):
             self.raise_fault(numbers.SIGN_OF_LIFE)
             self.encoder_words.report(_SIGN_OF_LIFE_FAILED)
+            if self.second is not None:
+                self.second.interface.report(_SIGN_OF_LIFE_FAILED)
         self.operation.act()
-        g1_stw = self.g1_stw | _PARK_ENCODER if self.stw2 & _PARK_AXIS and self.parked else self.g1_stw
-        self.g1_words = self.encoder_words.step(g1_stw, now)
+        park = _PARK_ENCODER if self.stw2 & _PARK_AXIS and self.parked else 0
+        self.g1_words = self.encoder_words.step(self.g1_stw | park, now)
+        if self.second is not None:
+            self.second.step(self.row[self._g2_at] | park, now)
         if self.operation.machine.state is _S4 and not self.safety.holding:
             self.mode.lead(self.row)
         if self.torque.follows_telegram and self.core.enabled:

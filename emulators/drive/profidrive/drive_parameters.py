@@ -252,7 +252,7 @@ class DriveParameters:
         return 31 if state is AxisState.S2 else 41
 
     def _show_encoder(self) -> None:
-        for at, value in enumerate(p979(self.drive.config.encoder_format)):
+        for at, value in enumerate(p979(*self.drive.config.encoder_formats)):
             self.store.set(979, value, at)
 
     # -- what parameters cause -------------------------------------------------------------------------------------

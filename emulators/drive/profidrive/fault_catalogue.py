@@ -189,3 +189,4 @@ class DriveWarning(IntEnum):
     SAFE_SPEED = 1714
     SAFE_POSITION = 1715
     SAFE_DIRECTION = 1716
+    SECOND_ENCODER = 32410

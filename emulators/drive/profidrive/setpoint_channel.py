@@ -38,7 +38,7 @@ class SetpointChannel:
         self._core = core
         self._settings = settings
         self._steps = steps if interpolation else 1
-        self._gain = 2.0 * math.pi / core.encoder.counts_per_revolution
+        self._gain = 0.0
         self.ramp_scale = 1.0
         """Share of their slope that all ramps have."""
         self.target = 0.0
@@ -54,6 +54,9 @@ class SetpointChannel:
         settings = self._settings
         speed = settings.max_speed_rpm * RPM
         self._limit = speed
+        self._gain = 2.0 * math.pi / self._core.encoder.counts_per_revolution
+        if settings.dsc_encoder == 2:
+            self._gain *= settings.dsc_factor  # XERR comes in increments of the other encoder (PD-197)
         self._scale = settings.reference_speed_rpm * RPM / N4_ONE
         self._up = self._slope(speed, settings.ramp_up_s)
         self._down = self._slope(speed, settings.ramp_down_s)

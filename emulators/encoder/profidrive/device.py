@@ -8,11 +8,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from emulators.drive.profidrive.messages import FaultBuffer, FaultMessage
-from emulators.encoder._encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
 from emulators.encoder._mounting import Mounting
 from emulators.encoder.profidrive._abilities import EncoderAbilities, EncoderState
 from emulators.encoder.profidrive.format import EncoderFormat, p979
 from emulators.encoder.profidrive.interface import SIGN_OF_LIFE_FAILED, EncoderInterface
+from emulators.encoder.profidrive.model import encoder_model
 from emulators.mechanics import SwitchModel
 from fieldbus.clock import MS, S, Scheduler
 from fieldbus.errors import ConfigurationError
@@ -141,7 +141,13 @@ class ProfidriveEncoder:
         self._scheduler = scheduler
         self._mounting = mounting
         form = config.form
-        self.encoder: Final = _model(config, rng)
+        self.encoder: Final = encoder_model(
+            form,
+            zero_mark=config.zero_mark,
+            reversed_direction=config.reversed_direction,
+            mounting_offset=config.mounting_offset,
+            rng=rng,
+        )
         """The model, with the faults that can be brought about there."""
         length_m = form.periods * form.grid_nm * 1e-9
         self._per_coordinate = _TAU / length_m if form.linear else 1.0
@@ -312,22 +318,3 @@ class ProfidriveEncoder:
     def _cam_changed(self, number: int, switch: SwitchModel) -> None:
         if self.powered and switch.state:
             self.reference_cam(number, switch.edge)
-
-
-def _model(config: ProfidriveEncoderConfig, rng: np.random.Generator | None) -> RotaryEncoder:
-    form = config.form
-    if form.absolute:
-        return AbsoluteEncoder(
-            turns=form.revolutions,
-            mounting_offset=config.mounting_offset,
-            counts_per_revolution=form.counts,
-            reversed_direction=config.reversed_direction,
-            zero_mark_counts=config.zero_mark,
-            rng=rng,
-        )
-    return IncrementalEncoder(
-        counts_per_revolution=form.counts,
-        reversed_direction=config.reversed_direction,
-        zero_mark_counts=config.zero_mark,
-        rng=rng,
-    )

@@ -608,7 +608,7 @@ def allowed(before, after):
 def test_any_sequence(steps):
     """Only transitions of the table; the bits say the state; an error code if and only if bit 15 or 11; Gx_XIST1 continuous."""
     rig = Rig(start=0xFFFF_FF00)
-    place = 0
+    place = home = 0
     for word, way, event, time in steps:
         before = rig.gx.state
         place += way
@@ -639,7 +639,9 @@ def test_any_sequence(steps):
             assert xist1 == xist2 == 0
         elif rig.gx.valid:
             assert xist1 == ((place * 16 - 0x100 + 0x8000_0000) % 0x1_0000_0000) - 0x8000_0000
+        if state is SD7 and before is not SD7 and not word & 0x0800:
+            home = -place  # the home position 0 has been set here
         if zsw & 0x2000:
-            assert xist2 == place % 16000 * 2
+            assert xist2 == (place + home) % 16000 * 2
         elif state in {SD1, SD5, SD7, SD10}:
             assert xist2 == 0
