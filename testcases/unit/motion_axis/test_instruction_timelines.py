@@ -88,7 +88,7 @@ def test_alarm_that_removes_the_enable(rig):
     assert (power.Status, power.Busy) == (False, False)
 
 
-@pytest.mark.requirement("MC-148", "MC-149", "MC-150", "MC-151", "MC-152", "MC-163")
+@pytest.mark.requirement("MC-148", "MC-150", "MC-152", "MC-163")
 @pytest.mark.parametrize("stop_mode", [0, 1, 2, 3])
 def test_status_and_busy_while_disabling(rig, stop_mode):
     """Every job gets CommandAborted; Busy holds until the drive is off, and then both are FALSE."""

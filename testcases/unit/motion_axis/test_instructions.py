@@ -576,6 +576,10 @@ ACTIONS = st.lists(
     st.one_of(
         st.tuples(st.just("move"), st.floats(-400, 400)),
         st.tuples(st.just("relative"), st.floats(-50, 50)),
+        st.tuples(st.just("append"), st.floats(-50, 50)),
+        st.tuples(st.just("superimposed"), st.floats(-50, 50)),
+        st.tuples(st.just("halt superimposed"), st.just(0.0)),
+        st.tuples(st.just("halt basic"), st.just(0.0)),
         st.tuples(st.just("halt"), st.just(0.0)),
         st.tuples(st.just("stop"), st.sampled_from([0.0, 2.0, 3.0])),
         st.tuples(st.just("release"), st.just(0.0)),
@@ -628,6 +632,14 @@ def test_invariants_under_any_sequence(make_rig, actions):
             instances.append(rig.axis.move_velocity(value))
         elif action == "relative":
             instances.append(rig.axis.move_relative(value))
+        elif action == "append":
+            instances.append(rig.axis.move_relative(value, BufferMode=1))
+        elif action == "superimposed":
+            instances.append(rig.axis.move_superimposed(value))
+        elif action == "halt superimposed":
+            instances.append(rig.axis.halt_superimposed())
+        elif action == "halt basic":
+            instances.append(rig.axis.halt(Mode=1))
         elif action == "halt":
             instances.append(rig.axis.halt())
         elif action == "stop":
