@@ -224,14 +224,14 @@ class DriveMap:
         high_first = self.registers.word_order is WordOrder.HIGH_FIRST
 
         def address(place: int) -> Address:
-            if entry.sub_index is None and entry.count == size:
-                return Address(number, 0, 0)
-            return Address(number, (entry.sub_index or 0) + place, 1)
+            return Address(
+                number, entry.sub_index + place, 1
+            )  # one element: also right for what is no array (PD-208)
 
         def shown(place: int) -> int:
             """Return what the registers of a place show, saturated (PD-294)."""
             if entry.bit is not None:
-                value = self._value(Address(number, 0, 0)).values[0]
+                value = self._value(Address(number, 0, 1)).values[0]
                 return int(value) >> entry.bit + place & 1
             value = self._value(address(place)).values[0]
             if isinstance(value, bytes) or value != value:  # noqa: PLR0124 - not a number
@@ -336,7 +336,7 @@ class DriveMap:
 
     def _carry_out(self, order: int, image: list[int], block: Block) -> int:
         """Do what the mailbox was told; return the length of what was read, in bytes."""
-        elements = image[2] if image[2] > 1 else 0
+        elements = max(1, image[2])
         if elements > 0xFF:
             raise RegisterRefusal
         address = Address(image[0], image[1], elements)

@@ -28,8 +28,8 @@ class BlockFile(BaseModel):
     hook: Literal["setpoints", "actual_values", "ds47", "mailbox", "error_code"] | None = None
     parameter: int | None = Field(default=None, ge=1, le=65535)
     """PNU; value n of the block is its sub-index `sub_index` + n."""
-    sub_index: int | None = Field(default=None, ge=0, le=65535)
-    """First sub-index; None and a single value: the parameter is no array."""
+    sub_index: int = Field(default=0, ge=0, le=65535)
+    """First sub-index."""
     bit: int | None = Field(default=None, ge=0, le=31)
     """Register n of the block is the bit `bit` + n of the parameter; read-only."""
     words: Literal[1, 2] = 1
@@ -45,7 +45,7 @@ class BlockFile(BaseModel):
     def _one_meaning(self) -> BlockFile:
         if self.hook is not None and self.parameter is not None:
             raise ValueError("a block has a hook or a parameter, not both")
-        if self.parameter is None and (self.bit is not None or self.sub_index is not None or self.words != 1):
+        if self.parameter is None and (self.bit is not None or self.sub_index or self.words != 1):
             raise ValueError("bit, sub_index and words are of a parameter")
         if self.count % self.words or (self.bit is not None and self.words != 1):
             raise ValueError("values of two registers need an even count, and bits one register each")

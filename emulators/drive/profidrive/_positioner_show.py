@@ -17,7 +17,7 @@ def zsw1(axis: Positioner, velocity: float, last_velocity: float) -> int:
     change = abs(velocity) - abs(last_velocity)
     return _bits(
         (ZSW1.DEVIATION_IN_TOLERANCE, not axis.off_course),
-        (ZSW1.TARGET_REACHED, axis.target_reached),
+        (ZSW1.TARGET_REACHED, axis.target_reached or (axis.settings.rest_is_reached and axis.rests)),
         (ZSW1.HOME_POSITION_SET, axis.homed),
         (ZSW1.TASK_ACKNOWLEDGED, axis.acknowledged),
         (ZSW1.STANDSTILL, axis.core.standing),

@@ -255,6 +255,12 @@ class Positioner:
     def _idle(self) -> bool:
         return self.mode is Mode.NONE or self.target_reached
 
+    @property
+    def rests(self) -> bool:
+        """Whether the axis stands, with its position held, without a task."""
+        core = self.core
+        return self.mode is Mode.NONE and core.enabled and core.standing and not self.motion.moving
+
     def accept(self, mode: Mode, motion: Motion | None) -> None:
         """Begin a task; None: one that does not move."""
         self.mode = mode

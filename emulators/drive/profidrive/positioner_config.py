@@ -134,6 +134,8 @@ class PositionerSettings:
         mdi_target: p2690, LU: target of MDI where the telegram has none.
         mdi_velocity: p2691, 1000 LU/min: velocity of MDI where the telegram has none.
         position_cams: p2547, p2548, LU.
+        rest_is_reached: ZSW1 bit 10 is also 1 while the axis stands without a task: after homing, jog and a rejection, as
+            Festo drives show it; otherwise after MDI and blocks alone.
         blocks: Traversing blocks by number, 0..63.
 
     Raises:
@@ -168,6 +170,7 @@ class PositionerSettings:
     mdi_target: int = 0
     mdi_velocity: int = 600
     position_cams: tuple[int, int] = (0, 0)
+    rest_is_reached: bool = False
     blocks: tuple[tuple[int, TraversingBlock], ...] = ()
 
     def __post_init__(self) -> None:

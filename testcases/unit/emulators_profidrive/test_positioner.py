@@ -223,6 +223,25 @@ def test_rejection():
     assert axis.positioner.mode is Mode.NONE
 
 
+@pytest.mark.requirement("PD-070")
+def test_the_target_bit_of_an_axis_that_rests():
+    """Some drives show bit 10 whenever the axis stands without a task: after homing, jog, a rejection; others do not."""
+    for option in (False, True):
+        axis = Axis(rest_is_reached=option)
+        axis.home()
+        assert bool(axis.shows(ZSW1.TARGET_REACHED)) is option
+        axis.go(0.2, pos_stw1=MDI, target=50_000)
+        assert not axis.shows(ZSW1.TARGET_REACHED)
+        axis.run(CYCLE_S, stw1=READY & ~STW1.NO_REJECT_TASK)
+        assert not axis.shows(ZSW1.TARGET_REACHED)  # it brakes
+        axis.run(1.0)
+        assert bool(axis.shows(ZSW1.TARGET_REACHED)) is option
+        axis.run(0.1, stw1=READY | STW1.JOG_1)
+        assert not axis.shows(ZSW1.TARGET_REACHED)
+        axis.run(1.0, stw1=READY)
+        assert bool(axis.shows(ZSW1.TARGET_REACHED)) is option
+
+
 @pytest.mark.requirement("PD-049", "PD-051")
 def test_an_edge_while_rejecting_is_lost():
     """The edge needs bit 4."""
