@@ -8,6 +8,7 @@ from typing import Final
 
 from emulators.drive.brake import HoldingBrake
 from emulators.drive.ramp import PositionProfile
+from emulators.drive.rounded_ramp import RoundedRamp
 from emulators.drive.tuning import RPM, ServoTuning
 from emulators.encoder import RotaryEncoder
 from emulators.mechanics import AxisMechanics
@@ -64,6 +65,7 @@ class ServoState:
         "_ramped_velocity",
         "_reference_share",
         "_reference_step",
+        "_rounded",
         "_sample",
         "_servo_gain",
         "_source",
@@ -166,6 +168,7 @@ class ServoState:
         self._velocity_target = self._velocity_step = self._braking_step = 0.0
         self._next_position = self._position_target = self.position
         self._ramped_velocity = self._torque = 0.0
+        self._rounded: RoundedRamp | None = None
         self._reference_step = self._servo_gain = 0.0
         self._left = self._coast = self._coast_length = 0
         self._tracks_position = False

@@ -36,6 +36,7 @@ from emulators.drive._servo_state import (
     ServoState,
 )
 from emulators.drive.ramp import PositionProfile
+from emulators.drive.rounded_ramp import RoundedRamp, Rounding
 from emulators.drive.tuning import RPM, ServoTuning
 
 __all__ = ["RPM", "ServoCore", "ServoTuning"]
@@ -198,6 +199,7 @@ class ServoCore(ServoState):
         *,
         deceleration: float | None = None,
         track_position: bool = False,
+        rounded: RoundedRamp | None = None,
     ) -> None:
         """Reach a velocity with the drive's own ramp, starting from the present velocity.
 
@@ -206,8 +208,10 @@ class ServoCore(ServoState):
             acceleration: Slope away from zero, rad/s^2, > 0; inf = at once.
             deceleration: Slope towards zero, rad/s^2; None = as `acceleration`.
             track_position: Whether the position controller takes part.
+            rounded: A ramp with rounding, which has been told where to go; the slopes do not count then.
 
         """
+        self._rounded = rounded
         if self._source != RAMP or track_position is not self._tracks_position:
             self._take_over(RAMP)
         self._tracks_position = track_position
@@ -216,14 +220,22 @@ class ServoCore(ServoState):
         self._velocity_step = acceleration * self._period
         self._braking_step = (acceleration if deceleration is None else deceleration) * self._period
 
-    def stop(self, slope: float, *, track_position: bool = False) -> None:
+    def stop(
+        self,
+        slope: float,
+        *,
+        track_position: bool = False,
+        rounded: tuple[RoundedRamp, Rounding] | None = None,
+    ) -> None:
         """Ramp down to standstill from the actual speed and report it by `on_standstill`; slope in rad/s^2.
 
-        A slope of infinity brakes at the torque limit.
+        A slope of infinity brakes at the torque limit; a ramp with rounding has its own slope.
         """
         if not (self._source == RAMP and self._stop_pending):
             self._feedforward = self._middle = self.velocity
-        self.ramp(0.0, slope, track_position=track_position)
+        if rounded is not None:
+            rounded[0].aim(self._feedforward, 0.0, rounded[1])
+        self.ramp(0.0, slope, track_position=track_position, rounded=None if rounded is None else rounded[0])
         self._stop_pending = True
         self._standing_steps = self._stop_steps = 0
 
@@ -350,7 +362,8 @@ class ServoCore(ServoState):
             self._next_position = profile.position
             new = profile.velocity
         elif source == RAMP:
-            new = self._ramped(old)
+            rounded = self._rounded
+            new = self._ramped(old) if rounded is None else rounded.step(self._period)
             if self._tracks_position:
                 self.position_demand = demand = self._next_position
                 correction = self._correction_gain * (demand - angle)

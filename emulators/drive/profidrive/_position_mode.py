@@ -122,7 +122,7 @@ class PositionMode:
         inputs = drive.inputs
         positioner.step(
             self.words(drive.row),
-            operating=drive.state is AxisState.S4,
+            operating=drive.state is AxisState.S4 and not drive.safety.holding,
             minus_cam=bool(inputs & _NEGATIVE_LIMIT),
             plus_cam=bool(inputs & _POSITIVE_LIMIT),
         )

@@ -40,6 +40,7 @@ class SpeedMode:
             drive.core,
             drive.settings,
             steps=config.cycle_ns // config.servo_period_ns,
+            cycle_s=config.cycle_ns / 1e9,
             interpolation=config.interpolation,
         )
         place = drive.setpoint_place
@@ -79,7 +80,7 @@ class SpeedMode:
 
     def inhibited(self) -> None:
         """The pulses have been taken away."""
-        self.channel.dsc = False
+        self.channel.inhibited()
 
     # -- status words --------------------------------------------------------------------------------------------------
 

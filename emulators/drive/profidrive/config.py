@@ -50,6 +50,13 @@ class DriveSettings:
         ramp_up_s: p1120, from 0 to p1082, s; 0 = at once.
         ramp_down_s: p1121, OFF1, s; 0 = at the torque limit.
         quick_stop_s: p1135, OFF3, s; 0 = at the torque limit.
+        speed_limits_rpm: p1083 and -p1086, rpm, both >= 0; p1082 limits too.
+        rounding_s: p1130 and p1131, initial and final rounding of the ramps, s.
+        rounding_breaks_off: p1134 = 1: a setpoint that turns round in the middle of a ramp breaks its slope off.
+        quick_rounding_s: p1136 and p1137, of OFF3, s.
+        inverted_by_bit: p1113: STW1 bit 11 turns the setpoint round.
+        motor_potentiometer: p1035 and p1036: STW1 bits 13 and 14 raise and lower a setpoint that is added.
+        motor_potentiometer_s: p1047, its time from 0 to p1082, s.
         jog_rpm: p1058, p1059.
         torque_limits_Nm: p1520 and -p1521, Nm, both >= 0.
         momred_evaluation_percent: p1544.
@@ -75,6 +82,13 @@ class DriveSettings:
     ramp_up_s: float = 10.0
     ramp_down_s: float = 10.0
     quick_stop_s: float = 0.0
+    speed_limits_rpm: tuple[float, float] = (210_000.0, 210_000.0)
+    rounding_s: tuple[float, float] = (0.0, 0.0)
+    rounding_breaks_off: bool = False
+    quick_rounding_s: tuple[float, float] = (0.0, 0.0)
+    inverted_by_bit: bool = False
+    motor_potentiometer: bool = False
+    motor_potentiometer_s: float = 10.0
     jog_rpm: tuple[float, float] = (150.0, -150.0)
     torque_limits_Nm: tuple[float, float] = (6.0, 6.0)
     momred_evaluation_percent: float = 100.0
@@ -108,8 +122,10 @@ class DriveSettings:
             raise ConfigurationError("dsc_factor (p1193)", self.dsc_factor, "a finite number")
         if self.variable_signal not in ("none", "torque", "speed"):
             raise ConfigurationError("variable_signal", self.variable_signal, "none, torque, speed")
-        for value in self.torque_limits_Nm:
-            check_number("torque_limits_Nm", value)
+        check_number("motor_potentiometer_s", self.motor_potentiometer_s, positive=True)
+        for name in ("torque_limits_Nm", "speed_limits_rpm", "rounding_s", "quick_rounding_s"):
+            for value in getattr(self, name):
+                check_number(name, value)
         for value in self.jog_rpm:
             if not math.isfinite(value):
                 raise ConfigurationError("jog_rpm", value, "a finite number")

@@ -37,11 +37,23 @@ _SETTINGS: Final = {
     1120: "ramp_up_s",
     1121: "ramp_down_s",
     1135: "quick_stop_s",
+    1047: "motor_potentiometer_s",
     1544: "momred_evaluation_percent",
     2000: "reference_speed_rpm",
     2003: "reference_torque_Nm",
 }
 """Parameters that are a setting of the drive, in the same unit."""
+_PAIRS: Final = {
+    1058: ("jog_rpm", 0, 1.0), 1059: ("jog_rpm", 1, 1.0), 1083: ("speed_limits_rpm", 0, 1.0),
+    1086: ("speed_limits_rpm", 1, -1.0), 1130: ("rounding_s", 0, 1.0), 1131: ("rounding_s", 1, 1.0),
+    1136: ("quick_rounding_s", 0, 1.0), 1137: ("quick_rounding_s", 1, 1.0),
+}  # fmt: skip
+"""Parameters that are one of a pair of settings, with the sign that the setting has."""
+_SWITCHES: Final = {
+    1035: ("motor_potentiometer", 0x082AFC0D), 1036: ("motor_potentiometer", 0x082AFC0E),
+    1113: ("inverted_by_bit", 0x082AFC0B), 1134: ("rounding_breaks_off", 1),
+}  # fmt: skip
+"""Parameters that switch something on, with the value that does."""
 _WHOLE: Final = frozenset({925, 930})
 
 
@@ -159,9 +171,12 @@ class DriveParameters:
             store.writers[number] = self._writer(name, whole=number in _WHOLE)
         store.readers[2040] = lambda _: settings.setpoint_monitoring_s * 1e3
         store.writers[2040] = lambda _, value: self._take("setpoint_monitoring_s", value * 1e-3)
-        for at, number in enumerate((1058, 1059)):
-            store.readers[number] = self._pair_reader("jog_rpm", at, 1.0)
-            store.writers[number] = self._pair_writer("jog_rpm", at, 1.0)
+        for number, (pair, at, sign) in _PAIRS.items():
+            store.readers[number] = self._pair_reader(pair, at, sign)
+            store.writers[number] = self._pair_writer(pair, at, sign)
+        for number, (name, on) in _SWITCHES.items():
+            store.readers[number] = self._switch_reader(name, on)
+            store.writers[number] = lambda _, value, name=name: self._take(name, bool(value))  # type: ignore[misc]
         for at, (number, sign) in enumerate(((1520, 1.0), (1521, -1.0))):
             store.readers[number] = self._pair_reader("torque_limits_Nm", at, sign)
             store.writers[number] = self._pair_writer("torque_limits_Nm", at, sign, positive=True)
@@ -176,6 +191,10 @@ class DriveParameters:
 
     def _writer(self, name: str, *, whole: bool) -> Writer:
         return lambda _, value: self._take(name, int(value) if whole else value)
+
+    def _switch_reader(self, name: str, on: int) -> Reader:
+        settings = self.drive.settings
+        return lambda _: on if getattr(settings, name) else 0
 
     def _pair_reader(self, name: str, at: int, sign: float) -> Reader:
         settings = self.drive.settings
@@ -206,6 +225,7 @@ class DriveParameters:
 
         shown: dict[int, Callable[[], float]] = {
             2: self._operating_display,
+            1050: lambda: drive.channel.potentiometer / RPM,
             20: lambda: drive.channel.target / RPM if core.enabled else 0.0,
             21: lambda: core.speed_rpm,
             22: lambda: core.speed_rpm,
