@@ -218,7 +218,7 @@ class Bench(Protocol):
     def cob_ids(self, drive_name: str) -> dict[str, int]:
         """Return the identifiers of a drive, or of an encoder, by name: `rpdo1`, `tpdo1`, `sync`, `emcy`, `heartbeat`, `sdo_rx`, `sdo_tx`."""
 
-    def decode(self, frame: CanFrame) -> str:
+    def decode(self, frame: Any) -> str:
         """Return the meaning of a frame in words."""
 
     def trace(self) -> Trace:

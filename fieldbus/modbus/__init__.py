@@ -6,6 +6,7 @@ Importing this package loads pymodbus and pydantic, which takes some tenths of a
 
 from __future__ import annotations
 
+from fieldbus.modbus.bus_log import LogEntry, ModbusFrame, SerialLog, TcpLog
 from fieldbus.modbus.client import Job, Outcome, Result
 from fieldbus.modbus.codes import (
     LIMITS,
@@ -38,6 +39,7 @@ from fieldbus.modbus.pdu import (
     encode_response,
     is_well_formed,
 )
+from fieldbus.modbus.process_data import ProcessDataRegisters, process_data
 from fieldbus.modbus.pty_server import PtyServer
 from fieldbus.modbus.registers import Area, Block, RegisterMap, RegisterRefusal, WordOrder
 from fieldbus.modbus.rtu_client import RtuClient
@@ -67,12 +69,15 @@ __all__ = [
     "Function",
     "Job",
     "LinkHook",
+    "LogEntry",
     "MapFile",
     "ModbusError",
+    "ModbusFrame",
     "ModbusServer",
     "Outcome",
     "Parity",
     "ProcessDataDevice",
+    "ProcessDataRegisters",
     "PtyServer",
     "RegisterMap",
     "RegisterRefusal",
@@ -87,6 +92,7 @@ __all__ = [
     "SerialFormat",
     "SerialFrame",
     "SerialLine",
+    "SerialLog",
     "SerialPort",
     "SocketNetwork",
     "TcpClient",
@@ -95,6 +101,7 @@ __all__ = [
     "TcpFace",
     "TcpFrame",
     "TcpLink",
+    "TcpLog",
     "TcpSegment",
     "TcpSplitter",
     "TcpStation",
@@ -107,6 +114,7 @@ __all__ = [
     "function_text",
     "is_well_formed",
     "load_map",
+    "process_data",
     "rtu_frame",
     "tcp_frame",
     "unwrap_rtu",

@@ -22,6 +22,29 @@ def _unknown(pdu: bytes) -> str:
     return f"{function_text(pdu[0])}, not understood: {pdu.hex(' ')}" if pdu else "empty"
 
 
+def request_words(pdu: bytes) -> str:
+    """Return the PDU of a request in words; any bytes have some."""
+    request = _request(pdu)
+    return _unknown(pdu) if request is None else f"request {request}"
+
+
+def response_words(asked: bytes, pdu: bytes) -> str:
+    """Return the PDU of a response in words.
+
+    Args:
+        asked: PDU of the request; what is none stands for one that is not known.
+        pdu: The response.
+
+    """
+    request = _request(asked)
+    if request is None:
+        return f"response that nobody asked for: {pdu.hex(' ')}"
+    try:
+        return f"response {decode_response(request, pdu)}"
+    except ResponseError as error:
+        return f"response that does not fit: {error}"
+
+
 class RtuDecoder:
     """Decodes the frames of a serial line in their order.
 

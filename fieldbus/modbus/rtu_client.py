@@ -8,7 +8,8 @@ from fieldbus.modbus.codes import BROADCAST, WRITING
 from fieldbus.modbus.errors import ModbusError, ResponseError
 from fieldbus.modbus.framing import rtu_frame, unwrap_rtu
 from fieldbus.modbus.pdu import Request, Response
-from fieldbus.modbus.serial_line import FrameAssembler, SerialFormat, SerialLine
+from fieldbus.modbus.serial_line import FrameAssembler, SerialFormat, SerialLine, SerialPort
+from fieldbus.modbus.serial_port import LiveSerialLine, LiveSerialPort
 
 
 class RtuClient(QueuedClient):
@@ -28,7 +29,7 @@ class RtuClient(QueuedClient):
     def __init__(
         self,
         scheduler: Scheduler,
-        line: SerialLine,
+        line: SerialLine | LiveSerialLine,
         *,
         name: str = "master",
         format_: SerialFormat | None = None,
@@ -38,11 +39,11 @@ class RtuClient(QueuedClient):
     ) -> None:
         super().__init__(scheduler, timeout_ns, retries)
         rate = format_ if format_ is not None else line.format
-        self._t35_ns = rate.t35_ns
+        self._t35_ns = max(rate.t35_ns, line.pause_ns)
         self._turnaround_ns = turnaround_ns
         # A master takes what comes: how long a device pauses within its response is the device's affair.
-        self._assembler = FrameAssembler(scheduler, rate.t15_ns, rate.t35_ns, self._frame, lenient=True)
-        self.port = line.attach(name, self._assembler, format_)
+        self._assembler = FrameAssembler(scheduler, rate.t15_ns, self._t35_ns, self._frame, lenient=True)
+        self.port: SerialPort | LiveSerialPort = line.attach(name, self._assembler, format_)
         self._job: Job | None = None
         self._timer: Timer | None = None
         self._expired = False

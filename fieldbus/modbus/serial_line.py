@@ -168,6 +168,8 @@ class SerialLine:
         self.name = name
         self.format = format_ if format_ is not None else SerialFormat()
         self.keep_log = keep_log
+        self.pause_ns = 0
+        """Silence that ends a frame where it is longer than t3.5, ns."""
         self.log: list[SerialFrame] = []
         self.collisions = 0
         """Transmissions that another one met."""

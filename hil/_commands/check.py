@@ -34,9 +34,7 @@ def check_bench(reference: str, *, build: bool, as_json: bool) -> int:
                 facts["ready_after_s"] = bench.scheduler.now / 1e9  # all that the protocol of a bench has
                 for part in ("axis_names", "drive_names", "encoder_names", "device_names", "segment_names"):
                     facts[part.removesuffix("_names")] = list(getattr(bench, part, ()))
-                networks = (
-                    [bench.network(name) for name in bench.segment_names] if hasattr(bench, "network") else []
-                )
+                networks = [bench.network(name) for name in getattr(bench, "network_names", ())]
                 nodes = [node for network in networks for node in network.nodes.values()]
                 facts["nodes"] = (
                     [node.describe() for node in nodes]

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from fieldbus.errors import ConfigurationError
 from hil._commands.terminal import console
 from hil._interrupt import note
-from hil.bench.config import RESERVED_OPTIONS
+from hil.bench.segment_config import RESERVED_OPTIONS
 from hil.campaign import load_bench_file
 from hil.errors import CannotRunError
 

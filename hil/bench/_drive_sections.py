@@ -19,6 +19,10 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    def differs(self, key: str) -> bool:
+        """Say whether a key has another value than its default: a file that names all keys is no mistake."""
+        return bool(getattr(self, key) != type(self).model_fields[key].default)
+
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -144,6 +148,8 @@ class ProfidriveSection(Section):
     """Whether the emulated drive reaches a setpoint of operating mode 3 linearly within the bus cycle, or at once."""
     sign_of_life_tolerance: Annotated[int, Field(ge=0, le=65_535)] = 1
     """PNU 925 of the emulated drive; 65535 = not monitored."""
+    sign_of_life: bool | None = None
+    """Whether drive and controller watch the counter of the other; None: where the telegram has one, but not on live Modbus."""
     setpoint_monitoring_ms: Annotated[float, Field(ge=0.0, le=2_000_000.0)] = 100.0
     """p2040 of the emulated drive: without process data for this long F01910; 0 = not monitored."""
 

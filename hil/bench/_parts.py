@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from fieldbus.can.frame import CanFrame
 from fieldbus.errors import ConfigurationError
 from hil.errors import UnsupportedFaultError
 
 if TYPE_CHECKING:
-    from fieldbus.can.frame import CanFrame
     from fieldbus.canopen.master import CanopenMaster
     from fieldbus.canopen.node import RemoteNode
+    from fieldbus.modbus import ModbusFrame
+    from hil.bench._ports import Port
     from hil.bench.config import BenchConfig
     from hil.bench.encoders import EncoderNodes
+    from hil.bench.modbus_words import ModbusWords
     from hil.bench.words import BenchWords
-    from motion.drives.cia402 import Cia402Port
-    from motion.drives.profidrive_can import ProfidriveCanPort
     from motion.runtime import AxisHandle, EncoderHandle
 
 MASTER_NODE: Final = 127
@@ -32,10 +33,11 @@ class BenchParts:
     _encoders: dict[str, Any]
     _devices: dict[str, Any]
     _encoder_nodes: EncoderNodes | None
-    _ports: dict[str, Cia402Port | ProfidriveCanPort]
+    _ports: dict[str, Port]
     _axes: dict[str, AxisHandle]
     _external_encoders: dict[str, EncoderHandle]
     _words: dict[str | None, BenchWords]
+    _modbus_words: ModbusWords | None = None
 
     def _part(self, kind: str, parts: dict[str, Any], name: str | None) -> Any:
         if name is None:
@@ -94,7 +96,7 @@ class BenchParts:
         return self._part("device", self._devices, name)
 
     def segment(self, name: str | None = None) -> Any:
-        """Return a CAN segment by name, or the first one."""
+        """Return a segment by name, or the first one."""
         return self._part("segment", self._segments, name)
 
     def network(self, name: str | None = None) -> CanopenMaster:
@@ -102,15 +104,18 @@ class BenchParts:
 
         `bench.network().nodes` are the drives as nodes: state, identity, EMCYs (`RemoteNode`).
         """
-        part: CanopenMaster = self._part("network", self._masters, name)
+        part: CanopenMaster = self._part("CAN segment", self._masters, name)
         return part
 
     def node(self, drive_name: str | None = None) -> RemoteNode:
         """Return a drive or an encoder as its controller sees it, by name; default: the drive of the first axis."""
         if self._encoder_nodes is not None and drive_name in self._encoder_nodes.nodes:
             return self._encoder_nodes.nodes[drive_name]
-        port: Cia402Port | ProfidriveCanPort = self._part("drive with an axis", self._ports, drive_name)
-        return port.node
+        port: Port = self._part("drive with an axis", self._ports, drive_name)
+        node: RemoteNode | None = getattr(port, "node", None)
+        if node is None:
+            raise ConfigurationError("bench node", port.name, "a drive on CAN; this one is on Modbus")
+        return node
 
     def port(self, drive_name: str | None = None) -> Any:
         """Return the port by which an axis of the bench leads a drive, by the name of the drive, or the first one."""
@@ -162,6 +167,8 @@ class BenchParts:
         nodes: dict[str, Any] = {**config.drive, **config.encoder, **config.device}
         if drive_name not in nodes:
             raise ConfigurationError("drive", drive_name, ", ".join(nodes) or "no nodes")
+        if config.segment[nodes[drive_name].segment].on_modbus:
+            raise ConfigurationError("drive", drive_name, "a node on CAN; this one is on Modbus")
         encoder = config.encoder.get(drive_name)
         node = nodes[drive_name].node_id
         ids = {"nmt": 0, "sync": 0x80, "emcy": 0x80 + node, "heartbeat": 0x700 + node,
@@ -192,7 +199,12 @@ class BenchParts:
         )
         return (*(name for table in own for name in table), "controller", "adapter")
 
-    def decode(self, frame: CanFrame, *, segment: str | None = None) -> str:
+    @property
+    def network_names(self) -> tuple[str, ...]:
+        """Names of the CAN segments."""
+        return tuple(self._masters)
+
+    def decode(self, frame: CanFrame | ModbusFrame, *, segment: str | None = None) -> str:
         """Return the meaning of a frame in words, by the mapping that the bench, or without axes somebody, has written.
 
         Args:
@@ -203,14 +215,21 @@ class BenchParts:
             ConfigurationError: There is no such segment.
 
         """
+        if not isinstance(frame, CanFrame):
+            if self._modbus_words is None:
+                from hil.bench.modbus_words import ModbusWords
+
+                self._modbus_words = ModbusWords(self.config)
+            return self._modbus_words.decode(frame, segment=segment)
         words = self._words.get(segment)
         if words is None:
+            from hil.bench._ports import can_ports
             from hil.bench.drives import build_decoder
             from hil.bench.words import BenchWords
 
-            places = list(self._segments.values()) if segment is None else [self.segment(segment)]
-            logs = [] if self._axes else [place.log for place in places]
+            names = list(self._masters) if segment is None else [segment]
+            logs = [] if self._axes else [self.segment(name).log for name in names]
             words = self._words[segment] = BenchWords(
-                lambda: build_decoder(self.config, self._ports, segment=segment), logs
+                lambda: build_decoder(self.config, can_ports(self._ports), segment=segment), logs
             )
         return words.decode(frame)

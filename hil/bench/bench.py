@@ -14,27 +14,24 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from numpy.random import Generator, SeedSequence, default_rng
 
-from fieldbus.canopen.boot import BootFailure, BootState
+from fieldbus.canopen.boot import BootFailure
 from fieldbus.canopen.master import CanopenMaster
 from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler, VirtualScheduler, seconds_to_ns
 from fieldbus.errors import BusError, HilError
 from fieldbus.history import History
 from hil.bench._load import LOAD_COLUMNS, LoadMeter
 from hil.bench._parts import MASTER_NODE, BenchParts
+from hil.bench._ports import build_can_port, build_modbus_port
+from hil.bench._startup import BOOT_TIMEOUT_NS, BenchNotReadyError, commission, missing
 from hil.bench.axis_config import from_drive, from_encoder
 from hil.bench.config import BenchConfig
-from hil.errors import BlockedError
 from hil.record import Recorder, Trace
 from motion.axis import ExternalEncoder, PositioningAxis, SpeedAxis, TechnologyAxis
-from motion.drives.cia402 import Cia402Port, Cia402PortConfig, CommissioningError
-from motion.drives.profidrive import TelegramConfig
-from motion.drives.profidrive_can import ProfidriveCanConfig, ProfidriveCanPort
 from motion.runtime import AxisHandle, EncoderHandle, Runtime
 
 if TYPE_CHECKING:
-    from fieldbus.canopen.node import RemoteNode
+    from hil.bench._ports import Port
     from hil.bench.config import ExternalEncoderSection
-    from hil.bench.drive_config import DriveSection
     from hil.bench.encoders import EncoderNodes
     from hil.bench.remote import RemoteDrives
     from hil.bench.words import BenchWords
@@ -42,12 +39,7 @@ if TYPE_CHECKING:
 
 _SAMPLE_PRIORITY: Final = 100
 _GC_THRESHOLD: Final = 100_000
-_BOOT_TIMEOUT_NS: Final = 5 * S
 _LINK_TIMEOUT_NS: Final = 5 * S
-
-
-class BenchNotReadyError(BlockedError):
-    """The bench did not come up: a drive does not answer or sends no cyclic data."""
 
 
 def named_rng(seed: int, name: str) -> Generator:
@@ -86,7 +78,7 @@ class Bench(BenchParts):
         self._encoder_nodes: EncoderNodes | None = None
         self._encoder_ports: dict[str, Cia406Port] = {}
         self._external_encoders: dict[str, EncoderHandle] = {}
-        self._ports: dict[str, Cia402Port | ProfidriveCanPort] = {}
+        self._ports: dict[str, Port] = {}
         self._axes: dict[str, AxisHandle] = {}
         self._cycle_callbacks: list[Callable[[], object]] = []
         self._remote: RemoteDrives | None = None
@@ -107,31 +99,8 @@ class Bench(BenchParts):
 
     def _build(self) -> None:
         config = self.config
-        for name, section in config.segment.items():
-            if self.kind == "virtual":
-                from fieldbus.can import CanMedium
-
-                segment: Any = CanMedium(
-                    self.scheduler, bitrate=section.bitrate, name=name, history=self.history
-                )
-            else:
-                from fieldbus.can.live import LiveSegment
-
-                try:
-                    segment = LiveSegment.open(
-                        self.scheduler, name=name, history=self.history, **section.opening()
-                    )
-                except BusError as error:
-                    raise BenchNotReadyError(str(error)) from error
-                segment.bitrate = section.bitrate
-            self._segments[name] = segment
-            self.recorder.add_bus(name, segment.log)
-            meter = LoadMeter(segment, bitrate=section.bitrate, cycle_ns=self.cycle_ns)
-            load = self.recorder.add_group(name, LOAD_COLUMNS, meter.row)
-            self.runtime.after_cycle.append(load.sample)
-            self._masters[name] = CanopenMaster(
-                self.scheduler, segment, name="controller", node_id=MASTER_NODE, history=self.history
-            )
+        for name in config.segment:
+            self._build_segment(name)
         if self.kind == "virtual":
             from hil.bench.drives import build_drive
 
@@ -141,6 +110,9 @@ class Bench(BenchParts):
                 )
                 self._drives[name] = drive
                 self._record(name, drive)
+                segment = config.drive[name].segment
+                if config.segment[segment].on_modbus:
+                    self._segments[segment].attach(name, drive)
         elif config.emulated_names:
             from hil.bench.remote import RemoteDrives
 
@@ -148,6 +120,8 @@ class Bench(BenchParts):
             for name, drive_section in config.drive.items():
                 if drive_section.device == "emulated":
                     self._drives[name] = self._remote.proxy(name)
+        if self.kind == "live":
+            self._connect_modbus()
         if config.encoder:
             self._build_encoders()
         self._build_devices()
@@ -160,7 +134,61 @@ class Bench(BenchParts):
             self._build_axis(name, axis_section)
         for name, encoder_section in config.external_encoder.items():
             self._build_external_encoder(name, encoder_section)
+        for name, segment_section in config.segment.items():
+            if segment_section.on_modbus and self._segments[name].columns:
+                place = self._segments[name]
+                group = self.recorder.add_group(name, place.columns, place.row)
+                self.runtime.after_cycle.append(group.sample)
         self.runtime.after_cycle.append(self._after_cycle)
+
+    def _connect_modbus(self) -> None:
+        """Lead the drives on live Modbus where they are: at their place, or where their process says."""
+        from hil.bench.modbus_config import address_of
+
+        places = {} if self._remote is None else self._remote.places
+        for name, drive in self.config.drive.items():
+            section = self.config.segment[drive.segment]
+            if not section.on_modbus:
+                continue
+            segment = self._segments[drive.segment]
+            try:
+                if section.kind == "modbus_rtu":
+                    segment.open(name, places.get(name, section.path))
+                else:
+                    segment.connect(name, *places.get(name, address_of(drive, section)))
+            except BusError as error:
+                raise BenchNotReadyError(str(error)) from error
+
+    def _build_segment(self, name: str) -> None:
+        section = self.config.segment[name]
+        if section.on_modbus:
+            from hil.bench.modbus_links import ModbusSegment
+
+            self._segments[name] = segment = ModbusSegment(
+                self.scheduler, name, section, cycle_ns=self.cycle_ns
+            )
+            self.recorder.add_bus(name, lambda: segment.log)
+            return
+        if self.kind == "virtual":
+            from fieldbus.can import CanMedium
+
+            can: Any = CanMedium(self.scheduler, bitrate=section.bitrate, name=name, history=self.history)
+        else:
+            from fieldbus.can.live import LiveSegment
+
+            try:
+                can = LiveSegment.open(self.scheduler, name=name, history=self.history, **section.opening())
+            except BusError as error:
+                raise BenchNotReadyError(str(error)) from error
+            can.bitrate = section.bitrate
+        self._segments[name] = can
+        self.recorder.add_bus(name, can.log)
+        meter = LoadMeter(can, bitrate=section.bitrate, cycle_ns=self.cycle_ns)
+        load = self.recorder.add_group(name, LOAD_COLUMNS, meter.row)
+        self.runtime.after_cycle.append(load.sample)
+        self._masters[name] = CanopenMaster(
+            self.scheduler, can, name="controller", node_id=MASTER_NODE, history=self.history
+        )
 
     def _record(self, name: str, device: Any) -> None:
         """Record a device whatever its state on the bus, after the events of the instant."""
@@ -198,11 +226,11 @@ class Bench(BenchParts):
                 )
 
     def _build_axis(self, name: str, section: Any) -> None:
-        drive = self.config.drive[section.drive]
-        port = self._build_port(section.drive, drive)
+        port = self._build_port(section.drive)
         kind = PositioningAxis if section.type == "positioning" else SpeedAxis
+        drive = self.config.drive[section.drive]
         variables = from_drive(drive)
-        encoders: list[Cia406Port | Cia402Port | ProfidriveCanPort] | None = None
+        encoders: list[Cia406Port | Port] | None = None
         if section.encoders is not None:
             encoders = []
             for number, one in enumerate(section.encoders, start=1):
@@ -212,11 +240,10 @@ class Bench(BenchParts):
                     encoders.append(self._encoder_ports[one])
                     variables |= from_encoder(self.config.encoder[one], f"Sensor[{number}]")
         if section.connection == "data_block":
-            assert isinstance(port, ProfidriveCanPort)  # checked with the bench file
-            port.connect_block()
+            port.connect_block()  # type: ignore[union-attr]  # checked with the bench file
         axis: TechnologyAxis = kind(
-            name, port, cycle_ns=self.cycle_ns, variables={**variables, **section.variables}, history=self.history,
-            encoders=encoders, connection=section.connection, cpu=self.config.bench.cpu,
+            name, port, cycle_ns=self.cycle_ns, variables={**variables, **section.variables}, delay_s=port.delay_ns / S,
+            history=self.history, encoders=encoders, connection=section.connection, cpu=self.config.bench.cpu,
         )  # fmt: skip
         self.runtime.add(axis)
         self._ports[section.drive] = port
@@ -252,45 +279,14 @@ class Bench(BenchParts):
         )
         self.runtime.after_cycle.append(group.sample)
 
-    def _build_port(self, name: str, drive: DriveSection) -> Cia402Port | ProfidriveCanPort:
-        """Return the controller's port to a drive, as its profile wants it."""
-        master = self._masters[drive.segment]
-        common: dict[str, Any] = {
-            "node_id": drive.node_id,
-            "cycle_ns": self.cycle_ns,
-            "absolute_encoder": drive.encoder == "absolute",
-            "heartbeat_ms": drive.heartbeat_ms,
-            "consumer_heartbeat_ms": drive.consumer_heartbeat_ms,
-            "grace_cycles": self.config.bench.grace_cycles,
-            "guard_time_ms": drive.guard_time_ms,
-            "life_time_factor": drive.life_time_factor,
-            "vendor_id": drive.vendor_id,
-            "product_code": drive.product_code,
-            "revision": drive.revision,
-            "serial": drive.serial,
-            "store": drive.device == "emulated" if drive.store_parameters is None else drive.store_parameters,
-            "optional": drive.optional,
-        }
-        if drive.profile == "profidrive":
-            own = drive.profidrive
-            words = TelegramConfig(
-                telegram=drive.telegram,
-                torque_telegram=own.torque_telegram,
-                safety_telegram=own.safety_telegram,
-                reference_speed_rpm=own.reference_speed_rpm,
-                reference_torque_nm=own.reference_torque_nm,
-                sign_of_life=drive.telegram != 1,
-            )
-            can = ProfidriveCanConfig(words=words, **common)
-            return ProfidriveCanPort(master, can, name=name, history=self.history)
-        config = Cia402PortConfig(
-            rated_torque_nm=drive.rated_torque_nm,
-            increments_per_revolution=drive.increments_per_revolution,
-            off1_deceleration_rpm_s=drive.max_speed_rpm / drive.off1_ramp_s,
-            off3_deceleration_rpm_s=drive.max_speed_rpm / drive.off3_ramp_s,
-            **common,
+    def _build_port(self, name: str) -> Port:
+        """Return the controller's port to a drive, as its profile and its bus want it."""
+        place = self.config.drive[name].segment
+        if place in self._masters:
+            return build_can_port(self.config, name, self._masters[place], history=self.history)
+        return build_modbus_port(
+            self.config, name, self._segments[place], self.scheduler, history=self.history
         )
-        return Cia402Port(master, config, name=name, history=self.history)
 
     # -- start ------------------------------------------------------------------------------------------------
 
@@ -299,7 +295,7 @@ class Bench(BenchParts):
         if self.kind == "virtual":
             for device in (*self._drives.values(), *self._encoders.values(), *self._devices.values()):
                 device.power_on()
-        self._commission()
+        commission(self.scheduler, self._ports.values(), self._encoder_nodes)
         led = [self.config.drive[section.drive] for section in self.config.axis.values()]
         for name, master in self._masters.items():
             # Where there is no axis the controller is somebody else: the bench listens, and talks only as a fault.
@@ -312,11 +308,7 @@ class Bench(BenchParts):
         if self._encoder_nodes is not None:
             self._start_encoders(self._encoder_nodes)
         if not self.scheduler.run_until(self._linked, _LINK_TIMEOUT_NS):
-            missing = [
-                name
-                for name, port in self._ports.items()
-                if not port.link_ok and not port.node.setup.optional
-            ]
+            missing = [name for name, port in self._ports.items() if not port.link_ok and not port.optional]
             raise BenchNotReadyError(
                 f"no cyclic data from {', '.join(missing)} within {_LINK_TIMEOUT_NS // S} s"
             )
@@ -326,9 +318,9 @@ class Bench(BenchParts):
             encoders.check()
         except BootFailure as failure:
             raise BenchNotReadyError(str(failure)) from None
-        if not self.scheduler.run_until(lambda: not encoders.missing, _BOOT_TIMEOUT_NS):
+        if not self.scheduler.run_until(lambda: not encoders.missing, BOOT_TIMEOUT_NS):
             raise BenchNotReadyError(
-                f"no heartbeat in Operational from {', '.join(encoders.missing)} within {_BOOT_TIMEOUT_NS // S} s"
+                f"no heartbeat in Operational from {', '.join(encoders.missing)} within {BOOT_TIMEOUT_NS // S} s"
             )
 
     @property
@@ -350,49 +342,9 @@ class Bench(BenchParts):
 
     def _linked(self) -> bool:
         return all(
-            (handle.communication_ok and handle.sensor_valid) or self._missing(name)
+            (handle.communication_ok and handle.sensor_valid) or missing(self._ports[self.drive_of(name)])
             for name, handle in self._axes.items()
         )
-
-    def _missing(self, axis_name: str) -> bool:
-        """Say whether the axis' drive may be missing, and is."""
-        node = self._ports[self.drive_of(axis_name)].node
-        return node.setup.optional and not node.started
-
-    def _commission(self) -> None:
-        """Take all drives into service at the same time, up to the command to start.
-
-        An optional drive is waited for as long as it goes on answering.
-        """
-        if self._encoder_nodes is not None:
-            self._encoder_nodes.start()
-        nodes = [port.node for port in self._ports.values()]
-        for node in nodes:
-            node.boot()
-
-        def settled(node: RemoteNode) -> bool:
-            failure = node.failure
-            return node.started or (failure is not None and (node.setup.optional or not failure.silent))
-
-        encoders = self._encoder_nodes
-        self.scheduler.run_until(
-            lambda: all(settled(node) for node in nodes) and (encoders is None or encoders.settled),
-            _BOOT_TIMEOUT_NS,
-        )
-        for node in nodes:
-            if not node.started and not node.setup.optional:
-                raise self._not_started(node)
-
-    def _not_started(self, node: RemoteNode) -> HilError:
-        failure = node.failure
-        if failure is None or (failure.silent and failure.state is BootState.WAITING):
-            reason = "" if failure is None else f": {failure.what}"
-            return BenchNotReadyError(
-                f"{node.name} (node {node.node_id}) does not answer on the bus within {_BOOT_TIMEOUT_NS // S} s{reason}"
-            )
-        if failure.abort_code and not failure.silent:
-            return CommissioningError(str(failure))
-        return BenchNotReadyError(str(failure))
 
     def _after_cycle(self) -> None:
         for callback in self._cycle_callbacks:
@@ -459,6 +411,10 @@ class Bench(BenchParts):
 
     def _let_go(self) -> None:
         """Stop what is still sending, and give processes and buses back."""
+        for port in self._ports.values():
+            close = getattr(port, "close", None)
+            if close is not None:
+                close()
         for master in self._masters.values():
             with suppress(HilError):  # a bus that is down takes no last frames
                 master.close()

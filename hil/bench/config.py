@@ -23,22 +23,11 @@ from hil.bench.axis_config import check_axis_encoders, check_external_encoders
 from hil.bench.device_config import DeviceSection, anchor_files, check_devices, eds_files
 from hil.bench.drive_config import DriveSection
 from hil.bench.encoder_config import EncoderSection, check_encoders
+from hil.bench.modbus_config import check_modbus
+from hil.bench.segment_config import SegmentSection, check_segment
 
-EMBEDDED: Final = ("reference", "speed", "fast", "live", "profidrive")
+EMBEDDED: Final = ("reference", "speed", "fast", "live", "profidrive", "profidrive_tcp", "profidrive_rtu")
 """Benches that ship with the product, usable by name."""
-
-
-RESERVED_OPTIONS: Final = (
-    "interface",
-    "channel",
-    "name",
-    "scheduler",
-    "history",
-    "keep_log",
-    "lossy",
-    "bridge",
-)
-"""What `LiveSegment.open` takes by itself, and is no option of an interface."""
 
 
 class BenchSection(Section):
@@ -74,56 +63,6 @@ class ToleranceSection(Section):
     """Millimetres on top of distances."""
     lateness_s: NotNegative | None = None
     """Lateness of a live bench up to which a failed case counts as failed, s; None = `time_s`."""
-
-
-Option = bool | int | float | str
-"""Value of an option that python-can hands to its interface."""
-
-
-class BridgeSection(Section):
-    """`[segment.NAME.bridge]`: the other side of a live segment that is made of two buses."""
-
-    channel: str
-    interface: str | None = None
-    """None: that of the segment."""
-    options: dict[str, Option] = {}
-    gateway: Literal["bench", "kernel"] = "bench"
-    """Who passes frames on: the process of the bench, or the kernel (SocketCAN only)."""
-
-
-class SegmentSection(Section):
-    """`[segment.NAME]`: a CAN segment."""
-
-    bitrate: Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000] = 1_000_000
-    interface: str | None = None
-    """python-can interface of a live bench, for example `socketcan`; None on a virtual bench."""
-    channel: str | None = None
-    options: dict[str, Option] = {}
-    """Further options of the python-can interface."""
-    bridge: BridgeSection | None = None
-    """The bus with the drives, when the controller is on `channel` and this bench stands between the two."""
-
-    def opening(self) -> dict[str, Any]:
-        """Return the arguments that open a live segment."""
-        result: dict[str, Any] = {
-            "interface": self.interface or "",
-            "channel": self.channel or "",
-            **self.options,
-        }
-        if self.bridge is not None:
-            own = {} if self.bridge.interface is None else {"interface": self.bridge.interface}
-            result["bridge"] = {"channel": self.bridge.channel, **own, **self.bridge.options}
-            if self.bridge.gateway == "kernel":
-                result["bridge"]["gateway"] = "kernel"
-        return result
-
-    def opening_for_drives(self) -> dict[str, Any]:
-        """Return the arguments that open the bus on which the drives are: the far side of a bridge."""
-        result = self.opening()
-        far = result.pop("bridge", None)
-        if far is not None:
-            far.pop("gateway", None)
-        return result if far is None else {"interface": self.interface or "", **far}
 
 
 class AxisSection(Section):
@@ -169,6 +108,16 @@ class BenchConfig(Section):
         }
         return tuple(name for name, section in devices.items() if section.device == "emulated")
 
+    def counts_life(self, drive: DriveSection) -> bool:
+        """Whether a PROFIdrive axis and its controller watch each other's sign of life.
+
+        Over Modbus the counters keep step only in virtual time: on a live bench nothing keeps both sides to one clock.
+        """
+        if drive.profidrive.sign_of_life is not None:
+            return drive.profidrive.sign_of_life
+        live_modbus = self.bench.kind == "live" and self.segment[drive.segment].on_modbus
+        return drive.telegram != 1 and not live_modbus
+
     def leads(self, segment: str) -> bool:
         """Whether the bench is the controller on a segment: it moves an axis there, or nobody else can be there."""
         if any(self.drive[axis.drive].segment == segment for axis in self.axis.values()):
@@ -205,7 +154,7 @@ class BenchConfig(Section):
                     f"drive.{name}.segment: {drive.segment!r} is not a segment; there are: {', '.join(self.segment)}"
                 )
             key = (drive.segment, drive.node_id)
-            if key in nodes:
+            if drive.node_id and key in nodes:
                 raise ValueError(
                     f"drive.{name}.node_id: {drive.node_id} is already taken by drive.{nodes[key]}"
                 )
@@ -239,44 +188,14 @@ class BenchConfig(Section):
                     'profile = "profidrive" with telegram 5, 6, 105 or 106'
                 )
         for name, segment in self.segment.items():
-            if self.bench.kind == "live" and (segment.interface is None or segment.channel is None):
-                raise ValueError(f"segment.{name}: a live bench needs `interface` and `channel`")
-            if self.bench.kind == "virtual" and segment.interface is not None:
-                raise ValueError(
-                    f'segment.{name}.interface: a virtual bench has no interface; set bench.kind = "live"'
-                )
-            if self.bench.kind == "virtual" and (segment.options or segment.bridge is not None):
-                raise ValueError(
-                    f'segment.{name}: options and bridge belong to a live bench; set bench.kind = "live"'
-                )
-            _check_options(name, segment)
+            check_segment(name, segment, live=self.bench.kind == "live")
+        check_modbus(self)
         if self.bench.kind == "virtual" and any(d.device == "physical" for d in self.drive.values()):
             raise ValueError('a virtual bench cannot hold a physical drive; set bench.kind = "live"')
         check_encoders(self)
         check_external_encoders(self)
         check_devices(self)
         return self
-
-
-def _check_options(name: str, segment: SegmentSection) -> None:
-    """Refuse options that are keys of their own, and a bridge that leads to where it comes from."""
-    far = segment.bridge
-    for where, options in (("", segment.options), (".bridge", far.options if far is not None else {})):
-        for key in options:
-            if key in RESERVED_OPTIONS:
-                raise ValueError(f"segment.{name}{where}.options.{key}: this is no option of an interface")
-    if far is not None and (far.channel, far.interface or segment.interface, far.options) == (
-        segment.channel,
-        segment.interface,
-        segment.options,
-    ):
-        raise ValueError(f"segment.{name}.bridge: both sides are {segment.interface} {segment.channel}")
-    if far is not None and far.gateway == "kernel":
-        kinds = {segment.interface, far.interface or segment.interface}
-        if kinds != {"socketcan"}:
-            raise ValueError(
-                f"segment.{name}.bridge.gateway: the kernel joins interfaces of SocketCAN only, not {', '.join(map(str, kinds))}"
-            )
 
 
 def _message(source: str, data: dict[str, Any], error: ValidationError) -> str:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from hil.bench.modbus_config import anchor_map
+
 if TYPE_CHECKING:
     from hil.bench.config import BenchConfig
 
@@ -84,10 +86,13 @@ def anchor_files(data: dict[str, Any], folder: Path) -> None:
             for key in ("eds", "storage"):
                 if isinstance(section, dict) and isinstance(section.get(key), str) and section[key]:
                     section[key] = str(folder / section[key])
+            if isinstance(section, dict) and kind == "drive":
+                anchor_map(section, folder)
 
 
 def eds_files(config: BenchConfig) -> list[Path]:
-    """Return the EDS files that a bench is made of, as far as they are there."""
+    """Return the EDS files and register maps that a bench is made of, as far as they are there."""
     names = [drive.eds for drive in config.drive.values()]
+    names += [drive.map for drive in config.drive.values() if drive.map.endswith(".toml")]
     names += [device.eds for device in config.device.values()]
     return [Path(name) for name in names if name is not None and Path(name).is_file()]

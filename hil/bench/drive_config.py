@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -22,6 +22,9 @@ from hil.bench._drive_sections import (
     checked_personality,
 )
 from hil.bench._safety_section import SafetySection
+
+if TYPE_CHECKING:
+    from fieldbus.profidrive import Telegram
 
 _WORDS: Final = 16
 """Free process data words of a node in a direction."""
@@ -119,7 +122,18 @@ class DriveSection(Section):
     device: Literal["emulated", "physical"] = "emulated"
     """`emulated`: this bench brings it; `physical`: it is on the bus (or brought by somebody else)."""
     segment: str
-    node_id: Annotated[int, Field(ge=1, le=126)]
+    node_id: Annotated[int, Field(ge=0, le=126)] = 0
+    """CANopen node; 0 = not on CAN."""
+    unit: Annotated[int, Field(ge=0, le=255)] = 1
+    """Address on Modbus."""
+    map: str = "sinamics_g120"
+    """Register map on Modbus: the name of a shipped one, or a file `*.toml` beside the bench file."""
+    host: str | None = None
+    """Host of this drive on a live network; None = that of the segment."""
+    port: Annotated[int, Field(ge=0, le=65535)] | None = None
+    """TCP port of this drive on a live network; None = that of the segment."""
+    processing_ms: Annotated[float, Field(ge=0.0, le=10_000.0)] = 1.0
+    """On Modbus: from a request to its response in the emulated drive, ms (p2024[0])."""
     personality: str = "standard"
     """How the emulated drive differs from the profile: a name of `hil personalities`, or a file `*.toml` beside the bench file."""
     encoder: Literal["incremental", "absolute"] = "incremental"
@@ -184,15 +198,11 @@ class DriveSection(Section):
             return value
         return checked_personality(value, (info.context or {}).get("folder"))
 
-    def _differs(self, key: str) -> bool:
-        """Say whether a key has another value than its default: a file that names all keys is no mistake."""
-        return bool(getattr(self, key) != type(self).model_fields[key].default)
-
     @model_validator(mode="after")
     def _profile(self) -> DriveSection:
         if self.profile == "cia402":
             for key in ("telegram", "profidrive"):
-                if self._differs(key):
+                if self.differs(key):
                     raise ValueError(
                         f'{key}: a drive with profile = "cia402" has none; set profile = "profidrive"'
                     )
@@ -203,12 +213,14 @@ class DriveSection(Section):
                 )
             return self
         for key in CIA402_KEYS:
-            if self._differs(key):
+            if self.differs(key):
                 raise ValueError(f'{key}: a drive with profile = "profidrive" has none')
         if self.safety.interlock != "none":
             raise ValueError(
                 "safety.interlock: an interlock is not fitted to a PROFIdrive axis; allowed: none"
             )
+        if self.profidrive.sign_of_life and self.telegram == 1:
+            raise ValueError("profidrive.sign_of_life: telegram 1 has none; allowed: false")
         bits = self.profidrive.fine_resolution_bits
         if self.increments_per_revolution << bits > 1 << 31:
             raise ValueError(
@@ -220,11 +232,10 @@ class DriveSection(Section):
                 f"increments_per_revolution: {self.increments_per_revolution} times 4096 revolutions exceed the 32 bits of "
                 f"G1_XIST2; at most {1 << 20}"
             )
-        self._check_words()
         return self
 
-    def _check_words(self) -> None:
-        """Check that the telegram with its supplements finds place on PDOs."""
+    def words(self) -> tuple[Telegram, str]:
+        """Return the telegram with its supplements, and its name."""
         from fieldbus.profidrive import telegram
 
         words = telegram(self.telegram)
@@ -234,13 +245,21 @@ class DriveSection(Section):
         if self.profidrive.safety_telegram is not None:
             words = words.with_supplement(self.profidrive.safety_telegram)
             names.append(str(self.profidrive.safety_telegram))
+        return words, " with ".join(names)
+
+    def check_on_can(self) -> None:
+        """Check that the telegram of a PROFIdrive axis finds place on PDOs.
+
+        Raises:
+            ValueError: With key, value and what is allowed.
+
+        """
+        words, name = self.words()
         count = words.actual.words
         if count > _WORDS:
-            raise ValueError(
-                f"telegram: {' with '.join(names)} has {count} words; at most {_WORDS} on CAN (5810h to 581Fh)"
-            )
+            raise ValueError(f"telegram: {name} has {count} words; at most {_WORDS} on CAN (5810h to 581Fh)")
         if count > 12 and self.node_id > 0x5F:
-            raise ValueError(f"node_id: {self.node_id} with telegram {' with '.join(names)}; at most 95")
+            raise ValueError(f"node_id: {self.node_id} with telegram {name}; at most 95")
 
     @model_validator(mode="after")
     def _slopes(self) -> DriveSection:

@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from emulators.drive.cia402 import CiA402Drive, DriveConfig
-    from emulators.drive.profidrive import ProfidriveCanDrive, ProfidriveNodeConfig
+    from emulators.drive.profidrive import ProfidriveCanDrive, ProfidriveConfig
+    from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
     from fieldbus.canopen.decode import FrameDecoder
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
+    from hil.bench._ports import CanPort
     from hil.bench.config import BenchConfig
     from hil.bench.device_config import DeviceSection
     from hil.bench.drive_config import DriveSection
     from hil.bench.encoder_config import EncoderSection
-    from motion.drives.cia402 import Cia402Port
-    from motion.drives.profidrive_can import ProfidriveCanPort
 
 
 _PEAK_TORQUE: Final = 3.0
@@ -166,16 +166,16 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
     return drive
 
 
-def profidrive_config(config: BenchConfig, name: str) -> ProfidriveNodeConfig:
-    """Return the configuration of the emulated PROFIdrive axis that `drive.NAME` describes."""
-    from emulators.drive.profidrive import DriveSettings, ProfidriveConfig, ProfidriveNodeConfig
+def profidrive_config(config: BenchConfig, name: str) -> ProfidriveConfig:
+    """Return the configuration of the emulated PROFIdrive axis that `drive.NAME` describes, without its bus."""
+    from emulators.drive.profidrive import DriveSettings, ProfidriveConfig
     from emulators.drive.profidrive.config import finest_xist2
 
     section = config.drive[name]
     own = section.profidrive
     limit = _PEAK_TORQUE * section.rated_torque_nm
     parts = _machine(section)
-    drive = ProfidriveConfig(
+    return ProfidriveConfig(
         telegram=section.telegram,
         torque_telegram=own.torque_telegram,
         safety_telegram=own.safety_telegram,
@@ -198,13 +198,8 @@ def profidrive_config(config: BenchConfig, name: str) -> ProfidriveNodeConfig:
         fine_xist1=own.fine_resolution_bits,
         fine_xist2=finest_xist2(parts["encoder"]),
         interpolation=own.interpolation,
+        isochronous=config.counts_life(section),
         **parts,
-    )
-    return ProfidriveNodeConfig(
-        node_id=section.node_id,
-        drive=drive,
-        boot_time_s=section.boot_time_ms / 1000.0,
-        storage=None if section.storage is None else Path(section.storage),
     )
 
 
@@ -224,19 +219,22 @@ def build_drive(
     *,
     history: History,
     rng: Generator,
-) -> CiA402Drive | ProfidriveCanDrive:
-    """Return the emulated drive `name`, still switched off."""
+) -> CiA402Drive | ProfidriveCanDrive | ProfidriveModbusDrive:
+    """Return the emulated drive `name`, still switched off; one on Modbus hangs on no bus yet."""
     section = config.drive[name]
+    if config.segment[section.segment].on_modbus:
+        return _modbus_drive(scheduler, config, name, history=history, rng=rng)
     if section.profile == "profidrive":
-        from emulators.drive.profidrive import ProfidriveCanDrive
+        from emulators.drive.profidrive import ProfidriveCanDrive, ProfidriveNodeConfig
 
+        node = ProfidriveNodeConfig(
+            node_id=section.node_id,
+            drive=profidrive_config(config, name),
+            boot_time_s=section.boot_time_ms / 1000.0,
+            storage=None if section.storage is None else Path(section.storage),
+        )
         return ProfidriveCanDrive(
-            scheduler,
-            segments[section.segment],
-            profidrive_config(config, name),
-            name=name,
-            history=history,
-            rng=rng,
+            scheduler, segments[section.segment], node, name=name, history=history, rng=rng
         )
     from emulators.drive.cia402 import CiA402Drive
 
@@ -245,15 +243,34 @@ def build_drive(
     )
 
 
+def _modbus_drive(
+    scheduler: Scheduler, config: BenchConfig, name: str, *, history: History, rng: Generator
+) -> ProfidriveModbusDrive:
+    from emulators.drive.profidrive.modbus import ProfidriveModbusConfig, ProfidriveModbusDrive
+
+    section = config.drive[name]
+    own = section.profidrive
+    modbus = ProfidriveModbusConfig(
+        unit=max(section.unit, 1),  # over TCP it answers every unit
+        registers=section.map,
+        drive=profidrive_config(config, name),
+        setpoint_monitoring_s=own.setpoint_monitoring_ms / 1000.0,
+        processing_ns=round(section.processing_ms * MS),
+        boot_time_s=section.boot_time_ms / 1000.0,
+    )
+    return ProfidriveModbusDrive(scheduler, modbus, name=name, history=history, rng=rng)
+
+
 def build_decoder(
-    config: BenchConfig, ports: Mapping[str, Cia402Port | ProfidriveCanPort], *, segment: str | None = None
+    config: BenchConfig, ports: Mapping[str, CanPort], *, segment: str | None = None
 ) -> FrameDecoder:
     """Return a decoder that knows names, dictionary and commissioned mapping of every node, of one segment or of all."""
     from fieldbus.canopen.decode import FrameDecoder
     from hil.bench.encoders import encoder_dictionary
 
     def here(section: DriveSection | DeviceSection | EncoderSection) -> bool:
-        return segment is None or section.segment == segment
+        on_can = not config.segment[section.segment].on_modbus
+        return on_can and (segment is None or section.segment == segment)
 
     every: dict[str, DriveSection | DeviceSection] = {**config.drive, **config.device}
     made_of_eds = {name: section for name, section in every.items() if here(section)}

@@ -34,6 +34,7 @@ from hil.record import Recorder
 from hil.record._trace import TraceGroup
 
 if TYPE_CHECKING:
+    from fieldbus.modbus import SocketNetwork
     from hil.bench.bench import Bench
 
 _READY_TIMEOUT_NS: Final = 60 * S
@@ -96,6 +97,9 @@ class DriveHost:
         self.recorder = Recorder(self.history, self.scheduler)
         self.segments: dict[str, Any] = {}
         self.drives: dict[str, Any] = {}
+        self.places: dict[str, tuple[str, int] | str] = {}
+        """Where the drives on Modbus are: host and port, or device file."""
+        self._networks: list[SocketNetwork] = []
         self._groups: dict[str, Any] = {}
         self.released = False
         try:
@@ -117,6 +121,8 @@ class DriveHost:
         from hil.bench.encoders import build_encoder
 
         for name, section in config.segment.items():
+            if section.on_modbus:
+                continue
             self.segments[name] = LiveSegment.open(
                 self.scheduler,
                 **(section.opening_for_drives() if place is None else place),
@@ -135,6 +141,8 @@ class DriveHost:
                 self.scheduler, self.segments, config, name, history=self.history, rng=named_rng(seed, name)
             )
             self.drives[name] = drive
+            if config.segment[drive_section.segment].on_modbus:
+                self.places[name] = self._serve(config, name, drive)
         for name in encoder_names(config):
             self.drives[name] = build_encoder(
                 self.scheduler, self.segments, config, name,
@@ -151,6 +159,21 @@ class DriveHost:
             self.drives[name] = build_device(
                 self.scheduler, self.segments, config, name, history=self.history
             )
+
+    def _serve(self, config: BenchConfig, name: str, drive: Any) -> tuple[str, int] | str:
+        """Put a drive on a TCP port or a pseudo-terminal of its own; returns where."""
+        from hil.bench.modbus_config import address_of
+
+        section = config.drive[name]
+        segment = config.segment[section.segment]
+        if segment.kind == "modbus_rtu":
+            return str(drive.open_terminal(segment.serial_format()).path)
+        from fieldbus.modbus import SocketNetwork
+
+        network = SocketNetwork(self.scheduler)
+        self._networks.append(network)
+        drive.listen(network)
+        return network.serve(*address_of(section, segment))
 
     def execute(self, command: Mapping[str, Any]) -> Any:
         """Carry out one command of the pipe; returns its result.
@@ -197,7 +220,8 @@ class DriveHost:
     @property
     def booted(self) -> bool:
         """Whether all drives are past their boot-up."""
-        return all(drive.slave.nmt_state != NmtState.INITIALISING for drive in self.drives.values())
+        nodes = [drive.slave for drive in self.drives.values() if hasattr(drive, "slave")]
+        return all(node.nmt_state != NmtState.INITIALISING for node in nodes)
 
     def run_until(self, predicate: Callable[[], object], timeout_s: float) -> bool:
         """Run the drives until `predicate` is true or `timeout_s` has passed."""
@@ -211,6 +235,10 @@ class DriveHost:
         """Leave the buses."""
         for drive in self.drives.values():
             drive.power_off()
+        for name in self.places:
+            self.drives[name].close()
+        for network in self._networks:
+            network.close()
         for segment in self.segments.values():
             segment.close()
 
@@ -386,6 +414,8 @@ class RemoteDrives:
         if "error" in reply:
             process.end()
             raise BlockedError(f"the process of the emulated drives failed: {reply['error']}")
+        self.places: dict[str, Any] = reply["result"]["places"]
+        """Where the emulated drives on Modbus are: host and port, or device file."""
 
     def call(
         self, method: str, drive: str | None, args: Any = (), kwargs: Mapping[str, Any] | None = None
@@ -491,7 +521,7 @@ def main() -> int:
             return 0
         command = first
 
-        def start(command: Mapping[str, Any] = command) -> str:
+        def start(command: Mapping[str, Any] = command) -> dict[str, Any]:
             host = DriveHost(
                 BenchConfig.model_validate(command["config"]),
                 origin_ns=command["origin_ns"],
@@ -499,7 +529,7 @@ def main() -> int:
             )
             with lock:
                 active.append(host)
-            return "ready"
+            return {"places": host.places}
 
         reply(command, start)
         with lock:

@@ -1,4 +1,4 @@
-"""Evidence files of a case: the whole trace, and the bus log in candump's format."""
+"""Evidence files of a case: the whole trace, the CAN log in candump's format, and the Modbus log in words."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ FOLDER: Final = "evidence"
 
 
 def candump_lines(frames: Iterable[TraceFrame]) -> Iterable[str]:
-    """Return frames as lines of a candump log; frames that never reached a receiver are left out."""
+    """Return CAN frames as lines of a candump log; frames that never reached a receiver are left out."""
     for frame in frames:
-        if frame.error:
+        if frame.error or frame.protocol != "can":
             continue
         identifier = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
         body = f"R{frame.dlc}" if frame.remote else frame.data.hex().upper()
@@ -35,6 +35,25 @@ def write_candump(trace: Trace, path: Path) -> Path:
     return path
 
 
+def write_modbus_log(trace: Trace, path: Path) -> Path:
+    """Write the requests and responses of a trace, a line each: time, segment, sender, bytes, words, what went wrong."""
+    rows = [
+        (time_ns, bus, sender, frame, error)
+        for bus in trace.buses
+        for time_ns, sender, frame, error in trace.raw_frames(bus)
+        if hasattr(frame, "protocol")
+    ]
+    rows.sort(key=lambda row: row[0])
+    with path.open("w", encoding="utf-8") as stream:
+        for time_ns, bus, sender, frame, error in rows:
+            seconds, rest = divmod(time_ns, 1_000_000_000)
+            trouble = f" [{error}]" if error else ""
+            stream.write(
+                f"{seconds}.{rest // 1000:06d} {bus} {sender} {frame.data.hex(' ').upper() or '-'}  {frame.words()}{trouble}\n"
+            )
+    return path
+
+
 def write_evidence(execution: Execution, directory: Path, keep: Keep) -> None:
     """Write the evidence files of a case below `directory` and note them in the result."""
     result, trace = execution.result, execution.trace
@@ -45,6 +64,9 @@ def write_evidence(execution: Execution, directory: Path, keep: Keep) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     archive, document = trace.save(folder / "trace")
     written = {"trace columns": archive, "trace events and frames": document}
-    if trace.frames:
+    protocols = {frame.protocol for frame in trace.frames}
+    if "can" in protocols:
         written["bus log (candump)"] = write_candump(trace, folder / "bus.log")
+    if protocols - {"can"}:
+        written["bus log (Modbus)"] = write_modbus_log(trace, folder / "modbus.log")
     result.files.update({title: path.relative_to(directory).as_posix() for title, path in written.items()})

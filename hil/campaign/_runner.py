@@ -70,7 +70,7 @@ def clear_run(directory: Path) -> None:
     (directory / JOURNAL_FILE).unlink(missing_ok=True)
     for archive in (directory / SIGNAL_FOLDER).glob("*.npz"):
         archive.unlink()
-    for name in ("trace.npz", "trace.json", "bus.log"):
+    for name in ("trace.npz", "trace.json", "bus.log", "modbus.log"):
         for file in (directory / FOLDER).glob(f"*/{name}"):
             file.unlink()
     for folder in [*(directory / FOLDER).glob("*"), directory / FOLDER]:

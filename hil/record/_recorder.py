@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from struct import Struct
 from struct import error as StructError  # noqa: N812 - the library's own name `error` says nothing here
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import Scheduler
 from fieldbus.errors import ConfigurationError
@@ -14,6 +14,8 @@ from hil.errors import RecordingError
 
 if TYPE_CHECKING:
     from hil.record._trace import Trace
+
+FrameLog = Sequence[tuple[int, str, Any, str]]
 
 ROWS_PER_CHUNK: Final = 4096
 """Rows of one buffer; a full buffer is set aside and a new one begun."""
@@ -117,7 +119,7 @@ class Recorder:
         self.history = history
         self._scheduler = scheduler
         self._groups: dict[str, Group] = {}
-        self._buses: dict[str, list[tuple[int, str, object, str]]] = {}
+        self._buses: dict[str, Callable[[], FrameLog]] = {}
         self._constants: dict[str, float] = {}
 
     def add_group(
@@ -154,11 +156,11 @@ class Recorder:
         self._groups[name] = group
         return group
 
-    def add_bus(self, name: str, log: list[tuple[int, str, object, str]]) -> None:
-        """Take over the frame log of a segment: a growing list of (time_ns, sender, CanFrame, error)."""
+    def add_bus(self, name: str, log: FrameLog | Callable[[], FrameLog]) -> None:
+        """Take over the frame log of a segment: a growing list of (time_ns, sender, frame, error), or what returns it."""
         if not name or name in self._buses:
             raise ConfigurationError("recorder bus", name, "a new name")
-        self._buses[name] = log
+        self._buses[name] = log if callable(log) else lambda: log
 
     def set_constant(self, name: str, value: float) -> None:
         """Note a fact of the bench (`axis1.max_deceleration`) that a judge of the trace needs."""
@@ -192,7 +194,7 @@ class Recorder:
         return Trace(
             groups,
             events=self.history.events,
-            frames=self._buses,
+            frames={name: log() for name, log in self._buses.items()},
             constants=self._constants,
             end_ns=self._scheduler.now,
         )

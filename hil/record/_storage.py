@@ -42,27 +42,32 @@ def save_trace(trace: Trace, path: Path) -> tuple[Path, Path]:
         "constants": trace.constants,
         "groups": groups,
         "events": [list(entry) for entry in trace.events],
-        "frames": {
-            bus: [
-                [
-                    time_ns,
-                    sender,
-                    frame.can_id,
-                    bytes(frame.data).hex(),
-                    frame.extended | frame.remote << 1,
-                    frame.dlc,
-                    error,
-                ]
-                for time_ns, sender, frame, error in trace.raw_frames(bus)
-            ]
-            for bus in trace.buses
-        },
+        "frames": {bus: [_row(*entry) for entry in trace.raw_frames(bus)] for bus in trace.buses},
     }
     archive.parent.mkdir(parents=True, exist_ok=True)
     with archive.open("wb") as stream:
         np.savez_compressed(stream, allow_pickle=False, **arrays)
     document.write_text(json.dumps(content, separators=(",", ":"), default=_plain), encoding="utf-8")
     return archive, document
+
+
+def _row(time_ns: int, sender: str, frame: Any, error: str) -> list[Any]:
+    flags = frame.extended | frame.remote << 1
+    row = [time_ns, sender, frame.can_id, bytes(frame.data).hex(), flags, frame.dlc, error]
+    protocol = getattr(frame, "protocol", None)
+    return row if protocol is None else [*row, protocol, frame.asked.hex(), frame.note]
+
+
+def _entry(row: list[Any]) -> tuple[int, str, Any, str]:
+    time_ns, sender, can_id, data, flags, dlc, error, *modbus = row
+    content = bytes.fromhex(data)
+    if modbus:
+        from fieldbus.modbus import ModbusFrame
+
+        protocol, asked, note = modbus
+        return time_ns, sender, ModbusFrame(protocol, content, bytes.fromhex(asked), note), error
+    frame = CanFrame(can_id, content, extended=bool(flags & 1), remote=bool(flags & 2), dlc=dlc)
+    return time_ns, sender, frame, error
 
 
 def _plain(value: Any) -> Any:
@@ -90,20 +95,7 @@ def load_trace(path: Path) -> Trace:
                 groups.append(
                     TraceGroup(entry["name"], columns, enums, arrays[f"t{index}"], arrays[f"v{index}"])
                 )
-        frames = {
-            bus: [
-                (
-                    time_ns,
-                    sender,
-                    CanFrame(
-                        can_id, bytes.fromhex(data), extended=bool(flags & 1), remote=bool(flags & 2), dlc=dlc
-                    ),
-                    error,
-                )
-                for time_ns, sender, can_id, data, flags, dlc, error in log
-            ]
-            for bus, log in content["frames"].items()
-        }
+        frames = {bus: [_entry(row) for row in log] for bus, log in content["frames"].items()}
         trace = Trace(
             groups,
             events=[Event(*entry) for entry in content["events"]],

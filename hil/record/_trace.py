@@ -18,6 +18,7 @@ from hil.record._select import EventSelector, kind_matches
 from hil.record._signal import Signal
 
 _FRAME_HEAD: Final = Struct("<qIBBB").pack
+_OTHER_HEAD: Final = Struct("<qIH").pack
 
 
 class TraceFrame(NamedTuple):
@@ -33,14 +34,30 @@ class TraceFrame(NamedTuple):
     dlc: int
     error: str
     """Empty, or what went wrong with the frame."""
+    protocol: str = "can"
+    """`can`, `modbus_tcp` or `modbus_rtu`; over Modbus `can_id` is the unit."""
+    note: str = ""
+    """Over Modbus TCP: news of a connection, with no data."""
 
     def canonical(self) -> bytes:
         """Return the bytes that enter the digest."""
+        if self.protocol != "can":
+            head = _OTHER_HEAD(self.time_ns, self.can_id, len(self.data))
+            return (
+                head
+                + self.data
+                + f"{self.protocol}\0{self.bus}\0{self.sender}\0{self.error}\0{self.note}\0".encode()
+            )
         return (
             _FRAME_HEAD(self.time_ns, self.can_id, self.extended | self.remote << 1, self.dlc, len(self.data))
             + self.data
             + f"{self.bus}\0{self.sender}\0{self.error}\0".encode()
         )
+
+
+def protocol_of(log: Sequence[tuple[int, str, Any, str]]) -> str:
+    """Return what the frames of a bus are: `can`, `modbus_tcp` or `modbus_rtu`."""
+    return str(getattr(log[0][2], "protocol", "can")) if log else "can"
 
 
 class TraceGroup(NamedTuple):
@@ -183,9 +200,10 @@ class Trace:
             merged = [
                 TraceFrame(
                     time_ns, bus, sender, frame.can_id, bytes(frame.data), bool(frame.extended), bool(frame.remote),
-                    frame.dlc, error,
+                    frame.dlc, error, protocol, frame.note if protocol != "can" else "",
                 )
                 for bus, log in self._raw_frames.items()
+                for protocol in (protocol_of(log),)
                 for time_ns, sender, frame, error in log
             ]  # fmt: skip
             if len(self._raw_frames) > 1:

@@ -50,7 +50,7 @@ class LinkedPort(DrivePort):
 
     """
 
-    __slots__ = ("_grace", "_history", "_in_service", "_link_age", "name", "optional")
+    __slots__ = ("_cycle_ns", "_grace", "_history", "_in_service", "_link_age", "name", "optional")
 
     def __init__(self, config: LinkConfig, *, name: str, history: History | None) -> None:
         super().__init__()
@@ -58,8 +58,14 @@ class LinkedPort(DrivePort):
         self.absolute_encoder = config.absolute_encoder
         self.optional = config.optional
         self._history = history
+        self._cycle_ns = config.cycle_ns
         self._grace = self._link_age = config.grace_cycles
         self._in_service = False
+
+    @property
+    def delay_ns(self) -> int:
+        """Time from a setpoint to the actual value that it makes, as the axis sees it, without the lag of the drive, ns."""
+        return 2 * self._cycle_ns
 
     def drive_restarted(self) -> None:
         """Take note that the drive has started anew: an incremental count has lost its reference."""

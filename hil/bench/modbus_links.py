@@ -1,0 +1,239 @@
+"""Modbus segments of a bench: networks and lines, virtual and real, with the clients of the controller and one log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+from fieldbus.clock import MS, US
+from fieldbus.modbus import (
+    RtuClient,
+    SerialLine,
+    SerialLog,
+    SocketNetwork,
+    TcpClient,
+    TcpLink,
+    TcpLog,
+)
+from fieldbus.modbus.serial_port import LiveSerialLine
+from fieldbus.modbus.taps import TappedConnector
+
+if TYPE_CHECKING:
+    from fieldbus.clock import Scheduler
+    from fieldbus.modbus import LinkHook, LogEntry, SerialFormat
+    from hil.bench.segment_config import SegmentSection
+    from motion.drives.profidrive_modbus import ProfidriveModbusPort
+
+CONTROLLER: Final = "controller"
+"""Who asks, in logs."""
+_SERVER: Final = "server"
+_RECONNECT_NS: Final = 50 * MS
+_OUTSTANDING: Final = 16
+
+
+@dataclass
+class _Channel:
+    """The way to a drive, or on a line to all of them."""
+
+    log: TcpLog | SerialLog
+    client: TcpClient | RtuClient
+    link: TcpLink | SerialLine | LiveSerialLine | None = None
+    drives: list[str] = field(default_factory=list)
+    counted: int = 0
+    """Transmissions that are in the load already."""
+
+
+class ModbusSegment:
+    """A network or a serial line.
+
+    Over TCP every drive has a connection of its own; on a virtual line all hang on the same wire, with the controller as
+    master.
+
+    Args:
+        scheduler: Time of the bench.
+        name: Name of the segment.
+        section: Its table of the bench file.
+        cycle_ns: Bus cycle, ns.
+
+    """
+
+    def __init__(self, scheduler: Scheduler, name: str, section: SegmentSection, *, cycle_ns: int) -> None:
+        self.scheduler = scheduler
+        self.name = name
+        self.kind = section.kind
+        self._section = section
+        tcp = self.kind == "modbus_tcp"
+        own_ns = cycle_ns if tcp else max(cycle_ns // 4, 5 * MS)
+        self.timeout_ns = own_ns if section.timeout_ms is None else round(section.timeout_ms * MS)
+        """How long the controller waits for a response, ns."""
+        self._channels: list[_Channel] = []
+        self._network: SocketNetwork | None = None
+        self._merged: list[LogEntry] = []
+        self._taken: dict[int, int] = {}
+        self._cycle_ns = cycle_ns
+        self._ports: list[ProfidriveModbusPort] = []
+
+    # -- making the ways ----------------------------------------------------------------------------------------------
+
+    def attach(self, name: str, device: Any) -> None:
+        """Put an emulated drive on the virtual network or line."""
+        if self.kind == "modbus_tcp":
+            link = TcpLink(self.scheduler, self.name, latency_ns=round(self._section.latency_us * US))
+            device.listen(link)
+            log = TcpLog(link.log, client=CONTROLLER, names={_SERVER: name})
+            client = self._tcp_client(lambda handler: link.connect(CONTROLLER, handler))
+            self._channels.append(_Channel(log, client, link, drives=[name]))
+            return
+        if not self._channels:
+            line = SerialLine(self.scheduler, self.name, self._section.serial_format())
+            self._channels.append(
+                _Channel(SerialLog(line.log, master=CONTROLLER), self._rtu_client(line), line)
+            )
+        device.attach(self._channels[0].link)
+        self._channels[0].drives.append(name)
+
+    def connect(self, name: str, host: str, port: int) -> None:
+        """Lead a drive at an address of a live network."""
+        network = self._network
+        if network is None:
+            network = self._network = SocketNetwork(self.scheduler)
+        tap = TappedConnector(
+            self.scheduler,
+            lambda handler: network.connect(host, port, handler),
+            client=CONTROLLER,
+            server=_SERVER,
+        )
+        log = TcpLog(tap.log, client=CONTROLLER, names={_SERVER: name})
+        self._channels.append(_Channel(log, self._tcp_client(tap.connect), drives=[name]))
+
+    def open(self, name: str, path: str) -> None:
+        """Lead a drive at a serial line of this machine; drives on the same device file share it.
+
+        Raises:
+            BusError: The device file cannot be opened.
+
+        """
+        for channel in self._channels:
+            if isinstance(channel.link, LiveSerialLine) and channel.link.path == path:
+                channel.drives.append(name)
+                return
+        line = LiveSerialLine(self.scheduler, path, self._section.serial_format(), other="line")
+        log = SerialLog(line.log, master=CONTROLLER)
+        self._channels.append(_Channel(log, self._rtu_client(line), line, drives=[name]))
+
+    def _tcp_client(self, connect: Any) -> TcpClient:
+        return TcpClient(
+            self.scheduler,
+            connect,
+            timeout_ns=self.timeout_ns,
+            retries=0,
+            outstanding=_OUTSTANDING,
+            reconnect_ns=_RECONNECT_NS,
+        )
+
+    def _rtu_client(self, line: Any) -> RtuClient:
+        return RtuClient(self.scheduler, line, name=CONTROLLER, timeout_ns=self.timeout_ns, retries=0)
+
+    def client(self, name: str) -> TcpClient | RtuClient:
+        """Return who carries the controller's requests to a drive."""
+        return next(channel.client for channel in self._channels if name in channel.drives)
+
+    def link(self, name: str | None = None) -> TcpLink | SerialLine | None:
+        """Return the virtual link to a drive, or the first one; None on a live segment."""
+        for channel in self._channels:
+            if name is None or name in channel.drives:
+                return channel.link if isinstance(channel.link, (TcpLink, SerialLine)) else None
+        return None
+
+    def request_ns(self) -> int:
+        """Return how long a request for actual values is on its way to a drive, ns; 0 where nobody knows."""
+        if self.link() is None:
+            return 0
+        if self.kind == "modbus_tcp":
+            return round(self._section.latency_us * US)
+        line: SerialFormat = self._section.serial_format()
+        return line.duration_ns(8) + line.t35_ns
+
+    def add_hook(self, hook: LinkHook) -> Callable[[], None]:
+        """Ask `hook` (sender, bytes, time) before everything that goes on the virtual links; returns the function that ends it.
+
+        Senders are `controller` and the drives by name.
+        """
+        ends = []
+        for channel in self._channels:
+            if not isinstance(channel.link, (TcpLink, SerialLine)):
+                continue
+            name = channel.drives[0] if channel.drives else ""
+            tcp = isinstance(channel.link, TcpLink)
+
+            def ask(sender: str, data: bytes, time_ns: int, name: str = name, tcp: bool = tcp) -> Any:
+                return hook(name if tcp and sender == _SERVER else sender, data, time_ns)
+
+            ends.append(channel.link.add_hook(ask))
+
+        def end() -> None:
+            for one in ends:
+                one()
+
+        return end
+
+    # -- evidence -----------------------------------------------------------------------------------------------------
+
+    @property
+    def log(self) -> list[LogEntry]:
+        """Everything that was on the segment, by time; grows."""
+        added: list[LogEntry] = []
+        for number, channel in enumerate(self._channels):
+            entries = channel.log.update()
+            added += entries[self._taken.get(number, 0) :]
+            self._taken[number] = len(entries)
+        if len(self._channels) > 1:
+            added.sort(key=lambda entry: entry.time_ns)
+        self._merged += added
+        return self._merged
+
+    def watch(self, port: ProfidriveModbusPort) -> None:
+        """Record the requests of a port."""
+        self._ports.append(port)
+
+    @property
+    def columns(self) -> tuple[tuple[str, str], ...]:
+        """Columns of the segment in the trace: load of a line, then of every drive response time, missing cycles, exceptions."""
+        load = () if self.kind == "modbus_tcp" else (("load", "%"),)
+        return (
+            *load,
+            *(
+                (f"{port.name}_{column}", unit)
+                for port in self._ports
+                for column, unit in (("response", "s"), ("missed", ""), ("exceptions", ""))
+            ),
+        )
+
+    def row(self) -> tuple[float, ...]:
+        """Return the present values of `columns`; the load is that since the last row."""
+        values = [
+            value
+            for port in self._ports
+            for value in (port.response_ns * 1e-9, float(port.missed), float(port.exceptions))
+        ]
+        return tuple(values) if self.kind == "modbus_tcp" else (self._load(), *values)
+
+    def _load(self) -> float:
+        busy = 0
+        for channel in self._channels:
+            log = getattr(channel.link, "log", ())
+            for frame in log[channel.counted :]:
+                busy += frame.end_ns - frame.start_ns
+            channel.counted = len(log)
+        return busy * 100.0 / self._cycle_ns
+
+    def close(self) -> None:
+        """End connections and lines."""
+        for channel in self._channels:
+            if isinstance(channel.client, TcpClient):
+                channel.client.close()
+            if isinstance(channel.link, LiveSerialLine):
+                channel.link.close()
+        if self._network is not None:
+            self._network.close()

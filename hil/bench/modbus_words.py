@@ -1,0 +1,68 @@
+"""Frames of Modbus segments in words: who is meant, what is asked, and the telegram that stands in the registers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from fieldbus.modbus import Function
+from fieldbus.modbus.pdu import decode_request, decode_response, is_well_formed
+from fieldbus.modbus.server import SERVED
+
+if TYPE_CHECKING:
+    from fieldbus.modbus import ModbusFrame, ProcessDataRegisters
+    from fieldbus.profidrive import Layout
+    from hil.bench.config import BenchConfig
+
+_WRITES: Final = (Function.WRITE_MULTIPLE_REGISTERS, Function.READ_WRITE_MULTIPLE_REGISTERS)
+
+
+class ModbusWords:
+    """Describes frames.
+
+    Args:
+        config: The bench file, which knows units, maps and telegrams.
+
+    """
+
+    def __init__(self, config: BenchConfig) -> None:
+        from hil.bench.modbus_config import registers_of
+
+        self._drives: dict[tuple[str, int], list[tuple[str, ProcessDataRegisters]]] = {}
+        for name, drive in config.drive.items():
+            if not config.segment[drive.segment].on_modbus:
+                continue
+            for segment in (drive.segment, ""):
+                known = self._drives.setdefault((segment, drive.unit), [])
+                known.append((name, registers_of(drive)))
+
+    def decode(self, frame: ModbusFrame, *, segment: str | None = None) -> str:
+        """Return the meaning of `frame`."""
+        text = frame.words()
+        drives = self._drives.get((segment or "", frame.can_id), [])
+        if not frame.data or not drives:
+            return text
+        # Over TCP drives with a connection each may have the same unit: then the words are those of the map they share.
+        names = ", ".join(name for name, _ in drives)
+        _, registers = drives[0]
+        chosen = registers.telegram
+        pdu = frame.pdu
+        request = frame.asked or pdu
+        if not pdu or request[0] not in SERVED or not is_well_formed(request):
+            return f"{names}: {text}"
+        asked = decode_request(request)
+        signals = ""
+        if not frame.asked:
+            at = asked.write_address if asked.function == _WRITES[1] else asked.address
+            if asked.function in _WRITES and at == registers.setpoints:
+                signals = _signals(chosen.setpoint, registers, asked.values)
+        elif asked.address == registers.actual_values and not pdu[0] & 0x80:
+            signals = _signals(chosen.actual, registers, decode_response(asked, pdu).values)
+        return f"{names}: {text}{signals}"
+
+
+def _signals(layout: Layout, registers: ProcessDataRegisters, values: tuple[int, ...]) -> str:
+    """Return the signals of a telegram in words."""
+    if len(values) != layout.words:
+        return ""
+    data = registers.frame(values, setpoints=layout is registers.telegram.setpoint)
+    return f" ({layout.describe(data)})"
