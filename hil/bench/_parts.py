@@ -228,7 +228,8 @@ class BenchParts:
             from hil.bench.words import BenchWords
 
             names = list(self._masters) if segment is None else [segment]
-            logs = [] if self._axes else [self.segment(name).log for name in names]
+            places = [self.segment(name) for name in names]
+            logs = [] if self._axes else [place.log for place in places]
             words = self._words[segment] = BenchWords(
                 lambda: build_decoder(self.config, can_ports(self._ports), segment=segment), logs
             )
