@@ -64,8 +64,9 @@ class ProcessDataRegisters:
         return self.telegram.actual.words
 
     def write(self, frame: bytes) -> Request:
-        """Return the request that writes a telegram, words with the high byte first."""
-        return Request(_WRITE, self.setpoints, self.words_out, self._registers(frame))
+        """Return the request that writes a telegram, words with the high byte first; one of a wrong length as it is."""
+        words = self._registers(frame)
+        return Request(_WRITE, self.setpoints, len(words), words)
 
     def read(self) -> Request:
         """Return the request that reads the actual values."""
@@ -105,8 +106,12 @@ class ProcessDataRegisters:
         return self._words[direction].pack(*[values[place] for place in self._places[direction]])
 
     def _registers(self, frame: bytes) -> tuple[int, ...]:
-        words = self._words[0].unpack(frame)
-        return tuple([words[place] for place in self._places[0]])
+        layout = self._words[0]
+        if len(frame) == layout.size:
+            words = layout.unpack(frame)
+            return tuple([words[place] for place in self._places[0]])
+        count = len(frame) // 2
+        return Struct(f">{count}H").unpack(frame[: 2 * count])
 
 
 def process_data(file: MapFile, telegram: Telegram, *, name: str = "") -> ProcessDataRegisters:

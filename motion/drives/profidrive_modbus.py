@@ -223,11 +223,12 @@ class ProfidriveModbusPort(ProfidrivePort):
             return
         # One that is still under way is older, but another behind it would be later than the next one.
         if not self._config.combined:
-            if not self._writing:
+            if frame is not None and not self._writing:
                 self._writing = True
                 self._submit(self._config.registers.write(frame), self._on_written)
         elif not self._reading:
-            self._ask(self._config.registers.exchange(frame))
+            both = self._read_request if frame is None else self._config.registers.exchange(frame)
+            self._ask(both)
 
     def _submit(self, request: Request, done: Callable[[Result], object]) -> None:
         self._client.submit(request, self._config.unit, done)
