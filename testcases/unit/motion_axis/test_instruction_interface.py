@@ -179,7 +179,7 @@ def test_values_above_zero_are_used(rig, name):
     assert jerk == pytest.approx(5000.0, rel=0.01)
 
 
-@pytest.mark.requirement("MC-086", "MC-087", "MC-088", "MC-089", "MC-091")
+@pytest.mark.requirement("STP-227", "MC-086", "MC-087", "MC-088", "MC-089", "MC-091")
 @pytest.mark.parametrize("name", list(MOVES))
 def test_values_below_zero_are_the_defaults(rig, name):
     """-1.0 selects DynamicDefaults; MC_MoveJog takes the absolute value of its velocity, MC_MoveVelocity reverses."""

@@ -315,7 +315,7 @@ def test_halt_runs_the_positioning_monitoring(make_rig, monkeypatch):
 SLOW = {"Acceleration": 50.0, "Deceleration": 50.0, "Jerk": 0.0}
 
 
-@pytest.mark.requirement("MC-269", "MC-270", "MC-258", "MC-023")
+@pytest.mark.requirement("STP-223", "MC-269", "MC-270", "MC-258", "MC-023")
 def test_absolute_positioning_overridden(rig):
     """At 225 of 1000 with 50 a second job to 1500 with 30 takes over without a stop, and arrives 42.67 s later."""
     rig.enabled()
@@ -339,7 +339,9 @@ def test_absolute_positioning_overridden(rig):
     assert not first.Done
 
 
-@pytest.mark.requirement("MC-271", "MC-272", "MC-273", "MC-264", "MC-053", "MC-054", "MC-060")
+@pytest.mark.requirement(
+    "STP-225", "STP-222", "MC-271", "MC-272", "MC-273", "MC-264", "MC-053", "MC-054", "MC-060"
+)
 def test_absolute_positioning_appended(rig):
     """The second job waits, Busy and not Active, until the first is Done at 21.0 s; it needs 17.27 s."""
     rig.enabled()
@@ -373,7 +375,7 @@ def test_relative_positioning_overridden(rig):
     assert rig.axis.var("Position") == pytest.approx(here + 500.0, abs=50.0 * TWO_CYCLES)
 
 
-@pytest.mark.requirement("MC-288", "MC-289", "MC-290", "MC-285")
+@pytest.mark.requirement("STP-220", "MC-288", "MC-289", "MC-290", "MC-285")
 def test_relative_positioning_appended(rig):
     """1000 and then 500 more: 1500."""
     rig.enabled()
@@ -425,7 +427,7 @@ def test_appended_job_without_predecessor_starts_at_once(rig):
     assert job.Active
 
 
-@pytest.mark.requirement("MC-267")
+@pytest.mark.requirement("STP-226", "MC-267")
 @pytest.mark.parametrize("active", ["velocity", "jog", "halt"])
 def test_appended_job_waits_for_what_runs(rig, active):
     """It waits until the active job ends by itself, and is aborted with it by a job that overrides."""
@@ -456,7 +458,17 @@ def test_appended_job_waits_for_what_runs(rig, active):
 
 
 @pytest.mark.requirement(
-    "MC-308", "MC-309", "MC-310", "MC-311", "MC-312", "MC-313", "MC-314", "MC-303", "MC-025"
+    "STP-213",
+    "STP-214",
+    "MC-308",
+    "MC-309",
+    "MC-310",
+    "MC-311",
+    "MC-312",
+    "MC-313",
+    "MC-314",
+    "MC-303",
+    "MC-025",
 )
 def test_two_velocities(rig):
     """50 and 15 take turns; InVelocity belongs to the job that has reached its velocity, and only to that."""
@@ -494,7 +506,17 @@ def test_two_velocities(rig):
 
 
 @pytest.mark.requirement(
-    "MC-334", "MC-335", "MC-336", "MC-337", "MC-338", "MC-339", "MC-340", "MC-026", "MC-317", "MC-318"
+    "STP-231",
+    "MC-334",
+    "MC-335",
+    "MC-336",
+    "MC-337",
+    "MC-338",
+    "MC-339",
+    "MC-340",
+    "MC-026",
+    "MC-317",
+    "MC-318",
 )
 def test_jogging(rig):
     """The printed sequence: backward, rest, forward, faster, both inputs, none, forward again without a stop."""
@@ -545,7 +567,7 @@ def test_changing_the_jog_direction_goes_through_zero(rig):
     assert not jog.Error
 
 
-@pytest.mark.requirement("MC-332")
+@pytest.mark.requirement("STP-229", "MC-332")
 def test_jogging_with_velocity_zero(rig):
     """The axis brakes to zero: InVelocity, X12 and X7."""
     rig.enabled()

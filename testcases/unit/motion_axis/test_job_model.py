@@ -262,7 +262,7 @@ def test_command_bit_of_the_running_job(rig, start, bit):
     assert [number for number in (6, 8, 9, 10) if word >> number & 1] == [bit]
 
 
-@pytest.mark.requirement("MC-103")
+@pytest.mark.requirement("STP-205", "MC-103")
 def test_superimposed_motion_closes_position_control(rig):
     """Superimposed motion exists in position control only."""
     rig.enabled(start_mode=0)

@@ -12,7 +12,7 @@ X6_DONE, X23_SUPERIMPOSED = 1 << 6, 1 << 23
 X7_HALT_SUPERIMPOSED = 1 << 7
 
 
-@pytest.mark.requirement("MC-351", "MC-359")
+@pytest.mark.requirement("STP-192", "STP-199", "STP-203", "MC-351", "MC-359")
 @pytest.mark.parametrize("distance", [50.0, 20.0])
 def test_both_distances_add_up(rig, distance):
     """MC_MoveRelative 50 with a superimposed distance on top ends at the sum; the axis shows the sum all the time."""
@@ -44,7 +44,7 @@ def test_opposite_distance_takes_the_axis_back(rig):
     assert rig.column("position_setpoint")[-1] == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.requirement("MC-352", "MC-345")
+@pytest.mark.requirement("STP-200", "STP-198", "MC-352", "MC-345")
 def test_the_sum_respects_the_velocity_limit(rig):
     """At 400 of 500 mm/s the superimposed motion gets 100 mm/s, whatever VelocityDiff says; -1 is the default velocity."""
     rig.travelling(400.0)
@@ -89,7 +89,7 @@ def test_no_room_at_all_lets_the_superimposed_motion_wait(rig):
     assert rig.axis.var("Position") > before
 
 
-@pytest.mark.requirement("MC-353", "MC-110")
+@pytest.mark.requirement("STP-197", "STP-007", "MC-353", "MC-110")
 def test_status_bit_and_distance(rig):
     """X23 while it runs, SuperimposedDistance counts what it has covered, and is 0 again when both have ended."""
     rig.enabled()
@@ -137,7 +137,7 @@ def test_without_a_basic_motion_it_moves_the_axis(rig):
     assert rig.column("position_setpoint")[-1] == pytest.approx(120.0, abs=1e-6)
 
 
-@pytest.mark.requirement("MC-357", "OVR-016")
+@pytest.mark.requirement("STP-195", "MC-357", "OVR-016")
 def test_a_new_superimposed_motion_replaces_the_running_one(rig):
     """The old one is aborted; the new distance counts from where the superimposed motion is."""
     rig.travelling(100.0)
@@ -151,7 +151,9 @@ def test_a_new_superimposed_motion_replaces_the_running_one(rig):
     assert rig.axis.var("StatusPositioning.SuperimposedDistance") == pytest.approx(covered + 50.0, abs=1.0)
 
 
-@pytest.mark.requirement("MC-371", "MC-372", "MC-374", "MC-370", "MC-112", "MC-367")
+@pytest.mark.requirement(
+    "STP-196", "STP-206", "STP-209", "MC-371", "MC-372", "MC-374", "MC-370", "MC-112", "MC-367"
+)
 def test_halt_superimposed_leaves_the_basic_motion_alone(rig):
     """X23 falls, X7 rises until the superimposed velocity is 0; the basic positioning arrives as if nothing was."""
     rig.enabled()
@@ -174,7 +176,7 @@ def test_halt_superimposed_leaves_the_basic_motion_alone(rig):
     assert rig.column("position_setpoint")[-1] == pytest.approx(300.0 + added, abs=1e-6)
 
 
-@pytest.mark.requirement("MC-366", "MC-372", "MC-373")
+@pytest.mark.requirement("STP-208", "MC-366", "MC-372", "MC-373")
 def test_abort_acceleration_of_the_halt(rig):
     """Without AbortAcceleration the acceleration first ends with the jerk; with it, braking begins at once."""
     peaks = []
@@ -194,7 +196,7 @@ def test_abort_acceleration_of_the_halt(rig):
     assert peaks[1] < 5.0
 
 
-@pytest.mark.requirement("MC-369")
+@pytest.mark.requirement("STP-207", "MC-369")
 def test_halt_without_superimposed_motion_is_done_at_once(rig):
     """Nothing to halt: Done in the call that starts it, never Busy, and the basic motion goes on."""
     rig.travelling(100.0)
