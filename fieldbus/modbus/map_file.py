@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -83,13 +84,23 @@ def load_map(source: str | Path) -> MapFile:
 
     """
     where = str(source)
+    if where in SHIPPED:
+        return _shipped(where)
     try:
-        if where in SHIPPED:
-            text = files("fieldbus.modbus").joinpath("maps", f"{where}.toml").read_text(encoding="utf-8")
-        else:
-            text = Path(source).read_text(encoding="utf-8")
+        text = Path(source).read_text(encoding="utf-8")
     except OSError:
         raise ConfigurationError("register map", where, f"a file, or one of {', '.join(SHIPPED)}") from None
+    return _parsed(where, text)
+
+
+@cache
+def _shipped(name: str) -> MapFile:
+    return _parsed(
+        name, files("fieldbus.modbus").joinpath("maps", f"{name}.toml").read_text(encoding="utf-8")
+    )
+
+
+def _parsed(where: str, text: str) -> MapFile:
     try:
         loaded: dict[str, Any] = tomllib.loads(text)
         found = MapFile.model_validate(loaded)

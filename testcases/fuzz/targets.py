@@ -494,7 +494,8 @@ def parameters() -> Take:
 @cache
 def targets() -> dict[str, Target]:
     """Return all targets by name."""
-    from testcases.fuzz.modbus_targets import modbus, modbus_client  # which needs `promise`
+    from testcases.fuzz.modbus_drive_target import modbus_drive  # these need `promise`
+    from testcases.fuzz.modbus_targets import modbus, modbus_client
     from testcases.fuzz.telegram_targets import telegrams
 
     listed = [
@@ -515,5 +516,6 @@ def targets() -> dict[str, Target]:
         Target(
             "modbus_client", "Modbus clients of both links, and the words of what they get", modbus_client
         ),
+        Target("modbus_drive", "PROFIdrive axis behind its register maps", modbus_drive),
     ]
     return {target.name: target for target in listed}
