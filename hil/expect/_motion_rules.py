@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldbus.history import Event
+from hil.expect._profidrive_rules import profidrive_axes, pulses_enabled
 from hil.expect._words import has_torque, normal_state
 from hil.record import Signal, Trace
 from reports.model import Check, Verdict
@@ -67,10 +70,9 @@ def _stretches(times: NDArray[np.float64], flags: NDArray[np.bool_]) -> list[tup
 def check_motion_while_disabled(trace: Trace) -> list[Check]:
     """Without torque an axis coasts at most: it gets no faster, and once at rest it stays there (STP-331, C402-010)."""
     checks = []
-    for drive in trace.components_with("statusword", "position", "velocity", "torque"):
+    for drive, word, without, requirements in _drives_without_torque(trace):
         position, velocity = trace[f"{drive}.position"], trace[f"{drive}.velocity"]
-        word = trace[f"{drive}.statusword"]
-        stretches = _stretches(word.time_s, ~has_torque(word.values.astype(np.int64)))
+        stretches = _stretches(word.time_s, without)
         pushed = pushed_spans(trace, drive)
         jolts = [entry.time_ns * 1e-9 for entry in trace.select(source=drive, kind="fault.") if _jolts(entry)]
         problems = []
@@ -90,10 +92,24 @@ def check_motion_while_disabled(trace: Trace) -> list[Check]:
                 expected="coasting at most, no motion once at rest",
                 observed=problem[1] if problem else f"{len(stretches)} stretches without torque",
                 time_s=problem[0] if problem else None,
-                requirements=["STP-331", "C402-010"],
+                requirements=requirements,
             )
         )
     return checks
+
+
+def _drives_without_torque(trace: Trace) -> Iterator[tuple[str, Signal, NDArray[np.bool_], list[str]]]:
+    """Return drives of either profile, with a signal for the times, where they show no torque, and what that concerns."""
+    for drive in trace.components_with("statusword", "position", "velocity", "torque"):
+        word = trace[f"{drive}.statusword"]
+        yield drive, word, ~has_torque(word.values.astype(np.int64)), ["STP-331", "C402-010"]
+    for drive in profidrive_axes(trace):
+        yield (
+            drive,
+            trace[f"{drive}.drive_zsw2"],
+            ~pulses_enabled(trace, drive),
+            ["STP-331", "PD-104", "PD-107"],
+        )
 
 
 def _free_parts(start: float, end: float, pushed: list[tuple[float, float]]) -> list[tuple[float, float]]:

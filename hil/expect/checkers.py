@@ -14,6 +14,12 @@ from numpy.typing import NDArray
 
 from fieldbus.history import Event
 from hil.expect._motion_rules import check_motion_while_disabled, check_setpoint_continuity
+from hil.expect._profidrive_rules import (
+    check_profidrive_sign_of_life,
+    check_profidrive_stops,
+    check_profidrive_transitions,
+    check_profidrive_words,
+)
 from hil.expect._words import cia402_state, normal_state
 from hil.record import Trace
 from reports.model import Check, Verdict
@@ -291,6 +297,10 @@ ALWAYS_ON: Final[tuple[Checker, ...]] = (
     check_jobs_and_alarms,
     check_motion_while_disabled,
     check_setpoint_continuity,
+    check_profidrive_transitions,
+    check_profidrive_words,
+    check_profidrive_stops,
+    check_profidrive_sign_of_life,
 )
 """The checkers that judge every case."""
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 from fieldbus.clock import seconds_to_ns
 from fieldbus.history import Event
 from hil.expect._motion_rules import REST_SPEED, REST_TRAVEL, WINDOW_S
+from hil.expect._profidrive_rules import PULSES
 from hil.expect._words import cia402_state
 from hil.expect.golden import stop_time
 
@@ -62,6 +63,26 @@ def _unit(bench: Any, signal: str) -> str:
     return ""
 
 
+def _torque_reader(bench: Any, drive: str) -> tuple[Callable[[], bool | None], Callable[[], str]]:
+    """Return what tells whether a drive may give torque (None: unknown), and the words that say so, for the message."""
+    statusword = _reader(bench, f"{drive}.statusword")
+    zsw2 = _reader(bench, f"{drive}.drive_zsw2")
+    read = statusword if statusword is not None else zsw2
+
+    def torque() -> bool | None:
+        word = None if read is None else read()
+        if word is None:
+            return None
+        return cia402_state(int(word)) in _TORQUE if statusword is not None else bool(int(word) & PULSES)
+
+    def text() -> str:
+        word = None if read is None else read()
+        name = "statusword" if statusword is not None else "ZSW2"
+        return "" if word is None else f"{name} 16#{int(word):04X}"
+
+    return torque, text
+
+
 class _Faulted:
     """Tells whether faults of some kinds are active, or were a short time ago."""
 
@@ -91,10 +112,10 @@ class NoMotionWithoutTorque(Invariant):
     """A drive without torque coasts at most: its mechanics get no faster."""
 
     name = "no motion without torque"
-    requirements = ("STP-331", "C402-010")
+    requirements = ("STP-331", "C402-010", "PD-104")
 
     def __init__(self, bench: Any, drive: str) -> None:
-        self._word = _reader(bench, f"{drive}.statusword")
+        self._torque, self._text = _torque_reader(bench, drive)
         self._velocity = _reader(bench, f"{drive}.velocity")
         self._rest = REST_SPEED.get(_unit(bench, f"{drive}.velocity"), 0.0005)
         self._position = _reader(bench, f"{drive}.position")
@@ -114,10 +135,10 @@ class NoMotionWithoutTorque(Invariant):
 
     def cycle(self) -> str:
         """Compare the speed with what it was a moment ago."""
-        if self._word is None or self._velocity is None or self._position is None:
+        if self._velocity is None or self._position is None:
             return ""
-        word, velocity, position = self._word(), self._velocity(), self._position()
-        if word is None or velocity is None or position is None:
+        torque, velocity, position = self._torque(), self._velocity(), self._position()
+        if torque is None or velocity is None or position is None:
             return ""
         now, speed = self._scheduler.now, abs(velocity)
         earlier = self._earlier
@@ -125,7 +146,7 @@ class NoMotionWithoutTorque(Invariant):
             earlier.clear()
             self._entry = None
             return ""
-        if cia402_state(int(word)) in _TORQUE:
+        if torque:
             earlier.clear()
             # Next time the torque may be gone, and the speed may have changed once more until then.
             self._entry = None if self._jolted else speed + 1.5 * abs(speed - self._last)
@@ -144,7 +165,7 @@ class NoMotionWithoutTorque(Invariant):
             before = max(before, value)
         earlier.append((now, speed))
         if speed > before * 1.02 + self._rest:
-            return f"{velocity:.4g} after {before:.4g} with statusword 16#{int(word):04X}"
+            return f"{velocity:.4g} after {before:.4g} with {self._text()}"
         return ""
 
 
@@ -176,11 +197,11 @@ class RestAfterAlarm(Invariant):
         self._scheduler = bench.scheduler
         self._axis = axis
         self._velocity = _reader(bench, f"{drive}.velocity")
-        self._word = _reader(bench, f"{drive}.statusword")
+        self._torque, _ = _torque_reader(bench, drive)
         self._rest = 4 * REST_SPEED.get(_unit(bench, f"{drive}.velocity"), 0.0005)
         self._constants = bench.trace().constants
         self._pushed = _Faulted(bench, ("mechanics.",), 0.5)
-        self._foreign = _Faulted(bench, ("frame.", "drive.", "encoder."), 0.1)
+        self._foreign = _Faulted(bench, ("frame.", "drive.", "encoder.", "telegram.", "safety."), 0.1)
         self._due_ns: dict[Any, int] = {}
 
     def _bound_s(self, reaction: int) -> float:
@@ -218,8 +239,7 @@ class RestAfterAlarm(Invariant):
 
     def _has_torque(self) -> bool:
         """Whether the drive is on; an axis that coasts is the business of another invariant."""
-        word = None if self._word is None else self._word()
-        return word is None or cia402_state(int(word)) in _TORQUE
+        return self._torque() is not False
 
     def horizon_ns(self) -> int:
         """Return the last deadline while the axis still moves."""
@@ -275,7 +295,9 @@ class FeedbackEqualsMechanics(Invariant):
         units = (_unit(bench, f"{axis}.actual_position"), _unit(bench, f"{drive}.position"))
         self._scale = {("mm", "m"): 1000.0, ("mm", "mm"): 1.0, ("m", "m"): 1.0}.get(units)
         self._cycle_s = bench.trace().constants.get(f"{axis}.cycle_s", 0.004)
-        self._disturbed = _Faulted(bench, ("encoder.", "frame.", "drive.power_off", "drive.sto"), 0.1)
+        self._disturbed = _Faulted(
+            bench, ("encoder.", "frame.", "telegram.", "drive.power_off", "drive.sto"), 0.1
+        )
         self._offset: float | None = None
         self._settle = 0
 

@@ -12,6 +12,7 @@ from hil.faults import CATALOGUE, Fault
 from hil.faults._actions import environment, offered
 from hil.faults._encoder_kinds import NOT_FUZZED
 from hil.fuzz._program import Break, Do, Program, Step, Wait
+from hil.fuzz._telegram_strategies import TELEGRAM_KINDS, telegram_fault
 
 _EMCY: Final = (0x2310, 0x3210, 0x3220, 0x4310, 0x5400, 0x7121, 0x7305, 0x8611, 0xFF00)
 _ALARMS: Final = ((421, 4), (431, 4), (521, 4), (411, 4), (534, 3), (533, 2), (304, 3), (307, 2), (550, 5))
@@ -84,6 +85,7 @@ def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
         "can.noise": st.fixed_dictionaries({"bit_error_rate": _grid(1, 10, 0.0001)}),
         "can.load": st.fixed_dictionaries({"load_percent": _grid(1, 9, 10.0)}),
         "drive.fault": st.fixed_dictionaries({"code": st.sampled_from(_EMCY), "persistent": st.booleans()}),
+        "safety.sdi": st.fixed_dictionaries({"direction": st.sampled_from(["positive", "negative"])}),
         "switch.press": st.fixed_dictionaries({"input": inputs}),
         "switch.stuck": st.fixed_dictionaries({"input": inputs, "state": st.booleans()}),
         "switch.inverted": st.fixed_dictionaries({"input": inputs}),
@@ -101,6 +103,8 @@ def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
 
 
 def _fault(kind: str, ids: dict[str, int]) -> SearchStrategy[Step]:
+    if kind in TELEGRAM_KINDS:
+        return telegram_fault(kind)
     messages = sorted(ids)
     if kind == "frame.inject":
         harmless = [ids[name] for name in messages if not name.startswith(_FOREIGN_CONTROL)]
@@ -148,6 +152,8 @@ def fault_kinds(bench: Any) -> list[str]:
     """
     where = environment(bench, bench.drive())
     has_alarms = hasattr(bench.axis(), "alarms")
+    port = getattr(bench, "port", lambda: None)()
+    led_by_telegram = hasattr(port, "actual_seam")
     return [
         entry.name
         for entry in CATALOGUE
@@ -158,7 +164,7 @@ def fault_kinds(bench: Any) -> list[str]:
         and offered(bench.drive(), entry.name)
         and (not entry.name.startswith("can.") or entry.name in _OF_THE_BUS)
         and entry.name != "frame.collide"
-        and not entry.name.startswith("telegram.")
+        and (not entry.name.startswith("telegram.") or (entry.name in TELEGRAM_KINDS and led_by_telegram))
     ]
 
 

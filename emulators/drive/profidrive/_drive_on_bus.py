@@ -134,7 +134,14 @@ class DriveOnBus(MachineFaults, PowerFaults):
         self.drive.safety.set_sdi(direction)
 
     def set_slp(self, number: int | None) -> None:
-        """Select a range of safely limited position, or deselect it (None); see `SafetyFunctions.set_slp`."""
+        """Select a range of safely limited position, or deselect it (None); see `SafetyFunctions.set_slp`.
+
+        Raises:
+            UnsupportedFaultError: No range is set up.
+
+        """
+        if number is not None and not self.config.safe_motion.slp_ranges:
+            raise UnsupportedFaultError(f"{self.name}: no range is set up (safety.slp_ranges_mm)")
         self.drive.safety.set_slp(number)
 
     def acknowledge_safety(self) -> None:
