@@ -43,6 +43,7 @@ _TOLD: Final = (
     "adapter.overrun",
     "encoder.alarm",
     "encoder.warning",
+    "encoder.error",
     "encoder.preset",
 )
 """Events that are of interest to somebody who watches."""

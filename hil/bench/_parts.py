@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hil.bench.encoders import EncoderNodes
     from hil.bench.modbus_words import ModbusWords
     from hil.bench.words import BenchWords
+    from motion.drives.profidrive_encoder import ProfidriveEncoderPort
     from motion.runtime import AxisHandle, EncoderHandle
 
 MASTER_NODE: Final = 127
@@ -31,6 +32,7 @@ class BenchParts:
     _masters: dict[str, CanopenMaster]
     _drives: dict[str, Any]
     _encoders: dict[str, Any]
+    _second_encoders: dict[str, Any]
     _devices: dict[str, Any]
     _encoder_nodes: EncoderNodes | None
     _ports: dict[str, Port]
@@ -75,16 +77,31 @@ class BenchParts:
     def encoder(self, name: str | None = None) -> Any:
         """Return an encoder that is a device of its own (or its proxy) by name, or the first one.
 
+        `drive1.encoder2` is the second encoder of a drive.
+
         Raises:
             ConfigurationError: There is no such encoder.
             UnsupportedFaultError: The encoder is physical and has no fault interface (verdict: blocked).
 
         """
+        if name in self._second_encoders:
+            return self._second_encoders[name]
         wanted = name or next(iter(self.config.encoder), None)
         section = None if wanted is None else self.config.encoder.get(wanted)
         if section is not None and section.device == "physical":
             raise UnsupportedFaultError(f"{wanted} is a physical encoder: it offers no fault interface")
         return self._part("encoder", self._encoders, name)
+
+    def encoder_port(self, name: str | None = None) -> ProfidriveEncoderPort:
+        """Return the controller's port to a PROFIdrive encoder with a node of its own, by name, or to the first one.
+
+        Raises:
+            ConfigurationError: There is no such encoder that the bench leads.
+
+        """
+        ports = {} if self._encoder_nodes is None else self._encoder_nodes.ports
+        port: ProfidriveEncoderPort = self._part("PROFIdrive encoder", ports, name)
+        return port
 
     def device(self, name: str | None = None) -> Any:
         """Return an emulated device that is nothing but its EDS (or its proxy) by name, or the first one.
@@ -142,6 +159,11 @@ class BenchParts:
         return tuple(self.config.encoder)
 
     @property
+    def second_encoder_names(self) -> tuple[str, ...]:
+        """Names of the second encoders of drives."""
+        return tuple(self._second_encoders)
+
+    @property
     def device_names(self) -> tuple[str, ...]:
         """Names of the emulated devices that are nothing but their EDS."""
         return tuple(self._devices)
@@ -157,7 +179,7 @@ class BenchParts:
         return self.config.axis[name].drive
 
     def cob_ids(self, drive_name: str) -> dict[str, int]:
-        """Return the identifiers that a drive, an encoder or a device uses, by name; an encoder has no RPDOs.
+        """Return the identifiers that a drive, an encoder or a device uses, by name; a CiA 406 encoder has no RPDOs.
 
         Raises:
             ConfigurationError: There is no such node.
@@ -175,7 +197,7 @@ class BenchParts:
                "sdo_rx": 0x600 + node, "sdo_tx": 0x580 + node, "controller_heartbeat": 0x700 + MASTER_NODE}  # fmt: skip
         for number in range(1, 5):
             ids[f"tpdo{number}"] = 0x080 + 0x100 * number + node
-            if encoder is None:
+            if encoder is None or (encoder.profile == "profidrive" and number == 1):
                 ids[f"rpdo{number}"] = 0x100 + 0x100 * number + node
         return ids
 

@@ -89,6 +89,15 @@ def from_encoder(encoder: EncoderSection, prefix: str) -> dict[str, Any]:
     """Return what the controller takes over from the configuration of an encoder (CFG-356)."""
     kind = 1 if "incremental" not in encoder.type else 0
     values: dict[str, Any] = {f"{prefix}.Type": kind, f"{prefix}.Parameter.FineResolutionXist1": 0}
+    if encoder.profile == "profidrive":
+        from hil.bench._profidrive_encoder import encoder_format
+
+        own = encoder.profidrive
+        form = encoder_format(encoder, own.fine_xist1_bits, own.fine_xist2_bits)
+        values[f"{prefix}.Parameter.FineResolutionXist1"] = form.shift_xist1
+        values[f"{prefix}.Parameter.FineResolutionXist2"] = form.shift_xist2
+        if not encoder.linear:
+            values[f"{prefix}.Parameter.ReferenceSpeed"] = own.reference_speed
     if encoder.linear:
         values[f"{prefix}.System"] = 0
         values[f"{prefix}.Parameter.Resolution"] = encoder.measuring_step_um / 1000.0

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from hil.bench.encoders import EncoderNodes
     from hil.bench.remote import RemoteDrives
     from hil.bench.words import BenchWords
-    from motion.drives.cia406 import Cia406Port
+    from motion.drives.encoder import EncoderPort
 
 _SAMPLE_PRIORITY: Final = 100
 _GC_THRESHOLD: Final = 100_000
@@ -74,9 +74,10 @@ class Bench(BenchParts):
         self._masters: dict[str, CanopenMaster] = {}
         self._drives: dict[str, Any] = {}
         self._encoders: dict[str, Any] = {}
+        self._second_encoders: dict[str, Any] = {}
         self._devices: dict[str, Any] = {}
         self._encoder_nodes: EncoderNodes | None = None
-        self._encoder_ports: dict[str, Cia406Port] = {}
+        self._encoder_ports: dict[str, EncoderPort] = {}
         self._external_encoders: dict[str, EncoderHandle] = {}
         self._ports: dict[str, Port] = {}
         self._axes: dict[str, AxisHandle] = {}
@@ -113,13 +114,19 @@ class Bench(BenchParts):
                 segment = config.drive[name].segment
                 if config.segment[segment].on_modbus:
                     self._segments[segment].attach(name, drive)
+                if config.drive[name].encoder2.type != "none":
+                    self._second_encoders[f"{name}.encoder2"] = getattr(drive, "second_encoder", None)
         elif config.emulated_names:
+            from hil.bench.encoders import ENCODER_METHODS
             from hil.bench.remote import RemoteDrives
 
             self._remote = RemoteDrives(self, config)
             for name, drive_section in config.drive.items():
                 if drive_section.device == "emulated":
                     self._drives[name] = self._remote.proxy(name)
+                    if drive_section.encoder2.type != "none":
+                        second = f"{name}.encoder2"
+                        self._second_encoders[second] = self._remote.proxy(second, ENCODER_METHODS)
         if self.kind == "live":
             self._connect_modbus()
         if config.encoder:
@@ -199,7 +206,13 @@ class Bench(BenchParts):
 
     def _build_encoders(self) -> None:
         from hil.bench.encoder_config import encoder_names
-        from hil.bench.encoders import ENCODER_METHODS, EncoderNodes, build_encoder, build_encoder_ports
+        from hil.bench.encoders import (
+            ENCODER_METHODS,
+            EncoderNodes,
+            build_encoder,
+            build_encoder_ports,
+            used_encoders,
+        )
 
         for name in encoder_names(self.config):
             if self._remote is not None:
@@ -211,8 +224,15 @@ class Bench(BenchParts):
             )  # fmt: skip
             self._encoders[name] = encoder
             self._record(name, encoder)
-        self._encoder_ports = build_encoder_ports(self._masters, self.config, self.history)
-        self._encoder_nodes = EncoderNodes(self._masters, self.config, self._encoder_ports)
+        cia406 = build_encoder_ports(self._masters, self.config, self.history)
+        self._encoder_ports = dict(cia406)
+        self._encoder_nodes = EncoderNodes(self._masters, self.config, cia406, self.history)
+        used = used_encoders(self.config)
+        for name, port in self._encoder_nodes.ports.items():
+            if name in used:
+                self._encoder_ports[name] = port  # its technology object reads it
+            else:
+                self.runtime.after_cycle.append(port.read)
 
     def _build_devices(self) -> None:
         from hil.bench.devices import DEVICE_METHODS, build_device
@@ -230,7 +250,7 @@ class Bench(BenchParts):
         kind = PositioningAxis if section.type == "positioning" else SpeedAxis
         drive = self.config.drive[section.drive]
         variables = from_drive(drive)
-        encoders: list[Cia406Port | Port] | None = None
+        encoders: list[EncoderPort | Port] | None = None
         if section.encoders is not None:
             encoders = []
             for number, one in enumerate(section.encoders, start=1):

@@ -21,6 +21,7 @@ from hil.bench._drive_sections import (
     Word,
     checked_personality,
 )
+from hil.bench._profidrive_encoder import Encoder2Section
 from hil.bench._safety_section import SafetySection
 
 if TYPE_CHECKING:
@@ -189,6 +190,7 @@ class DriveSection(Section):
     supply: SupplySection = SupplySection()
     thermal: ThermalSection = ThermalSection()
     safety: SafetySection = SafetySection()
+    encoder2: Encoder2Section = Encoder2Section()
     profidrive: ProfidriveSection = ProfidriveSection()
 
     @field_validator("personality")
@@ -201,7 +203,7 @@ class DriveSection(Section):
     @model_validator(mode="after")
     def _profile(self) -> DriveSection:
         if self.profile == "cia402":
-            for key in ("telegram", "profidrive"):
+            for key in ("telegram", "profidrive", "encoder2"):
                 if self.differs(key):
                     raise ValueError(
                         f'{key}: a drive with profile = "cia402" has none; set profile = "profidrive"'

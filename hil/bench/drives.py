@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import MS, US
+from hil.bench._profidrive_encoder import second_encoder_config
 
 if TYPE_CHECKING:
     import canopen
@@ -180,6 +181,7 @@ def profidrive_config(config: BenchConfig, name: str) -> ProfidriveConfig:
         torque_telegram=own.torque_telegram,
         safety_telegram=own.safety_telegram,
         safe_motion=section.safety.build_motion(),
+        encoder2=second_encoder_config(section.encoder2, section.mechanics.lead_screw_mm),
         cycle_ns=config.bench.cycle_ms * MS,
         servo_period_ns=config.bench.servo_period_us * US,
         control_period_ns=max(1 * MS, config.bench.servo_period_us * US),
@@ -279,7 +281,7 @@ def build_decoder(
     for name, encoder in config.encoder.items():
         if here(encoder):
             names[encoder.node_id] = name
-            dictionaries[encoder.node_id] = encoder_dictionary(encoder.type)
+            dictionaries[encoder.node_id] = encoder_dictionary(encoder.type, encoder.profile)
     decoder = FrameDecoder({**names, 127: "controller"}, dictionaries)
     for name, port in ports.items():
         if name in made_of_eds:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from hil.bench._profidrive_encoder import TYPES, EncoderTelegramSection
+
 if TYPE_CHECKING:
     from hil.bench.config import BenchConfig
     from hil.bench.drive_config import DriveSection
@@ -53,7 +55,7 @@ class ShaftSection(_Model):
 class EncoderSection(_Model):
     """`[encoder.NAME]`: an encoder as a device of its own on a segment."""
 
-    profile: Literal["cia406"] = "cia406"
+    profile: Literal["cia406", "profidrive"] = "cia406"
     device: Literal["emulated", "physical"] = "emulated"
     segment: str
     node_id: Annotated[int, Field(ge=1, le=126)]
@@ -98,6 +100,7 @@ class EncoderSection(_Model):
     max_speed_mm_s: Positive | None = None
     cyclic_timer_ms: Annotated[int, Field(ge=0, le=65535)] = 0
     heartbeat_ms: Annotated[int, Field(ge=0, le=60000)] = 100
+    profidrive: EncoderTelegramSection = EncoderTelegramSection()
     shaft: ShaftSection = ShaftSection()
 
     @property
@@ -134,10 +137,27 @@ def check_encoders(config: BenchConfig) -> None:
             raise ValueError(
                 f'{where}: a virtual bench cannot hold a physical encoder; set bench.kind = "live"'
             )
+        _check_profile(where, encoder)
         _check_keys(where, encoder)
         _check_place(where, encoder, config.drive)
         if encoder.device == "emulated":
             _check_range(where, encoder)
+
+
+def _check_profile(where: str, encoder: EncoderSection) -> None:
+    if encoder.profile == "cia406":
+        if encoder.profidrive.model_fields_set:
+            raise ValueError(
+                f'{where}.profidrive: an encoder with profile = "cia406" has none; set profile = "profidrive"'
+            )
+        return
+    if encoder.type not in TYPES:
+        raise ValueError(
+            f"{where}.type: {encoder.type!r} has no PROFIdrive interface; allowed: {', '.join(TYPES)}"
+        )
+    for key in ("cyclic_timer_ms", "max_speed_rpm", "max_speed_mm_s"):
+        if key in encoder.model_fields_set:
+            raise ValueError(f'{where}.{key}: an encoder with profile = "profidrive" has none')
 
 
 def _check_keys(where: str, encoder: EncoderSection) -> None:
@@ -177,10 +197,14 @@ def _check_place(where: str, encoder: EncoderSection, drives: Mapping[str, Drive
 
 def _check_range(where: str, encoder: EncoderSection) -> None:
     from fieldbus.errors import ConfigurationError
+    from hil.bench._profidrive_encoder import profidrive_encoder_config
     from hil.bench.encoders import encoder_config
 
     try:
-        encoder_config(encoder)
+        if encoder.profile == "profidrive":
+            profidrive_encoder_config(encoder, 1)
+        else:
+            encoder_config(encoder)
     except ConfigurationError as error:
         raise ValueError(f"{where}: {error}") from None
 

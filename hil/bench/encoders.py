@@ -8,6 +8,8 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.canopen.node_setup import NodeSetup
+from fieldbus.clock import MS
+from hil.bench._profidrive_encoder import coupling, profidrive_encoder_config
 
 if TYPE_CHECKING:
     import canopen
@@ -15,13 +17,16 @@ if TYPE_CHECKING:
 
     from emulators.encoder import Mounting
     from emulators.encoder.cia406 import CiA406Encoder, EncoderDeviceConfig
+    from emulators.encoder.profidrive.can import ProfidriveCanEncoder
     from emulators.mechanics import DrivenShaft
     from fieldbus.canopen.master import CanopenMaster
+    from fieldbus.canopen.node import RemoteNode
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
     from hil.bench.config import BenchConfig
     from hil.bench.encoder_config import EncoderSection
     from motion.drives.cia406 import Cia406Port
+    from motion.drives.profidrive_encoder import ProfidriveEncoderPort
 
 _RPM: Final = 2.0 * math.pi / 60.0
 _PROFILE: Final = 406
@@ -33,14 +38,18 @@ _SENSOR_SHARE: Final = 0.25
 ENCODER_METHODS: Final = frozenset((
     "freeze_encoder", "jump_encoder", "set_encoder_noise", "reverse_encoder", "lose_encoder_steps", "miss_index", "preset_encoder",
     "near_overflow", "set_alarm", "set_warning", "force_cycle_time", "stop_heartbeat", "power_off", "power_on",
-    "turn_shaft", "place_shaft",
+    "turn_shaft", "place_shaft", "set_encoder_error", "break_encoder", "freeze_sign_of_life",
 ))  # fmt: skip
 """Methods of an encoder that may be called through the pipe to another process."""
 
 
 @cache
-def encoder_dictionary(kind: str) -> canopen.ObjectDictionary:
+def encoder_dictionary(kind: str, profile: str = "cia406") -> canopen.ObjectDictionary:
     """Return the object dictionary of an encoder type of the bench file; treat it as read-only."""
+    if profile == "profidrive":
+        from emulators.encoder.profidrive._eds import profidrive_encoder_dictionary
+
+        return profidrive_encoder_dictionary()
     from emulators.encoder.cia406 import EncoderType, family_of
     from emulators.encoder.cia406 import encoder_dictionary as dictionary
 
@@ -81,12 +90,25 @@ def build_encoder(
     drives: Mapping[str, Any],
     history: History,
     rng: Generator,
-) -> CiA406Encoder:
+) -> CiA406Encoder | ProfidriveCanEncoder:
     """Return the emulated encoder `name`, still switched off, on the machine of a drive or a shaft of its own."""
     from emulators.encoder.cia406 import CiA406Encoder
 
     section = config.encoder[name]
     mounting, shaft = _mounting(scheduler, config, section, drives)
+    if section.profile == "profidrive":
+        from emulators.encoder.profidrive.can import ProfidriveCanEncoder
+
+        return ProfidriveCanEncoder(
+            scheduler,
+            segments[section.segment],
+            profidrive_encoder_config(section, config.bench.cycle_ms * MS),
+            mounting,
+            name=name,
+            history=history,
+            rng=rng,
+            shaft=shaft,
+        )
     return CiA406Encoder(
         scheduler,
         segments[section.segment],
@@ -104,12 +126,9 @@ def _mounting(
 ) -> tuple[Mounting, DrivenShaft | None]:
     from emulators.encoder import Mounting
 
-    ratio = section.gear_numerator / section.gear_denominator * (-1.0 if section.reversed else 1.0)
-    if section.linear:
-        offset_mm = 0.5 * section.length_mm if section.offset_mm is None else section.offset_mm
-        offset, backlash = offset_mm / 1000.0, section.backlash_mm / 1000.0
-    else:
-        offset, backlash = math.radians(section.offset_deg), math.radians(section.backlash_deg)
+    at_load = section.on is not None and section.mounting == "load"
+    lead_mm = config.drive[section.on].mechanics.lead_screw_mm if section.on is not None and at_load else None
+    ratio, offset, backlash = coupling(section, lead_mm)
     shaft: DrivenShaft | None = None
     source: Callable[[], float]
     if section.on is None:
@@ -124,9 +143,6 @@ def _mounting(
             def source() -> float:
                 return float(mechanics.motor_angle)
         else:
-            if not section.linear:
-                lead_mm = section.mm_per_revolution or config.drive[section.on].mechanics.lead_screw_mm
-                ratio *= 2.0 * math.pi * 1000.0 / lead_mm
 
             def source() -> float:
                 return float(mechanics.position)
@@ -147,17 +163,23 @@ def _own_shaft(scheduler: Scheduler, section: EncoderSection) -> DrivenShaft:
     return shaft
 
 
+def used_encoders(config: BenchConfig) -> set[str]:
+    """Return the names of the encoders that an axis or an external encoder reads."""
+    used = {one.encoder for one in config.external_encoder.values()}
+    used.update(name for axis in config.axis.values() for name in axis.encoders or ())
+    return used
+
+
 def build_encoder_ports(
     masters: Mapping[str, CanopenMaster], config: BenchConfig, history: History
 ) -> dict[str, Cia406Port]:
-    """Return a port to every encoder that an axis or an external encoder reads."""
+    """Return a port to every CiA 406 encoder that an axis or an external encoder reads."""
     from motion.drives.cia406 import Cia406Port, Cia406PortConfig
 
-    used = {one.encoder for one in config.external_encoder.values()}
-    used.update(name for axis in config.axis.values() for name in axis.encoders or ())
+    used = used_encoders(config)
     ports = {}
     for name, section in config.encoder.items():
-        if name not in used:
+        if name not in used or section.profile != "cia406":
             continue
         device = encoder_config(section)
         settings = Cia406PortConfig(
@@ -173,12 +195,14 @@ def build_encoder_ports(
 class EncoderNodes:
     """The encoders that the controller leads, as nodes of its network: checked, started, started again.
 
-    Encoders on a segment that somebody else leads are left to him. Nothing is written to them.
+    Encoders on a segment that somebody else leads are left to him. Nothing is written to them. A PROFIdrive encoder has a
+    port, which exchanges its telegram in every cycle.
 
     Args:
         masters: CANopen services of the controller, by segment.
         config: The bench file.
         ports: Technology objects that depend on encoders, by the name of the encoder.
+        history: Log of the ports.
 
     """
 
@@ -187,26 +211,30 @@ class EncoderNodes:
         masters: Mapping[str, CanopenMaster],
         config: BenchConfig,
         ports: Mapping[str, Cia406Port] | None = None,
+        history: History | None = None,
     ) -> None:
-        ports = ports or {}
+        users = ports or {}
         self._sections = {
             name: section for name, section in config.encoder.items() if config.leads(section.segment)
         }
-        self.nodes = {
-            name: masters[section.segment].add_node(
-                NodeSetup(
-                    section.node_id,
-                    name,
-                    device_profile=_PROFILE,
-                    # The period of a physical one is not known.
-                    heartbeat_timeout_ms=_HEARTBEATS * section.heartbeat_ms
-                    if section.device == "emulated"
-                    else 0,
-                ),
-                ports.get(name),
+        self.nodes: dict[str, RemoteNode] = {}
+        self.ports: dict[str, ProfidriveEncoderPort] = {}
+        for name, section in self._sections.items():
+            master = masters[section.segment]
+            setup = NodeSetup(
+                section.node_id,
+                name,
+                device_profile=_PROFILE if section.profile == "cia406" else None,
+                # The period of a physical one is not known.
+                heartbeat_timeout_ms=_HEARTBEATS * section.heartbeat_ms
+                if section.device == "emulated"
+                else 0,
             )
-            for name, section in self._sections.items()
-        }
+            if section.profile == "profidrive":
+                self.ports[name] = port = _port(master, setup, section, config, history)
+                self.nodes[name] = port.node
+            else:
+                self.nodes[name] = master.add_node(setup, users.get(name))
 
     def start(self) -> None:
         """Begin to take all of them into service."""
@@ -235,5 +263,27 @@ class EncoderNodes:
         return [
             name
             for name, section in self._sections.items()
-            if section.heartbeat_ms and not self.nodes[name].in_service
+            if (section.heartbeat_ms and not self.nodes[name].in_service)
+            or (name in self.ports and section.device == "emulated" and not self.ports[name].link_ok)
         ]
+
+
+def _port(
+    master: CanopenMaster,
+    setup: NodeSetup,
+    section: EncoderSection,
+    config: BenchConfig,
+    history: History | None,
+) -> ProfidriveEncoderPort:
+    from motion.drives.profidrive_encoder import EncoderPortConfig, ProfidriveEncoderPort
+
+    own = section.profidrive
+    words = EncoderPortConfig(
+        telegram=own.telegram,
+        sign_of_life=own.sign_of_life,
+        grace_cycles=config.bench.grace_cycles,
+        absolute_encoder=not section.type.startswith("incremental"),
+        reference_speed_rpm=None if section.linear else own.reference_speed,
+        acknowledges_errors=setup.name in used_encoders(config),
+    )
+    return ProfidriveEncoderPort(master, setup, words, history=history)

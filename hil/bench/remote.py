@@ -51,7 +51,7 @@ FAULT_METHODS: Final = frozenset((
     "scale_ramps", "set_local_control", "refuse_transitions", "fall_to_switch_on_disabled", "show_warning",
     "freeze_statusword", "lie_in_statusword", "toggle_target_reached", "show_mode_as", "reset_node", "abort_sdo",
     "silence_sdo", "storm_emcy", "force_temperature", "drift_encoder",
-    "break_encoder",
+    "break_encoder", "set_encoder_error",
 ))  # fmt: skip
 """Methods of a drive that may be called through the pipe."""
 
@@ -100,6 +100,7 @@ class DriveHost:
         self.places: dict[str, tuple[str, int] | str] = {}
         """Where the drives on Modbus are: host and port, or device file."""
         self._networks: list[SocketNetwork] = []
+        self._second_encoders: dict[str, Any] = {}
         self._groups: dict[str, Any] = {}
         self.released = False
         try:
@@ -143,6 +144,8 @@ class DriveHost:
             self.drives[name] = drive
             if config.segment[drive_section.segment].on_modbus:
                 self.places[name] = self._serve(config, name, drive)
+            if drive_section.encoder2.type != "none":
+                self._second_encoders[f"{name}.encoder2"] = getattr(drive, "second_encoder", None)
         for name in encoder_names(config):
             self.drives[name] = build_encoder(
                 self.scheduler, self.segments, config, name,
@@ -188,7 +191,8 @@ class DriveHost:
         if call == "ready":
             self.scheduler.worst_lateness_ns = 0
             return None
-        drive = self.drives.get(str(command.get("drive")))
+        name = str(command.get("drive"))
+        drive = self.drives.get(name) or self._second_encoders.get(name)
         if drive is not None and call in PARAMETER_METHODS and hasattr(drive, "parameters"):
             return self._parameters(drive.parameters, str(call), command.get("args", ()))
         if drive is None or call not in FAULT_METHODS | ENCODER_METHODS or not hasattr(drive, str(call)):

@@ -186,7 +186,12 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
 
     """
     own = tuple(getattr(bench, "encoder_names", ()))
-    if fault.target in own or (not fault.target and own and fault.kind in OWN_DEVICE_NAMES):
+    second = getattr(bench, "second_encoder_names", ())
+    if (
+        fault.target in second
+        or fault.target in own
+        or (not fault.target and own and fault.kind in OWN_DEVICE_NAMES)
+    ):
         device = bench.encoder(fault.target or None)  # type: ignore[attr-defined]  # a bench of one's own may have none
     else:
         device = bench.drive(fault.target or None)
@@ -222,6 +227,9 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
             return pair("drift_encoder", (value("increments_per_s"),), (0.0,))
         case "encoder.wire_break":
             return pair("break_encoder", (True,), (False,))
+        case "encoder.error":
+            code = int(value("code"))
+            return pair("set_encoder_error", (code, True), (code, False))
         case "encoder.step_loss":
             return pair("lose_encoder_steps", (value("every"),), (0,))
         case "encoder.preset":

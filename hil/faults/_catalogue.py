@@ -11,7 +11,7 @@ from hil.faults._can_catalogue import CAN_FAULTS
 from hil.faults._catalogue_drive import DRIVE_FAULTS
 from hil.faults._catalogue_machine import MACHINE_FAULTS, MOTOR_ENCODER_FAULTS
 from hil.faults._catalogue_safety import SAFETY_FAULTS
-from hil.faults._encoder_kinds import ANY_ENCODER, OWN_DEVICE
+from hil.faults._encoder_kinds import ANY_ENCODER, OWN_DEVICE, PROFIDRIVE_ENCODER
 from hil.faults._parameters import FaultType, Parameter
 from hil.faults._telegram_catalogue import TELEGRAM_FAULTS
 
@@ -103,6 +103,7 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
     *MACHINE_FAULTS,
     *ANY_ENCODER,
     *MOTOR_ENCODER_FAULTS,
+    *PROFIDRIVE_ENCODER,
     *OWN_DEVICE,
     FaultType(
         "axis.alarm", "The controller raises a technology alarm by itself", "axis", "alarm engine of the axis",

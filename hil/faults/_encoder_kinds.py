@@ -58,6 +58,16 @@ ANY_ENCODER: Final[tuple[FaultType, ...]] = (
 )  # fmt: skip
 """Kinds that hit the encoder of a drive as well as one that is a device of its own."""
 
+PROFIDRIVE_ENCODER: Final[tuple[FaultType, ...]] = (
+    FaultType(
+        "encoder.error", "An encoder with a PROFIdrive interface shows an error (Gx_ZSW bit 15, code in Gx_XIST2)", "encoder", "encoder words",
+        (Parameter("code", "int", "Code", minimum=0x0001, maximum=0x1001, required=True),),
+        refused={"hardware": _NO_HAND}, remark="0003h to 0008h and 000Ah come when the controller asks for what they abort",
+        example={"kind": "encoder.error", "target": "drive1", "duration_s": 0.5, "parameters": {"code": 0x0001}},
+    ),
+)  # fmt: skip
+"""Kinds that need an encoder with a PROFIdrive interface: that of an axis, its second one, or a device of its own."""
+
 OWN_DEVICE: Final[tuple[FaultType, ...]] = (
     FaultType(
         "encoder.preset", "Somebody writes a preset, whatever moves", "encoder", "encoder device",
@@ -106,5 +116,10 @@ OWN_DEVICE: Final[tuple[FaultType, ...]] = (
 """Kinds that need an encoder with a node of its own."""
 
 OWN_DEVICE_NAMES: Final = frozenset(entry.name for entry in OWN_DEVICE)
-NOT_FUZZED: Final = OWN_DEVICE_NAMES | {"encoder.noise", "encoder.reverse", "encoder.step_loss"}
+NOT_FUZZED: Final = OWN_DEVICE_NAMES | {
+    "encoder.error",
+    "encoder.noise",
+    "encoder.reverse",
+    "encoder.step_loss",
+}
 """Kinds that a fuzz search leaves out: programs move axes, and nothing controls with an encoder of its own yet."""

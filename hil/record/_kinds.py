@@ -51,6 +51,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "emcy.received": "the controller has received an EMCY",
         "encoder.alarm": "alarms of an encoder change",
         "encoder.cams": "cams of an encoder change",
+        "encoder.error": "the error of a PROFIdrive encoder changes",
         "encoder.preset": "a preset is written",
         "encoder.warning": "warnings of an encoder change",
         "fault.applied": "an injected fault acts",

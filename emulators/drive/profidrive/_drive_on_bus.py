@@ -14,6 +14,7 @@ from emulators.drive.profidrive.config import ProfidriveConfig
 from emulators.drive.profidrive.device import ProfidriveDrive
 from emulators.drive.profidrive.drive_parameters import DriveParameters
 from emulators.drive.profidrive.fault_catalogue import DriveWarning
+from emulators.drive.profidrive.second_encoder import SecondEncoder
 from emulators.drive.profidrive.statemachine import AxisState
 from emulators.encoder import AbsoluteEncoder
 from fieldbus.clock import Scheduler
@@ -71,7 +72,9 @@ class DriveOnBus(MachineFaults, PowerFaults):
         self._drift_timer: Timer | None = None
         self._drift_rest = 0.0
         self.trace_columns = trace_columns(
-            "m" if isinstance(config.mechanics, LinearAxisConfig) else "rad", self.bus_columns
+            "m" if isinstance(config.mechanics, LinearAxisConfig) else "rad",
+            self.bus_columns,
+            second=config.encoder2 is not None,
         )
         """(name, unit) of the values of `trace_row`."""
 
@@ -187,6 +190,18 @@ class DriveOnBus(MachineFaults, PowerFaults):
         """Make all ramps of the drive with this share of their slope; 1 = as set."""
         self.drive.channel.ramp_scale = share
         self.drive.channel.refresh()
+
+    @property
+    def second_encoder(self) -> SecondEncoder | None:
+        """The second encoder with its own doors for faults; None = not fitted."""
+        return self.drive.second
+
+    def set_encoder_error(self, code: int, active: bool) -> None:
+        """Bring about the cause of an error of G1_XIST2, or end it; see `EncoderInterface.fail`."""
+        if active:
+            self.drive.encoder_words.fail(code)
+        else:
+            self.drive.encoder_words.heal(code)
 
     def break_encoder(self, broken: bool) -> None:
         """Cut the wire of the encoder: the value stands, G1_ZSW and a fault say so; or mend it."""

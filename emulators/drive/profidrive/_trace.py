@@ -10,9 +10,13 @@ from emulators.drive.profidrive.statemachine import AxisState
 if TYPE_CHECKING:
     from emulators.drive.profidrive.device import ProfidriveDrive
 
+_SECOND: Final = (("g2_zsw", ""), ("g2_xist1", "inc"), ("g2_xist2", ""))
 
-def trace_columns(position_unit: str, bus: tuple[str, ...] = ()) -> tuple[tuple[str, str], ...]:
-    """Return (name, unit) of the columns; `position_unit` is m or rad, `bus` are the columns of the transport."""
+
+def trace_columns(
+    position_unit: str, bus: tuple[str, ...] = (), *, second: bool = False
+) -> tuple[tuple[str, str], ...]:
+    """Return (name, unit) of the columns; `position_unit` is m or rad, `bus` are the columns of the transport, `second` adds those of G2."""
     return (
         ("position", position_unit),
         ("velocity", f"{position_unit}/s"),
@@ -33,6 +37,7 @@ def trace_columns(position_unit: str, bus: tuple[str, ...] = ()) -> tuple[tuple[
         ("fault_number", ""),
         ("warning_number", ""),
         ("safety", ""),
+        *(_SECOND if second else ()),
     )
 
 
@@ -69,4 +74,5 @@ def trace_row(drive: ProfidriveDrive, *bus: float) -> tuple[float, ...]:
         faults.number,
         faults.warning_number,
         drive.safety.s_zsw1b(),
+        *(() if drive.second is None else drive.second.words),
     )

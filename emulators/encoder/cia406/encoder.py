@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from emulators.encoder._mounting import Mounting
+from emulators.encoder._own_shaft import OwnShaft
 from emulators.encoder.cia406._object_rules import EVENT_TIMER
 from emulators.encoder.cia406.config import EncoderDeviceConfig
 from emulators.encoder.cia406.device import EncoderDevice
@@ -24,7 +25,7 @@ TRACE_ENUMS: Final[dict[str, dict[int, str]]] = {
 """Texts of the columns that show a state."""
 
 
-class CiA406Encoder(EncoderDevice):
+class CiA406Encoder(EncoderDevice, OwnShaft):
     """An encoder as a device of its own on a CAN segment.
 
     It is off until `power_on`. Positions on the bus are those of the instant at which they are read: of SYNC for synchronous
@@ -191,28 +192,3 @@ class CiA406Encoder(EncoderDevice):
     def stop_heartbeat(self, stopped: bool) -> None:
         """Keep the heartbeat back, or send it again."""
         self.slave.error_control.silent = stopped
-
-    # -- own shaft ----------------------------------------------------------------------------------------------
-
-    def turn_shaft(self, speed: float, ramp_s: float = 0.0) -> None:
-        """Turn the encoder's own shaft, rad/s (m/s linear), reached linearly within `ramp_s`.
-
-        Raises:
-            UnsupportedFaultError: The encoder sits on the machine of a drive.
-
-        """
-        self._own_shaft().turn(speed, ramp_s=ramp_s)
-
-    def place_shaft(self, position: float) -> None:
-        """Put the encoder's own shaft at rest at `position`, rad or m.
-
-        Raises:
-            UnsupportedFaultError: The encoder sits on the machine of a drive.
-
-        """
-        self._own_shaft().place(position)
-
-    def _own_shaft(self) -> DrivenShaft:
-        if self.shaft is None:
-            raise UnsupportedFaultError(f"{self.name} has no shaft of its own")
-        return self.shaft

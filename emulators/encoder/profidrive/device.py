@@ -102,6 +102,7 @@ class ProfidriveEncoder:
         "_addressed",
         "_angle",
         "_frame",
+        "_frozen_sign",
         "_full_speed",
         "_g1_stw",
         "_mounting",
@@ -121,6 +122,7 @@ class ProfidriveEncoder:
         "refused",
         "speed",
         "warnings",
+        "words",
     )
 
     def __init__(
@@ -164,6 +166,9 @@ class ProfidriveEncoder:
         self.refused = 0
         """Frames of a wrong length since construction."""
         self.powered = False
+        self.words = (0, 0, 0)
+        """G1_ZSW, G1_XIST1, G1_XIST2 of the last cycle."""
+        self._frozen_sign: int | None = None
         self._pending: bytes | None = None
         self._switches = (*probes, *marks)
         for number, switch in enumerate(probes, 1):
@@ -193,6 +198,17 @@ class ProfidriveEncoder:
         """Take the supply away: nothing is received or sent, and the fault situations are gone."""
         self.powered = False
         self.faults.clear()
+
+    @property
+    def sign_of_life(self) -> int:
+        """The encoder's counter as it is shown: 0 without clock, 1..15 when it is synchronous (PD-126)."""
+        if not self.config.isochronous:
+            return 0
+        return self._signs.value if self._frozen_sign is None else self._frozen_sign
+
+    def freeze_sign_of_life(self, frozen: bool) -> None:
+        """Let the encoder's sign of life stand still, or count again."""
+        self._frozen_sign = self._signs.value if frozen else None
 
     # -- bus ---------------------------------------------------------------------------------------------------
 
@@ -291,7 +307,8 @@ class ProfidriveEncoder:
         self.faults.enter(FaultMessage(number=code, code=code, time_ms=self._scheduler.now // MS))
 
     def _build(self, words: tuple[int, int, int]) -> None:
-        zsw2 = self._signs.value << SIGN_OF_LIFE_SHIFT if self.config.isochronous else 0
+        self.words = words
+        zsw2 = self.sign_of_life << SIGN_OF_LIFE_SHIFT
         if self.faults.present:
             zsw2 |= ZSW2_ENC.FAULT
         if self.warnings:

@@ -163,7 +163,7 @@ def test_examples_of_the_fault_catalogue_are_applied(example):
 
     What only a PROFIdrive axis has is injected there.
     """
-    at_profidrive = example.split('"')[1].startswith(("telegram.", "safety."))
+    at_profidrive = example.split('"')[1].startswith(("telegram.", "safety.", "encoder.error"))
     base, safety = ("profidrive", SAFETY) if at_profidrive else ("reference", 'interlock = "inhibit"')
     fitted = (
         f"[drive.drive1.brake]\ntorque_nm = 5.0\n[drive.drive1.safety]\n{safety}\n\n"

@@ -1,0 +1,268 @@
+"""The PROFIdrive encoder as a node of a CAN segment: its telegram in free process data words on PDOs, latched by SYNC.
+
+At SYNC the encoder takes the words that have come, samples, makes its cycle, and its answer goes into the TPDOs of the same
+SYNC. One that is not isochronous makes its cycle by itself when nobody sends SYNC.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from emulators.drive.profidrive.process_words import ProcessWords
+from emulators.encoder._mounting import Mounting
+from emulators.encoder._own_shaft import OwnShaft
+from emulators.encoder.profidrive import _objects as objects
+from emulators.encoder.profidrive._abilities import EncoderState
+from emulators.encoder.profidrive._eds import profidrive_encoder_dictionary
+from emulators.encoder.profidrive.device import ProfidriveEncoder, ProfidriveEncoderConfig
+from emulators.encoder.profidrive.faults import SensorFaults
+from fieldbus.can.frame import CanSegment
+from fieldbus.canopen.nmt import NmtState
+from fieldbus.canopen.slave import CanopenSlave
+from fieldbus.clock import MS, Scheduler, seconds_to_ns
+from fieldbus.errors import ConfigurationError
+from fieldbus.history import History
+from fieldbus.profidrive import telegram
+from fieldbus.profidrive.words import ENCODER_ERRORS
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from emulators.mechanics import DrivenShaft
+
+_FREE_RUNNING_PRIORITY: Final = 2
+_NOT_VALID_PDO: Final = 1 << 31
+EMCY: Final = 0x7300
+"""EMCY of an encoder error: fault of a sensor; the code of Gx_XIST2 is in its data."""
+_STATES: Final = {state: number for number, state in enumerate(EncoderState)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfidriveEncoderNodeConfig:
+    """A PROFIdrive encoder on CANopen.
+
+    Args:
+        node_id: 1..127.
+        encoder: The encoder.
+        cycle_ns: Bus cycle, ns: of a free-running encoder when nobody sends SYNC.
+        heartbeat_ms: 1017h, 0..65535.
+        boot_time_s: From power-on or reset to the boot-up frame, s.
+
+    Raises:
+        ConfigurationError: A value is out of its range.
+
+    """
+
+    node_id: int
+    encoder: ProfidriveEncoderConfig
+    cycle_ns: int = 4 * MS
+    heartbeat_ms: int = 0
+    boot_time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.node_id <= 127:
+            raise ConfigurationError("node_id", self.node_id, "1..127")
+        if self.cycle_ns <= 0:
+            raise ConfigurationError("cycle_ns", self.cycle_ns, "> 0")
+        if not 0 <= self.heartbeat_ms <= 0xFFFF:
+            raise ConfigurationError("heartbeat_ms", self.heartbeat_ms, "0..65535")
+        if not self.boot_time_s >= 0.0:
+            raise ConfigurationError("boot_time_s", self.boot_time_s, ">= 0")
+
+
+class ProfidriveCanEncoder(SensorFaults, OwnShaft):
+    """An emulated PROFIdrive encoder on a CAN segment, with all that a test can do to it. It is off until `power_on`.
+
+    Args:
+        scheduler: Time of the bench.
+        segment: CAN segment.
+        config: Node and encoder.
+        mounting: What it measures, and how it is coupled to it.
+        name: Name of the node on the segment and in the history.
+        history: Log for `encoder.error`; None for none.
+        rng: Source of the noise; None: the encoder cannot be made noisy.
+        shaft: The shaft behind `mounting` when it is the encoder's own, for `turn_shaft`.
+
+    Raises:
+        ConfigurationError: The configuration does not fit together.
+
+    """
+
+    __slots__ = (
+        "_code", "_history", "_mounting", "_scheduler", "_sync_ns", "_words", "config", "device", "encoder", "interface", "name",
+        "shaft", "slave", "trace_columns",
+    )  # fmt: skip
+
+    trace_enums: ClassVar[dict[str, dict[int, str]]] = {
+        "state": {number: f"{state.name} {state.value}" for state, number in _STATES.items()},
+        "error": {0: "none", **{code: f"{code:04X}h {text}" for code, text in ENCODER_ERRORS.items()}},
+        "nmt_state": {int(state): state.name for state in NmtState},
+    }
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        segment: CanSegment,
+        config: ProfidriveEncoderNodeConfig,
+        mounting: Mounting,
+        *,
+        name: str,
+        history: History | None = None,
+        rng: np.random.Generator | None = None,
+        shaft: DrivenShaft | None = None,
+    ) -> None:
+        self._scheduler = scheduler
+        self._history = history
+        self._mounting = mounting
+        self.name = name
+        self.config = config
+        self.shaft = shaft
+        self.device = device = ProfidriveEncoder(scheduler, config.encoder, mounting, rng=rng)
+        """The encoder without a bus."""
+        self.encoder = device.encoder
+        self.interface = device.interface
+        self.slave = slave = CanopenSlave(
+            scheduler,
+            segment,
+            profidrive_encoder_dictionary(),
+            config.node_id,
+            name=name,
+            history=history,
+            boot_time_ns=seconds_to_ns(config.boot_time_s),
+        )
+        self._set_defaults()
+        self._words = ProcessWords(slave, telegram(config.encoder.telegram))
+        self._sync_ns = 0
+        self._code = 0
+        self.trace_columns = (
+            ("coordinate", "m" if config.encoder.form.linear else "rad"),
+            ("g1_zsw", ""),
+            ("g1_xist1", "inc"),
+            ("g1_xist2", ""),
+            ("speed", "%"),
+            ("state", ""),
+            ("error", ""),
+            ("faults", ""),
+            ("sign_of_life", ""),
+            ("nmt_state", ""),
+        )
+        """(name, unit) of the values of `trace_row`."""
+        slave.on_sync.append(self._on_sync)
+        slave.on_nmt_state.append(self._on_nmt_state)
+        slave.on_reset.append(self._on_reset)
+        if not config.encoder.isochronous:
+            scheduler.every(config.cycle_ns, self._free_running, priority=_FREE_RUNNING_PRIORITY)
+
+    def _set_defaults(self) -> None:
+        """Enter what depends on the telegram: its number, formats, and PDOs with no more words than it has."""
+        store = self.slave.store
+        words = telegram(self.config.encoder.telegram).actual.words
+        values = {(0x1017, 0): self.config.heartbeat_ms, (objects.TELEGRAM, 0): self.config.encoder.telegram}
+        values.update({(objects.FORMAT, at): value for at, value in enumerate(self.device.p979, 1)})
+        for number in range(3):
+            left = words - objects.WORDS_PER_PDO * number
+            values[0x1A00 + number, 0] = min(max(left, 0), objects.WORDS_PER_PDO)
+            if left <= 0:
+                values[0x1800 + number, 1] = (0x180 + 0x100 * number + self.config.node_id) | _NOT_VALID_PDO
+        for (index, sub), value in values.items():
+            entry = store.entries.get(index << 8 | sub)
+            if entry is not None:
+                entry.default = entry.coerce(value)
+            else:
+                self.slave.values[index << 8 | sub] = value
+        store.load(application=True)
+
+    def trace_row(self) -> tuple[float, ...]:
+        """Return the present values of `trace_columns`; the coordinate is the true one, `speed` in percent of the reference."""
+        device = self.device
+        zsw, xist1, xist2 = device.words
+        return (
+            self._mounting.coordinate(),
+            zsw,
+            xist1,
+            xist2,
+            100.0 * device.speed,
+            _STATES[device.interface.state],
+            device.interface.error,
+            len(device.faults.present),
+            device.sign_of_life,
+            self.slave.nmt_state,
+        )
+
+    # -- life -----------------------------------------------------------------------------------------------------
+
+    def power_on(self) -> None:
+        """Switch the supply on: absolute encoders know their position at once, others begin to count."""
+        if not self.slave.powered:
+            self.device.power_on()
+            self.slave.power_on()
+            self._give()
+
+    def power_off(self) -> None:
+        """Switch the supply off."""
+        if self.slave.powered:
+            self.slave.power_off()
+            self.device.power_off()
+            self._code = 0
+
+    def _on_reset(self, application: bool) -> None:
+        if application:
+            self.device.power_off()
+            self.device.power_on()
+            self._code = 0
+        self._give()
+
+    def _on_nmt_state(self, _old: NmtState, new: NmtState) -> None:
+        if new is NmtState.OPERATIONAL:
+            self._words.begin()
+
+    # -- bus cycle ------------------------------------------------------------------------------------------------
+
+    def _on_sync(self, time_ns: int) -> None:
+        self._sync_ns = time_ns
+        if self.slave.nmt_state is NmtState.OPERATIONAL:
+            self._cycle()
+
+    def _free_running(self) -> None:
+        late = self._scheduler.now - self._sync_ns > 2 * self.config.cycle_ns
+        if late and self.slave.nmt_state is NmtState.OPERATIONAL:
+            self._cycle()
+
+    def _cycle(self) -> None:
+        device = self.device
+        frame = self._words.take()
+        if frame is not None:
+            device.receive(frame)
+        device.cycle()
+        code = device.interface.error
+        if code != self._code:
+            self._tell(code)
+        self._give()
+
+    def _give(self) -> None:
+        frame = self.device.transmit()
+        if frame is not None:
+            self._words.give(frame)
+
+    def _tell(self, code: int) -> None:
+        """Tell of an error that has come or gone: r2131, EMCY, log."""
+        self._code = code
+        slave = self.slave
+        slave.set(objects.FAULT_NUMBER, 0, code)
+        if code:
+            slave.emcy(EMCY, data=code.to_bytes(2, "little"))
+        else:
+            slave.emcy_clear(EMCY)
+        if self._history is not None:
+            self._history.emit(self.name, "encoder.error", code=code, text=ENCODER_ERRORS.get(code, "none"))
+
+    # -- node -----------------------------------------------------------------------------------------------------
+
+    def stop_heartbeat(self, stopped: bool) -> None:
+        """Keep the heartbeat back, or send it again."""
+        self.slave.error_control.silent = stopped
+
+    def freeze_sign_of_life(self, frozen: bool) -> None:
+        """Let the encoder's sign of life stand still, or count again."""
+        self.device.freeze_sign_of_life(frozen)
