@@ -362,9 +362,15 @@ class Bench(BenchParts):
 
     def _linked(self) -> bool:
         return all(
-            (handle.communication_ok and handle.sensor_valid) or missing(self._ports[self.drive_of(name)])
+            (handle.communication_ok and handle.sensor_valid)
+            or missing(self._ports[self.drive_of(name)])
+            or self._programmed(handle)
             for name, handle in self._axes.items()
         )
+
+    def _programmed(self, handle: AxisHandle) -> bool:
+        """Say whether the telegram of an axis arrives and it is up to a program to let the axis see it."""
+        return handle.object.connection == "data_block" and handle.object.drive_port.link_ok
 
     def _after_cycle(self) -> None:
         for callback in self._cycle_callbacks:

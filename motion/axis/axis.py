@@ -7,36 +7,18 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from fieldbus.errors import ConfigurationError
 from motion.axis.adaption import Adaption
-from motion.axis.configuration import (
-    DSC_TELEGRAMS,
-    Abilities,
-    Problem,
-    check_configuration,
-    derive_units,
-    setpoint_range,
-)
-from motion.axis.control import PositionController
+from motion.axis.assembly import AxisAssembly
+from motion.axis.configuration import derive_units
 from motion.axis.control_words import ControlWords
 from motion.axis.data_block import live_variables, unit_names
 from motion.axis.enabling import EnableControl
-from motion.axis.feedback import NO_FEEDBACK, VALID, EncoderSource, Feedback
+from motion.axis.feedback import VALID, EncoderSource, Feedback
 from motion.axis.homing import home_directly
-from motion.axis.limits import TravelLimits
-from motion.axis.mechanics import INCREMENTAL, Mechanics
-from motion.axis.modulo import NO_MODULO, Modulo
-from motion.axis.monitoring import Monitoring
 from motion.axis.motion import MotionControl
 from motion.axis.reactions import AxisAlarms
 from motion.axis.reset import Reset
-from motion.axis.simulation import (
-    SimulatedController,
-    SimulatedFeedback,
-    SimulatedPort,
-    VirtualController,
-)
 from motion.axis.state import FACTS, AxisState
 from motion.axis.status import status_word, status_word2
-from motion.axis.torque import TorqueControl
 from motion.drives.port import STW1
 from motion.variables import VariableStore
 
@@ -47,12 +29,11 @@ if TYPE_CHECKING:
 
 _AT_REST_RPM: Final = 1.0
 """Motor speed below which a speed axis counts as standing."""
-ALARM_ADJUSTED: Final = 110
 
 CONNECTIONS: Final = ("direct", "data_block")
 
 
-class TechnologyAxis:
+class TechnologyAxis(AxisAssembly):
     """Base of positioning and speed axis.
 
     Args:
@@ -72,8 +53,6 @@ class TechnologyAxis:
 
     """
 
-    object_type: ClassVar[str] = ""
-    has_position: ClassVar[bool] = False
     trace_columns: tuple[tuple[str, str], ...] = (
         ("position_setpoint", "mm"),
         ("velocity_setpoint", "mm/s"),
@@ -173,162 +152,6 @@ class TechnologyAxis:
         self._live = live_variables(self)
         if self.has_position:
             self.trace_columns = unit_names(self)
-
-    # -- configuration ----------------------------------------------------------------------------------------
-
-    def check(self, *, start: bool) -> list[Problem]:
-        """Return what does not fit together, in the values in force or in the start values of the next restart."""
-        read = self.variables.start_value if start else self.variables.read
-        port = self.drive_port
-        number = port.telegram_number
-        abilities = Abilities(
-            dsc=port.dsc
-            and (not number or number in DSC_TELEGRAMS)
-            and (not self.has_position or self.encoder_ports[0] is port),
-            velocities=tuple(one.brings_speed for one in self.encoder_ports),
-            simulated=read("VirtualAxis.Mode") == 1 or read("Simulation.Mode") == 1,
-        )
-        return check_configuration(self.variables, abilities, cpu=self.cpu, start=start)
-
-    def apply_configuration(self, *, powered_off: bool = False) -> None:
-        """Derive everything from the variables, at start and after a restart.
-
-        Args:
-            powered_off: The controller has been without supply: nothing is kept but what is retentive.
-
-        """
-        store = self.variables
-        self.virtual = store.read("VirtualAxis.Mode") == 1
-        self.simulated = simulated = self.virtual or store.read("Simulation.Mode") == 1
-        if self.has_position:
-            self.operative_sensor = store.read("PositionControl.InitialOperativeSensor")
-        self.torque = TorqueControl(self)
-        self.control_words.release()
-        self.derive(restart=True, powered_off=powered_off)
-        self.homed = (
-            self.has_position
-            and not simulated
-            and self.feedback.scale.kind != INCREMENTAL
-            and store.read(f"StatusSensor[{self.operative_sensor}].Adjusted") == 1
-        )
-        if self.adaption is not None:
-            self.adaption.close()
-        sources = self.encoder_ports if self.has_position else ()
-        adaption = Adaption(
-            store, self.drive_port, sources, self.alarms, self.derive, simulated=simulated, name=self.name,
-            history=self.history,
-        )  # fmt: skip
-        self.adaption = adaption
-        self._adapting = adaption if adaption.active else None
-
-    def derive(self, *, restart: bool = False, powered_off: bool = False) -> None:
-        """Derive ratios, limits and encoders from the variables in force.
-
-        Without a `restart` an encoder whose data have not changed goes on as it is.
-        """
-        store = self.variables
-        self.mechanics = mechanics = Mechanics(store)
-        limits = setpoint_range(store)
-        self._max_speed = limits.maximum
-        if limits.adjusted:
-            self.alarms.raise_alarm(ALARM_ADJUSTED, info=1, text=limits.adjusted)
-        self.modulo = NO_MODULO
-        if self.simulated:
-            self.port = port = SimulatedPort(self.cycle_s, mechanics.rpm_per_unit)
-        else:
-            self.port = self.drive_port
-            self.port.set_reference(limits.reference, limits.torque)
-        self.delay_s = self._delay()
-        self.encoder_apart = None
-        if not self.has_position:
-            self.feedback = NO_FEEDBACK
-            return
-        self.modulo = Modulo(store)
-        before = self.sensors or (None,) * 4
-        offsets = [
-            store.bind(f"{one.prefix.replace('Sensor', 'StatusSensor')}.AbsEncoderOffset")
-            for one in mechanics.sensors
-        ]
-        if self.simulated:
-            feedbacks = tuple(
-                SimulatedFeedback(port, scale, self.cycle_s, cell, None if powered_off else old)
-                for scale, cell, old in zip(mechanics.sensors, offsets, before, strict=False)
-            )
-            port.feedbacks = feedbacks
-            self.sensors = feedbacks
-        else:
-            sensors = []
-            for source, scale, cell, old in zip(
-                self.encoder_ports, mechanics.sensors, offsets, before, strict=False
-            ):
-                if old is not None and not restart and old.scale == scale:
-                    sensors.append(old)
-                    continue
-                sensors.append(
-                    Feedback(source, scale, self.cycle_s, cell, before=old, powered_off=powered_off)
-                )
-                self.homed = False
-            self.sensors = tuple(sensors)
-        for number, sensor in enumerate(self.sensors, start=1):
-            adjusted = f"StatusSensor[{number}].Adjusted"
-            if self.virtual:
-                store.set_internal(adjusted, 1)
-            elif sensor.scale.kind == INCREMENTAL:
-                store.set_internal(adjusted, 0)
-        self._build_control()
-        self.take_sensor(self.operative_sensor)
-
-    def _delay(self) -> float:
-        """Return T_i + T_o + T_DC + T_servo, s: of a direct connection as it is, of a data block as it is told (CFG-263)."""
-        if self.simulated:
-            return self.cycle_s
-        if self.connection == "data_block":
-            return self.cycle_s + sum(
-                float(self.variables.parameter(one).value) for one in (1010, 1011, 1012)
-            )
-        return self._direct_delay_s
-
-    def _build_control(self) -> None:
-        """Make controller, monitoring and limits."""
-        store = self.variables
-        bind = store.bind
-        self._dsc = store.read("PositionControl.EnableDSC") and not self.simulated
-        self.controller: PositionController | VirtualController
-        if isinstance(self.port, SimulatedPort):
-            self.controller = (
-                VirtualController(self.port)
-                if self.virtual
-                else SimulatedController(self.port, store, self.cycle_s)
-            )
-        else:
-            self.controller = PositionController(
-                kv=bind("PositionControl.Kv"),
-                kpc=bind("PositionControl.Kpc"),
-                time_constant=bind("DynamicAxisModel.VelocityTimeConstant"),
-                additional_delay=bind("FollowingError.AdditionalSetpointDelayTime"),
-                smoothing=bind("PositionControl.SmoothingTimeByChangeDifference"),
-                cycle_s=self.cycle_s,
-                delay_s=self.delay_s,
-            )
-        self.monitoring = Monitoring(self, self.cycle_s)
-        self.limits = TravelLimits(self)
-        self._rest_threshold = bind("StandstillSignal.VelocityThreshold")
-
-    def take_sensor(self, number: int) -> None:
-        """Control the position with encoder `number` from now on."""
-        self.operative_sensor = number
-        self.feedback = self.sensors[number - 1]
-        source = self.feedback.source
-        self.encoder_apart = None if source is self.port else source
-        self.controller.quantum = self._control_quantum()
-
-    def _control_quantum(self) -> float:
-        """Return the quantum of the control difference, axis unit: none, the encoder's resolution, or a value (CFG-379 to 381)."""
-        read = self.variables.read
-        mode = read("PositionControl.ControlDifferenceQuantization.Mode")
-        if mode == 1:
-            return abs(self.feedback.scale.increment)
-        return float(read("PositionControl.ControlDifferenceQuantization.Value")) if mode == 2 else 0.0
 
     # -- state ------------------------------------------------------------------------------------------------
 
