@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Final, cast
 
 from motion.axis.adaption import Adaption
+from motion.axis.backlash import Backlash
 from motion.axis.configuration import DSC_TELEGRAMS, Abilities, Problem, check_configuration, setpoint_range
 from motion.axis.control import PositionController
 from motion.axis.feedback import NO_FEEDBACK, EncoderSource, Feedback
 from motion.axis.limits import TravelLimits
-from motion.axis.mechanics import INCREMENTAL, Mechanics
+from motion.axis.mechanics import INCREMENTAL, MOTOR_SIDE, Mechanics
 from motion.axis.modulo import NO_MODULO, Modulo
 from motion.axis.monitoring import Monitoring
 from motion.axis.simulation import SimulatedController, SimulatedFeedback, SimulatedPort, VirtualController
@@ -45,6 +46,7 @@ class AxisAssembly:
     alarms: AxisAlarms
     control_words: ControlWords
     sensors: tuple[Feedback, ...]
+    backlashes: tuple[Backlash, ...]
     operative_sensor: int
     encoder_apart: EncoderSource | None
     simulated: bool
@@ -156,6 +158,11 @@ class AxisAssembly:
                 store.set_internal(adjusted, 1)
             elif sensor.scale.kind == INCREMENTAL:
                 store.set_internal(adjusted, 0)
+        self.backlashes = tuple(
+            Backlash(self._axis, sensor, sensor.scale.prefix)
+            for sensor in self.sensors
+            if not self.simulated and self.variables.read(f"{sensor.scale.prefix}.MountingMode") == MOTOR_SIDE
+        )
         self._build_control()
         self.take_sensor(self.operative_sensor)
 

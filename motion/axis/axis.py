@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 from fieldbus.errors import ConfigurationError
 from motion.axis.adaption import Adaption
 from motion.axis.assembly import AxisAssembly
+from motion.axis.backlash import Backlash
 from motion.axis.configuration import derive_units
 from motion.axis.control_words import ControlWords
 from motion.axis.data_block import live_variables, unit_names
@@ -139,6 +140,8 @@ class TechnologyAxis(AxisAssembly):
         self.control_words = ControlWords(self)
         self.sensors: tuple[Feedback, ...] = ()
         """All encoders, in the order of `Sensor[n]`."""
+        self.backlashes: tuple[Backlash, ...] = ()
+        """Compensation of the encoders that sit on the motor."""
         self.operative_sensor = 1
         """`OperativeSensor`: the encoder in position control (CFG-314)."""
         problems = self.check(start=False)
@@ -210,6 +213,9 @@ class TechnologyAxis(AxisAssembly):
         if has_position:
             for sensor in self.sensors:
                 sensor.update()
+            for backlash in self.backlashes:
+                if backlash.enabled.value or backlash.used:
+                    backlash.step()
             self.actual_velocity = velocity = feedback.velocity
             self.at_rest = -self._rest_threshold.value <= velocity <= self._rest_threshold.value
             if feedback.lost_reference:

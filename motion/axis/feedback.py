@@ -147,6 +147,11 @@ class Feedback:
         self.velocity = 0.0
         self.state = VALID
 
+    @property
+    def travel(self) -> float:
+        """Way of the encoder since its count began, axis unit: the position without any relation to the machine."""
+        return self._count * self._increment
+
     def shift(self, offset: float) -> None:
         """Move the coordinate system so that the position grows by `offset`."""
         self._offset += offset

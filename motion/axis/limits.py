@@ -11,6 +11,7 @@ from motion.setpoint import stop_distance
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
 
+ALARM_SOFTWARE_SPECIFICATION: Final = 104
 ALARM_HARDWARE: Final = 531
 ALARM_SOFTWARE_REACHED: Final = 533
 ALARM_SOFTWARE_EXCEEDED: Final = 534
@@ -127,6 +128,9 @@ class TravelLimits:
         gen = axis.motion.total
         position = gen.s
         low, high = self._sw_min.value, self._sw_max.value
+        if low >= high:
+            axis.alarms.raise_alarm(ALARM_SOFTWARE_SPECIFICATION)
+            return
         if axis.modulo.enabled:
             low, high = axis.modulo.limits(low, high, position)
         if not self._was_active:

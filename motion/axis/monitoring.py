@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
 
+ALARM_ACTUAL_VALUE: Final = 412
 ALARM_FOLLOWING_ERROR: Final = 521
 ALARM_FOLLOWING_ERROR_WARNING: Final = 522
 ALARM_POSITIONING: Final = 541
@@ -18,7 +20,7 @@ _RELEASE_FACTOR: Final = 1.1
 class Monitoring:
     """See the module. One object per axis; `step` runs once per application cycle."""
 
-    __slots__ = ("_axis", "_cycle", "_dwell", "_enable_fe", "_entered", "_fe_level", "_fe_max", "_fe_min",
+    __slots__ = ("_axis", "_cycle", "_dwell", "_enable_fe", "_entered", "_fastest", "_fe_level", "_fe_max", "_fe_min",
                  "_fe_min_velocity", "_max_velocity", "_min_dwell", "_positioned", "_standstill_dwell",
                  "_standstill_time", "_threshold", "_tolerance", "_tolerance_left", "_watching", "_window",
                  "standstill")  # fmt: skip
@@ -26,6 +28,9 @@ class Monitoring:
     def __init__(self, axis: TechnologyAxis, cycle_s: float) -> None:
         self._axis = axis
         self._cycle = cycle_s
+        modulo = axis.modulo
+        self._fastest = modulo.length / cycle_s if modulo.enabled else inf
+        """Velocity at which an axis passes its modulo range once per cycle."""
         bind = axis.variables.bind
         self._enable_fe = bind("FollowingError.EnableMonitoring")
         self._fe_min = bind("FollowingError.MinValue")
@@ -111,6 +116,8 @@ class Monitoring:
         """Run the monitoring of one cycle; `controlled`: position control is closed."""
         axis = self._axis
         speed = abs(axis.feedback.velocity)
+        if speed > self._fastest:
+            axis.alarms.raise_alarm(ALARM_ACTUAL_VALUE, info=3)
         threshold = self._threshold.value
         if self.standstill:
             if speed > threshold * _RELEASE_FACTOR:

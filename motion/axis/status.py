@@ -40,6 +40,7 @@ NON_POSITION_CONTROLLED: Final = 1 << 28
 IN_CLAMPING: Final = 1 << 30
 
 STOP: Final = 1 << 0
+PASSING_BACKLASH: Final = 1 << 2
 HALT_SUPERIMPOSED: Final = 1 << 7
 
 
@@ -102,16 +103,19 @@ def status_word(axis: TechnologyAxis) -> int:
             word |= HW_LIMIT_MAX
         if not motion.position_controlled:
             word |= NON_POSITION_CONTROLLED
-        if motion.superimposed is not None and not _halts_superimposed(axis):
-            word |= MOVE_SUPERIMPOSED
+    if motion.superimposed is not None and not _halts_superimposed(axis):
+        word |= MOVE_SUPERIMPOSED
     return word
 
 
 def status_word2(axis: TechnologyAxis) -> int:
-    """Return `StatusWord2`: `MC_Stop` holds the axis, `MC_HaltSuperimposed` brakes."""
+    """Return `StatusWord2`: `MC_Stop` holds the axis, a backlash is passed, `MC_HaltSuperimposed` brakes."""
     motion = axis.motion
     job = motion.job
     word = STOP if job is not None and job.job_class is JobClass.STOP else 0
+    for backlash in axis.backlashes:
+        if backlash.passing:
+            word |= PASSING_BACKLASH
     if motion.superimposed is not None and _halts_superimposed(axis):
         word |= HALT_SUPERIMPOSED
     return word

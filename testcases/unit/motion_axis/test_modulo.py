@@ -211,3 +211,42 @@ class TestAxis:
         rig = make_rig(variables=ROTARY)
         assert rig.axis.variables.unit("Position") == "deg"
         assert dict(rig.axis.trace_columns)["velocity_setpoint"] == "deg/s"
+
+    @pytest.mark.requirement("VAR-163", "VAR-225", "TA-014")
+    def test_faster_than_the_range(self, make_rig):
+        """More than one range per cycle is alarm 412 with reaction 4; a range of 0.8 degrees at 4 ms ends at 200 deg/s."""
+        rig = self.rig(make_rig, **{"Modulo.Length": 0.8})
+        rig.axis.move_velocity(190.0)
+        rig.run(1.0)
+        assert rig.axis.var("ErrorDetail.Number") == 0
+        rig.axis.move_velocity(210.0)
+        rig.run(1.0)
+        assert (rig.axis.var("ErrorDetail.Number"), rig.axis.var("ErrorDetail.Reaction")) == (412, 4)
+        assert rig.axis.var("ErrorWord.X5") is True
+
+    @pytest.mark.requirement("CFG-108", "CFG-113", "CFG-114", "VAR-111", "VAR-112")
+    @pytest.mark.parametrize(("kind", "offset", "cycle"), [(0, 0.0, 0), (1, 0.0, 2), (1, 400.0, 3)])
+    def test_counter_at_power_on(self, make_rig, kind, offset, cycle):
+        """At a start of the controller it is 0 with an incremental encoder, and follows from value and offset with an absolute one."""
+        rig = make_rig(
+            variables=ROTARY | {"Sensor[1].Type": kind, "StatusSensor[1].AbsEncoderOffset": offset}
+        )
+        rig.port._angle = 2.1 * 6.283185307179586
+        rig.cycles(2)
+        axis = rig.axis.object
+        axis.variables.power_cycle()
+        axis.apply_configuration(powered_off=True)
+        rig.cycles(2)
+        assert rig.axis.var("ActualModuloCycle") == cycle
+
+    @pytest.mark.requirement("CFG-117", "VAR-112")
+    def test_relative_adjustment(self, make_rig):
+        """`MC_Home` mode 6 shifts by the shortest way: by 350 degrees is by -10, and the counter falls by one at the border."""
+        rig = self.rig(make_rig, **{"Sensor[1].Type": 1})
+        rig.until(rig.axis.home(5.0, mode=7).done)
+        rig.until(rig.axis.move_relative(360.0).done, 30.0)
+        assert rig.axis.var("ActualModuloCycle") == 1
+        rig.until(rig.axis.home(350.0, mode=6).done)
+        rig.cycles(1)
+        assert rig.axis.var("ActualPosition") == pytest.approx(355.0, abs=0.01)
+        assert rig.axis.var("ActualModuloCycle") == 0

@@ -240,3 +240,14 @@ class TestConditions:
         rig = Rig(Simulation__Mode=1, ahead=(0.0,), types=(0, 0)).enabled()
         rig.until(rig.axis.move_relative(20.0).done)
         assert (rig.shown(1), rig.shown(2)) == (pytest.approx(20.0, abs=0.01), pytest.approx(20.0, abs=0.01))
+
+    @pytest.mark.requirement("CFG-384", "CFG-380", "VAR-183")
+    def test_quantum_of_the_encoder(self):
+        """The quantum of the control difference is the resolution of whichever encoder controls."""
+        rig = Rig(PositionControl__ControlDifferenceQuantization__Mode=1, types=(0, 0))
+        rig.axis.variables.write_start("Sensor[2].Parameter.StepsPerRevolution", 1000)
+        rig.until(rig.axis.reset(restart=True).done)
+        rig.cycles(2)
+        assert rig.axis.controller.quantum == pytest.approx(10.0 / FULL)
+        rig.switch(2)
+        assert rig.axis.controller.quantum == pytest.approx(0.01)
