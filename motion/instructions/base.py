@@ -30,7 +30,8 @@ class Instruction:
         **inputs: Start values of inputs.
 
     Raises:
-        ConfigurationError: An input does not exist.
+        ConfigurationError: An input does not exist, or the object is an external encoder, which this instruction does not know
+            (CFG-061).
 
     """
 
@@ -42,6 +43,10 @@ class Instruction:
     """Edge input of those that have one."""
 
     def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
+        if axis.object_type == "ExternalEncoder" and self._wrong_object(axis):
+            raise ConfigurationError(
+                f"{self.instruction}.Axis", axis.name, f"one of {', '.join(self.object_types)}"
+            )
         self.axis = axis
         self.name = name or _default_name(self.instruction, axis)
         self.Busy = False
@@ -73,8 +78,8 @@ class Instruction:
     def _call(self) -> None:
         raise NotImplementedError
 
-    def _wrong_object(self) -> bool:
-        return self.axis.object_type not in self.object_types
+    def _wrong_object(self, axis: TechnologyAxis | None = None) -> bool:
+        return (axis or self.axis).object_type not in self.object_types
 
     # -- outputs as predicates, for `run_until` ---------------------------------------------------------------
 

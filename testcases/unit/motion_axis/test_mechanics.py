@@ -6,11 +6,13 @@ from math import pi
 
 import pytest
 
+from motion.axis import PositioningAxis
 from motion.axis.configuration import derive_units
 from motion.axis.feedback import Feedback
 from motion.axis.mechanics import Mechanics
 from motion.axis.units import decimals, farthest_position, travel_time_s
 from motion.drives.simulated import SimulatedDrivePort
+from motion.runtime import AxisHandle
 from motion.variables import Cell, VariableStore
 
 ROTARY = {"Properties.MotionType": 1}
@@ -343,3 +345,94 @@ def test_groups_of_an_object(path, types):
     kinds = {"S": "SpeedAxis", "P": "PositioningAxis", "E": "ExternalEncoder"}
     found = "".join(letter for letter, kind in kinds.items() if path in set(VariableStore(kind).paths()))
     assert found == types
+
+
+NUMBERS = {"LoadGear.Numerator": 2, "Mechanics.LeadScrew": 8.0, "Sensor[1].MeasuringGear.Numerator": 3,
+           "Sensor[1].Parameter.DistancePerRevolution": 5.0, "Sensor[1].Parameter.Resolution": 0.01}  # fmt: skip
+LINEAR_SYSTEM = {"Sensor[1].System": 0}
+
+
+@pytest.mark.parametrize(
+    ("settings", "per_step", "rpm"),
+    [
+        pytest.param({}, 3 / 2 * 8.0 / 1000, 60.0 / 8.0 * 2, marks=pytest.mark.requirement("CFG-513"), id="linear, motor"),
+        pytest.param(LOAD_SIDE, 3 * 8.0 / 1000, 60.0 / 8.0 * 2, marks=pytest.mark.requirement("CFG-514"), id="linear, load"),
+        pytest.param(LOAD_SIDE | LINEAR_SYSTEM, 3 * 0.01, 60.0 / 8.0 * 2, marks=pytest.mark.requirement("CFG-515"), id="linear, scale"),
+        pytest.param(EXTERNAL, 3 * 5.0 / 1000, 60.0 / 8.0 * 2, marks=pytest.mark.requirement("CFG-516", "CFG-431"), id="linear, wheel"),
+        pytest.param(EXTERNAL | {"Actor.MotorType": 1}, 3 * 5.0 / 1000, 0.06,
+                     marks=pytest.mark.requirement("CFG-517"), id="linear motor, rotary encoder"),
+        pytest.param(LINEAR_SYSTEM | {"Actor.MotorType": 1}, 3 * 0.01, 0.06,
+                     marks=pytest.mark.requirement("CFG-518"), id="linear motor, scale"),
+        pytest.param(ROTARY, 3 / 2 * 360.0 / 1000, 60.0 / 360.0 * 2, marks=pytest.mark.requirement("CFG-519"), id="rotary, motor"),
+        pytest.param(ROTARY | LOAD_SIDE, 3 * 360.0 / 1000, 60.0 / 360.0 * 2,
+                     marks=pytest.mark.requirement("CFG-520"), id="rotary, load"),
+        pytest.param(ROTARY | EXTERNAL, 3 * 5.0 / 1000, 60.0 / 360.0 * 2,
+                     marks=pytest.mark.requirement("CFG-521"), id="rotary, wheel"),
+    ],
+)  # fmt: skip
+@pytest.mark.requirement("CFG-525", "CFG-526")
+def test_configurations_of_an_axis(settings, per_step, rpm):
+    """Every combination of axis, motor, mounting and measuring system has its own ratios, and an axis takes it."""
+    values = STEPS | NUMBERS | settings
+    axis = PositioningAxis("a", SimulatedDrivePort(cycle_s=0.001), cycle_ns=1_000_000, variables=values)
+    assert axis.mechanics.increment == pytest.approx(per_step)
+    assert axis.mechanics.rpm_per_unit == pytest.approx(rpm)
+
+
+@pytest.mark.requirement("CFG-512")
+def test_configuration_of_a_speed_axis():
+    """A speed axis has the direction of the drive and the load gear, and nothing else of mechanics."""
+    store = VariableStore("SpeedAxis")
+    found = {
+        path
+        for path in store.paths()
+        if path.split(".")[0] in ("LoadGear", "Mechanics", "Sensor[1]", "Modulo", "Properties")
+    }
+    assert found == {"LoadGear.Numerator", "LoadGear.Denominator"}
+    turned = mechanics({"LoadGear.Numerator": 3, "Actor.InverseDirection": True}, kind="SpeedAxis")
+    assert turned.rpm_per_unit == -3.0
+
+
+class Mounted(SimulatedDrivePort):
+    """A drive whose machine moves the other way, or whose encoder counts down."""
+
+    __slots__ = ("counts_down", "turned")
+
+    def __init__(self, *, turned=False, counts_down=False):
+        super().__init__(cycle_s=0.004)
+        self.turned = turned
+        self.counts_down = counts_down
+
+    def read(self):
+        super().read()
+        if self.counts_down:
+            self.encoder_increments = -self.encoder_increments
+
+    @property
+    def machine_mm(self):
+        return self._angle / (2.0 * pi) * 10.0 * (-1.0 if self.turned else 1.0)
+
+
+@pytest.mark.parametrize(
+    ("turned", "counts_down", "actor", "sensor"),
+    [
+        pytest.param(False, False, False, False, marks=pytest.mark.requirement("CFG-536", "CFG-535"), id="as it is"),
+        pytest.param(True, False, True, True, marks=pytest.mark.requirement("CFG-537"), id="machine turned"),
+        pytest.param(False, True, False, True, marks=pytest.mark.requirement("CFG-538", "CFG-532"), id="encoder counts down"),
+    ],
+)  # fmt: skip
+def test_directions(make_rig, turned, counts_down, actor, sensor):
+    """With the flags that fit, a positive job moves the machine forward and the axis shows it."""
+    from testcases.unit.motion_axis.conftest import REFERENCE
+
+    rig = make_rig()
+    port = Mounted(turned=turned, counts_down=counts_down)
+    values = REFERENCE | {"Actor.InverseDirection": actor, "Sensor[1].InverseDirection": sensor}
+    axis = PositioningAxis("axis2", port, cycle_ns=4_000_000, variables=values, delay_s=0.004)
+    rig.runtime.add(axis)
+    handle = AxisHandle(rig.runtime, axis)
+    rig.until(handle.power().status)
+    rig.until(handle.move_relative(30.0).done)
+    assert port.machine_mm == pytest.approx(30.0, abs=0.01)
+    assert handle.var("ActualPosition") == pytest.approx(30.0, abs=0.01)
+    assert axis.alarms.engine.number == 0
