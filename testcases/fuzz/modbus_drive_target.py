@@ -65,11 +65,11 @@ class _Rig:
         places = {block.hook: block.register_ - file.first for block in file.block if block.hook}
         self.setpoints, self.actual = places["setpoints"], places["actual_values"]
         self.channel, self.mailbox = places.get("ds47"), places.get("mailbox")
-        self.saved = dict(self.unit.parameters.store._saved)
+        self.saved = self.unit.parameters.store.saved
 
     def restart(self) -> None:
         self.unit.power_off()
-        self.unit.parameters.store._saved = dict(self.saved)
+        self.unit.parameters.store.saved = self.saved
         self.unit.power_on()
 
     def ask(self, pdu: bytes, **how: bool) -> bytes | None:

@@ -19,7 +19,7 @@ from fieldbus.canopen.nmt import NmtCommand, NmtState
 from fieldbus.clock import MS, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
-from fieldbus.profidrive import ZSW1, to_n4
+from fieldbus.profidrive import ZSW1, to_n2, to_n4
 
 NODE = 9
 WORDS = {"setpoint": 10, "actual": 10}  # telegram 105
@@ -183,3 +183,30 @@ def test_a_telegram_that_is_too_long_for_the_objects_is_refused():
             ProfidriveNodeConfig(drive=config),
             name="d",
         )
+
+
+@pytest.mark.requirement("PD-339")
+def test_the_predefined_connection_set():
+    """Without any mapping: RPDO1 control word, RPDO2 with the speed too, TPDO1 status word, TPDO2 with the speed."""
+    scheduler = VirtualScheduler()
+    segment = CanMedium(scheduler, name="can0")
+    config = ProfidriveNodeConfig(node_id=NODE, drive=ProfidriveConfig.reference(telegram=1))
+    drive = ProfidriveCanDrive(scheduler, segment, config, name="drive")
+    heard: dict[int, bytes] = {}
+    port = segment.attach("controller", lambda frame, _time: heard.update({frame.can_id: frame.data}))
+    drive.power_on()
+    scheduler.run_for(10 * MS)
+    port.send(CanFrame(0, bytes((NmtCommand.START, NODE))))
+    for word, cycles in ((0x047E, 20), (0x047F, 100)):
+        for _ in range(cycles):
+            port.send(CanFrame(0x200 + NODE, pack("<H", word)))
+            port.send(CanFrame(0x300 + NODE, pack("<Hh", word, to_n2(0.2))))
+            scheduler.run_for(4 * MS)
+    status, speed = unpack("<Hh", heard[0x280 + NODE])
+    assert unpack("<H", heard[0x180 + NODE]) == (status,)
+    assert status & 0x47 == 7
+    assert speed == pytest.approx(to_n2(0.2), rel=1e-2)
+    assert drive.core.speed_rpm == pytest.approx(600.0, rel=1e-2)
+    for number in range(3, 9):  # the others are not valid
+        for index in (0x1400, 0x1800):
+            assert int.from_bytes(drive.slave.store.read(index + number - 1, 1), "little") & 1 << 31

@@ -494,3 +494,43 @@ def test_dsc_without_clock_is_refused_with_a_warning():
     assert rig.actual["ZSW1"] & ZSW1.WARNING
     assert abs(rig.drive.core.speed_rpm) < 0.1
     assert not rig.cycle(RUN, count=2)["ZSW1"] & ZSW1.WARNING
+
+
+@pytest.mark.requirement("PD-347", "PD-076")
+def test_what_happens_in_which_order_within_a_cycle():
+    """Telegram, sign of life, state machine, encoder, setpoint channel, and the answer behind all of them: in one cycle."""
+    rig = Rig(ProfidriveConfig.reference(telegram=5))
+    rig.cycle(READY, count=SYNCHRONISED)
+    drive = rig.drive
+    drive.settings.sign_of_life_tolerance = 0
+    drive.refresh()
+
+    # The sign of life is evaluated before the state machine acts on the same telegram: it does not switch on.
+    rig.sign += 3
+    rig.cycle(RUN)
+    assert drive.faults.number == numbers.SIGN_OF_LIFE
+    assert drive.state is not AxisState.S4
+    assert rig.actual["ZSW1"] & 8  # and the answer of this cycle tells of it
+
+    # Without control by PLC the telegram is not taken over, but its sign of life is evaluated.
+    rig = Rig(ProfidriveConfig.reference(telegram=5))
+    rig.cycle(READY, count=SYNCHRONISED)
+    drive = rig.drive
+    rig.cycle(RUN & ~0x0400, count=3)
+    assert drive.state is AxisState.S2
+    assert drive.faults.number == 0
+    rig.cycle(READY, count=2)
+
+    # State machine, then encoder, then setpoint channel: all see the telegram in the cycle in which it came.
+    while drive.state is not AxisState.S4:
+        rig.cycle(RUN, **rig.speed(100.0))
+    assert rig.actual["ZSW1"] & 4
+    assert drive.channel.target != 0.0
+    assert not rig.actual["G1_ZSW"] & 0x8000
+    rig.cycle(RUN, **rig.speed(100.0), G1_STW=0x2000)  # an absolute value, which this encoder has not
+    assert rig.actual["G1_ZSW"] & 0x8000
+
+    # What a stop command takes away is gone in the answer of the same cycle.
+    rig.cycle(RUN & ~0x0002, **rig.speed(100.0))
+    assert not rig.actual["ZSW1"] & 7
+    assert not drive.core.enabled
