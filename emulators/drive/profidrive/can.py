@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 from emulators.drive.injection import NodeFaults
 from emulators.drive.profidrive import _objects as objects
 from emulators.drive.profidrive import fault_catalogue as numbers
+from emulators.drive.profidrive._cia402_objects import Cia402Objects
 from emulators.drive.profidrive._drive_on_bus import DriveOnBus
 from emulators.drive.profidrive._eds import profidrive_dictionary
 from emulators.drive.profidrive._trace import TRACE_ENUMS, trace_row
@@ -126,7 +127,8 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         store = slave.store
         self._configured = self.parameters.store.saved
         """What counts as saved when nothing is: the configuration."""
-        store.foreign = ParameterObjects(self.parameters.store)
+        parameters = self.parameters.store
+        store.foreign = Cia402Objects(drive, parameters, ParameterObjects(parameters))
         store.on_save = self._save_parameters
         store.on_restore = self._restore_parameters
         self.parameters.memory.on_saved = self._keep_parameters
