@@ -29,6 +29,7 @@ from fieldbus.modbus.framing import (
     tcp_frame,
     unwrap_rtu,
 )
+from fieldbus.modbus.gateway import TcpGateway
 from fieldbus.modbus.hooks import Change, LinkHook
 from fieldbus.modbus.map_file import MapFile, load_map
 from fieldbus.modbus.pdu import (
@@ -100,6 +101,7 @@ __all__ = [
     "TcpEnd",
     "TcpFace",
     "TcpFrame",
+    "TcpGateway",
     "TcpLink",
     "TcpLog",
     "TcpSegment",

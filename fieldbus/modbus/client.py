@@ -45,7 +45,7 @@ Done = Callable[[Result], object]
 class Job:
     """A request on its way."""
 
-    __slots__ = ("done", "frame_pdu", "request", "result", "tries", "trouble", "unit")
+    __slots__ = ("done", "frame_pdu", "request", "response_pdu", "result", "tries", "trouble", "unit")
 
     def __init__(self, request: Request, unit: int, done: Done | None) -> None:
         self.request = request
@@ -56,6 +56,8 @@ class Job:
         self.trouble = ""
         self.result: Result | None = None
         """None until it has ended."""
+        self.response_pdu = b""
+        """The response as it came; empty without one."""
 
     def _end(self, outcome: Outcome, response: Response | None, text: str) -> None:
         self.result = Result(outcome, response, self.tries, text)
@@ -71,7 +73,9 @@ class Job:
         """
         if unit != self.unit:
             raise ResponseError(f"a response of unit {unit}")
-        return decode_response(self.request, pdu)
+        response = decode_response(self.request, pdu)
+        self.response_pdu = pdu
+        return response
 
     def finish(self, response: Response) -> None:
         """End with a response."""

@@ -136,6 +136,11 @@ class LiveSerialLine:
             if data:
                 self._scheduler.post(lambda data=data: self._received(data))  # type: ignore[misc]
 
+    @property
+    def open(self) -> bool:
+        """Whether it has not been given back."""
+        return not self._closed
+
     def close(self) -> None:
         """Give the port back; harmless to repeat."""
         if self._closed:
@@ -155,6 +160,11 @@ class LiveSerialPort:
         self._line = line
         self.format = line.format
         self.name = name
+
+    @property
+    def online(self) -> bool:
+        """Whether the port is open."""
+        return self._line.open
 
     def send(self, data: bytes, pauses: Mapping[int, int] | None = None) -> int:  # noqa: ARG002 - a system makes its own
         """Send bytes; returns when the last character ends by the rate of the line, ns."""
