@@ -39,6 +39,8 @@ class EncoderTelegramSection(Section):
     """Fine resolution of G1_XIST1 (P979[3]); None: 11, or as many as fit."""
     fine_xist2_bits: FineBits | None = None
     """Fine resolution of G1_XIST2 (P979[4]); None: 9, or as many as fit."""
+    counter_bits: Annotated[int, Field(ge=8, le=32)] = 32
+    """Width of G1_XIST1; simple counters have less than 32."""
     reference_speed: Positive = 3000.0
     """What 4000h of NIST_A and NIST_B stands for, rpm, linear mm/s."""
     zero_mark: Annotated[int, Field(ge=0)] = 0
@@ -101,7 +103,12 @@ def coupling(section: Any, lead_mm: float | None) -> tuple[float, float, float]:
 
 
 def encoder_format(
-    section: Any, fine_xist1: int | None, fine_xist2: int | None, *, wide: bool = False
+    section: Any,
+    fine_xist1: int | None,
+    fine_xist2: int | None,
+    *,
+    wide: bool = False,
+    counter_bits: int = 32,
 ) -> EncoderFormat:
     """Return the format of a section's type and resolution; an absolute encoder loads G1_XIST1 with its value (PD-172).
 
@@ -129,6 +136,7 @@ def encoder_format(
         grid_nm=grid_nm,
         load_absolute=turns > 0,
         wide=wide,
+        counter_bits=counter_bits,
     )
 
 
@@ -166,7 +174,13 @@ def profidrive_encoder_config(section: EncoderSection, cycle_ns: int) -> Profidr
     from emulators.encoder.profidrive.model import encoder_model
 
     own = section.profidrive
-    form = encoder_format(section, own.fine_xist1_bits, own.fine_xist2_bits, wide=own.telegram == 84)
+    form = encoder_format(
+        section,
+        own.fine_xist1_bits,
+        own.fine_xist2_bits,
+        wide=own.telegram == 84,
+        counter_bits=own.counter_bits,
+    )
     encoder_model(form, zero_mark=own.zero_mark)
     return ProfidriveEncoderNodeConfig(
         node_id=section.node_id,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
-from hil.bench._drive_sections import Finite, Positive, Section, Time_ms, _checked
+from hil.bench._drive_sections import Finite, NotNegative, Positive, Section, Time_ms, _checked
 
 if TYPE_CHECKING:
     from emulators.drive.machine import SafetyConfig
@@ -46,6 +46,10 @@ class SafetySection(Section):
     """Ranges 1 and 2 of safely limited position, mm of the load."""
     slp_delay_ms: Time_ms = 100.0
     slp_reaction: Reaction = "ss1"
+    sbt_torque_nm: NotNegative = 0.0
+    """Safe brake test: torque with which the drive pulls at the closed brake; 0 = not configured."""
+    sbt_time_ms: SafeTime_ms = 500.0
+    sbt_tolerance_mm: Positive = 1.0
     sbc: bool = True
     """With safe torque off the brake closes whatever STW1 bit 12 says."""
 
@@ -95,5 +99,8 @@ class SafetySection(Section):
             slp_ranges=tuple((low / 1000.0, high / 1000.0) for low, high in self.slp_ranges_mm),
             slp_delay_s=self.slp_delay_ms / 1000.0,
             slp_reaction=self.slp_reaction,
+            sbt_torque_Nm=self.sbt_torque_nm,
+            sbt_time_s=self.sbt_time_ms / 1000.0,
+            sbt_tolerance=self.sbt_tolerance_mm / 1000.0,
             sbc=self.sbc,
         )

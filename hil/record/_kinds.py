@@ -27,6 +27,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "can.overload": "a node asks for a pause",
         "can.overrun": "a transmit queue is full",
         "can.status": "a node changes its error state",
+        "drive.brake_test": "the safe brake test of a PROFIdrive axis has ended",
         "drive.communication_lost": "a PROFIdrive axis has lost its controller",
         "drive.connection_lost": "a CiA 402 drive has lost its controller",
         "drive.fault": "the drive has tripped",

@@ -35,6 +35,7 @@ _ACKNOWLEDGE: Final = int(STW1.ACKNOWLEDGE)
 _ENCODER_ERROR: Final = int(G_ZSW.ERROR | G_ZSW.PARKING)
 _ENCODER_ACKNOWLEDGE: Final = int(G_STW.ACKNOWLEDGE)
 _TORQUE_BELOW_THRESHOLD: Final = int(MELDW.TORQUE_BELOW_THRESHOLD)
+_FREE_WORDS: Final = ("G2_STW", "S_STW1B", "S_STW3B")
 _XERR_MAX: Final = 0x7FFFFFFF
 
 TelegramSeam = Callable[[bytes], bytes | None]
@@ -237,6 +238,21 @@ class ProfidrivePort(LinkedPort):
             self.sensor_code = answer[self._xist2_at] & 0xFFFF_FFFF if g1_zsw & G_ZSW.ERROR else 0
             if not self.sensor_fault:
                 self.encoder_increments = answer[self._xist_at]
+
+    def command(self, name: str, value: int) -> None:
+        """Send a word that the axis does not use itself in every telegram from now on: G2_STW, S_STW1B, S_STW3B; 0..FFFFh.
+
+        Raises:
+            ConfigurationError: It is none of them, or the telegram does not have it, or the value is no word.
+
+        """
+        names = self.telegram.setpoint.names
+        free = [one for one in _FREE_WORDS if one in names]
+        if name not in free:
+            raise ConfigurationError("word of the telegram", name, ", ".join(free) or "none in this telegram")
+        if not 0 <= value <= 0xFFFF:
+            raise ConfigurationError(name, value, "0..65535")
+        self._row[names.index(name)] = value
 
     def actual(self, name: str) -> int:
         """Return a signal of the last answer as the wire has it, such as `S_ZSW1B`; words are 0..FFFFh.

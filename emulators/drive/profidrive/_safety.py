@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from emulators.drive.core import RPM
 from emulators.drive.profidrive import fault_catalogue as numbers
+from emulators.drive.profidrive._brake_test import BrakeTest
 from emulators.drive.profidrive._safe_monitors import SafeMonitors
 from emulators.drive.profidrive.fault_catalogue import DriveWarning
 from emulators.drive.profidrive.statemachine import AxisState, Off
@@ -72,13 +73,29 @@ class SafetyFunctions:
     """
 
     __slots__ = (
-        "_drive", "_halted", "_reaction", "_ss1", "_ss2", "_told", "holding", "messages", "monitors", "off", "sbc_input",
-        "ss1_input", "ss2_input", "sto_input", "torque_off", "watching",
+        "_drive",
+        "_halted",
+        "_reaction",
+        "_ss1",
+        "_ss2",
+        "_told",
+        "brake_test",
+        "holding",
+        "messages",
+        "monitors",
+        "off",
+        "sbc_input",
+        "ss1_input",
+        "ss2_input",
+        "sto_input",
+        "torque_off",
+        "watching",
     )  # fmt: skip
 
     def __init__(self, drive: ProfidriveDrive) -> None:
         self._drive = drive
         self.monitors = SafeMonitors(drive)
+        self.brake_test = BrakeTest(drive)
         self._ss1: _Stop | None = None
         self._ss2: _Stop | None = None
         self._reaction = _NOTHING
@@ -133,6 +150,11 @@ class SafetyFunctions:
             or self._reaction
             or self.monitors.sos_selected
         )
+
+    @property
+    def leads(self) -> bool:
+        """Whether setpoints do not count: safe stop 2 holds the axis, or the brake is being tested."""
+        return self.holding or self.brake_test.active
 
     @property
     def event(self) -> bool:
@@ -211,6 +233,7 @@ class SafetyFunctions:
         self._ss1 = self._ss2 = None
         self.torque_off = False
         self.monitors.restart()
+        self.brake_test.restart()
         self._settle()
 
     def _forget_messages(self) -> None:
@@ -311,15 +334,22 @@ class SafetyFunctions:
             drive.mode.stop(quick=True)
         self.watching = self._ss1 is not None or self._ss2 is not None or self.monitors.selected
         self.off = int(Off.OFF2) if torque_off else int(Off.OFF3) if self.braking else 0
-        drive.core.brake.forced_closed = self.sbc_input or (torque_off and own.sbc)
-        if torque_off is not self.torque_off:
-            self.torque_off = torque_off
+        changed = torque_off is not self.torque_off
+        self.torque_off = torque_off
+        self.settle_brake()
+        if changed:
             drive.faults.warn(DriveWarning.SAFE_TORQUE_OFF, torque_off)
             if torque_off and common.sto == "fault" and drive.core.enabled and self._ss1 is None:
                 drive.raise_fault(numbers.SAFE_TORQUE_OFF)
                 drive.faults.keep(numbers.SAFE_TORQUE_OFF, lambda: self.torque_off)
         self._tell()
         drive.act()
+
+    def settle_brake(self) -> None:
+        """Hold the brake closed as long as a function demands it."""
+        drive = self._drive
+        with_sto = self.torque_off and drive.config.safe_motion.sbc
+        drive.core.brake.forced_closed = self.sbc_input or with_sto or self.brake_test.active
 
     # -- words -------------------------------------------------------------------------------------------------------
 
@@ -354,8 +384,8 @@ class SafetyFunctions:
         return (number == 2) << 4 | (number > 0) << 7 | (monitors.sdi > 0) << 8 | (monitors.sdi < 0) << 9
 
     def s_zsw3b(self) -> int:
-        """Return S_ZSW3B: bit 11 safe stop 2 with braking by the controller (CFG-479)."""
-        return self.ss2_external << 11
+        """Return S_ZSW3B: safe brake test, bit 11 safe stop 2 with braking by the controller (CFG-479, CFG-484)."""
+        return self.ss2_external << 11 | self.brake_test.word
 
     def speed_limit(self) -> float:
         """Return the limit of the speed setpoint at the motor, rad/s: 0 with a safe stop or safe direction (CFG-442)."""

@@ -302,10 +302,12 @@ class ProfidriveDrive:
         self.g1_words = self.encoder_words.step(self.g1_stw | park, now)
         if self.second is not None:
             self.second.step(self.row[self._g2_at] | park, now)
-        if self.operation.machine.state is _S4 and not self.safety.holding:
+        if self.operation.machine.state is _S4 and not self.safety.leads:
             self.mode.lead(self.row)
         if self.torque.follows_telegram and self.core.enabled:
             self.torque.lead()
+        if self.safety.brake_test.wired:
+            self.safety.brake_test.step()
         self.mode.watch()
         self.words.watch_deviation()
 

@@ -39,6 +39,9 @@ class SafeMotionConfig:
         slp_ranges: Safely limited position: lower and upper end of ranges 1 and 2; empty = not configured.
         slp_delay_s: From the selection to the monitoring, s.
         slp_reaction: Stop when the range is left.
+        sbt_torque_Nm: Safe brake test: torque with which the drive pulls at the closed brake, Nm; 0 = not configured.
+        sbt_time_s: How long it pulls, s.
+        sbt_tolerance: Distance that the load may move meanwhile.
         sbc: With safe torque off the brake closes whatever STW1 bit 12 says (SBC).
 
     Raises:
@@ -62,12 +65,15 @@ class SafeMotionConfig:
     slp_ranges: tuple[tuple[float, float], ...] = ()
     slp_delay_s: float = 0.1
     slp_reaction: Reaction = "ss1"
+    sbt_torque_Nm: float = 0.0
+    sbt_time_s: float = 0.5
+    sbt_tolerance: float = 0.001
     sbc: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("ss2_time_s", "sos_tolerance", "sdi_tolerance"):
+        for name in ("ss2_time_s", "sos_tolerance", "sdi_tolerance", "sbt_time_s", "sbt_tolerance"):
             check_number(name, getattr(self, name), positive=True)
-        for name in ("sos_delay_s", "sls_delay_s", "sdi_delay_s", "slp_delay_s"):
+        for name in ("sos_delay_s", "sls_delay_s", "sdi_delay_s", "slp_delay_s", "sbt_torque_Nm"):
             check_number(name, getattr(self, name))
         if not 1 <= len(self.sls_limits) <= SLS_LEVELS:
             raise ConfigurationError("sls_limits", self.sls_limits, f"1 to {SLS_LEVELS} speeds")

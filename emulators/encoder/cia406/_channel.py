@@ -87,6 +87,7 @@ class Channel:
         "_jerk",
         "_scaling",
         "_speed",
+        "_steps",
         "_values",
         "area",
         "cams",
@@ -115,6 +116,7 @@ class Channel:
         self._history: deque[int] = deque(maxlen=4)
         self._interval = 1
         self._active = 0
+        self._steps = 0
         self._derived = True
         self._speed = self._acceleration = self._jerk = 0
         self.cams = 0
@@ -135,7 +137,7 @@ class Channel:
 
     def _count(self) -> int:
         """Sample; returns the count in the direction of the code sequence, not folded."""
-        count = self.sensor.read()
+        self._steps = count = self.sensor.read()
         self.raw = count % self._scaling.raw_range
         return -count if self._scaling.reversed else count
 
@@ -146,12 +148,18 @@ class Channel:
             Whether a cam or the state of the area has changed.
 
         """
-        count = self._count()
+        scaling = self._scaling
+        self._steps = count = self.sensor.read()
+        self.raw = steps = count % scaling.raw_range
         if not hold:
-            scaling = self._scaling
-            self.unfolded = unfolded = scaling.scaled(count % scaling.raw_range) + self.offset
+            if scaling.reversed:
+                steps = -count % scaling.raw_range
+            if scaling.on:
+                steps = steps * scaling.numerator // scaling.resolution
+            self.unfolded = unfolded = steps + self.offset
             self.position = unfolded % scaling.total
-        cams, area = self._find_cams(), self._find_area()
+        cams = self._find_cams() if self._active or self._values[self._enable_key] else 0
+        area = self._find_area()
         if cams == self.cams and area == self.area:
             return False
         self.cams, self.area = cams, area
@@ -179,7 +187,7 @@ class Channel:
             self._interval = interval
             past = self._history = deque(past, maxlen=3 * interval + 1)
         before = past[-1] if past else None
-        now = self.sensor.encoder.increments
+        now = self._steps
         past.append(now)
         self._derived = False
         return 0 if before is None else now - before

@@ -56,6 +56,7 @@ class EncoderDevice:
         "_sampled_ns",
         "_scheduler",
         "_stale",
+        "_watchful",
         "channels",
         "config",
         "family",
@@ -117,6 +118,12 @@ class EncoderDevice:
         per_step = self.channels[0].sensor.coordinate_per_step
         limit = config.max_speed
         self._max_steps = None if limit is None else limit / per_step * (CYCLE_NS / S)
+        self._watchful = bool(
+            self._bounded
+            or self._incremental
+            or self._max_steps is not None
+            or config.operating_time_limit_h is not None
+        )
         _object_rules.install(self)
         self.take_parameters()
         self.slave.on_reset.append(self._on_reset)
@@ -242,7 +249,7 @@ class EncoderDevice:
         if self._stale:
             self.take_parameters()
         self._sampled_ns = now
-        hold = self._alarms_told != 0 or self._off_the_scale()
+        hold = self._alarms_told != 0 or (self._bounded and self._off_the_scale())
         for channel in self.channels:
             if channel.sample(hold=hold):
                 self._tell_states(channel)
@@ -265,14 +272,21 @@ class EncoderDevice:
         self.sample()
         fastest = 0
         for channel in self.channels:
-            fastest = max(fastest, abs(channel.cycle()))
-        self._watch(fastest)
+            moved = channel.cycle()
+            if moved:
+                fastest = max(fastest, abs(moved))
+        if (
+            self._watchful
+            or self.injected_alarms != self._alarms_told
+            or self.injected_warnings != self.slave.values[0x650500]
+        ):
+            self._watch(fastest)
 
     def _watch(self, steps: int) -> None:
         """Look for causes of alarms and warnings; `steps` = raw steps moved in this cycle."""
         config = self.config
         alarms = self.injected_alarms
-        if self._off_the_scale():
+        if self._bounded and self._off_the_scale():
             alarms |= EncoderAlarm.POSITION_ERROR
         warnings = self.injected_warnings
         if self._max_steps is not None and steps > self._max_steps:

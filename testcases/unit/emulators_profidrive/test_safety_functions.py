@@ -373,6 +373,60 @@ def test_messages_do_not_outlive_the_supply_but_selections_do():
     assert not rig.drive.faults.warnings
 
 
+# -- safe brake test -------------------------------------------------------------------------------------------------------
+
+SELECT, START, NEGATIVE = 0x0001, 0x0002, 0x0008
+
+
+@pytest.mark.requirement("CFG-454", "CFG-455", "CFG-456", "CFG-484", "CFG-612")
+@pytest.mark.parametrize("direction", [0, NEGATIVE])
+@pytest.mark.parametrize("strong", [True, False])
+def test_the_brake_is_tested(strong, direction):
+    """The drive pulls with 3 Nm at the closed brake: one of 5 Nm holds and is good, one of 1 Nm slips and is not."""
+    rig = build(brake=5.0 if strong else 1.0, sbt_torque_Nm=3.0, sbt_time_s=0.4)
+    rig.enable()
+    place = rig.drive.mechanics.position
+    rig.cycle(RUN, S_STW3B=SELECT | direction)
+    assert rig.actual["S_ZSW3B"] == 0x0001
+    rig.cycle(RUN, S_STW3B=SELECT | START | direction, count=50)
+    if strong:
+        assert rig.actual["S_ZSW3B"] == 0x0009
+        assert rig.drive.core.torque == pytest.approx(-3.0 if direction else 3.0)
+        assert rig.drive.core.brake.closed
+        assert rig.actual["ZSW1"] & (ZSW1.OPERATION_ENABLED | ZSW1.NO_OFF3) == 0x0024
+        rig.cycle(RUN, S_STW3B=SELECT | START | direction, count=120)
+    assert rig.actual["S_ZSW3B"] == (0x0031 if strong else 0x0021)
+    moved = rig.drive.mechanics.position - place
+    if strong:
+        assert moved == pytest.approx(0.0, abs=1e-5)
+    else:
+        assert abs(moved) > 0.001
+        assert (moved > 0) is (direction == 0)
+    # Afterwards setpoints act again, and the next selection begins with nothing.
+    assert rig.cycle(RUN, count=50)["S_ZSW3B"] == 0
+    rig.cycle(RUN, count=100, **rig.speed(300.0))
+    assert rig.drive.core.speed_rpm == pytest.approx(300.0, abs=0.5)
+    ended = [event.data["good"] for event in rig.history.events if event.kind == "drive.brake_test"]
+    assert ended == [strong]
+
+
+@pytest.mark.requirement("CFG-455")
+def test_a_brake_test_needs_an_axis_at_rest():
+    """In motion, or without operation, it does not begin; deselected or switched off it ends without a result."""
+    rig = build(brake=5.0, sbt_torque_Nm=3.0)
+    rig.turn(300.0)
+    assert rig.cycle(RUN, S_STW3B=SELECT | START, count=3, **rig.speed(300.0))["S_ZSW3B"] == 0x0001
+    rig.cycle(RUN, count=100)
+    assert rig.cycle(RUN, S_STW3B=SELECT | START, count=5)["S_ZSW3B"] == 0x0009
+    assert rig.cycle(READY, S_STW3B=SELECT | START, count=50)["S_ZSW3B"] == 0x0001
+    assert rig.drive.core.brake.closed
+    rig.cycle(RUN, count=5)
+    rig.cycle(RUN, S_STW3B=SELECT | START, count=5)
+    assert rig.cycle(RUN, count=5)["S_ZSW3B"] == 0
+    assert not rig.drive.core.brake.closed
+    assert not [event for event in rig.history.events if event.kind == "drive.brake_test"]
+
+
 # -- telegrams and configuration -----------------------------------------------------------------------------------------------
 
 

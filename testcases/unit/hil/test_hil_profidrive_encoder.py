@@ -365,6 +365,53 @@ def test_an_external_encoder_reads_it(telegram):
         assert alarms == [411]
 
 
+NARROW = """
+[encoder.counter]
+segment = "can0"
+node_id = 20
+profile = "profidrive"
+type = "incremental_rotary"
+steps_per_revolution = 256
+
+[encoder.counter.profidrive]
+fine_xist1_bits = 8
+counter_bits = 16
+
+[encoder.counter.shaft]
+speed_rpm = 600.0
+
+[external_encoder.ext]
+encoder = "counter"
+
+[external_encoder.ext.variables]
+"Properties.MotionType" = 1
+"Sensor.Parameter.BehaviorGx_XIST1" = {behavior}
+"""
+
+
+@pytest.mark.requirement("PD-171", "CFG-309", "CFG-311")
+@pytest.mark.parametrize("behavior", [0, 1])
+def test_a_counter_of_16_bits(behavior):
+    """It wraps at 65535: with BehaviorGx_XIST1 = 0 the position goes on, with 1 it jumps back by a revolution each time."""
+    with BenchFile(
+        "own.toml", load_bench("reference").text + NARROW.format(behavior=behavior)
+    ).build() as bench:
+        encoder = bench.external_encoder("ext")
+        bench.run_for(0.02)
+        start, before = bench.now_s, encoder.var("ActualPosition")
+        seen = set()
+        for _ in range(100):
+            bench.run_for(0.004)
+            seen.add(bench.encoder_port("counter").increments)
+        assert 0 <= min(seen) < max(seen) <= 0xFFFF
+        moved = encoder.var("ActualPosition") - before
+        turned = (bench.now_s - start) * 3600.0
+        if behavior == 0:
+            assert moved == pytest.approx(turned, abs=1.0)
+        else:
+            assert abs(moved) <= 360.0
+
+
 # -- second encoders ----------------------------------------------------------------------------------------------------
 
 

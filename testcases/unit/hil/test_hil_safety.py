@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from fieldbus.errors import UnsupportedFaultError
+from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from hil.bench import BenchFile, BenchFileError, load_bench
 from hil.bench.remote import FAULT_METHODS, RemoteDrive
 from hil.faults import CATALOGUE, Fault, Injector
@@ -145,6 +145,29 @@ def test_a_violation_waits_for_its_safe_acknowledgement(rig):
     assert not rig.again()
     rig.faults.inject("safety.acknowledge", "drive1")
     assert rig.again()
+
+
+@pytest.mark.requirement("CFG-454", "CFG-455")
+def test_a_brake_test_led_by_the_controller():
+    """With the axis halted and enabled the drive pulls at its brake; no alarm, and the result comes back."""
+    tables = TABLES + "sbt_torque_nm = 3.0\n\n[drive.drive1.brake]\ntorque_nm = 5.0\n"
+    with build(tables) as bench:
+        rig = Rig(bench, 50.0)
+        assert bench.run_until(rig.axis.halt().done, timeout=1.0)
+        bench.run_for(0.2)
+        rig.axis.port.command("S_STW3B", 0x0001)
+        bench.run_for(0.02)
+        rig.axis.port.command("S_STW3B", 0x0003)
+        assert bench.run_until(lambda: rig.axis.port.actual("S_ZSW3B") == 0x0031, timeout=2.0)
+        rig.axis.port.command("S_STW3B", 0)
+        bench.run_for(0.1)
+        assert rig.alarms() == []
+        assert bench.trace()["drive1.torque"].values.max() == pytest.approx(3.0, abs=0.01)
+        rig.axis.move_velocity(50.0)
+        bench.run_for(0.5)
+        assert rig.speed() == pytest.approx(50.0, abs=1.0)
+        with pytest.raises(ConfigurationError, match="S_STW1B, S_STW3B"):
+            rig.axis.port.command("G2_STW", 1)
 
 
 @pytest.mark.parametrize("entry", KINDS, ids=lambda entry: entry.name)
