@@ -207,6 +207,22 @@ class G_ZSW(IntEnum):  # noqa: N801
     ERROR = 0x8000
 
 
+class CU_STW1(IntEnum):  # noqa: N801
+    """Control word of a control unit (PD-093); bits 12..15 are the sign of life."""
+
+    CLOCK_PING = 0x0001
+    ACKNOWLEDGE = 0x0080
+    CONTROL_BY_PLC = 0x0400
+
+
+class CU_ZSW1(IntEnum):  # noqa: N801
+    """Status word of a control unit (PD-093); bits 12..15 are the sign of life."""
+
+    FAULT = 0x0008
+    ALARM = 0x0080
+    TIME_SYNCHRONISED = 0x0100
+
+
 class S_ZSW1B(IntEnum):  # noqa: N801
     """Status word 1 of the safety information channel (CFG-471 to CFG-493); bits 9 and 10 are the level of SLS."""
 
@@ -270,7 +286,7 @@ _FLAGS: Final[dict[str, type[IntEnum]]] = {
     "STW1": STW1, "ZSW1": ZSW1, "STW2": STW2, "ZSW2": ZSW2, "MELDW": MELDW, "STW2_ENC": STW2_ENC, "ZSW2_ENC": ZSW2_ENC,
     "POS_STW1": POS_STW1, "POS_STW2": POS_STW2,
     "POS_ZSW1": POS_ZSW1, "POS_ZSW2": POS_ZSW2, "G1_STW": G_STW, "G2_STW": G_STW, "G1_ZSW": G_ZSW, "G2_ZSW": G_ZSW,
-    "S_ZSW1B": S_ZSW1B, "S_ZSW2B": S_ZSW2B, "S_ZSW3B": S_ZSW3B,
+    "CU_STW1": CU_STW1, "CU_ZSW1": CU_ZSW1, "S_ZSW1B": S_ZSW1B, "S_ZSW2B": S_ZSW2B, "S_ZSW3B": S_ZSW3B,
 }  # fmt: skip
 _WITH_SIGN_OF_LIFE: Final = frozenset({"STW2", "ZSW2", "STW2_ENC", "ZSW2_ENC", "CU_STW1", "CU_ZSW1"})
 
