@@ -65,7 +65,7 @@ def test_safe_torque_off_coasts_and_shows_bit_0():
     assert rig.cycle(READY)["S_ZSW1B"] == 0
 
 
-@pytest.mark.requirement("CFG-444", "CFG-450", "CFG-473", "CFG-474")
+@pytest.mark.requirement("CFG-444", "CFG-473", "CFG-474")
 def test_safe_stop_1_brakes_on_the_off3_ramp_and_ends_in_safe_torque_off():
     """From 1500 of 3000 rpm half of p1135 passes; bit 1 all the time, bit 0 from standstill on; no start afterwards."""
     rig = build(safety=SafetyConfig(ss1_time_s=1.0))

@@ -84,7 +84,7 @@ def test_an_absolute_one_knows_its_place():
         assert rig.actual["G2_XIST1"] == 0
 
 
-@pytest.mark.requirement("PD-188", "PD-194", "PD-255", "CFG-300", "CFG-301", "CFG-303", "CFG-299")
+@pytest.mark.requirement("PD-188", "PD-194", "PD-255", "CFG-300", "CFG-301", "CFG-303")
 def test_p979_tells_both():
     """Two encoders in the header, the second from sub-index 11 on; parameter 979 shows the same."""
     rig = build(form=replace(SCALE, revolutions=1))

@@ -50,7 +50,7 @@ def test_reduction_is_evaluated_with_p1544(evaluation):
         assert rig.drive.core.torque == pytest.approx(sign * 6.0 * (1.0 - evaluation / 100.0 * 0.75))
 
 
-@pytest.mark.requirement("PD-027", "PD-038", "CFG-399", "CFG-400", "CFG-401", "CFG-402", "CFG-407")
+@pytest.mark.requirement("PD-027", "PD-038", "CFG-407")
 def test_telegram_750_counts_in_p2003():
     """With p2003 = 40 Nm 1000h of M_ADD1 is 10 Nm: limits and actual torque have the same measure, in both directions."""
     rig = build(torque_telegram=True, reference_torque_Nm=40.0, torque_limits_Nm=(100.0, 100.0))

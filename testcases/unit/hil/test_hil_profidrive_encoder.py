@@ -115,7 +115,7 @@ def test_every_telegram_on_the_bus(telegram):
         ]  # fmt: skip
 
 
-@pytest.mark.requirement("PD-171", "PD-172", "PD-147", "CFG-302", "CFG-304", "CFG-305", "CFG-286")
+@pytest.mark.requirement("PD-171", "PD-172", "PD-147", "CFG-302", "CFG-304")
 def test_absolute_values_are_those_of_the_machine():
     """A scale with its zero in the middle: G1_XIST2 is the place in steps * 2^9, and G1_XIST1 begins with it in steps * 2^11."""
     with build() as bench:
@@ -344,7 +344,7 @@ encoder = "wheel"
 """
 
 
-@pytest.mark.requirement("CFG-198", "PD-012", "CFG-016", "CFG-365")
+@pytest.mark.requirement("CFG-198", "PD-012", "CFG-016")
 @pytest.mark.parametrize("telegram", [81, 83])
 def test_an_external_encoder_reads_it(telegram):
     """A technology object takes resolution and fine bits over and shows place and velocity of the wheel; its error is alarm 411."""
@@ -462,6 +462,8 @@ def test_an_error_of_the_first_one_stops_the_axis():
         Injector(bench).inject("encoder.error", "drive1", code=0x0001)
         bench.run_for(0.1)
         assert [event.data["number"] for event in bench.trace().select(kind="alarm.raised")] == [411]
+        bench.run_for(1.0)
+        assert not bench.drive().core.enabled
 
 
 # -- mistakes -------------------------------------------------------------------------------------------------------------

@@ -67,7 +67,7 @@ def rig():
         yield Rig(bench)
 
 
-@pytest.mark.requirement("CFG-443", "CFG-448", "CFG-449", "STP-560", "CFG-610")
+@pytest.mark.requirement("CFG-443", "CFG-448", "CFG-449", "STP-560")
 def test_safe_torque_off_is_alarm_421(rig):
     """The axis coasts with alarm 421; acknowledged too early the alarm is there again; then it is enabled by itself."""
     armed = rig.faults.inject("drive.sto", "drive1")
@@ -81,7 +81,7 @@ def test_safe_torque_off_is_alarm_421(rig):
     assert rig.again()
 
 
-@pytest.mark.requirement("CFG-444", "CFG-448", "STP-561", "CFG-610")
+@pytest.mark.requirement("CFG-444", "CFG-448", "STP-561")
 def test_safe_stop_1_is_alarm_550_and_then_421(rig):
     """The drive brakes by itself on OFF3, the setpoints track; with safe torque off alarm 421 follows."""
     rig.faults.inject("drive.ss1", "drive1")
@@ -95,7 +95,7 @@ def test_safe_stop_1_is_alarm_550_and_then_421(rig):
     assert rig.word() & 0x0003 == 0x0003
 
 
-@pytest.mark.requirement("CFG-445", "CFG-448", "CFG-449", "STP-561", "CFG-610")
+@pytest.mark.requirement("CFG-445", "CFG-448", "CFG-449", "STP-561")
 def test_safe_stop_2_is_alarm_550_and_the_drive_stays_on(rig):
     """Alarm 550 alone: the drive stands under its own control with ZSW1.2; afterwards the axis is led again."""
     armed = rig.faults.inject("safety.ss2", "drive1")
