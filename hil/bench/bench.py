@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from hil.bench.config import ExternalEncoderSection
     from hil.bench.encoders import EncoderNodes
     from hil.bench.remote import RemoteDrives
+    from hil.bench.telegram_master import TelegramMaster
     from hil.bench.words import BenchWords
     from motion.drives.encoder import EncoderPort
 
@@ -81,6 +82,7 @@ class Bench(BenchParts):
         self._external_encoders: dict[str, EncoderHandle] = {}
         self._ports: dict[str, Port] = {}
         self._axes: dict[str, AxisHandle] = {}
+        self._telegrams: dict[str, TelegramMaster] = {}
         self._cycle_callbacks: list[Callable[[], object]] = []
         self._remote: RemoteDrives | None = None
         self._words: dict[str | None, BenchWords] = {}
@@ -298,6 +300,33 @@ class Bench(BenchParts):
             name, encoder.trace_columns, encoder.trace_row, enums=encoder.trace_enums
         )
         self.runtime.after_cycle.append(group.sample)
+
+    def telegram(self, name: str | None = None) -> TelegramMaster:
+        """Return the master of a PROFIdrive drive without an axis: the test leads it by the words of its telegram.
+
+        The first call takes the drive into service and waits until it answers; not inside of a callback.
+
+        Args:
+            name: The drive; None: the first one.
+
+        Raises:
+            ConfigurationError: There is no such drive, it has an axis, or it is none with a telegram.
+            BlockedError: Somebody else is the controller on its segment.
+            BenchNotReadyError: The drive did not come up.
+
+        """
+        from hil.bench.telegram_master import lead
+
+        wanted = name or next(iter(self.config.drive), "")
+        if wanted not in self._telegrams:
+            self._telegrams[wanted] = lead(self, wanted)
+        return self._telegrams[wanted]
+
+    def lead_drive(self, name: str) -> tuple[Any, CanopenMaster | None]:
+        """Return a new port to a drive without an axis, and the CANopen services on its segment if it is on CAN."""
+        port = self._build_port(name)
+        self._ports[name] = port
+        return port, self._masters.get(self.config.drive[name].segment)
 
     def _build_port(self, name: str) -> Port:
         """Return the controller's port to a drive, as its profile and its bus want it."""

@@ -26,6 +26,9 @@ from hil.bench.encoder_config import EncoderSection, check_encoders
 from hil.bench.modbus_config import check_modbus
 from hil.bench.segment_config import SegmentSection, check_segment
 
+WORD_TELEGRAMS: Final = (7, 9, 20, 110, 111)
+"""Telegrams that no axis uses."""
+
 EMBEDDED: Final = ("reference", "speed", "fast", "live", "profidrive", "profidrive_tcp", "profidrive_rtu")
 """Benches that ship with the product, usable by name."""
 
@@ -116,7 +119,7 @@ class BenchConfig(Section):
         if drive.profidrive.sign_of_life is not None:
             return drive.profidrive.sign_of_life
         live_modbus = self.bench.kind == "live" and self.segment[drive.segment].on_modbus
-        return drive.telegram != 1 and not live_modbus
+        return drive.telegram not in (1, *WORD_TELEGRAMS) and not live_modbus
 
     def leads(self, segment: str) -> bool:
         """Whether the bench is the controller on a segment: it moves an axis there, or nobody else can be there."""
@@ -181,6 +184,10 @@ class BenchConfig(Section):
             used[axis.drive] = name
             drive = self.drive[axis.drive]
             check_axis_encoders(name, axis, self)
+            if drive.profile == "profidrive" and drive.telegram in WORD_TELEGRAMS:
+                raise ValueError(
+                    f"axis.{name}.drive: telegram {drive.telegram} of {axis.drive!r} has no setpoints for an axis"
+                )
             with_dsc = drive.profile == "profidrive" and drive.telegram in (5, 6, 105, 106)
             if axis.variables.get("PositionControl.EnableDSC") and not with_dsc:
                 raise ValueError(

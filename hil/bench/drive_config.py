@@ -21,6 +21,7 @@ from hil.bench._drive_sections import (
     Word,
     checked_personality,
 )
+from hil.bench._positioner_section import PositionerSection
 from hil.bench._profidrive_encoder import Encoder2Section
 from hil.bench._safety_section import SafetySection
 
@@ -118,8 +119,8 @@ class DriveSection(Section):
     """`[drive.NAME]`: a drive."""
 
     profile: Literal["cia402", "profidrive"] = "cia402"
-    telegram: Literal[1, 2, 3, 4, 5, 6, 102, 103, 105, 106] = 3
-    """Telegram of a PROFIdrive axis."""
+    telegram: Literal[1, 2, 3, 4, 5, 6, 7, 9, 20, 102, 103, 105, 106, 110, 111] = 3
+    """Telegram of a PROFIdrive drive; 7, 9, 20, 110 and 111 are for drives without an axis."""
     device: Literal["emulated", "physical"] = "emulated"
     """`emulated`: this bench brings it; `physical`: it is on the bus (or brought by somebody else)."""
     segment: str
@@ -192,6 +193,7 @@ class DriveSection(Section):
     safety: SafetySection = SafetySection()
     encoder2: Encoder2Section = Encoder2Section()
     profidrive: ProfidriveSection = ProfidriveSection()
+    positioner: PositionerSection = PositionerSection()
 
     @field_validator("personality")
     @classmethod
@@ -203,7 +205,7 @@ class DriveSection(Section):
     @model_validator(mode="after")
     def _profile(self) -> DriveSection:
         if self.profile == "cia402":
-            for key in ("telegram", "profidrive", "encoder2"):
+            for key in ("telegram", "profidrive", "encoder2", "positioner"):
                 if self.differs(key):
                     raise ValueError(
                         f'{key}: a drive with profile = "cia402" has none; set profile = "profidrive"'
@@ -221,8 +223,12 @@ class DriveSection(Section):
             raise ValueError(
                 "safety.interlock: an interlock is not fitted to a PROFIdrive axis; allowed: none"
             )
-        if self.profidrive.sign_of_life and self.telegram == 1:
-            raise ValueError("profidrive.sign_of_life: telegram 1 has none; allowed: false")
+        if self.profidrive.sign_of_life and self.telegram in (1, 7, 20):
+            raise ValueError(f"profidrive.sign_of_life: telegram {self.telegram} has none; allowed: false")
+        if self.differs("positioner") and not self.positions:
+            raise ValueError(
+                f"positioner: telegram {self.telegram} leads the speed; a positioner goes with 7, 9, 110 and 111"
+            )
         bits = self.profidrive.fine_resolution_bits
         if self.increments_per_revolution << bits > 1 << 31:
             raise ValueError(
@@ -235,6 +241,11 @@ class DriveSection(Section):
                 f"G1_XIST2; at most {1 << 20}"
             )
         return self
+
+    @property
+    def positions(self) -> bool:
+        """Whether the telegram is one of the positioner."""
+        return self.telegram in (7, 9, 110, 111)
 
     def words(self) -> tuple[Telegram, str]:
         """Return the telegram with its supplements, and its name."""

@@ -186,7 +186,7 @@ def profidrive_config(config: BenchConfig, name: str) -> ProfidriveConfig:
         servo_period_ns=config.bench.servo_period_us * US,
         control_period_ns=max(1 * MS, config.bench.servo_period_us * US),
         settings=DriveSettings(
-            operating_mode=own.operating_mode,
+            operating_mode=2 if section.positions else own.operating_mode,
             reference_speed_rpm=own.reference_speed_rpm,
             reference_torque_Nm=own.reference_torque_nm,
             max_speed_rpm=section.max_speed_rpm,
@@ -201,6 +201,7 @@ def profidrive_config(config: BenchConfig, name: str) -> ProfidriveConfig:
         fine_xist2=finest_xist2(parts["encoder"]),
         interpolation=own.interpolation,
         isochronous=config.counts_life(section),
+        positioner=section.positioner.build(),
         **parts,
     )
 

@@ -6,7 +6,7 @@ answers with `_take` and sends what `_compose` returns.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from struct import Struct
 from typing import TYPE_CHECKING, Final
@@ -26,6 +26,9 @@ POSITIONING_TELEGRAMS: Final = (3, 4, 5, 6, 102, 103, 105, 106)
 """Telegrams with setpoint and encoder value (CFG-196)."""
 SPEED_TELEGRAMS: Final = (1, 2, *POSITIONING_TELEGRAMS)
 """Telegrams of a speed axis (CFG-195)."""
+
+WORD_TELEGRAMS: Final = (7, 9, 20, 110, 111)
+"""Telegrams that no axis uses: a test leads the drive by their words."""
 
 _FLOATING: Final = frozenset((1082, 2000, 2003))
 _FLOAT: Final = Struct("<f")
@@ -60,7 +63,7 @@ class TelegramConfig:
     """The telegram of a drive and what its words mean.
 
     Args:
-        telegram: Number of the telegram, one of `SPEED_TELEGRAMS`.
+        telegram: Number of the telegram, one of `SPEED_TELEGRAMS` or `WORD_TELEGRAMS`.
         torque_telegram: Whether 750 follows it.
         safety_telegram: 700 or 701, the safety information channel, follows them; None = neither.
         reference_speed_rpm: p2000.
@@ -84,10 +87,9 @@ class TelegramConfig:
     isochronous: bool = True
 
     def __post_init__(self) -> None:
-        if self.telegram not in SPEED_TELEGRAMS:
-            raise ConfigurationError(
-                "drive.telegram", self.telegram, ", ".join(map(str, sorted(SPEED_TELEGRAMS)))
-            )
+        known = (*SPEED_TELEGRAMS, *WORD_TELEGRAMS)
+        if self.telegram not in known:
+            raise ConfigurationError("drive.telegram", self.telegram, ", ".join(map(str, sorted(known))))
         if self.sign_of_life and not self.build().isochronous:
             raise ConfigurationError("drive.telegram", self.telegram, "one with a sign of life (CFG-190)")
 
@@ -152,7 +154,7 @@ class ProfidrivePort(LinkedPort):
         place = {name: at for at, name in enumerate(out.names)}
         self._narrow = "NSOLL_A" in place
         self._row = [0] * len(out.names)
-        self._nsoll_at = place["NSOLL_A" if self._narrow else "NSOLL_B"]
+        self._nsoll_at = place.get("NSOLL_A" if self._narrow else "NSOLL_B", -1)
         self._stw2_at = place.get("STW2", -1)
         self._g1_at = place.get("G1_STW", -1)
         self._xerr_at = place.get("XERR", -1)
@@ -165,7 +167,7 @@ class ProfidrivePort(LinkedPort):
         self.has_torque_reduction = self._momred_at >= 0
         self.set_torque_range(1.0, -1.0)
         place = {name: at for at, name in enumerate(back.names)}
-        self._nist_at = place["NIST_A" if self._narrow else "NIST_B"]
+        self._nist_at = place.get("NIST_A" if self._narrow else "NIST_B", -1)
         self._zsw2_at = place.get("ZSW2", -1)
         self._g1_zsw_at = place.get("G1_ZSW", -1)
         self._xist_at = place.get("G1_XIST1", -1)
@@ -226,7 +228,8 @@ class ProfidrivePort(LinkedPort):
 
     def _show(self, answer: tuple[int, ...]) -> None:
         self.zsw1 = zsw1 = answer[0]
-        self.actual_speed_rpm = answer[self._nist_at] * self._speed_scale
+        if self._nist_at >= 0:
+            self.actual_speed_rpm = answer[self._nist_at] * self._speed_scale
         if self._m_act_at >= 0:
             self.actual_torque_nm = from_n2(answer[self._m_act_at]) * self._reference_torque
         if self._meldw_at >= 0:
@@ -293,8 +296,9 @@ class ProfidrivePort(LinkedPort):
         """Return the telegram of this cycle, of any length where a test disturbs it; None: nothing is sent."""
         row = self._row
         row[0] = stw1
-        share = speed_rpm / self._reference_speed
-        row[self._nsoll_at] = to_n2(share) if self._narrow else to_n4(share)
+        if self._nsoll_at >= 0:
+            share = speed_rpm / self._reference_speed
+            row[self._nsoll_at] = to_n2(share) if self._narrow else to_n4(share)
         if self._stw2_at >= 0:
             self._sign = sign = next_sign(self._sign)
             row[self._stw2_at] = sign << SIGN_OF_LIFE_SHIFT | self.stw2
@@ -313,6 +317,15 @@ class ProfidrivePort(LinkedPort):
             if self._stw2_at >= 0:
                 row[self._stw2_at] = self.stw2
             frame = self._pack(*self.block.send(row))
+        return frame if self.setpoint_seam is None else self.setpoint_seam(frame)
+
+    def compose_words(self, row: Sequence[int]) -> bytes | None:
+        """Return a telegram of these signals, in their order; the sign of life is added where both sides watch it."""
+        words = list(row)
+        if self._stw2_at >= 0 and self._words.sign_of_life:
+            self._sign = next_sign(self._sign)
+            words[self._stw2_at] = words[self._stw2_at] & 0x0FFF | self._sign << SIGN_OF_LIFE_SHIFT
+        frame = self._pack(*words)
         return frame if self.setpoint_seam is None else self.setpoint_seam(frame)
 
     def _compose_release(self) -> bytes:

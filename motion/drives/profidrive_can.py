@@ -9,7 +9,7 @@ at SYNC k+1, and its setpoints are interpolated by the drive until SYNC k+2.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from struct import Struct
 from typing import TYPE_CHECKING, Final
@@ -175,6 +175,12 @@ class ProfidriveCanPort(ProfidrivePort):
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
         """See `DrivePort.write`."""
         frame = self._compose(stw1, speed_rpm, torque_nm)
+        if frame is not None:
+            self._send(frame)
+
+    def write_words(self, row: Sequence[int]) -> None:
+        """Send a telegram of these signals, in their order."""
+        frame = self.compose_words(row)
         if frame is not None:
             self._send(frame)
 

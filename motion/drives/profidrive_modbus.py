@@ -14,7 +14,7 @@ does not request control yet (ZSW1.9 = 0, PD-081), and so shows that it has star
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Final, Protocol
@@ -218,7 +218,13 @@ class ProfidriveModbusPort(ProfidrivePort):
 
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
         """See `DrivePort.write`."""
-        frame = self._compose(stw1, speed_rpm, torque_nm)
+        self._put(self._compose(stw1, speed_rpm, torque_nm))
+
+    def write_words(self, row: Sequence[int]) -> None:
+        """Send a telegram of these signals, in their order."""
+        self._put(self.compose_words(row))
+
+    def _put(self, frame: bytes | None) -> None:
         if self.stage is not Stage.SERVICE:
             return
         # One that is still under way is older, but another behind it would be later than the next one.
