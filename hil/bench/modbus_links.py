@@ -73,6 +73,7 @@ class ModbusSegment:
         self._taken: dict[int, int] = {}
         self._cycle_ns = cycle_ns
         self._ports: list[ProfidriveModbusPort] = []
+        self._recorded = False
 
     # -- making the ways ----------------------------------------------------------------------------------------------
 
@@ -194,12 +195,14 @@ class ModbusSegment:
         return self._merged
 
     def watch(self, port: ProfidriveModbusPort) -> None:
-        """Record the requests of a port."""
-        self._ports.append(port)
+        """Record the requests of a port; of one that comes when the record has begun nothing is recorded."""
+        if not self._recorded:
+            self._ports.append(port)
 
     @property
     def columns(self) -> tuple[tuple[str, str], ...]:
         """Columns of the segment in the trace: load of a line, then of every drive response time, missing cycles, exceptions."""
+        self._recorded = True
         load = () if self.kind == "modbus_tcp" else (("load", "%"),)
         return (
             *load,

@@ -57,7 +57,7 @@ def enabled(machine, **signals):
     master = machine.telegram()
     for stw1 in (READY, RUN):
         master.send(STW1=stw1, **signals)
-        machine.run_for(0.03)
+        machine.run_for(8 * machine.config.bench.cycle_ms / 1000)
     assert master["ZSW1"] & 0x0047 == 0x0007
     return master
 
@@ -175,3 +175,18 @@ def test_mistakes_in_the_bench_file_are_named(telegram, more, words):
     """Key, value, and what is allowed."""
     with pytest.raises(BenchFileError, match=words):
         parse(TEXT.format(telegram=telegram, more=more), "own.toml")
+
+
+@pytest.mark.parametrize("segment", ['kind = "modbus_tcp"', 'kind = "modbus_rtu"\nbaud = 115200'])
+def test_a_positioner_on_modbus(segment):
+    """The same master over a register map with room for twelve words."""
+    text = TEXT.format(telegram=111, more='map = "festo"').replace("node_id = 5\n", "")
+    text = text.replace("bitrate = 1_000_000", segment).replace("cycle_ms = 4", "cycle_ms = 20")
+    with Bench(parse(text, "own.toml"), seed=1) as machine:
+        master = enabled(machine, POS_STW2=POS_STW2.SET_REFERENCE_POINT)
+        machine.run_for(0.1)
+        master.send(POS_STW1=MDI, POS_STW2=0, MDI_TARPOS=-20_000, MDI_VELOCITY=6_000)
+        machine.run_for(0.1)
+        master.send(STW1=GO)
+        assert machine.run_until(lambda: master["ZSW1"] & ZSW1.TARGET_REACHED, 2.0)
+        assert master["XIST_A"] == pytest.approx(-20_000, abs=50)
