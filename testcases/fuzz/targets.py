@@ -13,9 +13,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from emulators.drive.profidrive.parameter_server import ParameterServer
-from emulators.drive.profidrive.parameters import ParameterStore
-from emulators.drive.profidrive.profile_parameters import Identification, ParameterMemory, identify
 from fieldbus.can import CanFrame, CanMedium, HookResult
 from fieldbus.canopen import BootState, CanopenMaster, CanopenSlave, NmtState, NodeSetup, Parameter, PdoSetup
 from fieldbus.canopen.decode import FrameDecoder
@@ -24,7 +21,6 @@ from fieldbus.canopen.store import ObjectStore
 from fieldbus.cia402 import DriveState, decode_state
 from fieldbus.clock import MS, S, VirtualScheduler
 from fieldbus.history import Event, History
-from fieldbus.profidrive.requests import decode_answer
 from hil.bench.drives import object_dictionary
 from testcases.fuzz.engine import Target
 from testcases.fuzz.frames import NODE, frames
@@ -462,40 +458,12 @@ def medium() -> Take:
     return take
 
 
-# ------------------------------------------------------------------------------------- PROFIdrive parameters
-
-
-def parameters() -> Take:
-    """Return the parameter server over the list of the emulated drive; an input is one request."""
-    store = ParameterStore()
-    ParameterMemory(store)
-    identify(store, Identification())
-    server = ParameterServer({1: store})
-    read_display = bytes.fromhex("80 01 01 01 10 01 0002 0000")
-
-    def take(data: bytes) -> None:
-        store.factory_reset()
-        answer = server.request(data)
-        promise(4 <= len(answer) <= 240, "an answer of a wrong length")
-        decoded = decode_answer(answer)
-        promise(
-            bool(answer[1] & 0x80) is not decoded.positive, "the sign of the answer does not fit its content"
-        )
-        promise(answer[0] == (data[0] if data else 0), "another reference")
-        for number in store.changed():
-            definition = store.definition(number)
-            promise(definition is not None and store.is_writable(number), f"{number} can be written")
-        display = server.request(read_display)
-        promise(display == bytes.fromhex("80 01 01 01 03 01 001F"), "a plain request is not answered")
-
-    return take
-
-
 @cache
 def targets() -> dict[str, Target]:
     """Return all targets by name."""
     from testcases.fuzz.modbus_drive_target import modbus_drive  # these need `promise`
     from testcases.fuzz.modbus_targets import modbus, modbus_client
+    from testcases.fuzz.parameter_target import parameters
     from testcases.fuzz.telegram_targets import telegrams
 
     listed = [
@@ -510,7 +478,7 @@ def targets() -> dict[str, Target]:
         Target("encoder", "CiA 406 encoder", encoder),
         Target("slcan", "serial-line adapter", slcan),
         Target("decoder", "bus monitor", decoder),
-        Target("parameters", "PROFIdrive parameter access", parameters),
+        Target("parameters", "PROFIdrive parameter access to axes at work", parameters),
         Target("telegram", "PROFIdrive telegrams: drive, encoder, port of the controller", telegrams),
         Target("modbus", "Modbus server behind TCP and on a serial line", modbus),
         Target(

@@ -11,7 +11,7 @@ from testcases.fuzz.frames import LONGEST, encode, frames
 from testcases.fuzz.targets import targets
 
 INPUTS = {"medium": 300, "sdo": 20_000, "slave": 3_000, "master": 1_500, "lss": 5_000, "drive": 150, "encoder": 2_000, "slcan": 5_000,
-          "decoder": 10_000, "parameters": 1_500, "modbus": 1_500, "telegram": 600, "modbus_client": 1_000, "modbus_drive": 800}  # fmt: skip
+          "decoder": 10_000, "parameters": 1_000, "modbus": 1_500, "telegram": 600, "modbus_client": 1_000, "modbus_drive": 800}  # fmt: skip
 """Inputs per target in the test suite, a few seconds each; `python -m testcases.fuzz run` for as many as wanted."""
 
 
