@@ -131,7 +131,10 @@ def emulate(
         ),
     ] = "",
     link: Annotated[
-        str, typer.Option("--link", metavar="PATH", help="Symbolic link to the adapter's device file.")
+        str,
+        typer.Option(
+            "--link", metavar="PATH", help="Symbolic link to the device file of the adapter or line."
+        ),
     ] = "",
     seed: SeedOption = 0,
     duration: Annotated[

@@ -41,6 +41,14 @@ def check_bench(reference: str, *, build: bool, as_json: bool) -> int:
                     if as_json
                     else [f"{node.name} (node {node.node_id}) {node.boot_state.value}" for node in nodes]
                 )
+                ports = [bench.axis(name).port for name in getattr(bench, "axis_names", ())]
+                on_modbus = [port for port in ports if hasattr(port, "unit")]
+                if on_modbus:
+                    facts["modbus"] = (
+                        [port.describe() for port in on_modbus]
+                        if as_json
+                        else [f"{port.name} (unit {port.unit}) {port.stage.value}" for port in on_modbus]
+                    )
                 facts["signals"] = len(bench.trace().names())
             facts["wall_s"] = round(time.perf_counter() - started, 3)
     if as_json:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from hil.bench.config import BenchConfig
     from hil.bench.device_config import DeviceSection
     from hil.bench.drive_config import DriveSection
+    from hil.bench.drive_host import DriveHost
     from hil.bench.encoder_config import EncoderSection
-    from hil.bench.remote import DriveHost
 
 _BOOT_TIMEOUT_S: Final = 10.0
 _SLICE_S: Final = 0.2
@@ -38,6 +38,7 @@ _TOLD: Final = (
     "drive.fault",
     "drive.fault_cleared",
     "drive.connection_lost",
+    "drive.communication_lost",
     "can.status",
     "adapter.state",
     "adapter.overrun",
@@ -58,6 +59,11 @@ class Place:
     options: tuple[str, ...] = ()
     """KEY=VALUE each."""
 
+    @property
+    def said(self) -> bool:
+        """Whether any of it is."""
+        return bool(self.interface or self.channel or self.options)
+
 
 def emulate_bench(
     reference: str, place: Place, *, adapter: str = "", link: str = "", seed: int, duration_s: float
@@ -72,7 +78,8 @@ def emulate_bench(
         place: The bus for all segments; without one that of a live bench file, else SocketCAN vcan0.
         adapter: "slcan": an emulated serial-line adapter is on the bus too, and the bus, if none is named, exists in
             this process only.
-        link: Symbolic link to make to the adapter's device file; one that is there already is replaced.
+        link: Symbolic link to make to the adapter's device file, or to that of the first drive on a Modbus line; one that is
+            there already is replaced.
         seed: Seed of the drives' random streams.
         duration_s: 0: until the end is asked for.
 
@@ -87,16 +94,24 @@ def emulate_bench(
         raise ConfigurationError("--for", duration_s, "a number of seconds, 0 or more")
     if adapter not in ("", "slcan"):
         raise ConfigurationError("--adapter", adapter, "slcan")
-    if link and not adapter:
-        raise ConfigurationError("--link", link, "a path, together with --adapter")
     config = config_of(reference)
     devices = {**config.drive, **config.encoder, **config.device}
     emulated = {name: devices[name] for name in config.emulated_names}
     if not emulated:
         raise CannotRunError(f"the bench {config.bench.name!r} has no emulated drive")
+    on_can = {name: one for name, one in emulated.items() if not config.segment[one.segment].on_modbus}
+    if not on_can and (place.said or adapter):
+        raise ConfigurationError(
+            "--adapter" if adapter else "--interface", adapter or place.interface, "for drives on CAN only"
+        )
+    lines = [name for name, one in emulated.items() if config.segment[one.segment].kind == "modbus_rtu"]
+    if link and not adapter and not lines:
+        raise ConfigurationError(
+            "--link", link, "a path, together with --adapter or a drive on a Modbus line"
+        )
     opening = _opening(place, live=config.bench.kind == "live", adapter=adapter)
     if opening is not None:
-        _check_nodes(emulated, f"{opening['interface']} {opening['channel']}")
+        _check_nodes(on_can, f"{opening['interface']} {opening['channel']}")
     ended = False
 
     def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - signature of a signal handler
@@ -106,21 +121,18 @@ def emulate_bench(
 
     handlers = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        from hil.bench.remote import DriveHost
+        from hil.bench.drive_host import DriveHost
 
         host = DriveHost(config, place=opening, seed=seed, record=False)
         with ExitStack() as stack:
             stack.callback(host.close)
             device = _bring_adapter(host, config, link, stack) if adapter else ""
+            if link and not adapter:
+                _make_link(link, str(host.places[lines[0]]), stack)
             host.run_until(lambda: ended or host.booted, _BOOT_TIMEOUT_S)
             out = console()
             for name, section in emulated.items():
-                where = opening or config.segment[section.segment].opening_for_drives()
-                out.print(
-                    f"{name}: {section.profile}, node {section.node_id}, on {where['interface']} {where['channel']}",
-                    markup=False,
-                    soft_wrap=True,
-                )
+                out.print(_presentation(config, host, opening, name, section), markup=False, soft_wrap=True)
             if device:
                 out.print(f"adapter: {adapter} on {device}", markup=False, soft_wrap=True)
             out.print("ready; end with Ctrl-C", style="dim", markup=False)
@@ -133,6 +145,23 @@ def emulate_bench(
         for number, handler in handlers.items():
             signal.signal(number, handler)
     return 0
+
+
+def _presentation(
+    config: BenchConfig, host: DriveHost, opening: Mapping[str, Any] | None, name: str, section: Any
+) -> str:
+    """Return what a device is and where."""
+    segment = config.segment[section.segment]
+    if not segment.on_modbus:
+        where = opening or segment.opening_for_drives()
+        return (
+            f"{name}: {section.profile}, node {section.node_id}, on {where['interface']} {where['channel']}"
+        )
+    place = host.places[name]
+    if isinstance(place, str):
+        return f"{name}: {section.profile}, unit {section.unit}, Modbus RTU on {place}"
+    host_name = f"[{place[0]}]" if ":" in place[0] else place[0]
+    return f"{name}: {section.profile}, any unit, Modbus TCP on {host_name}:{place[1]}"
 
 
 def _opening(place: Place, *, live: bool, adapter: str) -> dict[str, Any] | None:
@@ -185,15 +214,28 @@ def _bring_adapter(host: DriveHost, config: BenchConfig, link: str, stack: ExitS
     try:
         device = SlcanDevice(segment, bitrate=config.segment[name].bitrate, history=host.history)
         stack.callback(device.close)
-        if link:
-            path = Path(link)
-            if path.is_symlink():
-                path.unlink()
-            path.symlink_to(device.path)
-            stack.callback(path.unlink, missing_ok=True)
     except OSError as error:
-        raise CannotRunError(f"--adapter {link}: {error.strerror or error}") from error
+        raise CannotRunError(f"--adapter: {error.strerror or error}") from error
+    if link:
+        _make_link(link, device.path, stack)
     return link or device.path
+
+
+def _make_link(link: str, target: str, stack: ExitStack) -> None:
+    """Make a symbolic link for as long as the drives are there.
+
+    Raises:
+        CannotRunError: It cannot be made.
+
+    """
+    path = Path(link)
+    try:
+        if path.is_symlink():
+            path.unlink()
+        path.symlink_to(target)
+    except OSError as error:
+        raise CannotRunError(f"--link {link}: {error.strerror or error}") from error
+    stack.callback(path.unlink, missing_ok=True)
 
 
 def config_of(reference: str) -> Any:

@@ -185,6 +185,13 @@ class ProfidriveModbusPort(ProfidrivePort):
         """Whether the drive is in service."""
         return self.stage is Stage.SERVICE
 
+    def describe(self) -> dict[str, object]:
+        """Return what is known of the drive, as plain values."""
+        return {
+            "name": self.name, "unit": self.unit, "state": self.stage.value, "missed": self.missed,
+            "exceptions": self.exceptions, "response_s": self.response_ns * 1e-9, "text": self.text,
+        }  # fmt: skip
+
     def release(self) -> None:
         """Disable the drive with a last telegram: nobody will lead it any more."""
         request = self._config.registers.write(self._compose_release())

@@ -18,7 +18,7 @@ from fieldbus.errors import BusError
 from fieldbus.history import History
 from hil.bench import load_bench
 from hil.bench.config import parse
-from hil.bench.remote import DriveHost
+from hil.bench.drive_host import DriveHost
 from hil.cli import main
 
 PATIENCE_S = 60.0
@@ -73,16 +73,26 @@ DEVICE_TYPE = can.Message(arbitration_id=0x605, data=bytes.fromhex("400010000000
             ["live", "-i", "udp_multicast", "-c", "239.74.163.2", "-o", "port=65536"],
             r"can0: udp_multicast 239\.74\.163\.2 cannot be opened: ",
         ),
+        (
+            None,
+            ["profidrive_tcp", "-i", "socketcan"],
+            "--interface: 'socketcan' is not allowed; allowed: for drives on CAN only",
+        ),
+        (
+            None,
+            ["profidrive_rtu", "-a", "slcan"],
+            "--adapter: 'slcan' is not allowed; allowed: for drives on CAN only",
+        ),
         (None, ["live", "--adapter", "pcan"], "--adapter: 'pcan' is not allowed; allowed: slcan"),
         (
             None,
             ["live", "--link", "tty"],
-            "--link: 'tty' is not allowed; allowed: a path, together with --adapter",
+            "--link: 'tty' is not allowed; allowed: a path, together with --adapter or a drive on a Modbus line",
         ),
         (
             None,
             ["live", "-a", "slcan", "--link", "/nosuch/tty"],
-            "--adapter /nosuch/tty: No such file or directory",
+            "--link /nosuch/tty: No such file or directory",
         ),
         (
             None,
