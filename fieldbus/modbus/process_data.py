@@ -33,6 +33,7 @@ class ProcessDataRegisters:
         timeout: Address and number of registers of the time-out of the process data, ms; None = there is none.
         inputs: Addresses of the digital inputs, one register each from bit 0 on; empty = there are none.
         fault_number: Address of the number of the oldest fault; None = there is none.
+        parameters: Address of the control word of the parameter channel (data record 47); None = there is none.
 
     """
 
@@ -44,6 +45,7 @@ class ProcessDataRegisters:
     timeout: tuple[int, int] | None = None
     inputs: tuple[int, int] | None = None
     fault_number: int | None = None
+    parameters: int | None = None
     _places: tuple[tuple[int, ...], tuple[int, ...]] = field(init=False, repr=False)
     _words: tuple[Struct, Struct] = field(init=False, repr=False)
 
@@ -161,4 +163,5 @@ def process_data(file: MapFile, telegram: Telegram, *, name: str = "") -> Proces
         timeout=None if timeout is None else (address(timeout), timeout.words),
         inputs=None if inputs is None or _READ not in functions else (address(inputs), inputs.count),
         fault_number=None if faults is None or _READ not in functions else address(faults),
+        parameters=address(blocks["ds47"]) if "ds47" in blocks and {_READ, _WRITE} <= functions else None,
     )

@@ -88,6 +88,7 @@ class AnalogPort(LinkedPort):
         "_counter",
         "_enable",
         "_ready",
+        "_reference",
         "_seen",
         "_setpoint",
         "_station",
@@ -118,12 +119,17 @@ class AnalogPort(LinkedPort):
                 raise ConfigurationError(f"{name}: channel of the {kind}", number, allowed)
         self._station = station
         self._config = config
+        self._reference = config.reference_speed_rpm
         self._setpoint, self._enable, self._ready = config.setpoint, config.enable, config.ready
         self._counter = config.counter
         self._seen = station.answers
         self._stw1 = 0
         self._was_ok = False
         self.enter_service()
+
+    def set_reference(self, speed_rpm: float, torque_nm: float) -> None:  # noqa: ARG002 - there is no wire for a torque
+        """See `DrivePort.set_reference`."""
+        self._reference = speed_rpm
 
     def read(self) -> None:
         """See `DrivePort.read`."""
@@ -159,7 +165,7 @@ class AnalogPort(LinkedPort):
             station.set_output(self._enable, operate)
         word = 0
         if operate and self.zsw1 & _OPERATING:
-            share = min(max(speed_rpm / self._config.reference_speed_rpm, -OVERRANGE), OVERRANGE)
+            share = min(max(speed_rpm / self._reference, -OVERRANGE), OVERRANGE)
             word = round(share * FULL_SCALE)
         station.set_analog(self._setpoint, word)
 

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from fieldbus.errors import ConfigurationError, HilError
 from fieldbus.modbus import ExceptionCode, Outcome
 from fieldbus.profidrive.words import ZSW1
+from motion.drives._ds47 import Ds47Reader
 from motion.drives._link import LinkConfig
 from motion.drives.profidrive import ProfidrivePort, TelegramConfig
 
@@ -119,6 +120,8 @@ class ProfidriveModbusPort(ProfidrivePort):
         "_cycles_of_fault",
         "_fresh",
         "_misses",
+        "_more",
+        "_parameters",
         "_read_fault_number",
         "_read_inputs",
         "_read_request",
@@ -152,6 +155,11 @@ class ProfidriveModbusPort(ProfidrivePort):
         self._read_request = config.registers.read()
         self._read_inputs = config.registers.read_inputs()
         self._read_fault_number = config.registers.read_fault_number()
+        self._more: tuple[Request, Callable[[Result], object]] | None = None
+        """A request of the parameter channel that waits for its cycle."""
+        channel = config.registers.parameters
+        self._parameters = None if channel is None else Ds47Reader(scheduler, self._put_aside, channel)
+        self.has_parameters = channel is not None
         self._timer: Timer | None = None
         self._fresh: bytes | None = None
         """Actual values that have come since the last application cycle."""
@@ -171,6 +179,11 @@ class ProfidriveModbusPort(ProfidrivePort):
         """What the last request that failed has ended with."""
         self.refusal = ""
         """Why the drive cannot be led at all; empty while that is not known."""
+
+    def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
+        """See `DrivePort.read_parameter`: data record 47 (PD-326)."""
+        assert self._parameters is not None  # as `has_parameters` says
+        self._parameters.read(number, index, answer)
 
     # -- start and end ------------------------------------------------------------------------------------------
 
@@ -264,7 +277,11 @@ class ProfidriveModbusPort(ProfidrivePort):
         if self._asking_more:
             return
         # One more request per cycle, whatever it asks: a line has no room for two.
-        if self._cycles_of_fault % _FAULT_NUMBER_CYCLES == 1 and self._read_fault_number is not None:
+        if self._more is not None:
+            (more, done), self._more = self._more, None
+            self._asking_more = True
+            self._submit(more, lambda result: self._on_more(result, done))
+        elif self._cycles_of_fault % _FAULT_NUMBER_CYCLES == 1 and self._read_fault_number is not None:
             self._asking_more = True
             self._submit(self._read_fault_number, self._on_fault_number)
         elif self._read_inputs is not None:
@@ -332,6 +349,13 @@ class ProfidriveModbusPort(ProfidrivePort):
         self._asking_more = False
         if self.stage is Stage.SERVICE and self._good(result, _INPUTS) and result.response is not None:
             self.inputs = sum(1 << bit for bit, value in enumerate(result.response.values) if value)
+
+    def _put_aside(self, request: Request, done: Callable[[Result], object]) -> None:
+        self._more = (request, done)
+
+    def _on_more(self, result: Result, done: Callable[[Result], object]) -> None:
+        self._asking_more = False
+        done(result)
 
     def _on_fault_number(self, result: Result) -> None:
         self._asking_more = False

@@ -287,3 +287,44 @@ class TestDataBlock:
             assert axis.var("StatusWord.X3") is True
             assert machine.run_until(axis.reset(restart=True).done, 1.0)
             assert axis.object.delay_s == pytest.approx(0.007)
+
+
+class TestOverModbus:
+    """The same through the registers of data record 47."""
+
+    @staticmethod
+    def bench(name="profidrive_tcp"):
+        config = load_bench(name).config
+        axis = config.axis["axis1"]
+        wrong = {
+            **BOTH,
+            "Actor.DriveParameter.ReferenceSpeed": 1000.0,
+            "Sensor[1].Parameter.FineResolutionXist1": 3,
+        }
+        axis = axis.model_copy(update={"variables": {**axis.variables, **wrong}})
+        return Bench(config.model_copy(update={"axis": {"axis1": axis}}), seed=1)
+
+    @pytest.mark.requirement("CFG-346", "PD-326", "PD-327", "PD-328")
+    @pytest.mark.parametrize("name", ["profidrive_tcp", "profidrive_rtu"])
+    def test_transfer(self, name):
+        """Over TCP and over a serial line the values of the drive replace those of the controller, and the axis moves."""
+        with self.bench(name) as machine:
+            assert settled(machine) == (2, 2)
+            axis = machine.axis()
+            assert axis.var("Actor.DriveParameter.ReferenceSpeed") == 3000.0
+            assert axis.var("Sensor[1].Parameter.FineResolutionXist1") == 11
+            assert machine.run_until(axis.power().status, 2.0)
+            axis.move_velocity(50.0)
+            machine.run_for(1.0)
+            assert machine.drive().core.speed_rpm == pytest.approx(300.0, rel=0.02)
+
+    @pytest.mark.requirement("CFG-355", "CFG-623")
+    def test_refused(self):
+        """A refusal of the drive is alarm 102 with its error number."""
+        with self.bench() as machine:
+            settled(machine)
+            axis = machine.axis()
+            machine.drive().parameters.store.refusals[2003] = ParameterError.NO_CONTROL
+            assert machine.run_until(axis.reset(restart=True).done, 1.0)
+            assert settled(machine) == (4, 2)
+            assert "p2003: 0Bh" in axis.alarms.engine.highest.text

@@ -1,0 +1,128 @@
+"""Reading parameters of a drive through the registers of data record 47 (PD-326 to PD-333); nothing waits.
+
+One request at a time: control word, header and request are written, then the answer is asked for until it is there.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from struct import Struct
+from typing import TYPE_CHECKING, Final
+
+from fieldbus.clock import MS
+from fieldbus.modbus.client import Outcome, Result
+from fieldbus.modbus.codes import Function
+from fieldbus.modbus.pdu import Request
+from fieldbus.profidrive import requests
+from fieldbus.profidrive.errors import ParameterAccessError
+
+if TYPE_CHECKING:
+    from fieldbus.clock import Scheduler
+
+Answer = Callable[[float | None, str], object]
+Submit = Callable[[Request, Callable[[Result], object]], None]
+
+_START: Final = 1
+_READY: Final = 2
+_RECORD: Final = 0x2F00
+_ANSWER_REGISTERS: Final = 16
+_ASK_AFTER_NS: Final = 25 * MS
+_TRIES: Final = 20
+_DRIVE_OBJECT: Final = 1
+_ERRORS: Final = (
+    "",
+    "invalid length",
+    "not possible in this state",
+    "invalid function",
+    "answer not ready",
+    "internal error",
+)
+
+
+class Ds47Reader:
+    """The queue of reads.
+
+    Args:
+        scheduler: Time.
+        submit: Sends a request of Modbus.
+        first: Address on the wire of the control word.
+
+    """
+
+    __slots__ = ("_first", "_queue", "_reference", "_scheduler", "_submit", "_tries")
+
+    def __init__(self, scheduler: Scheduler, submit: Submit, first: int) -> None:
+        self._scheduler = scheduler
+        self._submit = submit
+        self._first = first
+        self._queue: deque[tuple[int, int, Answer]] = deque()
+        self._reference = 0
+        self._tries = 0
+
+    def read(self, number: int, index: int, answer: Answer) -> None:
+        """Queue the read of element `index` of parameter `number`; `answer` is called later, once."""
+        self._queue.append((number, index, answer))
+        if len(self._queue) == 1:
+            self._begin()
+
+    def _begin(self) -> None:
+        number, index, _ = self._queue[0]
+        self._tries = 0
+        self._reference = self._reference % 0xFF + 1
+        address = requests.Address(number, index, 1)
+        data = requests.Request(self._reference, requests.RequestId.READ, _DRIVE_OBJECT, (address,)).encode()
+        words = (_START, _RECORD | len(data), *Struct(f">{len(data) // 2}H").unpack(data))
+        self._submit(
+            Request(int(Function.WRITE_MULTIPLE_REGISTERS), self._first, len(words), words), self._on_written
+        )
+
+    def _on_written(self, result: Result) -> None:
+        if result.outcome is Outcome.DONE:
+            self._scheduler.after(_ASK_AFTER_NS, self._ask)
+        else:
+            self._end(None, result.text)
+
+    def _ask(self) -> None:
+        self._tries += 1
+        self._submit(
+            Request(int(Function.READ_HOLDING_REGISTERS), self._first, _ANSWER_REGISTERS), self._on_answer
+        )
+
+    def _on_answer(self, result: Result) -> None:
+        if result.outcome is not Outcome.DONE or result.response is None:
+            self._end(None, result.text)
+            return
+        control, header, *words = result.response.values
+        length = header & 0xFF
+        if control == _START and self._tries < _TRIES:
+            self._scheduler.after(_ASK_AFTER_NS, self._ask)
+        elif control != _READY:
+            self._end(None, "data record 47 is not answered")
+        elif not length:
+            error = words[0] if words else 0
+            self._end(None, f"data record 47: {_ERRORS[error] if error < len(_ERRORS) else error}")
+        else:
+            self._decode(Struct(f">{len(words)}H").pack(*words)[:length])
+
+    def _decode(self, data: bytes) -> None:
+        try:
+            answer = requests.decode_answer(data)
+        except ParameterAccessError as error:
+            self._end(None, str(error))
+            return
+        entry = answer.results[0] if answer.results else None
+        if answer.reference != self._reference:
+            self._end(None, "the answer belongs to another request")
+        elif isinstance(entry, requests.Refusal):
+            self._end(None, entry.text)
+        elif entry is None or not entry.values or isinstance(entry.values[0], bytes):
+            self._end(None, "the answer holds no number")
+        else:
+            self._end(float(entry.values[0]), "")
+
+    def _end(self, value: float | None, reason: str) -> None:
+        _, _, answer = self._queue.popleft()
+        if self._queue:
+            self._begin()
+        answer(value, reason)
