@@ -401,3 +401,80 @@ def test_software_limits_that_contradict(make_rig, low):
     rig.until(rig.axis.reset().done)
     rig.run(0.5)
     assert (rig.axis.var("ErrorWord"), on(rig, 0)) == (0, True)
+
+
+class TestInstructionsOfV9:
+    """What technology version 9.0 has added, and what instructions make of their dynamic inputs."""
+
+    @pytest.mark.requirement("CFG-001", "CFG-002")
+    @pytest.mark.parametrize(("mode", "rest"), [(0, 0.0), (1, 30.0)])
+    def test_halt(self, rig, mode, rest):
+        """`MC_Halt` with Mode 0 stops basic and superimposed motion, with Mode 1 the basic motion alone."""
+        rig.enabled()
+        rig.axis.move_velocity(100.0)
+        rig.run(1.0)
+        rig.axis.move_superimposed(200.0, VelocityDiff=30.0)
+        rig.run(1.0)
+        assert rig.axis.var("Velocity") == pytest.approx(130.0)
+        rig.axis.halt(Mode=mode)
+        rig.run(1.0)
+        assert rig.axis.var("Velocity") == pytest.approx(rest)
+
+    @pytest.mark.requirement("CFG-004")
+    @pytest.mark.parametrize("start", ["move_absolute", "move_relative"])
+    def test_buffer_mode(self, rig, start):
+        """Both positioning instructions have `BufferMode` and `Active`: an appended job waits, then it is active."""
+        rig.enabled()
+        rig.until(rig.axis.home(0.0).done)
+        first = rig.axis.move_relative(10.0)
+        second = getattr(rig.axis, start)(30.0, BufferMode=1)
+        rig.cycles(5)
+        assert (first.Active, second.Active, second.Busy) == (True, False, True)
+        rig.until(second.done)
+        assert first.done()
+
+    @pytest.mark.requirement("VAR-166")
+    def test_velocities_without_default(self, rig):
+        """`MC_MoveVelocity` takes a negative velocity as direction, `MC_MoveJog` its magnitude; 0.0 stops the axis."""
+        rig.enabled()
+        rig.axis.move_velocity(-40.0)
+        rig.run(1.0)
+        assert rig.axis.var("Velocity") == pytest.approx(-40.0)
+        rig.axis.move_velocity(0.0)
+        rig.run(1.0)
+        assert rig.axis.var("Velocity") == 0.0
+        rig.axis.jog(-25.0)
+        rig.run(1.0)
+        assert rig.axis.var("Velocity") == pytest.approx(25.0)
+        refused = rig.axis.move_velocity(10.0, Acceleration=0.0)
+        rig.cycles(2)
+        assert refused.ErrorID == 0x8004
+
+    @pytest.mark.requirement("VAR-168")
+    def test_without_jerk_limit(self, rig):
+        """A jerk of 0 lets the acceleration begin at once, and so does the emergency ramp with any jerk."""
+        rig.enabled()
+        rig.axis.move_velocity(300.0, Jerk=0.0, Acceleration=500.0)
+        rig.cycles(3)
+        assert rig.axis.var("Acceleration") == pytest.approx(500.0)
+        rig.run(1.0)
+        rig.axis.stop(0)
+        rig.cycles(3)
+        assert rig.axis.var("Acceleration") == pytest.approx(-4000.0)
+
+    @pytest.mark.requirement("VAR-175")
+    def test_permitted_following_error(self, make_rig):
+        """Up to `MinVelocity` the least value, then in proportion to the largest at the maximum velocity."""
+        rig = make_rig(variables={"FollowingError.MinVelocity": 100.0})
+        permitted = rig.axis.object.monitoring.permitted_following_error
+        assert [permitted(v) for v in (0.0, 100.0, -300.0, 500.0, 800.0)] == [2.0, 2.0, 6.0, 10.0, 10.0]
+
+
+@pytest.mark.requirement("CFG-600", "CFG-539")
+@pytest.mark.parametrize("flag", ["Actor.InverseDirection", "Sensor[1].InverseDirection"])
+def test_one_wrong_direction(make_rig, flag):
+    """With one direction wrong the axis runs away as soon as it is displaced, until 521 ends it."""
+    rig = make_rig(variables={flag: True}).enabled()
+    rig.axis.move_relative(20.0)
+    rig.until(lambda: rig.axis.var("ErrorDetail.Number") == 521)
+    assert rig.axis.var("ErrorDetail.Reaction") == 4
