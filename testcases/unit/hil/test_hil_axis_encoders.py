@@ -47,9 +47,7 @@ def both_encoders(**changes):
 class TestExternalEncoder:
     """`[external_encoder.NAME]`."""
 
-    @pytest.mark.requirement(
-        "CFG-016", "CFG-018", "CFG-071", "CFG-530", "VAR-025", "CFG-425", "CFG-426", "CFG-427"
-    )
+    @pytest.mark.requirement("CFG-016", "CFG-018", "CFG-071", "CFG-530", "VAR-025")
     def test_rotary(self):
         """A shaft with 60 rpm behind a multi-turn encoder: 360 degrees per second, modulo range and counter included."""
         settings = '[external_encoder.ext1.variables]\n"Properties.MotionType" = 1\n"Modulo.Enable" = true\n"Modulo.Length" = 360.0'

@@ -167,7 +167,7 @@ class TestTransfer:
         assert rig.axis.var("StatusDrive.AdaptionState") == 3
         assert rig.port.asked == []
 
-    @pytest.mark.requirement("CFG-353", "VAR-106", "VAR-193")
+    @pytest.mark.requirement("CFG-353", "VAR-106")
     def test_power_waits(self):
         """`MC_Power` stays busy until the state is 2; nothing else waits meanwhile."""
         rig = Rig(BOTH)

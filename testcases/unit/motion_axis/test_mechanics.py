@@ -317,7 +317,7 @@ class TestCounts:
         assert (encoder.feedback.velocity, encoder.feedback.position) == (0.0, pytest.approx(1.0))
 
 
-@pytest.mark.requirement("CFG-008", "CFG-006", "CFG-019", "CFG-020", "CFG-021", "CFG-024", "CFG-028", "CFG-029",
+@pytest.mark.requirement("CFG-019", "CFG-020", "CFG-021", "CFG-024", "CFG-028", "CFG-029",
                          "CFG-032", "CFG-033", "CFG-035", "CFG-036", "CFG-037", "CFG-038", "CFG-022", "CFG-023", "CFG-025",
                          "CFG-026", "CFG-031", "CFG-030", "CFG-034")  # fmt: skip
 @pytest.mark.parametrize(

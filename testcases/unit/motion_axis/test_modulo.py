@@ -212,7 +212,7 @@ class TestAxis:
         assert rig.axis.variables.unit("Position") == "deg"
         assert dict(rig.axis.trace_columns)["velocity_setpoint"] == "deg/s"
 
-    @pytest.mark.requirement("VAR-163", "VAR-225", "TA-014")
+    @pytest.mark.requirement("VAR-163", "VAR-225")
     def test_faster_than_the_range(self, make_rig):
         """More than one range per cycle is alarm 412 with reaction 4; a range of 0.8 degrees at 4 ms ends at 200 deg/s."""
         rig = self.rig(make_rig, **{"Modulo.Length": 0.8})

@@ -64,7 +64,7 @@ class TestStatusWord:
         rig.cycles(20)
         assert (on(rig, 9), on(rig, 10)) == (False, True)
 
-    @pytest.mark.requirement("VAR-033", "VAR-195")
+    @pytest.mark.requirement("VAR-033")
     def test_homing_done(self, rig):
         """X5 from the homing on."""
         rig.cycles(2)
@@ -131,7 +131,7 @@ class TestStatusWord:
         rig.cycles(2)
         assert (on(rig, 17), on(rig, 18)) == (False, False)
 
-    @pytest.mark.requirement("VAR-051", "VAR-197")
+    @pytest.mark.requirement("VAR-051")
     def test_non_position_controlled(self, rig):
         """X28 while a velocity job runs without position control."""
         rig.enabled()
@@ -140,7 +140,7 @@ class TestStatusWord:
         rig.cycles(5)
         assert on(rig, 28)
 
-    @pytest.mark.requirement("VAR-061", "VAR-199")
+    @pytest.mark.requirement("VAR-061")
     def test_stop_command(self, rig):
         """`StatusWord2.X0` while `MC_Stop` holds the axis."""
         rig.travelling(100.0)
@@ -249,7 +249,7 @@ class TestDrive:
         assert (rig.axis.var("ErrorDetail.Number"), rig.axis.var("ErrorDetail.Reaction")) == (421, 4)
         assert rig.axis.var("ErrorWord.X4") is True
 
-    @pytest.mark.requirement("VAR-107", "VAR-193")
+    @pytest.mark.requirement("VAR-107")
     def test_state_of_the_sensor(self, rig):
         """0 without a valid value, 2 with one; `MC_Power` waits for it and `MC_Home` needs it."""
         rig.port.link = False
@@ -357,7 +357,7 @@ def test_source_of_the_velocity_does_not_matter_for_control(make_rig):
     assert runs[0] == runs[1]
 
 
-@pytest.mark.requirement("CFG-165", "VAR-206")
+@pytest.mark.requirement("CFG-165")
 def test_free_bits_of_a_simulated_axis(make_rig):
     """`MC_SetAxisSTW` is refused while the axis is simulated."""
     rig = make_rig(variables={"Simulation.Mode": 1}).enabled()
