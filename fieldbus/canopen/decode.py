@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus import cia406
@@ -93,6 +93,20 @@ class FrameDecoder:
         )
         self._index()
 
+    def set_words(
+        self, node_id: int, first_index: int, count: int, describe: Callable[[int, Sequence[int]], list[str]]
+    ) -> None:
+        """Tell what stands in free process data words: consecutive objects of 16 bits, sub-index 0.
+
+        Args:
+            node_id: The node.
+            first_index: Object of the first word.
+            count: Number of words.
+            describe: Gets the number of the first word of a run (from 0) and the words; returns their texts.
+
+        """
+        self._node(node_id).words.append((first_index, count, describe))
+
     def observe(self, frame: CanFrame) -> None:
         """Learn from a frame without describing it; quick for frames that teach nothing."""
         service = frame.can_id & 0x780
@@ -166,8 +180,12 @@ class FrameDecoder:
         return f"remote frame {can_id:03X}h"
 
     def _pdo(self, node: _Node, title: str, mapping: list[int], data: bytes) -> str:
-        parts = []
+        parts: list[str] = []
         word, offset = int.from_bytes(data, "little"), 0
+        if node.words:
+            described = node.describe_words(mapping, word, 8 * len(data))
+            if described:
+                return f"{title} {node.name}: {', '.join(described)}"
         for raw in mapping:
             index, sub, bits = raw >> 16, raw >> 8 & 0xFF, raw & 0xFF
             if offset + bits > 8 * len(data):
@@ -242,7 +260,19 @@ class _Node:
         self._encoder = device_type & 0xFFFF == cia406.PROFILE
         self._stored: dict[int, Any] = {}
         self.values: dict[int, Any] = dict(self._defaults)
+        self.words: list[tuple[int, int, Callable[[int, Sequence[int]], list[str]]]] = []
+        """Free process data words: first index, count, description."""
         self.sdo = SdoListener(self)
+
+    def describe_words(self, mapping: Sequence[int], content: int, bits: int) -> list[str]:
+        """Return the signals of a PDO that holds consecutive free words and nothing else; empty when it does not."""
+        for first_index, count, describe in self.words:
+            begin = (mapping[0] >> 16) - first_index if mapping else -1
+            wanted = [first_index + begin + number << 16 | 0x10 for number in range(len(mapping))]
+            fits = begin >= 0 and begin + len(mapping) <= count
+            if fits and list(mapping) == wanted and 16 * len(mapping) == bits:
+                return describe(begin, [content >> 16 * number & 0xFFFF for number in range(len(mapping))])
+        return []
 
     def pdo_records(self) -> list[int]:
         """Return the indices of the communication records with a known identifier."""

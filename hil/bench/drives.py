@@ -22,13 +22,19 @@ if TYPE_CHECKING:
     from fieldbus.canopen.decode import FrameDecoder
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
+    from fieldbus.profidrive import Layout
     from hil.bench._ports import CanPort
     from hil.bench.config import BenchConfig
     from hil.bench.device_config import DeviceSection
     from hil.bench.drive_config import DriveSection
     from hil.bench.encoder_config import EncoderSection
+    from hil.bench.signal_words import SignalWords
 
 
+_RECEIVE_WORDS: Final = 0x5800
+"""Object of the first free process data word to a PROFIdrive axis (PD-341)."""
+_SEND_WORDS: Final = 0x5810
+"""And of the first one from it."""
 _PEAK_TORQUE: Final = 3.0
 """Torque limit of an emulated PROFIdrive axis as a multiple of the rated torque."""
 
@@ -289,4 +295,20 @@ def build_decoder(
             decoder.set_mapping(
                 port.node_id, {(index, sub): value for index, sub, value in port.parameters()}
             )
+    for name, section in config.drive.items():
+        if here(section) and section.profile == "profidrive":
+            telegram = getattr(ports.get(name), "telegram", None) or section.words()[0]
+            for first, layout in ((_RECEIVE_WORDS, telegram.setpoint), (_SEND_WORDS, telegram.actual)):
+                words = signal_words(section, layout)
+                decoder.set_words(section.node_id, first, layout.words, words.describe)
     return decoder
+
+
+def signal_words(section: DriveSection, layout: Layout) -> SignalWords:
+    """Return the words for one direction of the telegram of a drive of the bench file."""
+    from hil.bench.signal_words import SignalWords
+
+    own = section.profidrive
+    return SignalWords(
+        layout, reference_speed_rpm=own.reference_speed_rpm, reference_torque_nm=own.reference_torque_nm
+    )

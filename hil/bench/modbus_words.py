@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from struct import Struct
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.modbus import Function
@@ -28,6 +29,7 @@ class ModbusWords:
         from hil.bench.modbus_config import registers_of
 
         self._drives: dict[tuple[str, int], list[tuple[str, ProcessDataRegisters]]] = {}
+        self._config = config
         for name, drive in config.drive.items():
             if not config.segment[drive.segment].on_modbus:
                 continue
@@ -54,15 +56,19 @@ class ModbusWords:
         if not frame.asked:
             at = asked.write_address if asked.function == _WRITES[1] else asked.address
             if asked.function in _WRITES and at == registers.setpoints:
-                signals = _signals(chosen.setpoint, registers, asked.values)
+                signals = self._signals(names, chosen.setpoint, registers, asked.values)
         elif asked.address == registers.actual_values and not pdu[0] & 0x80:
-            signals = _signals(chosen.actual, registers, decode_response(asked, pdu).values)
+            signals = self._signals(names, chosen.actual, registers, decode_response(asked, pdu).values)
         return f"{names}: {text}{signals}"
 
+    def _signals(
+        self, names: str, layout: Layout, registers: ProcessDataRegisters, values: tuple[int, ...]
+    ) -> str:
+        """Return the signals of a telegram in words."""
+        from hil.bench.drives import signal_words
 
-def _signals(layout: Layout, registers: ProcessDataRegisters, values: tuple[int, ...]) -> str:
-    """Return the signals of a telegram in words."""
-    if len(values) != layout.words:
-        return ""
-    data = registers.frame(values, setpoints=layout is registers.telegram.setpoint)
-    return f" ({layout.describe(data)})"
+        if len(values) != layout.words:
+            return ""
+        data = registers.frame(values, setpoints=layout is registers.telegram.setpoint)
+        described = signal_words(self._config.drive[names.split(", ", maxsplit=1)[0]], layout)
+        return f" ({', '.join(described.describe(0, Struct(f'>{layout.words}H').unpack(data)))})"

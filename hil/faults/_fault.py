@@ -14,7 +14,7 @@ from hil.faults._trigger import REPEATABLE, Immediately, Trigger, as_trigger, tr
 from hil.record import EventSelector
 
 _KEYS = ("kind", "target", "trigger", "until", "duration_s", "count", "parameters")
-COUNTED = ("frame.", "telegram.")
+COUNTED = ("frame.", "telegram.", "modbus.")
 """Kinds whose `count` says how many frames or telegrams are hit."""
 _COMMANDED = (2, 3, 4, 15, 16)
 

@@ -10,6 +10,7 @@ from hil.faults._actions import Action, alarm_action, drive_action, encoder_acti
 from hil.faults._fault import COUNTED, Fault
 from hil.faults._frames import FrameAction, InjectAction
 from hil.faults._kernel import KernelFrameAction
+from hil.faults._modbus import modbus_action
 from hil.faults._parameters import Scalar
 from hil.faults._segment import segment_action
 from hil.faults._telegram import TelegramAction
@@ -56,7 +57,9 @@ class ArmedFault:
         if kind.startswith("can."):
             return segment_action(self._bench, self.fault, stream)
         if kind.startswith("telegram."):
-            return TelegramAction(self._bench, self.fault, self._ended, self._telegram_hit)
+            return TelegramAction(self._bench, self.fault, self._ended, self._changed)
+        if kind.startswith("modbus."):
+            return modbus_action(self._bench, self.fault, stream, self._ended, self._changed)
         if kind == "axis.alarm":
             return alarm_action(self._bench, self.fault)
         if kind.startswith("encoder."):
@@ -146,8 +149,8 @@ class ArmedFault:
         """Log a frame that is hit: it may leave no other mark."""
         self._emit("fault.hit", hit=hit, can_id=can_id)
 
-    def _telegram_hit(self, hit: int, change: str) -> None:
-        """Log a telegram that is hit, with what has become of it."""
+    def _changed(self, hit: int, change: str) -> None:
+        """Log a telegram or a Modbus frame that is hit, with what has become of it."""
         self._emit("fault.hit", hit=hit, change=change)
 
     def _end(self) -> None:

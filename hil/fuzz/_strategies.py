@@ -164,6 +164,7 @@ def fault_kinds(bench: Any) -> list[str]:
         and offered(bench.drive(), entry.name)
         and (not entry.name.startswith("can.") or entry.name in _OF_THE_BUS)
         and entry.name != "frame.collide"
+        and not entry.name.startswith("modbus.")
         and (not entry.name.startswith("telegram.") or (entry.name in TELEGRAM_KINDS and led_by_telegram))
     ]
 
