@@ -9,7 +9,7 @@ import pytest
 from hil.bench import load_bench
 from hil.campaign import CaseSettings, execute_case, requirements_here
 from reports.model import Verdict
-from testcases.campaigns import drive_faults, fault_reactions, stop_modes, telegram_faults
+from testcases.campaigns import drive_faults, fault_reactions, modbus_faults, stop_modes, telegram_faults
 
 ON_CANOPEN = (stop_modes.CAMPAIGN, fault_reactions.CAMPAIGN, drive_faults.CAMPAIGN)
 ON_PROFIDRIVE = (fault_reactions.CAMPAIGN, drive_faults.CAMPAIGN, telegram_faults.CAMPAIGN)
@@ -35,7 +35,12 @@ def bench_file(name):
 
 @pytest.mark.parametrize(
     ("bench", "case"),
-    [*cases("reference", "cia402", ON_CANOPEN), *cases("profidrive", "profidrive", ON_PROFIDRIVE)],
+    [
+        *cases("reference", "cia402", ON_CANOPEN),
+        *cases("profidrive", "profidrive", ON_PROFIDRIVE),
+        *cases("profidrive_tcp", "profidrive", [modbus_faults.CAMPAIGN]),
+        *cases("profidrive_rtu", "profidrive", [modbus_faults.LINE]),
+    ],
 )
 def test_case_passes(bench, case):
     """Every shipped case passes: stop, alarm, reaction, standstill and all always-on checkers."""

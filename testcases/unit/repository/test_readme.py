@@ -163,6 +163,11 @@ def test_examples_of_the_fault_catalogue_are_applied(example):
 
     What only a PROFIdrive axis has is injected there.
     """
+    kind = example.split('"')[1]
+    if kind.startswith("modbus."):
+        line = kind in ("modbus.crc", "modbus.broadcast", "modbus.noise")
+        assert_applied(load_bench("profidrive_rtu" if line else "profidrive_tcp"), example)
+        return
     at_profidrive = example.split('"')[1].startswith(("telegram.", "safety.", "encoder.error"))
     base, safety = ("profidrive", SAFETY) if at_profidrive else ("reference", 'interlock = "inhibit"')
     fitted = (
@@ -170,7 +175,12 @@ def test_examples_of_the_fault_catalogue_are_applied(example):
         '[encoder.encoder1]\nsegment = "can0"\nnode_id = 20\n\n[axis.axis1]\n'
     )
     text = load_bench(base).text.replace("[axis.axis1]\n", fitted)
-    with BenchFile("fitted.toml", text).build() as bench:
+    assert_applied(BenchFile("fitted.toml", text), example)
+
+
+def assert_applied(bench_file, example):
+    """Inject an example of the page on a bench; its one fault is applied."""
+    with bench_file.build() as bench:
         faults = Injector(bench)
 
         exec(example, {"faults": faults, "bench": bench})
