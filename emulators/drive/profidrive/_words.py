@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from emulators.drive.core import RPM
 from emulators.drive.profidrive._signals import Getter, getters
-from emulators.drive.profidrive.fault_catalogue import DriveWarning
+from emulators.drive.profidrive.fault_catalogue import DriveWarning, alarm_class
 from emulators.drive.profidrive.statemachine import AxisState, Off
 from emulators.drive.protection import WindowTimer
 from fieldbus.profidrive.words import MELDW, SIGN_OF_LIFE_SHIFT, ZSW1, ZSW2
@@ -23,6 +23,8 @@ _OPERATION: Final = int(ZSW1.OPERATION_ENABLED)
 _OFF2: Final = int(Off.OFF2)
 _OFF3: Final = int(Off.OFF3)
 _PULSES: Final = int(ZSW2.PULSES_ENABLED)
+_CHANGEOVER: Final = int(ZSW2.DATA_SET_CHANGEOVER)
+_ALARM_CLASS_SHIFT: Final = 5
 _PARKING: Final = int(ZSW2.PARKING)
 _FIXED_STOP: Final = int(ZSW2.TRAVEL_TO_FIXED_STOP)
 _VARIABLE: Final = int(MELDW.VARIABLE_SIGNAL)
@@ -155,7 +157,12 @@ class StatusWords:
         """Return ZSW2 with the drive's sign of life."""
         drive = self._drive
         sign = drive.sign_of_life.value if self._sign is None else self._sign
-        word = sign << SIGN_OF_LIFE_SHIFT | drive.stw2 & 0x1F
+        sets = drive.data_sets
+        word = sign << SIGN_OF_LIFE_SHIFT | sets.active
+        if sets.changing:
+            word |= _CHANGEOVER
+        if drive.faults.warnings:
+            word |= alarm_class(drive.faults.warnings) << _ALARM_CLASS_SHIFT
         if drive.core.enabled:
             word |= _PULSES
         if drive.parked:

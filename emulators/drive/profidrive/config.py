@@ -168,6 +168,9 @@ class ProfidriveConfig:
         blocked_time_s: Torque limit at standstill for this long is F07900, s; 0 = not watched.
         input_filter_s: A limit or home switch counts when it has been stable for this long, s.
         interpolation: Setpoints of operating mode 3 are reached linearly within the bus cycle; False: at once.
+        data_sets: Drive data sets 1, 2, ... that STW2 bits 0 to 4 can choose; `settings` is number 0. At most 31.
+        control_lost: What the drive does when STW1 bit 10 goes in operation: it runs on with the last control word, or trips
+            with F07220 (PD-077).
         operation_while_braking: ZSW1 bit 2 stays 1 during OFF1 and OFF3, as some drives show it.
 
     Raises:
@@ -203,6 +206,8 @@ class ProfidriveConfig:
     blocked_time_s: float = 0.0
     input_filter_s: float = 0.0
     interpolation: bool = True
+    data_sets: tuple[DriveSettings, ...] = ()
+    control_lost: Literal["run_on", "fault"] = "run_on"
     operation_while_braking: bool = False
 
     def __post_init__(self) -> None:
@@ -220,6 +225,17 @@ class ProfidriveConfig:
             raise ConfigurationError(
                 "safety_telegram", self.safety_telegram, ", ".join(map(str, SAFETY_TELEGRAMS))
             )
+        if len(self.data_sets) > 31:
+            raise ConfigurationError("data_sets", len(self.data_sets), "at most 31")
+        for one in self.data_sets:
+            if one.operating_mode != self.settings.operating_mode:
+                raise ConfigurationError(
+                    "operating_mode (PNU 930) of a data set",
+                    one.operating_mode,
+                    str(self.settings.operating_mode),
+                )
+        if self.control_lost not in ("run_on", "fault"):
+            raise ConfigurationError("control_lost", self.control_lost, "run_on, fault")
         if self.servo_period_ns <= 0 or self.control_period_ns % self.servo_period_ns:
             raise ConfigurationError(
                 "servo_period_ns",

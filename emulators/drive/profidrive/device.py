@@ -17,6 +17,7 @@ from emulators.drive.core import ServoCore
 from emulators.drive.inputs import DigitalInputs
 from emulators.drive.power_stage import PowerStage
 from emulators.drive.profidrive import fault_catalogue as numbers
+from emulators.drive.profidrive._data_sets import DataSets
 from emulators.drive.profidrive._faults import FaultState
 from emulators.drive.profidrive._monitors import Monitors
 from emulators.drive.profidrive._operation import Operation
@@ -48,6 +49,7 @@ _OPEN_BRAKE: Final = int(STW1.OPEN_BRAKE)
 _PARK_AXIS: Final = int(STW2.PARKING)
 _PARK_ENCODER: Final = int(G_STW.PARK)
 _CONTROL: Final = int(STW1.CONTROL_BY_PLC)
+_DATA_SET: Final = 0x1F
 _S4: Final = AxisState.S4
 _SIGN_OF_LIFE_FAILED: Final = 0x0F02
 _NOT_VALID: Final = 0x0001
@@ -76,7 +78,7 @@ class ProfidriveDrive:
 
     __slots__ = (
         "_frame", "_g1_at", "_g2_at", "_history", "_places", "_stw2_at", "config", "controlled_cyclically", "core", "cycle_at_ns",
-        "data_at_ns", "digital_inputs", "encoder", "encoder_words", "faults", "g1_stw", "g1_words", "isochronous", "mechanics",
+        "data_at_ns", "data_sets", "digital_inputs", "encoder", "encoder_words", "faults", "g1_stw", "g1_words", "isochronous", "mechanics",
         "mode", "monitors", "name", "on_fault", "on_inputs", "on_warning", "operation", "power", "powered", "rejected", "row",
         "safety", "scheduler", "second", "settings", "sign_of_life", "stw1", "stw2", "switches", "telegram", "torque",
         "watched_by_transport", "words",
@@ -172,6 +174,7 @@ class ProfidriveDrive:
         self.watched_by_transport = False
         """The transport says by `data_at_ns` that process data come (PD-292); otherwise every telegram does."""
         self._frame: bytes | None = None
+        self.data_sets = DataSets(self)
         self.words = StatusWords(self)
         self.words.connect()
         self.refresh()
@@ -268,6 +271,7 @@ class ProfidriveDrive:
         self.controlled_cyclically = False
         self._frame = None
         self.row = (0,) * len(self.row)
+        self.data_sets.restart()
         self.mode.restart()
         self.operation.reset()
 
@@ -327,7 +331,13 @@ class ProfidriveDrive:
             # Everything is kept but the bit itself; the sign of life is evaluated all the same (PD-076).
             self.stw1 &= ~_CONTROL
             self.stw2 = self.stw2 & ~SIGN_OF_LIFE_MASK | stw2 & SIGN_OF_LIFE_MASK
+            if self.config.control_lost == "fault" and self.operation.machine.enabled:
+                self.raise_fault(numbers.CONTROL_LOST)
             return
+        sets = self.data_sets
+        if sets.changing or stw2 & _DATA_SET != sets.wanted:
+            sets.changing = False
+            sets.select(stw2 & _DATA_SET)
         if (stw1 ^ self.stw1) & _OPEN_BRAKE:
             self.core.brake.forced_open = bool(stw1 & _OPEN_BRAKE)  # without any condition (PD-056)
         acknowledges = stw1 & ~self.stw1 & _ACKNOWLEDGE

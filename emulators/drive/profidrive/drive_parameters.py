@@ -103,6 +103,8 @@ class DriveParameters:
         store.pulses_enabled = lambda: drive.core.enabled
         store.switching_on_inhibited = lambda: drive.state in {AxisState.IDLE, AxisState.S1}
         identify(store, who)
+        if store.definition(61000) is not None:
+            store.set_text(61000, drive.name)
         show_telegram(store, drive.telegram)
         catalogue = {row.number: (row.emcy, row.text) for row in CATALOGUE.values()}
         connect_faults(store, drive.faults.buffer, catalogue, cleared=self._cleared)
@@ -225,6 +227,7 @@ class DriveParameters:
 
         shown: dict[int, Callable[[], float]] = {
             2: self._operating_display,
+            51: lambda: drive.data_sets.active,
             1050: lambda: drive.channel.potentiometer / RPM,
             20: lambda: drive.channel.target / RPM if core.enabled else 0.0,
             21: lambda: core.speed_rpm,

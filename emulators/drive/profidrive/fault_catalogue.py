@@ -5,6 +5,7 @@ The numbers are those under which such drives report these events; FAULT_CODE an
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import Enum, IntEnum, StrEnum
 from typing import Final, NamedTuple
 
@@ -71,6 +72,7 @@ CLOCK_FAILURE: Final = 1911
 SIGN_OF_LIFE: Final = 1912
 MOTOR_TEMPERATURE: Final = 7011
 EXTERNAL: Final = 7860
+CONTROL_LOST: Final = 7220
 POSITIONER_STANDSTILL: Final = 7450
 POSITIONER_WINDOW: Final = 7451
 FOLLOWING_ERROR: Final = 7452
@@ -102,6 +104,7 @@ _ROWS: Final = (
     Fault(CLOCK_FAILURE, Off.OFF1, 0x8700, "clock of isochronous operation failed"),
     Fault(SIGN_OF_LIFE, Off.OFF1, 0x8700, "sign of life of the controller failed"),
     Fault(MOTOR_TEMPERATURE, Off.OFF2, 0x4310, "motor overtemperature"),
+    Fault(CONTROL_LOST, Off.OFF1, 0x8A20, "control by the controller was taken away"),
     Fault(POSITIONER_STANDSTILL, Off.OFF1, 0x8611, "positioner: the axis does not stand where it should"),
     Fault(POSITIONER_WINDOW, Off.OFF1, 0x8611, "positioner: the axis does not get into its window"),
     Fault(CAM_NOT_FOUND, Off.OFF1, 0x8613, "positioner: reference cam not found"),
@@ -130,7 +133,7 @@ _ROWS: Final = (
 _D = Diagnosis
 _DIAGNOSES: Final = {
     SAFE_STOP: _D.SAFETY, SAFE_TORQUE_OFF: _D.SAFETY, SETPOINT_TIMEOUT: _D.BUS, CLOCK_FAILURE: _D.BUS, SIGN_OF_LIFE: _D.BUS,
-    CAN_ERROR: _D.BUS, MOTOR_TEMPERATURE: _D.OVERTEMPERATURE, STAGE_TEMPERATURE: _D.OVERTEMPERATURE, EXTERNAL: _D.EXTERNAL,
+    CAN_ERROR: _D.BUS, CONTROL_LOST: _D.BUS, MOTOR_TEMPERATURE: _D.OVERTEMPERATURE, STAGE_TEMPERATURE: _D.OVERTEMPERATURE, EXTERNAL: _D.EXTERNAL,
     BLOCKED: _D.TECHNOLOGY, OVERSPEED: _D.TECHNOLOGY, FOLLOWING_ERROR: _D.TECHNOLOGY, MINUS_CAM: _D.TECHNOLOGY,
     PLUS_CAM: _D.TECHNOLOGY, POSITIONER_STANDSTILL: _D.TECHNOLOGY, POSITIONER_WINDOW: _D.TECHNOLOGY,
     CAM_NOT_FOUND: _D.TECHNOLOGY, MARK_NOT_FOUND: _D.TECHNOLOGY, END_OF_CAM_NOT_FOUND: _D.TECHNOLOGY,
@@ -190,3 +193,27 @@ class DriveWarning(IntEnum):
     SAFE_POSITION = 1715
     SAFE_DIRECTION = 1716
     SECOND_ENCODER = 32410
+
+
+_RESTRICTED_SOON: Final = frozenset(
+    {
+        DriveWarning.CHOPPER,
+        DriveWarning.MOTOR_TEMPERATURE,
+        DriveWarning.MOTOR_OVERLOAD,
+        DriveWarning.STAGE_TEMPERATURE,
+        DriveWarning.MAINS_MISSING,
+    }
+)
+_NOT_RESTRICTED: Final = frozenset({DriveWarning.JOG_CONTRADICTION, DriveWarning.INJECTED})
+
+
+def alarm_class(numbers: Iterable[int]) -> int:
+    """Return the class of the gravest warning (ZSW2 bits 5 and 6, PD-083).
+
+    0 none, 1 operation is not restricted, 2 it will be if nothing changes, 3 something does not work at present.
+    """
+    gravest = 0
+    for number in numbers:
+        rank = 1 if number in _NOT_RESTRICTED else 2 if number in _RESTRICTED_SOON else 3
+        gravest = max(gravest, rank)
+    return gravest
