@@ -28,6 +28,7 @@ class HoldingBrake:
         "busy",
         "closed",
         "closing_time_s",
+        "fitted",
         "opening_time_s",
         "torque_Nm",
     )
@@ -49,6 +50,8 @@ class HoldingBrake:
                 raise ConfigurationError(f"brake {name}", value, ">= 0")
         self._mechanics = mechanics
         self.torque_Nm = torque_Nm
+        self.fitted = torque_Nm > 0.0
+        """Whether there is a brake at all."""
         self.opening_time_s = opening_time_s
         self.closing_time_s = closing_time_s
         self._command_open = False
@@ -62,11 +65,6 @@ class HoldingBrake:
         self.busy = False
         """Whether the brake is on its way."""
         mechanics.set_brake_torque(torque_Nm)
-
-    @property
-    def fitted(self) -> bool:
-        """Whether there is a brake at all."""
-        return self.torque_Nm > 0.0
 
     @property
     def forced_open(self) -> bool:

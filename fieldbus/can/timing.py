@@ -112,22 +112,27 @@ def _header(can_id: int, extended: bool, remote: bool, dlc: int) -> tuple[int, i
     return key, crc, crc_8, _STUFF[run], (67 if extended else 47) + stuffed
 
 
+def _bits_of_eight(data: bytes, crc: int, stuff: _StuffTable, bits: int) -> int:
+    """Return the bits of a frame with eight bytes, from what `_header` says; twice as fast as a loop."""
+    a, b, c, d, e, f, g, h = data
+    crc ^= _P7[a] ^ _P6[b] ^ _P5[c] ^ _P4[d] ^ _P3[e] ^ _P2[f] ^ _P1[g] ^ _P0[h]
+    stuff, i = stuff[a]
+    stuff, j = stuff[b]
+    stuff, k = stuff[c]
+    stuff, q = stuff[d]
+    stuff, m = stuff[e]
+    stuff, n = stuff[f]
+    stuff, o = stuff[g]
+    stuff, p = stuff[h]
+    stuff, r = stuff[crc >> 7]
+    return bits + 64 + i + j + k + q + m + n + o + p + r + stuff[256 + (crc & 0x7F)][1]
+
+
 def _timing(can_id: int, data: bytes, extended: bool, remote: bool, dlc: int) -> tuple[int, int]:
     key, crc, crc_8, stuff, bits = _header(can_id, extended, remote, dlc)
     length = len(data)
-    if length == dlc == 8 and not remote:  # the usual case, twice as fast without the loop
-        a, b, c, d, e, f, g, h = data
-        crc = crc_8 ^ _P7[a] ^ _P6[b] ^ _P5[c] ^ _P4[d] ^ _P3[e] ^ _P2[f] ^ _P1[g] ^ _P0[h]
-        stuff, i = stuff[a]
-        stuff, j = stuff[b]
-        stuff, k = stuff[c]
-        stuff, q = stuff[d]
-        stuff, m = stuff[e]
-        stuff, n = stuff[f]
-        stuff, o = stuff[g]
-        stuff, p = stuff[h]
-        stuff, r = stuff[crc >> 7]
-        return key, bits + 64 + i + j + k + q + m + n + o + p + r + stuff[256 + (crc & 0x7F)][1]
+    if length == dlc == 8 and not remote:
+        return key, _bits_of_eight(data, crc_8, stuff, bits)
     if length != (0 if remote else min(dlc, 8)):
         raise BusError(
             f"a {'remote' if remote else 'data'} frame with DLC {dlc} carries "
@@ -160,6 +165,35 @@ def note_timing(frame: CanFrame) -> tuple[int, int]:
         raise BusError(f"the data of a frame must be bytes, not {type(frame.data).__name__}")
     frame.timing = timing = _timing(frame.can_id, frame.data, frame.extended, frame.remote, frame.dlc)
     return timing
+
+
+class FrameMaker:
+    """Makes data frames with one 11-bit identifier, and the same frame again as long as the data are the same.
+
+    Args:
+        can_id: 0..7FFh.
+
+    Raises:
+        BusError: The identifier is out of range.
+
+    """
+
+    __slots__ = ("_bits", "_crc", "_key", "_stuff", "can_id", "last")
+
+    def __init__(self, can_id: int) -> None:
+        self.can_id: Final = can_id
+        self.last = CanFrame(can_id)
+        """The frame that was made last."""
+        self._key, _, self._crc, self._stuff, self._bits = _header(can_id, False, False, 8)
+
+    def make(self, data: bytes) -> CanFrame:
+        """Return a frame with `data`, 0 to 8 bytes."""
+        frame = self.last
+        if frame.data != data:
+            self.last = frame = CanFrame(self.can_id, data)
+            if frame.dlc == 8:
+                frame.timing = self._key, _bits_of_eight(data, self._crc, self._stuff, self._bits)
+        return frame
 
 
 def frame_bits(frame: CanFrame) -> int:

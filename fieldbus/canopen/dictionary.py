@@ -8,6 +8,7 @@ the node that the table is made for, and signed defaults written as hexadecimal 
 from __future__ import annotations
 
 import re
+from operator import attrgetter
 from struct import Struct
 from typing import TYPE_CHECKING, Any, Final
 
@@ -294,6 +295,7 @@ class Entry:
 
 
 _SLOTS: Final = Entry.__slots__
+_values: Final = attrgetter(*_SLOTS)
 _PROTOTYPES: Final = "_prototypes"
 """Attribute of a shared dictionary: its entries by node-ID, from which those of every device are copied."""
 
@@ -325,8 +327,8 @@ def entries_of(dictionary: canopen.ObjectDictionary, node_id: int) -> dict[int, 
 
 def _copied(entry: Entry) -> Entry:
     copy = Entry.__new__(Entry)
-    for name in _SLOTS:
-        setattr(copy, name, getattr(entry, name))
+    for name, value in zip(_SLOTS, _values(entry), strict=True):
+        setattr(copy, name, value)
     return copy
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.can.frame import CanFrame
+from fieldbus.can.timing import FrameMaker
 from fieldbus.canopen.pdo_mapping import EMPTY, Applier, Layout, Sampler
 from fieldbus.clock import MS, Timer
 
@@ -214,8 +215,8 @@ class TransmitPdo(Pdo):
         "_start",
         "_started",
         "dirty",
-        "frame",
         "last",
+        "maker",
         "sample",
     )
 
@@ -224,8 +225,8 @@ class TransmitPdo(Pdo):
         self.sample: Sampler = _no_payload
         self.last: bytes | None = None
         """Payload sent last since Operational was entered."""
-        self.frame: CanFrame | None = None
-        """Frame that a SYNC has sent last: good for the next one while the values are the same."""
+        self.maker = FrameMaker(0)
+        """Makes the frames that every SYNC sends; for 11-bit identifiers."""
         self.dirty = False
         """An object may have changed; looked at when the present instant ends."""
         self._counter = 0
@@ -254,7 +255,8 @@ class TransmitPdo(Pdo):
         """Put new parameters in force; with `restart` counters, timers and events start anew."""
         values = self.engine.store.values
         self.sample = sample
-        self.frame = None
+        if not self.extended:
+            self.maker = FrameMaker(self.can_id)
         self._inhibit_ns = values.get(self.key | 3, 0) * 100_000 if self.kind >= 254 else 0
         self._period_ns = values.get(self.key | 5, 0) * MS if self.kind >= 254 else 0
         self._start = values.get(self.key | 6, 0) if 1 <= self.kind <= 240 else 0

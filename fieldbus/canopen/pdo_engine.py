@@ -238,10 +238,7 @@ class PdoEngine:
         frames = []
         for pdo in self._each_sync:
             pdo.last = payload = pdo.sample()
-            frame = pdo.frame
-            if frame is None or frame.data != payload:
-                pdo.frame = frame = CanFrame(pdo.can_id, payload)
-            frames.append(frame)
+            frames.append(pdo.maker.make(payload))
         self._send_all(frames)
         for pdo in self._other_sync:
             pdo.on_sync(counter)
@@ -373,9 +370,9 @@ class PdoEngine:
             store.applied[pdo.key | sub] = apply_time
         store.guards[pdo.map_key] = lambda value: self._check_count(pdo, value)
         store.applied[pdo.map_key] = apply
-        for key in store.entries:
-            if key >> 8 == pdo.map_key >> 8 and key != pdo.map_key:
-                store.guards[key] = lambda value: self._check_map_entry(pdo, value)
+        for sub in range(1, 0x100):
+            if pdo.map_key | sub in store.entries:
+                store.guards[pdo.map_key | sub] = lambda value: self._check_map_entry(pdo, value)
 
     def _invalid(self, pdo: Pdo) -> bool:
         return bool(self.store.values[pdo.key | 1] >> 31)

@@ -1,8 +1,14 @@
-"""Modbus requests per second over TCP on loopback, for `hil benchmark`."""
+"""Modbus requests per second over TCP on loopback, for `hil benchmark`.
+
+Each server has a process of its own, as a server has in use, and the same ten registers; the client is a bare socket in this
+process, for both. They are asked by turns, so that a noisy machine disturbs both alike.
+"""
 
 from __future__ import annotations
 
 import socket
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from threading import Event, Thread
@@ -13,21 +19,37 @@ from hil._commands._measurements import Figure, alternately
 from hil.errors import CannotRunError
 
 REQUESTS: Final = 500
+OURS: Final = "ours"
+PEER: Final = "peer"
 
 
 def modbus_requests() -> list[Figure]:
-    """Return requests per second over TCP on loopback, one client: our server, and that of pymodbus.
-
-    Both run in a thread of this process and show the same ten registers; the client is a bare socket for both.
-    """
+    """Return requests per second over TCP on loopback, one client: our server, and that of pymodbus with its simulator."""
     with ExitStack() as stack:
-        ours = stack.enter_context(_our_modbus_server())
-        theirs = stack.enter_context(_peer_modbus_server())
+        ours = stack.enter_context(_process(OURS))
+        theirs = stack.enter_context(_process(PEER))
         ours_rate, peer_rate = alternately(lambda: _ask_often(ours), lambda: _ask_often(theirs))
     return [
         Figure("modbus_tcp_requests_ours", ours_rate, "requests/s"),
         Figure("modbus_tcp_requests_peer", peer_rate, "requests/s"),
     ]
+
+
+@contextmanager
+def _process(who: str) -> Iterator[int]:
+    """Run one of the servers in a process of its own; its port."""
+    with subprocess.Popen(  # noqa: S603 - this very module
+        [sys.executable, "-m", __name__, who], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            answer = process.stdout.readline()
+            if not answer:
+                raise CannotRunError(f"the Modbus server {who} of the benchmark did not start")
+            yield int(answer)
+        finally:
+            process.stdin.close()  # which ends it
 
 
 def _ask_often(port: int) -> int:
@@ -100,3 +122,14 @@ def _peer_modbus_server() -> Iterator[int]:
         loop.call_soon_threadsafe(over.set)
         thread.join()
         loop.close()
+
+
+def _serve(who: str) -> None:
+    """Run a server until standard input ends."""
+    with {OURS: _our_modbus_server, PEER: _peer_modbus_server}[who]() as port:
+        print(port, flush=True)  # noqa: T201 - for the process that has started this one
+        sys.stdin.read()
+
+
+if __name__ == "__main__":
+    _serve(sys.argv[1])

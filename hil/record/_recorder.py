@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 FrameLog = Sequence[tuple[int, str, Any, str]]
 
-ROWS_PER_CHUNK: Final = 4096
+ROWS_PER_CHUNK: Final = 512
 """Rows of one buffer; a full buffer is set aside and a new one begun."""
 
 

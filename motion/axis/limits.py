@@ -43,8 +43,8 @@ class _HardwareSwitch:
 class TravelLimits:
     """See the module. The switches are wired to the digital inputs of the drive (60FDh)."""
 
-    __slots__ = ("_axis", "_hw_active", "_hw_mode", "_hw_reaction", "_levels", "_range_max", "_range_min",
-                 "_sw_active", "_sw_exceeded", "_sw_max", "_sw_min", "_sw_reached", "_was_active", "negative",
+    __slots__ = ("_axis", "_hw_active", "_hw_mode", "_hw_reaction", "_range_max", "_range_min",
+                 "_sw_active", "_sw_exceeded", "_sw_max", "_sw_min", "_sw_reached", "_switches", "_was_active", "negative",
                  "positive", "software_max", "software_min")  # fmt: skip
 
     def __init__(self, axis: TechnologyAxis) -> None:
@@ -53,7 +53,6 @@ class TravelLimits:
         self._hw_active = bind("PositionLimits_HW.Active")
         self._hw_mode = bind("PositionLimits_HW.Mode")
         self._hw_reaction = bind("PositionLimits_HW.ApproachBehavior")
-        self._levels = (bind("PositionLimits_HW.MinSwitchLevel"), bind("PositionLimits_HW.MaxSwitchLevel"))
         self._sw_active = bind("PositionLimits_SW.Active")
         self._sw_min = bind("PositionLimits_SW.MinPosition")
         self._sw_max = bind("PositionLimits_SW.MaxPosition")
@@ -61,6 +60,10 @@ class TravelLimits:
         self._sw_exceeded = bind("PositionLimits_SW.LimitExceededBehavior")
         self.negative = _HardwareSwitch(-1, INPUT_NEGATIVE_LIMIT)
         self.positive = _HardwareSwitch(+1, INPUT_POSITIVE_LIMIT)
+        self._switches = (
+            (self.negative, bind("PositionLimits_HW.MinSwitchLevel")),
+            (self.positive, bind("PositionLimits_HW.MaxSwitchLevel")),
+        )
         self.software_min = False
         """StatusWord.X15."""
         self.software_max = False
@@ -83,8 +86,8 @@ class TravelLimits:
         if not port.link_ok:
             return
         inputs = port.inputs
-        for switch, level in ((self.negative, self._levels[0]), (self.positive, self._levels[1])):
-            on = bool(inputs & switch.mask) is bool(level.value)
+        for switch, level in self._switches:
+            on = (inputs & switch.mask != 0) is (level.value != 0)
             if on or switch.active:
                 self._evaluate(switch, on)
 

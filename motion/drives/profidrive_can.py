@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from struct import Struct
 from typing import TYPE_CHECKING, Final
 
-from fieldbus.can.frame import CanFrame
+from fieldbus.can.timing import FrameMaker
 from fieldbus.canopen.node_setup import PdoSetup
 from fieldbus.errors import ConfigurationError, HilError
 from motion.drives._canopen import CanopenNode, CanopenNodeConfig, written
@@ -65,7 +65,7 @@ class ProfidriveCanPort(ProfidrivePort):
     """
 
     __slots__ = (
-        "_all_seen", "_frames", "_from_words", "_master", "_parts", "_rpdo_slices", "_seen", "_to_words", "node", "node_id",
+        "_all_seen", "_from_words", "_master", "_parts", "_rpdos", "_seen", "_to_words", "node", "node_id",
     )  # fmt: skip
 
     def __init__(
@@ -94,10 +94,10 @@ class ProfidriveCanPort(ProfidrivePort):
         self._to_words = (Struct(f">{out.words}H"), Struct(f"<{out.words}H"))
         self._from_words = (Struct(f"<{back.words}H"), Struct(f">{back.words}H"))
         size = 2 * _WORDS_PER_PDO
-        self._rpdo_slices = tuple(slice(at, min(at + size, out.length)) for at in range(0, out.length, size))
-        self._frames = [
-            CanFrame(0x200 + 0x100 * number + self.node_id) for number in range(len(self._rpdo_slices))
-        ]
+        self._rpdos = tuple(
+            (FrameMaker(0x200 + 0x100 * number + self.node_id).make, slice(at, min(at + size, out.length)))
+            for number, at in enumerate(range(0, out.length, size))
+        )
         parts = -(-back.length // size)
         self._parts = [bytes(min(size, back.length - size * number)) for number in range(parts)]
         self._all_seen = (1 << parts) - 1
@@ -191,12 +191,7 @@ class ProfidriveCanPort(ProfidrivePort):
         else:  # of a wrong length, as a test wants it
             count = len(frame) // 2
             data = Struct(f"<{count}H").pack(*Struct(f">{count}H").unpack(frame[: 2 * count]))
-        frames = self._frames
-        for at, part in enumerate(self._rpdo_slices):
-            content = data[part]
-            if frames[at].data != content:
-                frames[at] = CanFrame(frames[at].can_id, content)
-        self._master.send_all(frames)
+        self._master.send_all([make(data[part]) for make, part in self._rpdos])
 
     def release(self) -> None:
         """Disable the drive with a last telegram, which acts at the next SYNC."""

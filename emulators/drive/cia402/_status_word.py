@@ -17,6 +17,9 @@ _TARGET_REACHED: Final = 1 << 10
 _INTERNAL_LIMIT: Final = 1 << 11
 _MODE_12: Final = 1 << 12
 _HOMING_START: Final = 0x10
+_BITS: Final = tuple(state.bits for state in DriveState)
+"""Bits of a state by its number."""
+_OPERATION_ENABLED: Final = DriveState.OPERATION_ENABLED
 
 
 class StatusWord:
@@ -77,14 +80,14 @@ class StatusWord:
         machine = self._machine
         function = self._function
         state = machine.state
-        status = state.bits
+        status = _BITS[state]
         if machine.power_available:
             status |= _VOLTAGE_ENABLED
         if self._protection.warnings:
             status |= _WARNING
         if not function.local_control:
             status |= _REMOTE
-        if state is DriveState.OPERATION_ENABLED:
+        if state is _OPERATION_ENABLED:
             mode = function.mode
             if machine.follows_commands:
                 status |= mode.status

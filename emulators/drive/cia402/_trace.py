@@ -62,7 +62,7 @@ def trace_row(drive: DriveDevice) -> tuple[float, ...]:
         values[0x604000],
         values[0x604100],
         drive.machine.state,
-        drive.mode.number,
+        drive.function.mode.number,
         drive.slave.nmt_state,
         drive.inputs,
         drive.outputs,

@@ -155,7 +155,7 @@ class Monitors:
             self._following.reset()
             self._blocked.reset()
             return
-        mode = drive.mode
+        mode = drive.function.mode
         if mode.position_controlled and core.controls_position:
             values = drive.slave.values
             window = values[0x606500]

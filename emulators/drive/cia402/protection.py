@@ -137,7 +137,7 @@ class Protection:
     def update(self) -> None:
         """Note the torque of a control cycle; every few cycles advance the models and look at them."""
         power_stage = self.power
-        if power_stage.update(self._drive.now_ns):
+        if power_stage.update(self._drive.scheduler.now):
             self.look_at_link()
             self._look_at_phase(power_stage.dt_s)
             self._look_at_heat()

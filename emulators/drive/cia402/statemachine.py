@@ -52,6 +52,9 @@ class OptionCodes:
         self.fault_reaction = 2
 
 
+_OPERATION_ENABLED: Final = DriveState.OPERATION_ENABLED
+
+
 class PowerStateMachine:
     """The states, the transitions and what they ask of the drive.
 
@@ -140,7 +143,7 @@ class PowerStateMachine:
     @property
     def follows_commands(self) -> bool:
         """Whether set-points are executed: Operation enabled and no stop under way."""
-        return self.state is DriveState.OPERATION_ENABLED and self._ramp_target is None
+        return self.state is _OPERATION_ENABLED and self._ramp_target is None
 
     # -- life ----------------------------------------------------------------------------------------------------
 

@@ -13,9 +13,13 @@ if TYPE_CHECKING:
     from emulators.drive.profidrive.device import ProfidriveDrive
 
 _ON: Final = int(STW1.ON)
+_S1: Final = AxisState.S1
 _S3: Final = AxisState.S3
+_S4: Final = AxisState.S4
 _NOTHING: Final = Action.NOTHING
 _JOG: Final = int(STW1.JOG_1 | STW1.JOG_2)
+_RUN: Final = int(STW1.ON | STW1.NO_OFF2 | STW1.NO_OFF3 | STW1.ENABLE_OPERATION)
+_RUN_OR_JOG: Final = _RUN | _JOG
 
 
 class Operation:
@@ -55,12 +59,20 @@ class Operation:
             return
         machine = self.machine
         old = machine.state
+        faults = drive.faults
+        if (
+            old is _S4
+            and drive.stw1 & _RUN_OR_JOG == _RUN
+            and not (self._on_locked or faults.off or drive.safety.off or faults.warnings)
+        ):
+            return  # operation goes on: the usual case, in every bus cycle
         action = machine.step(
             self._command(old),
-            off=drive.faults.off | drive.safety.off,
+            off=faults.off | drive.safety.off,
             standstill=self._standstill,
-            ready=drive.ready and (old is not _S3 or self._delay_over()),
-            synchronised=not drive.isochronous or drive.sign_of_life.synchronised,
+            # Each is asked for in one state only.
+            ready=old is not _S3 or (drive.ready and self._delay_over()),
+            synchronised=old is not _S1 or not drive.isochronous or drive.sign_of_life.synchronised,
         )
         if action is not _NOTHING:
             self._carry_out(action)

@@ -47,7 +47,7 @@ class SafeMonitors:
     @property
     def selected(self) -> bool:
         """Whether anything is to be watched."""
-        return bool(self.sos_selected or self.sls_level or self.sdi or self.slp_range)
+        return bool(self._sos_selected or self._held or self.sls_level or self.sdi or self.slp_range)
 
     @property
     def sos_selected(self) -> bool:

@@ -362,6 +362,13 @@ class SafetyFunctions:
     def s_zsw1b(self) -> int:
         """Return S_ZSW1B (CFG-471 to CFG-493)."""
         monitors = self.monitors
+        if (
+            self._ss1 is None
+            and self._ss2 is None
+            and self._reaction == _NOTHING
+            and not (self.torque_off or self.messages or monitors.selected)
+        ):
+            return 0  # no safety function: the usual case, in every cycle
         return (
             self.torque_off
             | self.ss1_active << 1

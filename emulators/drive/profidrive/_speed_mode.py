@@ -98,7 +98,7 @@ class SpeedMode:
         if not core.torque_limited:
             word |= _TORQUE
         brake = core.brake
-        if brake.fitted and not brake.closed:
+        if not brake.closed and brake.fitted:
             word |= _BRAKE
         warnings = drive.faults.warnings
         if not warnings:

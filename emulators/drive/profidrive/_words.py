@@ -62,12 +62,15 @@ class StatusWords:
         "_pack",
         "_set",
         "_sign",
+        "in_tolerance",
     )
 
     def __init__(self, drive: ProfidriveDrive) -> None:
         self._drive = drive
         self._cycle_s = drive.config.cycle_ns / 1e9
         self._deviation = WindowTimer()
+        self.in_tolerance = True
+        """Whether the speed is, or was a moment ago, near its setpoint (PD-079)."""
         self._frozen: int | None = None
         self._set = 0
         self._sign: int | None = None
@@ -91,6 +94,7 @@ class StatusWords:
     def restart(self) -> None:
         """Begin as after power-on."""
         self._deviation.reset()
+        self.in_tolerance = True
 
     # -- lies -------------------------------------------------------------------------------------------------------
 
@@ -115,16 +119,14 @@ class StatusWords:
         core = drive.core
         if not core.enabled:
             self._deviation.reset()
+            self.in_tolerance = True
             return
         settings = drive.settings
         self._deviation.time_s = settings.deviation_time_s
         difference = abs(core.precontrol_velocity - core.velocity)
-        self._deviation.update(difference > settings.deviation_rpm * RPM, self._cycle_s)
-
-    @property
-    def in_tolerance(self) -> bool:
-        """Whether the speed is, or was a moment ago, near its setpoint (PD-079)."""
-        return not self._deviation.expired
+        self.in_tolerance = not self._deviation.update(
+            difference > settings.deviation_rpm * RPM, self._cycle_s
+        )
 
     def zsw1(self) -> int:
         """Return ZSW1, or the lie about it."""
@@ -135,7 +137,7 @@ class StatusWords:
         drive = self._drive
         if not drive.controlled_cyclically:
             return 0
-        state = drive.machine.state
+        state = drive.operation.machine.state
         word = state.bits | _REQUESTED
         faults = drive.faults
         off = faults.off | drive.safety.off
@@ -144,7 +146,7 @@ class StatusWords:
             word |= _NO_OFF2
         if stw1 & 0x0004 and not (off & _OFF3 or drive.safety.holding) and state is not _S5B:
             word |= _NO_OFF3
-        if faults.present:
+        if faults.buffer.current:
             word |= _FAULT
         if faults.warnings:
             word |= _WARNING
@@ -198,10 +200,10 @@ class StatusWords:
             word |= _COOL_MOTOR
         if _STAGE_TEMPERATURE not in warnings:
             word |= _NO_OVERLOAD
-        if not self._deviation.expired:
+        if self.in_tolerance:
             word |= _DEVIATION
         if core.enabled:
             word |= _CONTROLS
-        if drive.ready and not drive.faults.present:
+        if drive.ready and not drive.faults.buffer.current:
             word |= _READY
         return word

@@ -8,9 +8,11 @@ from fieldbus.can.frame import CanFrame
 from fieldbus.can.timing import (
     INTERMISSION_BITS,
     TAIL_BITS,
+    FrameMaker,
     arbitration_key,
     frame_bits,
     frame_time_ns,
+    note_timing,
     timing_of,
     wire_bits,
     worst_case_bits,
@@ -246,3 +248,16 @@ def test_cache_is_bounded():
         timing_of(0x181, value.to_bytes(4, "big"), False, False, 4)
     information = timing_of.cache_info()
     assert information.currsize <= information.maxsize < 10_000
+
+
+@given(can_id=st.integers(0, 0x7FF), payloads=st.lists(st.binary(max_size=8), max_size=5))
+def test_a_frame_maker_makes_what_a_frame_is(can_id, payloads):
+    """Frames of one identifier that are made in a row are as long on the wire as any, and kept while the data stay."""
+    maker = FrameMaker(can_id)
+    for payload in payloads:
+        frame = maker.make(payload)
+        assert frame == CanFrame(can_id, payload)
+        assert frame.timing in (None, timing_of(can_id, payload, False, False, len(payload)))
+        assert frame.timing is not None or len(payload) < 8
+        assert note_timing(CanFrame(can_id, payload)) == note_timing(frame)
+        assert maker.make(bytes(payload)) is frame
