@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 from fieldbus.clock import Scheduler, Timer
@@ -22,6 +23,7 @@ from motion.instructions import (
     MC_MoveVelocity,
     MC_Power,
     MC_Reset,
+    MC_SaveAbsoluteEncoderData,
     MC_SetAxisSTW,
     MC_SetSensor,
     MC_Stop,
@@ -30,6 +32,7 @@ from motion.instructions import (
     MC_TorqueRange,
     MC_WriteParameter,
 )
+from motion.memory_card import MemoryCard
 
 _T = TypeVar("_T", bound=Instruction)
 
@@ -67,6 +70,11 @@ class Runtime:
         self.after_cycle: list[Callable[[], object]] = []
         """Called at the end of every application cycle (recorder, triggers)."""
         self.cycles = 0
+        self.card: MemoryCard | None = None
+        """The memory card; None = there is none."""
+        self.saver: MC_SaveAbsoluteEncoderData | None = None
+        """The instance whose save runs."""
+        self._savers = 0
         self._dormant: list[Instruction] = []
         self._timer: Timer | None = None
 
@@ -77,6 +85,26 @@ class Runtime:
     def add_encoder(self, encoder: ExternalEncoder) -> None:
         """Take an external encoder into the cycle, before the axes."""
         self.encoders.append(encoder)
+
+    @property
+    def objects(self) -> list[TechnologyAxis | ExternalEncoder]:
+        """All technology objects."""
+        return [*self.encoders, *self.axes]
+
+    def insert_card(self, folder: Path) -> bool:
+        """Put a memory card in before the first cycle; adjustment data on it are restored (HOM-159).
+
+        Returns:
+            Whether there were data, and they fitted.
+
+        """
+        self.card = MemoryCard(folder, self.history)
+        return self.card.restore(self.objects)
+
+    def count_saver(self) -> int:
+        """Return the number of one more instance of `MC_SaveAbsoluteEncoderData`, from 1 on."""
+        self._savers += 1
+        return self._savers
 
     def call(self, instance: Callable[[], object]) -> None:
         """Call `instance` once per cycle from the next cycle on.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
@@ -353,6 +354,8 @@ class Bench(BenchParts):
                 master.start_sync(self.cycle_ns, 0)
             if any(heartbeats):
                 master.produce_heartbeat(min(filter(None, heartbeats)) * MS)
+        if self.config.bench.memory_card is not None:
+            self.runtime.insert_card(Path(self.config.bench.memory_card))
         self.runtime.start()
         if self._encoder_nodes is not None:
             self._start_encoders(self._encoder_nodes)

@@ -47,6 +47,8 @@ class BenchSection(Section):
     """Controller whose technology objects the axes are: the T has up to four encoders per axis and `MC_SetSensor`."""
     grace_cycles: Annotated[int, Field(ge=1, le=1000)] = 3
     """Cycles without actual values after which an axis reports its drive as lost (alarm 431)."""
+    memory_card: str | None = None
+    """Folder that is the controller's memory card, relative to the bench file; None = there is none."""
 
     @model_validator(mode="after")
     def _divides(self) -> BenchSection:

@@ -80,6 +80,9 @@ def _own_file(files: dict[str, str], where: str, storage: str | None) -> None:
 
 def anchor_files(data: dict[str, Any], folder: Path) -> None:
     """Make the names of files relative to the folder of the bench file; what is no text is left to the checks."""
+    bench = data.get("bench")
+    if isinstance(bench, dict) and isinstance(bench.get("memory_card"), str) and bench["memory_card"]:
+        bench["memory_card"] = str(folder / bench["memory_card"])
     for kind in ("drive", "device"):
         sections = data.get(kind)
         for section in sections.values() if isinstance(sections, dict) else ():

@@ -7,6 +7,7 @@ from motion.instructions.jog import MC_MoveJog
 from motion.instructions.move import MC_MoveAbsolute, MC_MoveRelative, MC_MoveVelocity
 from motion.instructions.power import MC_Power
 from motion.instructions.reset import MC_Reset
+from motion.instructions.save_encoder_data import MC_SaveAbsoluteEncoderData
 from motion.instructions.set_sensor import MC_SetSensor
 from motion.instructions.stop import MC_Halt, MC_Stop
 from motion.instructions.superimposed import MC_HaltSuperimposed, MC_MoveSuperimposed
@@ -26,6 +27,7 @@ __all__ = [
     "MC_MoveVelocity",
     "MC_Power",
     "MC_Reset",
+    "MC_SaveAbsoluteEncoderData",
     "MC_SetAxisSTW",
     "MC_SetSensor",
     "MC_Stop",

@@ -6,8 +6,10 @@ import pytest
 
 from fieldbus.clock import MS, S
 from hil.bench import BenchFile, BenchFileError, load_bench
+from hil.bench.config import read
 from hil.errors import BlockedError, ConfigurationError, UnsupportedFaultError
 from hil.faults import after, at, position, velocity
+from motion.instructions import MC_SaveAbsoluteEncoderData
 
 LIVE = """
 [bench]
@@ -99,3 +101,25 @@ def test_lateness_that_is_allowed(lines, allowed):
     with BenchFile("own.toml", text).build() as bench:
         assert bench.allowed_lateness_s == allowed
         assert bench.lateness_s == 0.0
+
+
+@pytest.mark.requirement("HOM-158", "HOM-160", "MC-472")
+def test_memory_card_of_the_bench_file(tmp_path):
+    """What one bench saves, the next one restores: the axis is homed where it was, and the log tells."""
+    text = read("reference")[1].replace("cycle_ms = 4", 'cycle_ms = 4\nmemory_card = "card"')
+    text = text.replace("[drive.drive1]", '[drive.drive1]\nencoder = "absolute"')
+    text = text.replace("[axis.axis1.variables]", '[axis.axis1.variables]\n"Sensor[1].Type" = 1')
+    file = tmp_path / "bench.toml"
+    file.write_text(text)
+    with load_bench(file).build(seed=1) as bench:
+        axis = bench.axis()
+        assert bench.run_until(axis.power().status, 2.0)
+        assert bench.run_until(axis.home(77.0, mode=7).done, 2.0)
+        save = MC_SaveAbsoluteEncoderData(bench.runtime, Execute=True)
+        bench.runtime.call(save)
+        assert bench.run_until(save.done, 1.0)
+    assert (tmp_path / "card" / "UserFiles" / "AbsEncoderData.dat").exists()
+    with load_bench(file).build(seed=1) as bench:
+        assert bench.axis().var("StatusWord.X5")
+        assert bench.axis().var("ActualPosition") == pytest.approx(77.0, abs=0.05)
+        assert list(bench.history.select(kind="controller.encoder_data_restored"))
