@@ -11,6 +11,7 @@ from emulators.drive.profidrive.drive_parameters import DriveParameters
 from emulators.drive.profidrive.fault_catalogue import CATALOGUE, DriveWarning, Fault
 from emulators.drive.profidrive.messages import FaultBuffer, FaultMessage
 from emulators.drive.profidrive.parameter_channel import ChannelError, ParameterChannel
+from emulators.drive.profidrive.parameter_record import ParameterRecord
 from emulators.drive.profidrive.parameter_server import ParameterServer
 from emulators.drive.profidrive.parameters import ParameterStore
 from emulators.drive.profidrive.profile_parameters import Identification, ParameterMemory
@@ -36,6 +37,7 @@ __all__ = [
     "ParameterChannel",
     "ParameterDefinition",
     "ParameterMemory",
+    "ParameterRecord",
     "ParameterServer",
     "ParameterStore",
     "ParameterWindow",

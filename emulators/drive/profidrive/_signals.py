@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from emulators.drive.core import RPM
 from emulators.drive.profidrive._position_mode import PositionMode
+from emulators.drive.profidrive.fault_catalogue import namur_word
 from fieldbus.profidrive.formats import to_int32, to_n2, to_n4
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ def _status(drive: ProfidriveDrive) -> dict[str, Getter]:
         "ZSW1": words.zsw1,
         "ZSW2": words.zsw2,
         "MELDW": words.meldw,
+        "MELD_NAMUR": lambda: namur_word([one.number for one in drive.faults.buffer.present]),
         "FAULT_CODE": lambda: drive.faults.number,
         "WARN_CODE": lambda: drive.faults.warning_number,
         "E_DIGITAL": lambda: drive.inputs & 0xFFFF,

@@ -217,3 +217,19 @@ def alarm_class(numbers: Iterable[int]) -> int:
         rank = 1 if number in _NOT_RESTRICTED else 2 if number in _RESTRICTED_SOON else 3
         gravest = max(gravest, rank)
     return gravest
+
+
+_NAMUR_BITS: Final = {
+    _D.HARDWARE: 0, _D.MAINS: 1, _D.SUPPLY_VOLTAGE: 2, _D.DC_LINK_OVERVOLTAGE: 2, _D.POWER_ELECTRONICS: 3,
+    _D.OVERTEMPERATURE: 4, _D.EARTH_FAULT: 5, _D.MOTOR_OVERLOAD: 6, _D.BUS: 7, _D.SAFETY: 8, _D.ENCODER_VALUE: 9,
+    _D.INTERNAL_COMMUNICATION: 10, _D.INFEED: 11,
+}  # fmt: skip
+_NAMUR_OTHER: Final = 15
+
+
+def namur_word(numbers: Iterable[int]) -> int:
+    """Return MELD_NAMUR of present faults: a bit per class of diagnosis, bit 15 for all other ones (PD-009, PD-140)."""
+    word = 0
+    for number in numbers:
+        word |= 1 << _NAMUR_BITS.get(fault(number).diagnosis, _NAMUR_OTHER)
+    return word

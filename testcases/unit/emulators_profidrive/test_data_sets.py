@@ -161,3 +161,23 @@ def test_parameters_of_the_station():
     assert parameters.store.text(61000) == "drive"
     assert [parameters.store.definition(number).elements for number in range(61001, 61005)] == [4, 6, 4, 4]
     assert not any(parameters.store.is_writable(number) for number in range(61000, 61005))
+
+
+@pytest.mark.requirement("PD-009", "PD-140")
+@pytest.mark.parametrize(
+    ("fault", "bit"),
+    [
+        (numbers.CAN_ERROR, 7),
+        (numbers.MOTOR_TEMPERATURE, 4),
+        (numbers.ENCODER_SIGNAL, 9),
+        (numbers.EXTERNAL, 15),
+    ],
+)
+def test_the_namur_message_has_a_bit_per_class(fault, bit):
+    """Telegram 20: the last word tells what kind of fault is there; nothing without one."""
+    rig = Rig(replace(RAMPED, telegram=20))
+    assert rig.cycle(READY)["MELD_NAMUR"] == 0
+    rig.drive.raise_fault(fault)
+    assert rig.cycle(READY)["MELD_NAMUR"] == 1 << bit
+    rig.cycle(READY | STW1.ACKNOWLEDGE)
+    assert rig.cycle(READY)["MELD_NAMUR"] == 0
