@@ -43,6 +43,15 @@ class Terminals:
             share = abs(drive.core.speed_rpm) / max(float(store.value(311)), 1e-9)
             return min(share * float(store.value(304)), power.dc_link.voltage_V / math.sqrt(2.0))
 
+        rated = drive.config.rated_torque_Nm
+
+        def limit_current(_: int, value: float) -> None:
+            drive.torque.cap(current_Nm=value / max(float(store.value(305)), 1e-9) * rated)
+
+        # As set, the current limit leaves the torque limits of the configuration alone.
+        needed = max(drive.settings.torque_limits_Nm) / rated * float(store.value(305))
+        store.set(640, max(float(store.value(640)), 2.0 * needed))
+        store.writers[640] = limit_current
         readers = store.readers
         readers[25] = voltage
         readers[39] = energy

@@ -23,7 +23,7 @@ class TorqueLimits:
     """
 
     __slots__ = (
-        "_add_at", "_drive", "_high_at", "_low_at", "_momred_at", "_words", "follows_telegram", "injected_Nm", "lower_Nm",
+        "_add_at", "_drive", "_high_at", "_low_at", "_momred_at", "_words", "current_Nm", "follows_telegram", "injected_Nm", "lower_Nm",
         "protection_Nm", "upper_Nm",
     )  # fmt: skip
 
@@ -37,6 +37,8 @@ class TorqueLimits:
         """Limit because of heat, Nm; inf = none."""
         self.injected_Nm = math.inf
         """Limit from a test, Nm; inf = none."""
+        self.current_Nm = math.inf
+        """Limit because of the current limit p0640, Nm; inf = none."""
         place = drive.setpoint_place
         self._momred_at = place("MOMRED")
         self._add_at = place("M_ADD1")
@@ -58,12 +60,20 @@ class TorqueLimits:
         self._words = None
         self.apply()
 
-    def cap(self, *, protection_Nm: float | None = None, injected_Nm: float | None = None) -> None:
-        """Limit the torque because of heat, or from a test, Nm; inf = not."""
+    def cap(
+        self,
+        *,
+        protection_Nm: float | None = None,
+        injected_Nm: float | None = None,
+        current_Nm: float | None = None,
+    ) -> None:
+        """Limit the torque because of heat, from a test, or because of the current, Nm; inf = not."""
         if protection_Nm is not None:
             self.protection_Nm = protection_Nm
         if injected_Nm is not None:
             self.injected_Nm = injected_Nm
+        if current_Nm is not None:
+            self.current_Nm = current_Nm
         self.apply()
 
     def apply(self) -> None:
@@ -72,7 +82,7 @@ class TorqueLimits:
         row = drive.row
         momred = row[self._momred_at] if self._momred_at >= 0 else 0
         high_word, low_word = (row[self._high_at], row[self._low_at]) if self._add_at >= 0 else (0, 0)
-        cap = min(self.protection_Nm, self.injected_Nm)
+        cap = min(self.protection_Nm, self.injected_Nm, self.current_Nm)
         words = (momred, high_word, low_word, cap)
         if words == self._words:
             return

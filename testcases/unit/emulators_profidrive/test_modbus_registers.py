@@ -8,9 +8,10 @@ import pytest
 
 from emulators.drive.profidrive import ProfidriveConfig
 from emulators.drive.profidrive import fault_catalogue as numbers
-from fieldbus.clock import MS, US, S
+from emulators.drive.profidrive.modbus import ProfidriveModbusConfig, ProfidriveModbusDrive
+from fieldbus.clock import MS, US, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError
-from fieldbus.modbus import Change, Outcome, SerialFormat
+from fieldbus.modbus import Change, Outcome, Request, RtuClient, SerialFormat, SerialLine
 from fieldbus.profidrive import to_n2
 from testcases.unit.emulators_profidrive.modbus_rig import FAST, READY, RUN, ModbusRig
 
@@ -264,8 +265,6 @@ def test_the_node_address():
     rig.drive.power_off()
     rig.drive.power_on()
     assert rig.read(40100) is Outcome.TIMEOUT
-    from fieldbus.modbus import Request
-
     assert hasattr(rig.ask(Request(3, 99, 1), unit=9), "values")
 
 
@@ -273,3 +272,46 @@ def test_defaults_are_fast():
     """The ramps of the rig are those of its configuration: the registers show hundredths."""
     rig = ModbusRig("tcp")
     assert rig.read(40322, 2) == [round(FAST.ramp_up_s * 100), round(FAST.ramp_down_s * 100)]
+
+
+@pytest.mark.requirement("PD-310")
+def test_the_current_limit():
+    """p0640 caps the torque: the rated current gives the rated torque. At the start it is above what the limits need."""
+    rig = ModbusRig("tcp", setpoint_monitoring_s=0.0)
+    store = rig.drive.parameters.store
+    assert rig.read(40321) == [132]  # 6 Nm are 6.6 A
+    store.write(640, 2.2)
+    rig.enable()
+    assert rig.drive.drive.torque.upper_Nm == pytest.approx(2.0)
+    assert rig.drive.drive.torque.lower_Nm == pytest.approx(2.0)
+    rig.drive.mechanics.jam(True)
+    rig.keep(0.3, RUN, to_n2(0.5))
+    assert rig.drive.core.torque == pytest.approx(2.0, abs=0.01)
+    assert rig.write(40321, 400) == "done"
+    rig.keep(0.3, RUN, to_n2(0.5))
+    assert rig.drive.core.torque == pytest.approx(6.0, abs=0.01)
+
+
+def test_several_drives_on_one_line():
+    """Three units on a line are led one after the other; each hears only what is for it, a broadcast reaches all."""
+    scheduler = VirtualScheduler()
+    line = SerialLine(scheduler, format_=SerialFormat(115200))
+    drives = {}
+    for unit in (1, 2, 247):
+        config = ProfidriveModbusConfig(
+            unit=unit, drive=ProfidriveConfig(telegram=1, settings=FAST), setpoint_monitoring_s=0.0
+        )
+        drives[unit] = ProfidriveModbusDrive(scheduler, config, name=f"drive {unit}")
+        drives[unit].attach(line)
+        drives[unit].power_on()
+    master = RtuClient(scheduler, line)
+    for unit in drives:
+        for word, share in ((READY, 0.0), (RUN, unit / 1000.0)):
+            master.submit(Request(16, 99, 2, (word, to_n2(share))), unit)
+            scheduler.run_for(S // 2)
+    speeds = [drive.core.speed_rpm for drive in drives.values()]
+    assert speeds == pytest.approx([3.0, 6.0, 741.0], abs=1.0)
+    master.submit(Request(16, 99, 2, (READY, 0)), 0)
+    scheduler.run_for(S)
+    assert not any(drive.core.enabled for drive in drives.values())
+    assert line.collisions == 0
