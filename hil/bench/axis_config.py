@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from hil.bench._profidrive_encoder import Encoder2Section
     from hil.bench.config import AxisSection, BenchConfig
     from hil.bench.drive_config import DriveSection
     from hil.bench.encoder_config import EncoderSection
+
+
+WITH_G2: Final = (4, 6, 103, 106)
+"""Telegrams with a second encoder."""
+
+
+def second_of(drive: str) -> str:
+    """Return the name of the second encoder of a drive."""
+    return f"{drive}.encoder2"
 
 
 def check_axis_encoders(name: str, axis: AxisSection, config: BenchConfig) -> None:
@@ -43,6 +53,12 @@ def check_axis_encoders(name: str, axis: AxisSection, config: BenchConfig) -> No
                 raise ValueError(
                     f"axis.{name}.drive: telegram {drive.telegram} of {axis.drive!r} has no encoder value for a positioning "
                     "axis; allowed: 3, 4, 5, 6, 102, 103, 105, 106, or `encoders` of its own"
+                )
+        elif one == second_of(axis.drive):
+            if drive.encoder2.type == "none" or drive.telegram not in WITH_G2:
+                raise ValueError(
+                    f"{where}: {one!r} needs encoder2 of {axis.drive!r} and one of its telegrams "
+                    f"{', '.join(map(str, WITH_G2))}"
                 )
         elif one not in config.encoder:
             known = ", ".join((axis.drive, *config.encoder))
@@ -83,6 +99,26 @@ def from_drive(drive: DriveSection) -> dict[str, Any]:
         "Actor.DriveParameter.ReferenceSpeed": speed,
         "Actor.DriveParameter.ReferenceTorque": torque,
     }
+
+
+def from_second_encoder(encoder: Encoder2Section, prefix: str) -> dict[str, Any]:
+    """Return what the controller takes over from the configuration of a drive's second encoder (CFG-356)."""
+    from hil.bench._profidrive_encoder import encoder_format
+
+    form = encoder_format(encoder, encoder.fine_xist1_bits, encoder.fine_xist2_bits)
+    values: dict[str, Any] = {
+        f"{prefix}.Type": int(form.absolute),
+        f"{prefix}.Parameter.FineResolutionXist1": form.shift_xist1,
+        f"{prefix}.Parameter.FineResolutionXist2": form.shift_xist2,
+        f"{prefix}.System": int(not form.linear),
+        f"{prefix}.MountingMode": 0 if encoder.mounting == "motor" else 1,
+    }
+    if form.linear:
+        values[f"{prefix}.Parameter.Resolution"] = encoder.measuring_step_um / 1000.0
+    else:
+        values[f"{prefix}.Parameter.StepsPerRevolution"] = encoder.steps_per_revolution
+        values[f"{prefix}.Parameter.DeterminableRevolutions"] = form.revolutions
+    return values
 
 
 def from_encoder(encoder: EncoderSection, prefix: str) -> dict[str, Any]:

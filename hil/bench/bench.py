@@ -24,7 +24,7 @@ from hil.bench._load import LOAD_COLUMNS, LoadMeter
 from hil.bench._parts import MASTER_NODE, BenchParts
 from hil.bench._ports import build_can_port, build_modbus_port
 from hil.bench._startup import BOOT_TIMEOUT_NS, BenchNotReadyError, commission, missing
-from hil.bench.axis_config import from_drive, from_encoder
+from hil.bench.axis_config import from_drive, from_encoder, from_second_encoder, second_of
 from hil.bench.config import BenchConfig
 from hil.record import Recorder, Trace
 from motion.axis import ExternalEncoder, PositioningAxis, SpeedAxis, TechnologyAxis
@@ -259,6 +259,13 @@ class Bench(BenchParts):
             for number, one in enumerate(section.encoders, start=1):
                 if one == section.drive:
                     encoders.append(port)
+                elif one == second_of(section.drive):
+                    from motion.drives.profidrive_second import SecondEncoderPort
+
+                    second = drive.encoder2
+                    absolute = not second.type.startswith("incremental")
+                    encoders.append(SecondEncoderPort(port, absolute_encoder=absolute))  # type: ignore[arg-type]  # as above
+                    variables |= from_second_encoder(second, f"Sensor[{number}]")
                 else:
                     encoders.append(self._encoder_ports[one])
                     variables |= from_encoder(self.config.encoder[one], f"Sensor[{number}]")

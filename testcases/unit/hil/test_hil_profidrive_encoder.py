@@ -466,6 +466,57 @@ def test_an_error_of_the_first_one_stops_the_axis():
         assert not bench.drive().core.enabled
 
 
+def build_both(telegram=106):
+    text = load_bench("profidrive").text.replace("telegram = 105", f"telegram = {telegram}")
+    axis = f'{SECOND}\n[axis.axis1]\nencoders = ["drive1", "drive1.encoder2"]\n'
+    return BenchFile("own.toml", text.replace("[axis.axis1]\n", axis)).build(seed=3)
+
+
+@pytest.mark.requirement("CFG-282", "CFG-315", "CFG-207", "CFG-209", "CFG-211", "CFG-213")
+@pytest.mark.parametrize("telegram", [4, 6, 103, 106])
+def test_the_axis_reads_both_encoders_of_its_telegram(telegram):
+    """Sensor[2] is the scale behind G2: both positions follow the load, each with its own resolution."""
+    with build_both(telegram) as bench:
+        axis = bench.axis()
+        bench.run_for(0.1)
+        start = [axis.var(f"StatusSensor[{n}].Position") for n in (1, 2)]
+        before = bench.drive().mechanics.position
+        move(bench, 200.0, 0.5)
+        assert bench.run_until(axis.halt().done, 2.0)
+        bench.run_for(0.2)
+        way = (bench.drive().mechanics.position - before) * 1000.0
+        moved = [
+            axis.var(f"StatusSensor[{n}].Position") - place for n, place in zip((1, 2), start, strict=True)
+        ]
+        assert way > 50.0
+        assert moved == pytest.approx([way, way], abs=0.02)
+
+
+@pytest.mark.requirement("CFG-319", "CFG-603")
+def test_the_encoder_that_does_not_lead_may_fail():
+    """Its error shows in StatusSensor[2] alone; mended it is valid again, and the axis has moved on all the time."""
+    with build_both() as bench:
+        axis = bench.axis()
+        move(bench, 100.0, 0.3)
+        assert axis.var("StatusSensor[2].State") == 2
+        Injector(bench).inject("encoder.error", "drive1.encoder2", code=0x0002, duration_s=0.1)
+        bench.run_for(0.05)
+        assert axis.var("StatusSensor[2].State") != 2
+        assert axis.var("StatusSensor[1].State") == 2
+        bench.run_for(0.2)
+        assert axis.var("StatusSensor[2].State") == 2
+        assert abs(bench.drive().mechanics.velocity) == pytest.approx(0.1, abs=1e-3)
+        assert not list(bench.trace().select(kind="alarm.raised"))
+
+
+def test_a_second_encoder_that_is_not_in_the_telegram():
+    """The axis cannot read what is not there."""
+    with pytest.raises(
+        BenchFileError, match=r"'drive1.encoder2' needs encoder2 of 'drive1' and one of its telegrams 4, 6"
+    ):
+        build_both(105)
+
+
 # -- mistakes -------------------------------------------------------------------------------------------------------------
 
 HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\nprofile = "profidrive"\n'

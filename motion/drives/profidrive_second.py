@@ -1,0 +1,51 @@
+"""Port to the second encoder in the telegram of a PROFIdrive axis: G2_STW, G2_ZSW, G2_XIST1 (CFG-207 to CFG-213)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from fieldbus.profidrive.words import G_STW, G_ZSW
+from motion.drives.encoder import EncoderPort
+
+if TYPE_CHECKING:
+    from motion.drives.profidrive import ProfidrivePort
+
+_FAULTY: Final = int(G_ZSW.ERROR | G_ZSW.PARKING)
+_ERROR: Final = int(G_ZSW.ERROR)
+_ACKNOWLEDGE: Final = int(G_STW.ACKNOWLEDGE)
+
+
+class SecondEncoderPort(EncoderPort):
+    """The second encoder of a drive; its errors are acknowledged at once, so that they are gone with their cause.
+
+    Args:
+        port: Port to the drive, which is read before.
+        absolute_encoder: It keeps its position over power-off.
+
+    """
+
+    __slots__ = ("_acknowledges", "_port")
+
+    def __init__(self, port: ProfidrivePort, *, absolute_encoder: bool) -> None:
+        super().__init__()
+        self._port = port
+        self._acknowledges = False
+        self.absolute_encoder = absolute_encoder
+        self.telegram_number = port.telegram_number
+
+    def read(self) -> None:
+        """See `EncoderPort.read`."""
+        port = self._port
+        self.link_ok = port.link_ok
+        if not self.absolute_encoder:
+            self.encoder_restarts = port.encoder_restarts
+        if not port.link_ok:
+            return
+        zsw = port.actual("G2_ZSW")
+        self.sensor_fault = bool(zsw & _FAULTY)
+        if not self.sensor_fault:
+            self.encoder_increments = port.actual("G2_XIST1")
+        wrong = bool(zsw & _ERROR)
+        if wrong is not self._acknowledges:
+            self._acknowledges = wrong
+            port.command("G2_STW", _ACKNOWLEDGE if wrong else 0)
