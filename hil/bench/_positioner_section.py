@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -56,6 +57,9 @@ class PositionerSection(Section):
     """The limit switches stop the axis without POS_STW2 bit 15."""
     window: Positive = 40.0
     following_tolerance: Positive = 1_000.0
+    clamping_torque_nm: Positive | None = None
+    """Torque limit on the way to a fixed stop (STW2 bit 8); None = that of the drive."""
+    fixed_stop_tolerance: Positive = 1_000.0
     modulo_range: NotNegative = 0.0
     """0 = no modulo axis."""
     jog_velocities: tuple[float, float] = (-300.0, 300.0)
@@ -107,4 +111,6 @@ class PositionerSection(Section):
             )
             for row in self.block
         )
-        return PositionerSettings(**self.model_dump(exclude={"block"}), blocks=blocks)
+        plain = self.model_dump(exclude={"block", "clamping_torque_nm"})
+        clamping = math.inf if self.clamping_torque_nm is None else self.clamping_torque_nm
+        return PositionerSettings(**plain, clamping_torque_Nm=clamping, blocks=blocks)

@@ -6,6 +6,7 @@ reference cam, limit switches as limit cams. A task that is refused is a warning
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 from emulators.drive.machine import INPUT_BITS
@@ -125,7 +126,11 @@ class PositionMode:
             operating=drive.state is AxisState.S4 and not drive.safety.holding,
             minus_cam=bool(inputs & _NEGATIVE_LIMIT),
             plus_cam=bool(inputs & _POSITIVE_LIMIT),
+            fixed_stop=drive.torque.at_fixed_stop,
         )
+        clamping = positioner.settings.clamping_torque_Nm if positioner.fixed_stop.active else math.inf
+        if clamping != drive.torque.clamping_Nm:
+            drive.torque.cap(clamping_Nm=clamping)
         if positioner.refused is not self._warned or positioner.refusals != self._refusals:
             self._refusals = positioner.refusals
             self._report(positioner.refused)

@@ -148,6 +148,12 @@ class ProfileMotion:
     def _slope(self, acceleration: float) -> float:
         return acceleration * 1000.0 * self.scale
 
+    def stand(self, *, where_it_is: bool) -> None:
+        """Let the demand stand: where it is now, or where the axis is."""
+        core = self._core
+        self.clear()
+        core.follow_profile().reset(core.position if where_it_is else core.position_command)
+
     def track(self) -> None:
         """Let the demand follow the axis: no position is controlled, and the drive itself wants to stand."""
         self.clear()

@@ -62,6 +62,9 @@ def pos_zsw2(axis: Positioner, words: Words, velocity: float) -> int:
         (POS_ZSW2.SOFTWARE_LIMIT_PLUS, limited and axis.demand >= high - 0.5),
         (POS_ZSW2.CAM_1, position <= settings.position_cams[0]),
         (POS_ZSW2.CAM_2, position <= settings.position_cams[1]),
+        (POS_ZSW2.FIXED_STOP_REACHED, axis.fixed_stop.reached),
+        (POS_ZSW2.CLAMPING_TORQUE_REACHED, axis.fixed_stop.reached and axis.core.torque_limited),
+        (POS_ZSW2.TRAVEL_TO_FIXED_STOP, axis.fixed_stop.active),
         (POS_ZSW2.COMMAND_ACTIVE, wanted is not None and not axis.target_reached),
     )
 

@@ -23,8 +23,8 @@ class TorqueLimits:
     """
 
     __slots__ = (
-        "_add_at", "_drive", "_high_at", "_low_at", "_momred_at", "_words", "current_Nm", "follows_telegram", "injected_Nm", "lower_Nm",
-        "protection_Nm", "upper_Nm",
+        "_add_at", "_drive", "_high_at", "_low_at", "_momred_at", "_words", "clamping_Nm", "current_Nm", "follows_telegram",
+        "injected_Nm", "lower_Nm", "protection_Nm", "upper_Nm",
     )  # fmt: skip
 
     def __init__(self, drive: ProfidriveDrive) -> None:
@@ -39,6 +39,8 @@ class TorqueLimits:
         """Limit from a test, Nm; inf = none."""
         self.current_Nm = math.inf
         """Limit because of the current limit p0640, Nm; inf = none."""
+        self.clamping_Nm = math.inf
+        """Limit of the positioner while it travels to a fixed stop, Nm; inf = none."""
         place = drive.setpoint_place
         self._momred_at = place("MOMRED")
         self._add_at = place("M_ADD1")
@@ -66,8 +68,11 @@ class TorqueLimits:
         protection_Nm: float | None = None,
         injected_Nm: float | None = None,
         current_Nm: float | None = None,
+        clamping_Nm: float | None = None,
     ) -> None:
-        """Limit the torque because of heat, from a test, or because of the current, Nm; inf = not."""
+        """Limit the torque because of heat, from a test, because of the current, or at a fixed stop, Nm; inf = not."""
+        if clamping_Nm is not None:
+            self.clamping_Nm = clamping_Nm
         if protection_Nm is not None:
             self.protection_Nm = protection_Nm
         if injected_Nm is not None:
@@ -82,7 +87,7 @@ class TorqueLimits:
         row = drive.row
         momred = row[self._momred_at] if self._momred_at >= 0 else 0
         high_word, low_word = (row[self._high_at], row[self._low_at]) if self._add_at >= 0 else (0, 0)
-        cap = min(self.protection_Nm, self.injected_Nm, self.current_Nm)
+        cap = min(self.protection_Nm, self.injected_Nm, self.current_Nm, self.clamping_Nm)
         words = (momred, high_word, low_word, cap)
         if words == self._words:
             return

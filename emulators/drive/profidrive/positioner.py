@@ -14,6 +14,7 @@ from emulators.drive.profidrive import _positioner_show as show
 from emulators.drive.profidrive._positioner_blocks import BlockRun
 from emulators.drive.profidrive._positioner_homing import Homing
 from emulators.drive.profidrive._positioner_motion import Motion, ProfileMotion
+from emulators.drive.profidrive._positioner_stop import FixedStop
 from emulators.drive.profidrive._positioner_terms import Mode, Refused, Words, mdi_part, share
 from emulators.drive.profidrive.positioner_config import PositionerSettings
 from emulators.drive.protection import WindowTimer
@@ -37,7 +38,7 @@ class Positioner:
     """
 
     __slots__ = (
-        "_cycle_s", "_last", "_last_velocity", "_settling", "_standing", "acknowledged", "blocks", "core", "homed", "homing",
+        "_cycle_s", "_last", "_last_velocity", "_settling", "_standing", "acknowledged", "blocks", "core", "fixed_stop", "homed", "homing",
         "mode", "motion", "pos_zsw1", "pos_zsw2", "referencing", "refusals", "refused", "settings", "target_reached", "tracking",
         "wanted", "zsw1",
     )  # fmt: skip
@@ -67,6 +68,7 @@ class Positioner:
         """The bit that has set the reference point still stands."""
         self.tracking = False
         """The position demand follows the axis."""
+        self.fixed_stop = FixedStop(self)
         self._last = Words()
         self._last_velocity = 0.0
         self._clear()
@@ -123,6 +125,8 @@ class Positioner:
     @property
     def off_course(self) -> bool:
         """Whether the following error is beyond its tolerance."""
+        if self.fixed_stop.active or self.fixed_stop.released:
+            return False
         tolerance = self.settings.following_tolerance * self.motion.scale
         return self.core.controls_position and abs(self.core.following_error) > tolerance
 
@@ -134,6 +138,7 @@ class Positioner:
         self.refused = None
         self.zsw1 = self.pos_zsw1 = self.pos_zsw2 = 0
         self.target_reached = self.acknowledged = self.referencing = self.tracking = False
+        self.fixed_stop.clear()
         self.blocks.outputs = 0
         self._last = Words()
         self._last_velocity = 0.0
@@ -142,7 +147,13 @@ class Positioner:
             self.motion.offset = 0.0
 
     def step(
-        self, words: Words, *, operating: bool = True, minus_cam: bool = False, plus_cam: bool = False
+        self,
+        words: Words,
+        *,
+        operating: bool = True,
+        minus_cam: bool = False,
+        plus_cam: bool = False,
+        fixed_stop: bool = False,
     ) -> None:
         """Take the words of a bus cycle, move, and form the status words.
 
@@ -151,6 +162,7 @@ class Positioner:
             operating: The drive follows the positioner; it does not while it brakes for OFF1 or OFF3. A task waits meanwhile.
             minus_cam: The limit switch in negative direction is actuated.
             plus_cam: That in positive direction.
+            fixed_stop: The motion is to end at a fixed stop (STW2 bit 8).
 
         """
         rising = words.stw1 & ~self._last.stw1
@@ -160,6 +172,7 @@ class Positioner:
             self.refused = None
         self.homing.watch(words, rising)
         self.tracking = bool(words.pos_stw2 & POS_STW2.TRACKING) or not self.core.enabled
+        self.fixed_stop.take(fixed_stop and self.core.enabled)
         if self.core.enabled and operating:
             if self.tracking:
                 self.abandon()
@@ -265,6 +278,7 @@ class Positioner:
         """Begin a task; None: one that does not move."""
         self.mode = mode
         self.wanted = motion
+        self.fixed_stop.reached = False
         self.target_reached = False
         self.refused = None
 
@@ -382,6 +396,9 @@ class Positioner:
     def _monitor(self) -> None:
         """Watch that the axis gets to its target and stays there (p2543, p2545)."""
         settings = self.settings
+        if self.fixed_stop.active:
+            self.fixed_stop.look()
+            return
         if settings.positioning_time_s and self._settling.update(self.motion.settling, self._cycle_s):
             self._settling.reset()
             self.refuse(Refused.POSITIONING)

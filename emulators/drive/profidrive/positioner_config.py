@@ -117,6 +117,8 @@ class PositionerSettings:
         standstill_window: p2542, LU, > 0: while the demand stands, the axis stays within it ...
         standstill_time_s: p2543: ... or is out of it for this long at most, s; 0 = not watched.
         following_tolerance: p2546, LU, > 0.
+        clamping_torque_Nm: Torque limit while STW2 bit 8 asks to travel to a fixed stop, Nm, > 0; inf = that of the drive.
+        fixed_stop_tolerance: p2634, LU, > 0: following error from which on the stop counts as reached.
         modulo_range: p2576, LU, of a modulo axis; 0 = none.
         max_cam_distance: p2606, LU, > 0: way within which homing has to find the cam, and its end.
         max_mark_distance: p2609, LU, > 0: way from the cam within which it has to find the zero mark.
@@ -153,6 +155,8 @@ class PositionerSettings:
     standstill_window: float = 200.0
     standstill_time_s: float = 0.2
     following_tolerance: float = 1_000.0
+    clamping_torque_Nm: float = math.inf
+    fixed_stop_tolerance: float = 1_000.0
     modulo_range: float = 0.0
     max_cam_distance: float = 2_147_482_647.0
     max_mark_distance: float = 20_000.0
@@ -177,11 +181,14 @@ class PositionerSettings:
         for name in (
             "lu_per_revolution", "max_velocity", "max_acceleration", "max_deceleration", "window", "following_tolerance",
             "cam_velocity", "mark_velocity", "approach_velocity", "standstill_window", "max_cam_distance", "max_mark_distance",
+            "fixed_stop_tolerance",
         ):  # fmt: skip
             _positive(name, getattr(self, name))
         for name in ("positioning_time_s", "standstill_time_s", "modulo_range"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise ConfigurationError(name, getattr(self, name), "a number >= 0")
+        if not self.clamping_torque_Nm > 0.0:
+            raise ConfigurationError("clamping_torque_Nm", self.clamping_torque_Nm, "a number > 0, or inf")
         if not self.software_limits[0] < self.software_limits[1]:
             raise ConfigurationError("software_limits", self.software_limits, "the lower one first")
         for velocity, way in zip(self.jog_velocities, self.jog_increments, strict=True):

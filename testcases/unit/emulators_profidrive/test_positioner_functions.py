@@ -302,3 +302,43 @@ def test_a_speed_axis_has_no_parameters_of_the_positioner():
     with pytest.raises(ParameterAccessError) as refused:
         parameters.read("p2571")
     assert refused.value.error == 0x00
+
+
+# -------------------------------------------------------------------------------------------------- fixed stop
+
+
+@pytest.mark.requirement("PD-082", "PD-091")
+def test_travel_to_a_fixed_stop():
+    """With STW2 bit 8 the axis presses with the clamping torque where it is held up, and the task is done; no fault."""
+    rig = ready(PositionRig(clamping_torque_Nm=1.0))
+    rig.run(RUN, POS_STW1=POS_STW1.MDI, MDI_TARPOS=100_000, MDI_VELOCITY=1_800, STW2=0x0100)
+    answer = rig.run(GO, 0.5)
+    assert answer["POS_ZSW2"] & 0x7000 == POS_ZSW2.TRAVEL_TO_FIXED_STOP
+    rig.drive.mechanics.jam(True)
+    answer = rig.run(GO, 0.5)
+    reached = POS_ZSW2.FIXED_STOP_REACHED | POS_ZSW2.CLAMPING_TORQUE_REACHED | POS_ZSW2.TRAVEL_TO_FIXED_STOP
+    assert answer["POS_ZSW2"] & 0x7000 == reached
+    assert not answer["POS_ZSW2"] & POS_ZSW2.COMMAND_ACTIVE
+    assert answer["ZSW1"] & ZSW1.TARGET_REACHED
+    assert rig.drive.core.torque == pytest.approx(1.0, abs=0.01)
+    assert answer["FAULT_CODE"] == 0
+    stood = rig.place_um
+    rig.drive.mechanics.jam(False)
+    answer = rig.run(RUN, 0.5, STW2=0)
+    assert answer["POS_ZSW2"] & 0x7000 == 0
+    assert answer["FAULT_CODE"] == 0
+    assert rig.place_um == pytest.approx(stood, abs=1_500)
+    assert rig.drive.torque_limit_Nm == 6.0
+    rig.go(1.5, MDI_TARPOS=-10_000, MDI_VELOCITY=6_000)
+    assert rig.actual["ZSW1"] & ZSW1.TARGET_REACHED
+
+
+@pytest.mark.requirement("PD-091")
+def test_a_target_before_the_fixed_stop_ends_the_motion():
+    """Without anything in the way the task ends at its target, and bit 12 stays 0."""
+    rig = ready(PositionRig(clamping_torque_Nm=2.0))
+    rig.run(RUN, POS_STW1=POS_STW1.MDI, MDI_TARPOS=10_000, MDI_VELOCITY=1_800, STW2=0x0100)
+    answer = rig.run(GO, 1.0)
+    assert answer["ZSW1"] & ZSW1.TARGET_REACHED
+    assert answer["POS_ZSW2"] & 0x7000 == POS_ZSW2.TRAVEL_TO_FIXED_STOP
+    assert rig.place_um == pytest.approx(10_000, abs=20)
