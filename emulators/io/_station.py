@@ -141,23 +141,23 @@ class ModbusIoStation:
             ConfigurationError: There is no such channel; likewise the methods below.
 
         """
-        return self._channel("input", number)  # type: ignore[no-any-return]  # one of its kind
+        return self.channel("input", number)  # type: ignore[no-any-return]  # one of its kind
 
     def output(self, number: int) -> DigitalOutput:
         """Return a digital output by its number."""
-        return self._channel("output", number)  # type: ignore[no-any-return]  # one of its kind
+        return self.channel("output", number)  # type: ignore[no-any-return]  # one of its kind
 
     def analog_input(self, number: int) -> AnalogInput:
         """Return an analog input by its number."""
-        return self._channel("analog_input", number)  # type: ignore[no-any-return]  # one of its kind
+        return self.channel("analog_input", number)  # type: ignore[no-any-return]  # one of its kind
 
     def analog_output(self, number: int) -> AnalogOutput:
         """Return an analog output by its number."""
-        return self._channel("analog_output", number)  # type: ignore[no-any-return]  # one of its kind
+        return self.channel("analog_output", number)  # type: ignore[no-any-return]  # one of its kind
 
     def counter(self, number: int) -> CounterInput:
         """Return a counter by its number."""
-        return self._channel("counter", number)  # type: ignore[no-any-return]  # one of its kind
+        return self.channel("counter", number)  # type: ignore[no-any-return]  # one of its kind
 
     def _of(self, kind: str) -> list[Any]:
         lists = (
@@ -171,7 +171,8 @@ class ModbusIoStation:
             raise ConfigurationError(f"{self.name}: kind of channel", kind, ", ".join(KINDS))
         return lists[KINDS.index(kind)]
 
-    def _channel(self, kind: str, number: int) -> Any:
+    def channel(self, kind: str, number: int) -> Any:
+        """Return a channel by its kind, one of `KINDS`, and its number."""
         channels = self._of(kind)
         if not 0 <= number < len(channels):
             allowed = f"0..{len(channels) - 1}" if channels else "none, there are no such channels"
@@ -201,7 +202,7 @@ class ModbusIoStation:
 
     def stick(self, kind: str, number: int, value: float | None) -> None:
         """Let a channel stand at a value, a level or a quantity in its unit, whatever comes; None: it works again."""
-        channel = self._channel(kind, number)
+        channel = self.channel(kind, number)
         if kind in ("input", "output"):
             channel.stick(None if value is None else bool(value))
         elif kind == "counter":
@@ -212,7 +213,7 @@ class ModbusIoStation:
 
     def break_wire(self, kind: str, number: int, broken: bool) -> None:
         """Break the wire of a channel, or mend it."""
-        channel = self._channel(kind, number)
+        channel = self.channel(kind, number)
         if kind in ("analog_input", "analog_output"):
             channel.disturbance.broken = broken
             self._refresh(channel)
@@ -223,7 +224,7 @@ class ModbusIoStation:
         self, kind: str, number: int, *, offset: float = 0.0, gain: float = 1.0, noise: float = 0.0
     ) -> None:
         """Falsify an analog channel: offset and noise in its unit; without arguments it is right again."""
-        channel = self._channel(kind, number)
+        channel = self.channel(kind, number)
         if kind not in ("analog_input", "analog_output"):
             raise ConfigurationError(f"{self.name}: kind of channel", kind, "analog_input, analog_output")
         channel.disturbance.set_noise(noise)
@@ -232,7 +233,7 @@ class ModbusIoStation:
 
     def swap(self, kind: str, first: int, second: int) -> None:
         """Exchange the wires of two channels; again, and they are right."""
-        one, other = self._channel(kind, first), self._channel(kind, second)
+        one, other = self.channel(kind, first), self.channel(kind, second)
         channels = self._of(kind)
         if kind in ("output", "analog_output"):
             # The written values stay with the terminals, the wires behind them change places.

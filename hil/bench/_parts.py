@@ -34,6 +34,7 @@ class BenchParts:
     _encoders: dict[str, Any]
     _second_encoders: dict[str, Any]
     _devices: dict[str, Any]
+    _stations: dict[str, Any]
     _encoder_nodes: EncoderNodes | None
     _ports: dict[str, Port]
     _axes: dict[str, AxisHandle]
@@ -111,6 +112,20 @@ class BenchParts:
 
         """
         return self._part("device", self._devices, name)
+
+    def station(self, name: str | None = None) -> Any:
+        """Return an emulated I/O station by name, or the first one: `bench.station("io").input(3)` is a channel.
+
+        Raises:
+            ConfigurationError: There is no such station.
+
+        """
+        return self._part("station", self._stations, name)
+
+    @property
+    def station_names(self) -> tuple[str, ...]:
+        """Names of the I/O stations."""
+        return tuple(self._stations)
 
     def segment(self, name: str | None = None) -> Any:
         """Return a segment by name, or the first one."""
@@ -217,6 +232,7 @@ class BenchParts:
             config.drive,
             config.encoder,
             config.device,
+            config.station,
             config.segment,
         )
         return (*(name for table in own for name in table), "controller", "adapter")

@@ -17,10 +17,11 @@ if TYPE_CHECKING:
     from hil.bench.config import BenchConfig
     from hil.bench.drive_config import DriveSection
     from hil.bench.modbus_links import ModbusSegment
+    from motion.drives.analog import AnalogPort
     from motion.drives.profidrive_modbus import ProfidriveModbusPort
 
     CanPort = Cia402Port | ProfidriveCanPort
-    Port = CanPort | ProfidriveModbusPort
+    Port = CanPort | ProfidriveModbusPort | AnalogPort
 
 
 def _link(config: BenchConfig, drive: DriveSection) -> dict[str, Any]:
@@ -66,6 +67,11 @@ def build_can_port(config: BenchConfig, name: str, master: CanopenMaster, *, his
     """Return the port to a drive on CAN."""
     drive = config.drive[name]
     common = {**_link(config, drive), **_node(drive)}
+    if drive.profile == "tm_pto":
+        from motion.drives.tm_pto import PtoWords, TmPtoConfig, TmPtoPort
+
+        words = PtoWords(variant=drive.tm_pto.variant, reference_speed_rpm=drive.tm_pto.reference_speed_rpm)
+        return TmPtoPort(master, TmPtoConfig(words=words, **common), name=name, history=history)
     if drive.profile == "profidrive":
         can = ProfidriveCanConfig(words=_telegram(config, drive), **common)
         return ProfidriveCanPort(master, can, name=name, history=history)

@@ -44,7 +44,7 @@ def commission(scheduler: Scheduler, ports: Iterable[Port], encoders: EncoderNod
         if node is not None:
             nodes.append(node)
             node.boot()
-        else:
+        elif hasattr(port, "boot"):
             on_modbus.append(port)  # type: ignore[arg-type]
             on_modbus[-1].boot()
 

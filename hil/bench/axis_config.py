@@ -94,7 +94,11 @@ def from_drive(drive: DriveSection) -> dict[str, Any]:
         own = drive.profidrive
         speed, torque = own.reference_speed_rpm, own.reference_torque_nm
     else:
-        speed, torque = drive.max_speed_rpm, drive.rated_torque_nm
+        own_speed = {
+            "analog": drive.analog.reference_speed_rpm,
+            "tm_pto": drive.tm_pto.reference_speed_rpm,
+        }
+        speed, torque = own_speed.get(drive.profile, drive.max_speed_rpm), drive.rated_torque_nm
     return {
         "Actor.DriveParameter.ReferenceSpeed": speed,
         "Actor.DriveParameter.ReferenceTorque": torque,

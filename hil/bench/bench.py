@@ -26,6 +26,7 @@ from hil.bench._ports import build_can_port, build_modbus_port
 from hil.bench._startup import BOOT_TIMEOUT_NS, BenchNotReadyError, commission, missing
 from hil.bench.axis_config import from_drive, from_encoder, from_second_encoder, second_of
 from hil.bench.config import BenchConfig
+from hil.bench.io_devices import axis_inputs, build_analog_port, wired_variables
 from hil.record import Recorder, Trace
 from motion.axis import ExternalEncoder, PositioningAxis, SpeedAxis, TechnologyAxis
 from motion.runtime import AxisHandle, EncoderHandle, Runtime
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from hil.bench.telegram_master import TelegramMaster
     from hil.bench.words import BenchWords
     from motion.drives.encoder import EncoderPort
+    from motion.drives.station import StationLink
 
 _SAMPLE_PRIORITY: Final = 100
 _GC_THRESHOLD: Final = 100_000
@@ -78,6 +80,8 @@ class Bench(BenchParts):
         self._encoders: dict[str, Any] = {}
         self._second_encoders: dict[str, Any] = {}
         self._devices: dict[str, Any] = {}
+        self._stations: dict[str, Any] = {}
+        self._links: dict[str, StationLink] = {}
         self._encoder_nodes: EncoderNodes | None = None
         self._encoder_ports: dict[str, EncoderPort] = {}
         self._external_encoders: dict[str, EncoderHandle] = {}
@@ -115,10 +119,12 @@ class Bench(BenchParts):
                 self._drives[name] = drive
                 self._record(name, drive)
                 segment = config.drive[name].segment
-                if config.segment[segment].on_modbus:
+                if config.segment[segment].on_modbus and config.drive[name].profile != "analog":
                     self._segments[segment].attach(name, drive)
                 if config.drive[name].encoder2.type != "none":
                     self._second_encoders[f"{name}.encoder2"] = getattr(drive, "second_encoder", None)
+            for name in config.station:
+                self._build_station(name)
         elif config.emulated_names:
             from hil.bench.encoders import ENCODER_METHODS
             from hil.bench.remote import RemoteDrives
@@ -144,6 +150,8 @@ class Bench(BenchParts):
             self._build_axis(name, axis_section)
         for name, encoder_section in config.external_encoder.items():
             self._build_external_encoder(name, encoder_section)
+        for link in self._links.values():
+            self.runtime.after_cycle.append(link.exchange)
         for name, segment_section in config.segment.items():
             if segment_section.on_modbus and self._segments[name].columns:
                 place = self._segments[name]
@@ -248,6 +256,19 @@ class Bench(BenchParts):
                     self.scheduler, self._segments, self.config, name, history=self.history
                 )
 
+    def _build_station(self, name: str) -> None:
+        from hil.bench.io_devices import build_link, build_station
+
+        wired = build_station(
+            self.scheduler, self.config, name, drives=self._drives, history=self.history, rng=self.rng(name)
+        )
+        segment = self._segments[self.config.station[name].segment]
+        segment.attach(name, wired)
+        self._stations[name] = wired.station
+        self._record(name, wired.station)
+        if self.config.axis:
+            self._links[name] = build_link(self.config, name, wired.station, segment, history=self.history)
+
     def _build_axis(self, name: str, section: Any) -> None:
         port = self._build_port(section.drive)
         kind = PositioningAxis if section.type == "positioning" else SpeedAxis
@@ -271,10 +292,12 @@ class Bench(BenchParts):
                     variables |= from_encoder(self.config.encoder[one], f"Sensor[{number}]")
         if section.connection == "data_block":
             port.connect_block()  # type: ignore[union-attr]  # checked with the bench file
+        variables |= {**wired_variables(self.config, name), **section.variables}
         axis: TechnologyAxis = kind(
-            name, port, cycle_ns=self.cycle_ns, variables={**variables, **section.variables}, delay_s=port.delay_ns / S,
+            name, port, cycle_ns=self.cycle_ns, variables=variables, delay_s=port.delay_ns / S,
             history=self.history, encoders=encoders, connection=section.connection, cpu=self.config.bench.cpu,
         )  # fmt: skip
+        axis.station_inputs = axis_inputs(self.config, name, self._links)
         self.runtime.add(axis)
         self._ports[section.drive] = port
         self._axes[name] = AxisHandle(self.runtime, axis)
@@ -339,6 +362,8 @@ class Bench(BenchParts):
     def _build_port(self, name: str) -> Port:
         """Return the controller's port to a drive, as its profile and its bus want it."""
         place = self.config.drive[name].segment
+        if self.config.drive[name].profile == "analog":
+            return build_analog_port(self.config, name, self._links, history=self.history)
         if place in self._masters:
             return build_can_port(self.config, name, self._masters[place], history=self.history)
         return build_modbus_port(

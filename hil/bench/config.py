@@ -23,13 +23,24 @@ from hil.bench.axis_config import check_axis_encoders, check_external_encoders
 from hil.bench.device_config import DeviceSection, anchor_files, check_devices, eds_files
 from hil.bench.drive_config import DriveSection
 from hil.bench.encoder_config import EncoderSection, check_encoders
+from hil.bench.io_config import StationSection, check_io
 from hil.bench.modbus_config import check_modbus
 from hil.bench.segment_config import SegmentSection, check_segment
 
 WORD_TELEGRAMS: Final = (7, 9, 20, 110, 111)
 """Telegrams that no axis uses."""
 
-EMBEDDED: Final = ("reference", "speed", "fast", "live", "profidrive", "profidrive_tcp", "profidrive_rtu")
+EMBEDDED: Final = (
+    "reference",
+    "speed",
+    "fast",
+    "live",
+    "profidrive",
+    "profidrive_tcp",
+    "profidrive_rtu",
+    "analog",
+    "stepper",
+)
 """Benches that ship with the product, usable by name."""
 
 
@@ -75,6 +86,8 @@ class AxisSection(Section):
 
     type: Literal["positioning", "speed"] = "positioning"
     drive: str
+    inputs: str | None = None
+    """Station to which the switches of the drive are wired that count for this axis; None = those at the drive."""
     encoders: tuple[str, ...] | None = Field(default=None, max_length=4)
     """Where `Sensor[1]`, `Sensor[2]`, ... come from: the name of the drive for its own encoder, or encoders; None: the drive."""
     connection: Literal["direct", "data_block"] = "direct"
@@ -100,6 +113,7 @@ class BenchConfig(Section):
     drive: dict[str, DriveSection] = {}
     encoder: dict[str, EncoderSection] = {}
     device: dict[str, DeviceSection] = {}
+    station: dict[str, StationSection] = {}
     axis: dict[str, AxisSection] = {}
     external_encoder: dict[str, ExternalEncoderSection] = {}
 
@@ -198,6 +212,7 @@ class BenchConfig(Section):
                 )
         for name, segment in self.segment.items():
             check_segment(name, segment, live=self.bench.kind == "live")
+        check_io(self)
         check_modbus(self)
         if self.bench.kind == "virtual" and any(d.device == "physical" for d in self.drive.values()):
             raise ValueError('a virtual bench cannot hold a physical drive; set bench.kind = "live"')

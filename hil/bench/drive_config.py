@@ -24,6 +24,7 @@ from hil.bench._drive_sections import (
 from hil.bench._positioner_section import PositionerSection
 from hil.bench._profidrive_encoder import Encoder2Section
 from hil.bench._safety_section import SafetySection
+from hil.bench.io_config import AnalogSection, PtoSection, check_drive_keys
 
 if TYPE_CHECKING:
     from fieldbus.profidrive import Telegram
@@ -118,7 +119,7 @@ class MechanicsSection(Section):
 class DriveSection(Section):
     """`[drive.NAME]`: a drive."""
 
-    profile: Literal["cia402", "profidrive"] = "cia402"
+    profile: Literal["cia402", "profidrive", "analog", "tm_pto"] = "cia402"
     telegram: Literal[1, 2, 3, 4, 5, 6, 7, 9, 20, 102, 103, 105, 106, 110, 111] = 3
     """Telegram of a PROFIdrive drive; 7, 9, 20, 110 and 111 are for drives without an axis."""
     device: Literal["emulated", "physical"] = "emulated"
@@ -194,6 +195,8 @@ class DriveSection(Section):
     encoder2: Encoder2Section = Encoder2Section()
     profidrive: ProfidriveSection = ProfidriveSection()
     positioner: PositionerSection = PositionerSection()
+    analog: AnalogSection = AnalogSection()
+    tm_pto: PtoSection = PtoSection()
 
     @field_validator("personality")
     @classmethod
@@ -204,6 +207,9 @@ class DriveSection(Section):
 
     @model_validator(mode="after")
     def _profile(self) -> DriveSection:
+        check_drive_keys(self)
+        if self.profile in ("analog", "tm_pto"):
+            return self
         if self.profile == "cia402":
             for key in ("telegram", "profidrive", "encoder2", "positioner"):
                 if self.differs(key):

@@ -28,6 +28,8 @@ FAULT_METHODS: Final = frozenset((
     "freeze_statusword", "lie_in_statusword", "toggle_target_reached", "show_mode_as", "reset_node", "abort_sdo",
     "silence_sdo", "storm_emcy", "force_temperature", "drift_encoder",
     "break_encoder", "set_encoder_error",
+    "force_ready", "short_outputs", "mend_outputs", "cut_supply", "fail_module", "report_encoder_error", "heal_encoder",
+    "lose_steps",
 ))  # fmt: skip
 """Methods of a drive that may be called through the pipe."""
 

@@ -11,14 +11,17 @@ from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import MS, US
 from hil.bench._profidrive_encoder import second_encoder_config
+from hil.bench.io_devices import build_analog_drive, build_stepper
 
 if TYPE_CHECKING:
     import canopen
     from numpy.random import Generator
 
+    from emulators.drive.analog import AnalogDrive
     from emulators.drive.cia402 import CiA402Drive, DriveConfig
     from emulators.drive.profidrive import ProfidriveCanDrive, ProfidriveConfig
     from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
+    from emulators.drive.stepper_can import StepperCanDrive
     from fieldbus.canopen.decode import FrameDecoder
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
@@ -49,7 +52,7 @@ def object_dictionary(eds: str | None = None) -> canopen.ObjectDictionary:
 
 def dictionary_of(section: DriveSection | DeviceSection) -> canopen.ObjectDictionary:
     """Return the object dictionary of a drive or device of the bench file; treat it as read-only."""
-    if getattr(section, "profile", "") == "profidrive":
+    if getattr(section, "profile", "") in ("profidrive", "tm_pto"):
         from emulators.drive.profidrive import profidrive_dictionary
 
         return profidrive_dictionary()
@@ -228,9 +231,14 @@ def build_drive(
     *,
     history: History,
     rng: Generator,
-) -> CiA402Drive | ProfidriveCanDrive | ProfidriveModbusDrive:
+) -> CiA402Drive | ProfidriveCanDrive | ProfidriveModbusDrive | AnalogDrive | StepperCanDrive:
     """Return the emulated drive `name`, still switched off; one on Modbus hangs on no bus yet."""
     section = config.drive[name]
+    if section.profile == "analog":
+        return build_analog_drive(scheduler, config, name, _machine(section), history=history, rng=rng)
+    if section.profile == "tm_pto":
+        mechanics = _machine(section)["mechanics"]
+        return build_stepper(scheduler, segments[section.segment], config, name, mechanics, history=history)
     if config.segment[section.segment].on_modbus:
         return _modbus_drive(scheduler, config, name, history=history, rng=rng)
     if section.profile == "profidrive":

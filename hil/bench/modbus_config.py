@@ -75,6 +75,8 @@ def check_modbus(config: BenchConfig) -> None:
     for name, drive in config.drive.items():
         segment = config.segment[drive.segment]
         where = f"drive.{name}"
+        if drive.profile == "analog":
+            continue  # its station is on the bus
         if segment.on_modbus:
             _check_drive(where, drive, segment)
             _check_place(where, drive, segment, owners, live=config.bench.kind == "live")
@@ -82,7 +84,7 @@ def check_modbus(config: BenchConfig) -> None:
             _check_can_drive(where, drive)
     for name, axis in config.axis.items():
         drive = config.drive[axis.drive]
-        if config.segment[drive.segment].on_modbus:
+        if drive.profile != "analog" and config.segment[drive.segment].on_modbus:
             _check_axis(f"axis.{name}.variables", axis.variables, axis.drive, drive)
     for name, segment in config.segment.items():
         if segment.kind == "modbus_rtu":
@@ -188,7 +190,11 @@ def cycle_time_ns(drive: DriveSection, segment: SegmentSection) -> int:
 def _check_line(config: BenchConfig, name: str, segment: SegmentSection) -> None:
     """Refuse a line on which the requests of a cycle take longer than the cycle."""
     led = {axis.drive for axis in config.axis.values()}
-    drives = [one for key, one in config.drive.items() if one.segment == name and key in led]
+    drives = [
+        one
+        for key, one in config.drive.items()
+        if one.segment == name and key in led and one.profile != "analog"
+    ]
     needed_ms = sum(cycle_time_ns(drive, segment) for drive in drives) / 1e6
     if needed_ms > config.bench.cycle_ms:
         raise ValueError(

@@ -31,7 +31,7 @@ class ModbusWords:
         self._drives: dict[tuple[str, int], list[tuple[str, ProcessDataRegisters]]] = {}
         self._config = config
         for name, drive in config.drive.items():
-            if not config.segment[drive.segment].on_modbus:
+            if drive.profile == "analog" or not config.segment[drive.segment].on_modbus:
                 continue
             for segment in (drive.segment, ""):
                 known = self._drives.setdefault((segment, drive.unit), [])

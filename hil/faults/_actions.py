@@ -106,6 +106,14 @@ _PAIRS: Final[dict[str, _Pair]] = {
     "drive.sdo_abort": _Pair("abort_sdo", lambda value: (value("code"), value("index")), (None,)),
     "drive.sdo_timeout": _Pair("silence_sdo"),
     "drive.emcy_storm": _Pair("storm_emcy", lambda value: (value("code"), value("period_s")), (None,)),
+    "terminal.ready_stuck": _Pair("force_ready", lambda value: (value("level"),), (None,)),
+    "pto.output_short": _Pair("short_outputs", lambda value: (True, value("channel")), (), "mend_outputs"),
+    "pto.supply_off": _Pair("cut_supply"),
+    "pto.module_fault": _Pair("fail_module"),
+    "pto.encoder_error": _Pair(
+        "report_encoder_error", lambda value: (value("code"), True), (), "heal_encoder"
+    ),
+    "pto.step_loss": _Pair("lose_steps", lambda value: (value("periods"),), None),
     "mechanics.jam": _Pair("jam"),
     "switch.swapped": _Pair("swap_limit_switches"),
     "mechanics.load_step": _Pair("load_force", lambda value: (value("force_N"),), (0.0,)),

@@ -9,6 +9,7 @@ from fieldbus.errors import HilError
 from hil.faults._actions import Action, alarm_action, drive_action, encoder_action
 from hil.faults._fault import COUNTED, Fault
 from hil.faults._frames import FrameAction, InjectAction
+from hil.faults._io import io_action
 from hil.faults._kernel import KernelFrameAction
 from hil.faults._modbus import modbus_action
 from hil.faults._parameters import Scalar
@@ -60,6 +61,8 @@ class ArmedFault:
             return TelegramAction(self._bench, self.fault, self._ended, self._changed)
         if kind.startswith("modbus."):
             return modbus_action(self._bench, self.fault, stream, self._ended, self._changed)
+        if kind.startswith("io."):
+            return io_action(self._bench, self.fault, stream)
         if kind == "axis.alarm":
             return alarm_action(self._bench, self.fault)
         if kind.startswith("encoder."):

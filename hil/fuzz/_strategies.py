@@ -11,6 +11,7 @@ from hypothesis.strategies import SearchStrategy
 from hil.faults import CATALOGUE, Fault
 from hil.faults._actions import environment, offered
 from hil.faults._encoder_kinds import NOT_FUZZED
+from hil.faults._io_catalogue import NOT_FUZZED as IO_KINDS
 from hil.fuzz._program import Break, Do, Program, Step, Wait
 from hil.fuzz._telegram_strategies import TELEGRAM_KINDS, telegram_fault
 
@@ -161,6 +162,7 @@ def fault_kinds(bench: Any) -> list[str]:
         and (entry.target != "axis" or has_alarms)
         and entry.name not in NOT_FUZZED
         and entry.name not in _LIES
+        and entry.name not in IO_KINDS
         and offered(bench.drive(), entry.name)
         and (not entry.name.startswith("can.") or entry.name in _OF_THE_BUS)
         and entry.name != "frame.collide"

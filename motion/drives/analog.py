@@ -131,6 +131,16 @@ class AnalogPort(LinkedPort):
         """See `DrivePort.set_reference`."""
         self._reference = speed_rpm
 
+    @property
+    def started(self) -> bool:
+        """The station has answered."""
+        return self._station.answers > 0
+
+    @property
+    def delay_ns(self) -> int:
+        """See `LinkedPort.delay_ns`: the setpoint is there at once, so that its middle counts."""
+        return self._cycle_ns * 3 // 2
+
     def read(self) -> None:
         """See `DrivePort.read`."""
         station = self._station

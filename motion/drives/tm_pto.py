@@ -95,6 +95,11 @@ class TmPtoPort(ProfidriveCanPort):
         self._begun = False
         self._stw2_at = -1  # the sign of life has to be 0, in the standard variant too
 
+    @property
+    def delay_ns(self) -> int:
+        """See `LinkedPort.delay_ns`: the setpoint is there at once, so that its middle counts."""
+        return self._cycle_ns * 3 // 2
+
     def _compose(self, stw1: int, speed_rpm: float, torque_nm: float) -> bytes | None:
         return super()._compose(self._step_by_step(stw1), speed_rpm, torque_nm)
 

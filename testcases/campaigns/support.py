@@ -13,6 +13,13 @@ VELOCITY: Final = 300.0
 """Velocity at which every stop of the specification's numbers begins, mm/s."""
 MAXIMUM_VELOCITY: Final = 500.0
 """Velocity of the axis at the drive's maximum speed (p1082), mm/s."""
+_QUICK_STOPS: Final = {
+    "cia402": "Quick stop active",
+    "profidrive": "S5 quick stop",
+    "tm_pto": "S5 quick stop",
+    "analog": "Stopping",
+}
+"""State of the drive in which it stops on the ramp of its quick stop, by profile."""
 ACCELERATION: Final = 1000.0
 JERK: Final = 10_000.0
 
@@ -94,7 +101,7 @@ def quick_stop(ctx: CaseContext) -> EventSelector:
     """Select the instant at which the drive begins its quick stop, as its profile calls it."""
     name = drive_name(ctx)
     profile = ctx.bench.config.drive[name].profile
-    return event("drive.state", name, to="S5 quick stop" if profile == "profidrive" else "Quick stop active")
+    return event("drive.state", name, to=_QUICK_STOPS[profile])
 
 
 def enable(ctx: CaseContext) -> Any:

@@ -161,9 +161,12 @@ def test_encoders_in_the_docs_come_up():
 def test_examples_of_the_fault_catalogue_are_applied(example):
     """The example of a fault kind can be injected as it stands where encoder, brake and interlock are fitted.
 
-    What only a PROFIdrive axis has is injected there.
+    What only a PROFIdrive axis, an I/O station or a pulse module has is injected there.
     """
     kind = example.split('"')[1]
+    if kind.startswith(("io.", "pto.", "terminal.")):
+        assert_applied(load_bench("stepper" if kind.startswith("pto.") else "analog"), example)
+        return
     if kind.startswith("modbus."):
         line = kind in ("modbus.crc", "modbus.broadcast", "modbus.noise")
         assert_applied(load_bench("profidrive_rtu" if line else "profidrive_tcp"), example)
@@ -182,10 +185,8 @@ def assert_applied(bench_file, example):
     """Inject an example of the page on a bench; its one fault is applied."""
     with bench_file.build() as bench:
         faults = Injector(bench)
-
         exec(example, {"faults": faults, "bench": bench})
         bench.run_for(0.02)
-
         (armed,) = faults.armed
         assert armed.applied_ns is not None
 
