@@ -16,7 +16,7 @@ from emulators.drive.inputs import DigitalInputs
 from emulators.drive.machine import LinearAxisConfig, RotaryAxisConfig, check_number
 from emulators.drive.profidrive.statemachine import AxisState
 from emulators.drive.tuning import RPM
-from emulators.io.tm_pto import PtoConfig, PtoModule, StepperConfig, StepperMotor
+from emulators.io.tm_pto import PtoConfig, PtoModule, SignalType, StepperConfig, StepperMotor
 from emulators.mechanics import SwitchModel
 from fieldbus.clock import US, Scheduler, Timer, seconds_to_ns
 from fieldbus.errors import ConfigurationError
@@ -79,6 +79,42 @@ class StepperDriveConfig:
             inertia=inertia,
             friction=0.0,
         )
+
+
+def signal_output_config(
+    increments: int, reference_speed_rpm: float, *, servo_period_ns: int = 250 * US
+) -> StepperDriveConfig:
+    """Return an encoder-signal output in the manner of the TM41 (CFG-409): speed setpoints become edges of two tracks at once.
+
+    It is a channel without ramp, terminals and motor, in the standard telegram 3; what turns is the encoder signal.
+
+    Args:
+        increments: Edges per revolution.
+        reference_speed_rpm: Speed at 100 %, rpm.
+        servo_period_ns: How often it is looked at, ns.
+
+    Raises:
+        ConfigurationError: The tracks cannot carry so many edges.
+
+    """
+    channel = PtoConfig(
+        signal_type=SignalType.AB_FOURFOLD,
+        increments=increments,
+        reference_speed=reference_speed_rpm,
+        maximum_speed=reference_speed_rpm,
+        ramp_stop_ms=1,
+        quick_stop_ms=1,
+        standard=True,
+    )
+    return StepperDriveConfig(
+        channel=channel,
+        mechanics=RotaryAxisConfig(
+            motor_inertia_kgm2=1e-9, load_inertia_kgm2=0.0, coulomb_friction=0.0, viscous_friction=0.0
+        ),
+        full_steps=4 if increments % 4 == 0 else increments,
+        holding_torque_Nm=1e9,
+        servo_period_ns=servo_period_ns,
+    )
 
 
 class StepperTravel:

@@ -125,6 +125,12 @@ class StepperCanDrive(TravelFaults, NodeFaults):
         """Return the present values of `trace_columns`."""
         return (*self.drive.trace_row(), self.slave.nmt_state)
 
+    def emitted_count(self) -> int:
+        """Return the edges of the signal so far, for an encoder input."""
+        generator = self.drive.channel.generator
+        generator.advance(self.scheduler.now)
+        return generator.count
+
     # -- life --------------------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:

@@ -67,10 +67,14 @@ def build_can_port(config: BenchConfig, name: str, master: CanopenMaster, *, his
     """Return the port to a drive on CAN."""
     drive = config.drive[name]
     common = {**_link(config, drive), **_node(drive)}
-    if drive.profile == "tm_pto":
+    if drive.profile in ("tm_pto", "tm41"):
         from motion.drives.tm_pto import PtoWords, TmPtoConfig, TmPtoPort
 
-        words = PtoWords(variant=drive.tm_pto.variant, reference_speed_rpm=drive.tm_pto.reference_speed_rpm)
+        signal_output = drive.profile == "tm41"
+        words = PtoWords(
+            variant="standard" if signal_output else drive.tm_pto.variant,
+            reference_speed_rpm=drive.max_speed_rpm if signal_output else drive.tm_pto.reference_speed_rpm,
+        )
         return TmPtoPort(master, TmPtoConfig(words=words, **common), name=name, history=history)
     if drive.profile == "profidrive":
         can = ProfidriveCanConfig(words=_telegram(config, drive), **common)

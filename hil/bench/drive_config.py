@@ -119,7 +119,7 @@ class MechanicsSection(Section):
 class DriveSection(Section):
     """`[drive.NAME]`: a drive."""
 
-    profile: Literal["cia402", "profidrive", "analog", "tm_pto"] = "cia402"
+    profile: Literal["cia402", "profidrive", "analog", "tm_pto", "tm41"] = "cia402"
     telegram: Literal[1, 2, 3, 4, 5, 6, 7, 9, 20, 102, 103, 105, 106, 110, 111] = 3
     """Telegram of a PROFIdrive drive; 7, 9, 20, 110 and 111 are for drives without an axis."""
     device: Literal["emulated", "physical"] = "emulated"
@@ -208,7 +208,7 @@ class DriveSection(Section):
     @model_validator(mode="after")
     def _profile(self) -> DriveSection:
         check_drive_keys(self)
-        if self.profile in ("analog", "tm_pto"):
+        if self.profile in ("analog", "tm_pto", "tm41"):
             return self
         if self.profile == "cia402":
             for key in ("telegram", "profidrive", "encoder2", "positioner"):

@@ -52,7 +52,7 @@ def object_dictionary(eds: str | None = None) -> canopen.ObjectDictionary:
 
 def dictionary_of(section: DriveSection | DeviceSection) -> canopen.ObjectDictionary:
     """Return the object dictionary of a drive or device of the bench file; treat it as read-only."""
-    if getattr(section, "profile", "") in ("profidrive", "tm_pto"):
+    if getattr(section, "profile", "") in ("profidrive", "tm_pto", "tm41"):
         from emulators.drive.profidrive import profidrive_dictionary
 
         return profidrive_dictionary()
@@ -236,7 +236,7 @@ def build_drive(
     section = config.drive[name]
     if section.profile == "analog":
         return build_analog_drive(scheduler, config, name, _machine(section), history=history, rng=rng)
-    if section.profile == "tm_pto":
+    if section.profile in ("tm_pto", "tm41"):
         mechanics = _machine(section)["mechanics"]
         return build_stepper(scheduler, segments[section.segment], config, name, mechanics, history=history)
     if config.segment[section.segment].on_modbus:

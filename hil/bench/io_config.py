@@ -38,6 +38,18 @@ _WITHOUT_PTO: Final = (
     "supply", "thermal", "safety", "profidrive", "analog", "encoder2", "positioner",
 )  # fmt: skip
 
+_WITHOUT_TM41: Final = (
+    *_WITHOUT_PTO, "off1_ramp_s", "off3_ramp_s", "rated_torque_nm", "mechanics", "switches", "tm_pto",
+)  # fmt: skip
+_AT_TM41: Final = {
+    "FollowingError.EnableMonitoring": (False, True),
+    "PositionLimits_HW.Active": (False, False),
+    "Sensor[1].Backlash.Enable": (False, False),
+    "PositionControl.Kpc": (100.0, 100.0),
+    "DynamicAxisModel.VelocityTimeConstant": (0.0, 0.0),
+}
+"""Variables of an axis at an encoder-signal output: what they have to be, and what they are by default (CFG-413, CFG-414)."""
+
 
 class StationSection(Section):
     """`[station.NAME]`: an emulated I/O station on a Modbus segment."""
@@ -168,6 +180,8 @@ def _check_wires(config: BenchConfig, where: str, station: StationSection, wired
             allowed = [one for one in terminals if drive.profile == "analog" or one not in _ANALOG_ONLY]
             if drive.profile == "tm_pto" and "encoder" in allowed:
                 allowed.remove("encoder")
+            if drive.profile == "tm41":
+                allowed = [one for one in allowed if one == "encoder"]
             if terminal not in allowed:
                 text = ", ".join(f"{name}.{one}" for one in allowed) or "nothing of this drive"
                 raise ValueError(f"{place}: {wire!r} is no terminal for it; allowed: {text}")
@@ -223,6 +237,13 @@ def _check_axes(config: BenchConfig) -> None:
                     f"{where}.inputs: no switch of {axis.drive!r} is wired to station.{axis.inputs}; "
                     f"allowed: {', '.join(f'{axis.drive}.{one}' for one in LIMITS)}"
                 )
+        if drive.profile == "tm41":
+            for path, (needed, usual) in _AT_TM41.items():
+                if axis.variables.get(path, usual) != needed:
+                    raise ValueError(
+                        f"{where}.variables: {path} has to be {str(needed).lower()} at an encoder-signal output "
+                        f"({axis.drive!r}, CFG-413, CFG-414)"
+                    )
         if drive.profile == "analog" and axis.type == "positioning":
             station = config.station[station_of(config, axis.drive) or ""]
             if f"{axis.drive}.encoder" not in station.counters:
@@ -239,18 +260,18 @@ def check_drive_keys(drive: DriveSection) -> None:
         ValueError: A key is not one of this profile.
 
     """
-    for profile, absent in (("analog", _WITHOUT_ANALOG), ("tm_pto", _WITHOUT_PTO)):
+    for profile, absent in (("analog", _WITHOUT_ANALOG), ("tm_pto", _WITHOUT_PTO), ("tm41", _WITHOUT_TM41)):
         if drive.profile == profile:
             for key in absent:
                 if drive.differs(key):
                     raise ValueError(f'{key}: a drive with profile = "{profile}" has none')
-        elif drive.differs(profile):
+        elif profile != "tm41" and drive.differs(profile):
             raise ValueError(
                 f'{profile}: a drive with profile = "{drive.profile}" has none; set profile = "{profile}"'
             )
     if drive.profile == "analog" and drive.encoder == "absolute":
         raise ValueError("encoder: the encoder of an analog drive goes to a counter; allowed: incremental")
-    if drive.profile == "tm_pto":
+    if drive.profile in ("tm_pto", "tm41"):
         from hil.bench.io_devices import stepper_config
 
         try:

@@ -92,8 +92,13 @@ def build_station(
         return getattr(drives[wire.partition(".")[0]], method) if wire else None
 
     def counter_of(wire: str) -> CounterInput:
-        encoder = drives[wire.partition(".")[0]].core.encoder if wire else None
-        return CounterInput(None if encoder is None else lambda: encoder.increments)
+        if not wire:
+            return CounterInput()
+        drive = drives[wire.partition(".")[0]]
+        if hasattr(drive, "emitted_count"):
+            return CounterInput(drive.emitted_count)
+        encoder = drive.core.encoder
+        return CounterInput(lambda: encoder.increments)
 
     station = ModbusIoStation(
         scheduler,
@@ -175,9 +180,13 @@ def stepper_config(
         ConfigurationError: The values do not fit together.
 
     """
-    from emulators.drive.stepper import StepperDriveConfig
+    from emulators.drive.stepper import StepperDriveConfig, signal_output_config
     from emulators.io.tm_pto import PtoConfig, SignalType
 
+    if section.profile == "tm41":
+        return signal_output_config(
+            section.increments_per_revolution, section.max_speed_rpm, servo_period_ns=servo_period_us * US
+        )
     own = section.tm_pto
     channel = PtoConfig(
         signal_type=SignalType[own.signals.upper()],

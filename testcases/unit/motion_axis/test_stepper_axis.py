@@ -341,3 +341,16 @@ def test_what_the_module_lacks_is_refused():
     for wrong in ({"servo_period_ns": 0}, {"ready_delay_s": -1.0}, {"full_steps": 3}):
         with pytest.raises(ConfigurationError):
             StepperDriveConfig(**wrong)
+
+
+@pytest.mark.requirement("PTO-271")
+def test_bits_that_the_axis_does_not_use():
+    """`MC_SetAxisSTW` brings free bits of STW1 to the module, which does not evaluate them."""
+    rig = Rig().travelling()
+    speed = rig.drive.mechanics.velocity
+    job = rig.axis.set_axis_stw(STW1=0x1800, STW1BitMask=0x1800)
+    rig.run(0.1)
+    assert job.Done
+    assert rig.words[-1][0] & 0x1800 == 0x1800
+    assert rig.channel.state is AxisState.S4
+    assert rig.drive.mechanics.velocity == pytest.approx(speed, rel=0.001)
