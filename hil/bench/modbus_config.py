@@ -24,6 +24,8 @@ MODBUS_KEYS: Final = ("unit", "map", "host", "port", "processing_ms")
 _UNITS: Final = {"modbus_tcp": (0, 255), "modbus_rtu": (1, 247)}
 _HEAD_AND_TAIL: Final = {"write": (9, 8), "read": (8, 5), "exchange": (13, 5)}
 """Characters of request and response beside the registers, on a serial line (MODB-011)."""
+_RECORD_BYTES: Final = 14
+"""Registers of a request for one parameter, with the header of data record 47."""
 
 
 def map_file(drive: DriveSection) -> MapFile:
@@ -177,10 +179,12 @@ def cycle_time_ns(drive: DriveSection, segment: SegmentSection) -> int:
     registers = registers_of(drive)
     out, back = 2 * registers.words_out, 2 * registers.words_in
     parts = [("exchange", out, back)] if combines(drive, segment) else [("write", out, 0), ("read", 0, back)]
-    if registers.inputs is not None:
-        parts.append(("read", 0, 2 * registers.inputs[1]))
-    elif registers.fault_number is not None:
-        parts.append(("read", 0, 2))
+    # One more request per cycle: inputs, the number of a fault, or a part of an access to a parameter.
+    more = [("read", 0, 2)] if registers.fault_number is not None else []
+    more += [("read", 0, 2 * registers.inputs[1])] if registers.inputs is not None else []
+    more += [("write", _RECORD_BYTES, 0)] if registers.parameters is not None else []
+    if more:
+        parts.append(max(more, key=lambda part: sum(_HEAD_AND_TAIL[part[0]]) + part[1] + part[2]))
     line = segment.serial_format()
     characters = sum(sum(_HEAD_AND_TAIL[kind]) + asked + answered for kind, asked, answered in parts)
     pauses = len(parts) * (2 * line.t35_ns + round(drive.processing_ms * 1e6))

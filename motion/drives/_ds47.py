@@ -50,13 +50,14 @@ class Ds47Reader:
 
     """
 
-    __slots__ = ("_first", "_queue", "_reference", "_scheduler", "_submit", "_tries")
+    __slots__ = ("_epoch", "_first", "_queue", "_reference", "_scheduler", "_submit", "_tries")
 
     def __init__(self, scheduler: Scheduler, submit: Submit, first: int) -> None:
         self._scheduler = scheduler
         self._submit = submit
         self._first = first
         self._queue: deque[tuple[int, int, Answer]] = deque()
+        self._epoch = 0
         self._reference = 0
         self._tries = 0
 
@@ -74,19 +75,38 @@ class Ds47Reader:
         data = requests.Request(self._reference, requests.RequestId.READ, _DRIVE_OBJECT, (address,)).encode()
         words = (_START, _RECORD | len(data), *Struct(f">{len(data) // 2}H").unpack(data))
         self._submit(
-            Request(int(Function.WRITE_MULTIPLE_REGISTERS), self._first, len(words), words), self._on_written
+            Request(int(Function.WRITE_MULTIPLE_REGISTERS), self._first, len(words), words),
+            self._now(self._on_written),
         )
 
     def _on_written(self, result: Result) -> None:
         if result.outcome is Outcome.DONE:
-            self._scheduler.after(_ASK_AFTER_NS, self._ask)
+            self._ask_later()
         else:
             self._end(None, result.text)
+
+    def fail(self, reason: str) -> None:
+        """End all reads: the drive is gone. What still comes belongs to nobody."""
+        self._epoch += 1
+        waiting = list(self._queue)
+        self._queue.clear()
+        for _, _, answer in waiting:
+            answer(None, reason)
+
+    def _now(self, done: Callable[[Result], object]) -> Callable[[Result], object]:
+        """Return `done`, as long as the reads of now have not been ended."""
+        epoch = self._epoch
+        return lambda result: done(result) if epoch == self._epoch else None
+
+    def _ask_later(self) -> None:
+        epoch = self._epoch
+        self._scheduler.after(_ASK_AFTER_NS, lambda: self._ask() if epoch == self._epoch else None)
 
     def _ask(self) -> None:
         self._tries += 1
         self._submit(
-            Request(int(Function.READ_HOLDING_REGISTERS), self._first, _ANSWER_REGISTERS), self._on_answer
+            Request(int(Function.READ_HOLDING_REGISTERS), self._first, _ANSWER_REGISTERS),
+            self._now(self._on_answer),
         )
 
     def _on_answer(self, result: Result) -> None:
@@ -96,7 +116,7 @@ class Ds47Reader:
         control, header, *words = result.response.values
         length = header & 0xFF
         if control == _START and self._tries < _TRIES:
-            self._scheduler.after(_ASK_AFTER_NS, self._ask)
+            self._ask_later()
         elif control != _READY:
             self._end(None, "data record 47 is not answered")
         elif not length:

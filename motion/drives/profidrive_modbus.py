@@ -182,7 +182,10 @@ class ProfidriveModbusPort(ProfidrivePort):
 
     def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
         """See `DrivePort.read_parameter`: data record 47 (PD-326)."""
-        assert self._parameters is not None  # as `has_parameters` says
+        if self._parameters is None:
+            raise ConfigurationError(
+                "register map", "without data record 47", "a map with a parameter channel"
+            )
         self._parameters.read(number, index, answer)
 
     # -- start and end ------------------------------------------------------------------------------------------
@@ -399,3 +402,6 @@ class ProfidriveModbusPort(ProfidrivePort):
         self._fresh = None
         self.leave_service()
         self.emit("link.node_lost", reason=reason)
+        self._more = None
+        if self._parameters is not None:
+            self._parameters.fail("the drive is lost")

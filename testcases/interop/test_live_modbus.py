@@ -76,7 +76,6 @@ def test_a_stop_in_real_time_with_the_drive_in_a_process_of_its_own(kind):
     assert "drive1.position" in trace
 
 
-@pytest.mark.requirement("PD-289", "MODB-036")
 @pytest.mark.parametrize("kind", ["tcp", "rtu"])
 def test_a_physical_drive_is_that_of_hil_emulate(kind, tmp_path):
     """`hil emulate` serves the drive of a Modbus bench, on a TCP port or a device file, and the same case leads it there."""

@@ -19,7 +19,7 @@ def check(name, changes):
     return parse(text, "own.toml")
 
 
-@pytest.mark.requirement("PD-288", "PD-289", "PD-198", "MODB-007")
+@pytest.mark.requirement("PD-289", "PD-198", "MODB-007")
 @pytest.mark.parametrize(
     ("name", "changes", "message"),
     [
