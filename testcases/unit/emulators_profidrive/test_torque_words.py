@@ -241,14 +241,6 @@ def test_parking_the_axis():
     assert rig.actual["G1_ZSW"] == 0
 
 
-@pytest.mark.requirement("PD-083")
-def test_data_set_is_the_one_that_is_asked_for():
-    """STW2 bits 0 to 4 come back in ZSW2; no alarm class, no changeover under way."""
-    rig = build()
-    rig.cycle(READY, count=SYNCHRONISED, STW2=0x0015)
-    assert rig.actual["ZSW2"] & 0x0FFF == 0x0015
-
-
 # -- faults ------------------------------------------------------------------------------------------------------------------
 
 
