@@ -63,7 +63,7 @@ def search(
     from hypothesis.errors import FlakyFailure
 
     with bench_file.build(seed=seed) as sample:
-        strategy = programs(fault_kinds(sample), sample.cob_ids(sample.drive().name), longest=longest)
+        strategy = programs(fault_kinds(sample), _identifiers(sample), longest=longest)
     report = FuzzReport(0, seed)
     runs = 0
 
@@ -108,6 +108,13 @@ def search(
         report.token = program_token(failure.program, seed=seed, bench=bench, bench_digest=bench_file.digest)
         failure.result.token = report.token
     return report
+
+
+def _identifiers(bench: Any) -> dict[str, int]:
+    """Return the identifiers of the drive's frames; none where it is not on CAN."""
+    name = bench.drive().name
+    on_modbus = str(getattr(bench.segment(), "kind", "")).startswith("modbus")
+    return {} if on_modbus else bench.cob_ids(name)
 
 
 def _weight(program: Program) -> tuple[int, int]:

@@ -61,6 +61,8 @@ def _selection(messages: Sequence[str]) -> SearchStrategy[dict[str, Any]]:
     )
 
 
+_OF_A_LINE: Final = ("modbus.crc", "modbus.broadcast", "modbus.noise")
+_OF_A_NETWORK: Final = ("modbus.transaction", "modbus.reset", "modbus.cut")
 _OF_THE_BUS = ("can.noise", "can.load")
 
 
@@ -86,6 +88,10 @@ def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
         "can.noise": st.fixed_dictionaries({"bit_error_rate": _grid(1, 10, 0.0001)}),
         "can.load": st.fixed_dictionaries({"load_percent": _grid(1, 9, 10.0)}),
         "drive.fault": st.fixed_dictionaries({"code": st.sampled_from(_EMCY), "persistent": st.booleans()}),
+        "modbus.truncate": st.fixed_dictionaries({"length": st.integers(1, 30)}),
+        "modbus.unit": st.fixed_dictionaries({"unit": st.integers(0, 255)}),
+        "modbus.exception": st.fixed_dictionaries({"code": st.sampled_from([1, 2, 3, 4, 5, 6, 8, 10, 11])}),
+        "modbus.delay": st.fixed_dictionaries({"delay_s": _grid(1, 20, 0.0007)}),
         "safety.sdi": st.fixed_dictionaries({"direction": st.sampled_from(["positive", "negative"])}),
         "switch.press": st.fixed_dictionaries({"input": inputs}),
         "switch.stuck": st.fixed_dictionaries({"input": inputs, "state": st.booleans()}),
@@ -153,6 +159,8 @@ def fault_kinds(bench: Any) -> list[str]:
     """
     where = environment(bench, bench.drive())
     has_alarms = hasattr(bench.axis(), "alarms")
+    on_modbus = str(getattr(bench.segment(), "kind", "")).startswith("modbus")
+    line = str(getattr(bench.segment(), "kind", "")) == "modbus_rtu"
     port = getattr(bench, "port", lambda: None)()
     led_by_telegram = hasattr(port, "actual_seam")
     return [
@@ -166,7 +174,9 @@ def fault_kinds(bench: Any) -> list[str]:
         and offered(bench.drive(), entry.name)
         and (not entry.name.startswith("can.") or entry.name in _OF_THE_BUS)
         and entry.name != "frame.collide"
-        and not entry.name.startswith("modbus.")
+        and (entry.target != "segment" or entry.name.startswith("modbus.") == on_modbus)
+        and entry.name not in (_OF_A_NETWORK if line else _OF_A_LINE)
+        and entry.name != "modbus.corrupt"
         and (not entry.name.startswith("telegram.") or (entry.name in TELEGRAM_KINDS and led_by_telegram))
     ]
 

@@ -52,6 +52,24 @@ def test_a_search_finds_nothing(bench_file):
     assert (report.cases, report.failure) == (25, None)
 
 
+@pytest.mark.parametrize(
+    ("name", "own", "foreign"),
+    [
+        ("profidrive_tcp", "modbus.reset", "modbus.crc"),
+        ("profidrive_rtu", "modbus.noise", "modbus.transaction"),
+    ],
+)
+def test_a_bench_on_modbus_is_searched_with_the_faults_of_its_segment(name, own, foreign):
+    """Frames of CAN are out of reach there, those of the own kind of segment are drawn; a short search finds nothing."""
+    file = load_bench(name)
+    with file.build() as bench:
+        kinds = fault_kinds(bench)
+    assert own in kinds
+    assert foreign not in kinds
+    assert not [kind for kind in kinds if kind.startswith(("frame.", "can."))]
+    assert search(file, cases=8, seed=2).failure is None
+
+
 OFF3_FOR_A_MOMENT = Fault("telegram.flip", count=3, parameters={"signal": "STW1.2"})
 OFF2_FOR_A_MOMENT = Fault("telegram.flip", count=5, parameters={"signal": "STW1.1"})
 
