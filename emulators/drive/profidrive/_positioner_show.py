@@ -12,61 +12,103 @@ if TYPE_CHECKING:
     from emulators.drive.profidrive.positioner import Positioner
 
 
+# Plain integers: an enumeration costs more than the rest of a cycle.
+_IN_TOLERANCE, _REACHED, _HOMED = (
+    int(ZSW1.DEVIATION_IN_TOLERANCE),
+    int(ZSW1.TARGET_REACHED),
+    int(ZSW1.HOME_POSITION_SET),
+)
+_ACKNOWLEDGED, _STANDS = int(ZSW1.TASK_ACKNOWLEDGED), int(ZSW1.STANDSTILL)
+_FASTER, _SLOWER = int(ZSW1.ACCELERATING), int(ZSW1.DECELERATING)
+_MINUS, _PLUS, _PASSING = int(POS_ZSW1.MINUS_CAM), int(POS_ZSW1.PLUS_CAM), int(POS_ZSW1.FLYING_HOMING)
+_HOMING = int(POS_ZSW1.HOMING)
+_MODES = {
+    Mode.NONE: 0, Mode.JOG: int(POS_ZSW1.JOG), Mode.HOMING: _HOMING, Mode.BLOCK: int(POS_ZSW1.BLOCKS),
+    Mode.SETUP: int(POS_ZSW1.SETUP), Mode.MDI: int(POS_ZSW1.MDI),
+}  # fmt: skip
+_TRACKING, _LIMITED, _SETPOINT_STANDS = (
+    int(POS_ZSW2.TRACKING), int(POS_ZSW2.VELOCITY_LIMITED), int(POS_ZSW2.SETPOINT_STANDS),
+)  # fmt: skip
+_FORWARD, _BACKWARD = int(POS_ZSW2.FORWARD), int(POS_ZSW2.BACKWARD)
+_LIMIT_MINUS, _LIMIT_PLUS = int(POS_ZSW2.SOFTWARE_LIMIT_MINUS), int(POS_ZSW2.SOFTWARE_LIMIT_PLUS)
+_CAM_1, _CAM_2, _OUTPUT_1 = int(POS_ZSW2.CAM_1), int(POS_ZSW2.CAM_2), int(POS_ZSW2.OUTPUT_1)
+_AT_STOP, _CLAMPED = int(POS_ZSW2.FIXED_STOP_REACHED), int(POS_ZSW2.CLAMPING_TORQUE_REACHED)
+_TO_STOP, _ACTIVE = int(POS_ZSW2.TRAVEL_TO_FIXED_STOP), int(POS_ZSW2.COMMAND_ACTIVE)
+
+
 def zsw1(axis: Positioner, velocity: float, last_velocity: float) -> int:
     """Return the bits of ZSW1 that position mode has in its own way; demand velocities of now and of the last cycle."""
+    word = 0 if axis.off_course else _IN_TOLERANCE
+    if axis.target_reached or (axis.settings.rest_is_reached and axis.rests):
+        word |= _REACHED
+    if axis.homed:
+        word |= _HOMED
+    if axis.acknowledged:
+        word |= _ACKNOWLEDGED
+    if axis.core.standing:
+        word |= _STANDS
     change = abs(velocity) - abs(last_velocity)
-    return _bits(
-        (ZSW1.DEVIATION_IN_TOLERANCE, not axis.off_course),
-        (ZSW1.TARGET_REACHED, axis.target_reached or (axis.settings.rest_is_reached and axis.rests)),
-        (ZSW1.HOME_POSITION_SET, axis.homed),
-        (ZSW1.TASK_ACKNOWLEDGED, axis.acknowledged),
-        (ZSW1.STANDSTILL, axis.core.standing),
-        (ZSW1.ACCELERATING, change > 1e-9),
-        (ZSW1.DECELERATING, change < -1e-9),
-    )
+    if change > 1e-9:
+        word |= _FASTER
+    elif change < -1e-9:
+        word |= _SLOWER
+    return word
 
 
 def pos_zsw1(axis: Positioner, *, minus_cam: bool, plus_cam: bool) -> int:
     """Return POS_ZSW1."""
     mode = axis.mode
-    return (axis.blocks.active if mode is Mode.BLOCK else 0) | _bits(
-        (POS_ZSW1.MINUS_CAM, minus_cam),
-        (POS_ZSW1.PLUS_CAM, plus_cam),
-        (POS_ZSW1.JOG, mode is Mode.JOG),
-        (POS_ZSW1.HOMING, mode is Mode.HOMING or axis.referencing),
-        (POS_ZSW1.FLYING_HOMING, axis.homing.passing),
-        (POS_ZSW1.BLOCKS, mode is Mode.BLOCK),
-        (POS_ZSW1.SETUP, mode is Mode.SETUP),
-        (POS_ZSW1.MDI, mode is Mode.MDI),
-    )
+    word = _MODES[mode]
+    if mode is Mode.BLOCK:
+        word |= axis.blocks.active
+    if minus_cam:
+        word |= _MINUS
+    if plus_cam:
+        word |= _PLUS
+    if axis.referencing:
+        word |= _HOMING
+    if axis.homing.passing:
+        word |= _PASSING
+    return word
 
 
 def pos_zsw2(axis: Positioner, words: Words, velocity: float) -> int:
     """Return POS_ZSW2."""
     settings = axis.settings
+    word = axis.blocks.outputs * _OUTPUT_1
+    if axis.tracking:
+        word |= _TRACKING
     wanted = axis.wanted
+    if wanted is not None:
+        if wanted.velocity * max(0, words.override) > settings.max_velocity * N2_ONE:
+            word |= _LIMITED
+        if not axis.target_reached:
+            word |= _ACTIVE
+    if velocity > 0.0:
+        word |= _FORWARD
+    elif velocity < 0.0:
+        word |= _BACKWARD
+    else:
+        word |= _SETPOINT_STANDS
+    if axis.limited(words):
+        low, high = settings.software_limits
+        demand = axis.demand
+        if demand <= low + 0.5:
+            word |= _LIMIT_MINUS
+        if demand >= high - 0.5:
+            word |= _LIMIT_PLUS
     position = axis.position
-    low, high = settings.software_limits
-    limited = axis.limited(words)
-    override = max(0, words.override) / N2_ONE
-    return (axis.blocks.outputs * int(POS_ZSW2.OUTPUT_1)) | _bits(
-        (POS_ZSW2.TRACKING, axis.tracking),
-        (
-            POS_ZSW2.VELOCITY_LIMITED,
-            wanted is not None and wanted.velocity * override > settings.max_velocity,
-        ),
-        (POS_ZSW2.SETPOINT_STANDS, velocity == 0.0),
-        (POS_ZSW2.FORWARD, velocity > 0.0),
-        (POS_ZSW2.BACKWARD, velocity < 0.0),
-        (POS_ZSW2.SOFTWARE_LIMIT_MINUS, limited and axis.demand <= low + 0.5),
-        (POS_ZSW2.SOFTWARE_LIMIT_PLUS, limited and axis.demand >= high - 0.5),
-        (POS_ZSW2.CAM_1, position <= settings.position_cams[0]),
-        (POS_ZSW2.CAM_2, position <= settings.position_cams[1]),
-        (POS_ZSW2.FIXED_STOP_REACHED, axis.fixed_stop.reached),
-        (POS_ZSW2.CLAMPING_TORQUE_REACHED, axis.fixed_stop.reached and axis.core.torque_limited),
-        (POS_ZSW2.TRAVEL_TO_FIXED_STOP, axis.fixed_stop.active),
-        (POS_ZSW2.COMMAND_ACTIVE, wanted is not None and not axis.target_reached),
-    )
+    first, second = settings.position_cams
+    if position <= first:
+        word |= _CAM_1
+    if position <= second:
+        word |= _CAM_2
+    stop = axis.fixed_stop
+    if stop.active:
+        word |= _TO_STOP
+        if stop.reached:
+            word |= _AT_STOP | _CLAMPED if axis.core.torque_limited else _AT_STOP
+    return word
 
 
 def pos_stw1_of(satzanw: int, mdi_mod: int) -> int:

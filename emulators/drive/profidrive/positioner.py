@@ -23,7 +23,16 @@ from fieldbus.profidrive.words import POS_STW1, POS_STW2, STW1
 
 _BLOCK: Final = 0x7F
 _SATZANW_MDI: Final = 0x8000
-_JOGS: Final = STW1.JOG_1 | STW1.JOG_2
+_JOGS: Final = int(STW1.JOG_1 | STW1.JOG_2)
+_ACTIVATE: Final = int(STW1.ACTIVATE_TASK)
+_GO_ON: Final = int(STW1.NO_INTERMEDIATE_STOP)
+_NO_REJECT: Final = int(STW1.NO_REJECT_TASK)
+_HOME: Final = int(STW1.START_HOMING)
+_MDI: Final = int(POS_STW1.MDI)
+_TRACK: Final = int(POS_STW2.TRACKING)
+_SET_REFERENCE: Final = int(POS_STW2.SET_REFERENCE_POINT)
+_SOFTWARE_LIMITS: Final = int(POS_STW2.SOFTWARE_LIMITS)
+_LIMIT_CAMS: Final = int(POS_STW2.LIMIT_CAMS)
 _REQUESTS: Final = int(_JOGS | STW1.ACTIVATE_TASK | STW1.START_HOMING)
 
 
@@ -166,12 +175,12 @@ class Positioner:
 
         """
         rising = words.stw1 & ~self._last.stw1
-        if not words.stw1 & STW1.ACTIVATE_TASK:
+        if not words.stw1 & _ACTIVATE:
             self.acknowledged = False
-        if not (words.stw1 & _REQUESTS and words.stw1 & STW1.NO_REJECT_TASK):
+        if not (words.stw1 & _REQUESTS and words.stw1 & _NO_REJECT):
             self.refused = None
         self.homing.watch(words, rising)
-        self.tracking = bool(words.pos_stw2 & POS_STW2.TRACKING) or not self.core.enabled
+        self.tracking = bool(words.pos_stw2 & _TRACK) or not self.core.enabled
         self.fixed_stop.take(fixed_stop and self.core.enabled)
         if self.core.enabled and operating:
             if self.tracking:
@@ -188,9 +197,9 @@ class Positioner:
             self._clear()
             self.homing.passing = passing
             self.target_reached = False
-        if not words.pos_stw2 & POS_STW2.SET_REFERENCE_POINT:
+        if not words.pos_stw2 & _SET_REFERENCE:
             self.referencing = False
-        elif not self._last.pos_stw2 & POS_STW2.SET_REFERENCE_POINT and not self.motion.moving:
+        elif not self._last.pos_stw2 & _SET_REFERENCE and not self.motion.moving:
             self.set_reference_point()
             self.referencing = True
         self._last = words
@@ -200,7 +209,7 @@ class Positioner:
         self.motion.drive(
             self.wanted,
             override=min(2.0, max(0, words.override) / N2_ONE),
-            held=not words.stw1 & STW1.NO_INTERMEDIATE_STOP,
+            held=not words.stw1 & _GO_ON,
             limits=self.settings.software_limits if self.limited(words) else None,
         )
 
@@ -235,26 +244,26 @@ class Positioner:
 
     def _operate(self, words: Words, rising: int) -> None:
         stw1 = words.stw1
-        if not stw1 & STW1.NO_REJECT_TASK:
+        if not stw1 & _NO_REJECT:
             self.abandon()
             return
         jogs = stw1 & _JOGS
         if (
             (self.mode is Mode.JOG and (jogs != self._last.stw1 & _JOGS or jogs in {0, _JOGS}))
-            or (self.mode is Mode.HOMING and not stw1 & STW1.START_HOMING)
-            or (self.mode in {Mode.MDI, Mode.SETUP} and not words.pos_stw1 & POS_STW1.MDI)
+            or (self.mode is Mode.HOMING and not stw1 & _HOME)
+            or (self.mode in {Mode.MDI, Mode.SETUP} and not words.pos_stw1 & _MDI)
         ):
             self.abandon()
         if jogs not in {0, _JOGS}:
             if (self._idle or self.mode is Mode.JOG) and rising & _JOGS:
                 self._start_jog(words, 0 if jogs & STW1.JOG_1 else 1)
             return
-        if rising & STW1.START_HOMING and self._idle and not self.homing.passing:
+        if rising & _HOME and self._idle and not self.homing.passing:
             self.homing.start(words)
         if self.mode in {Mode.JOG, Mode.HOMING}:
             return
-        activated = bool(rising & STW1.ACTIVATE_TASK)
-        if words.pos_stw1 & POS_STW1.MDI:
+        activated = bool(rising & _ACTIVATE)
+        if words.pos_stw1 & _MDI:
             changed = mdi_part(words) != mdi_part(self._last)
             continuous = words.pos_stw1 & POS_STW1.CONTINUOUS and changed
             if activated or continuous or (self.mode is Mode.SETUP and changed):
@@ -349,9 +358,7 @@ class Positioner:
 
     def limited(self, words: Words) -> bool:
         """Say whether the software limits are in force; a modulo axis has none."""
-        return (
-            self.homed and bool(words.pos_stw2 & POS_STW2.SOFTWARE_LIMITS) and not self.settings.modulo_range
-        )
+        return self.homed and bool(words.pos_stw2 & _SOFTWARE_LIMITS) and not self.settings.modulo_range
 
     def _start_jog(self, words: Words, which: int) -> None:
         settings = self.settings
@@ -372,7 +379,7 @@ class Positioner:
 
     def _watch_cams(self, words: Words, minus_cam: bool, plus_cam: bool) -> None:
         wanted = self.wanted
-        if wanted is None or not words.pos_stw2 & POS_STW2.LIMIT_CAMS:
+        if wanted is None or not words.pos_stw2 & _LIMIT_CAMS:
             return
         if minus_cam and wanted.target < self.demand:
             self.refuse(Refused.MINUS_CAM)
@@ -381,7 +388,7 @@ class Positioner:
 
     def _progress(self, words: Words, rising: int) -> None:
         """Go on to what follows: the next block, the next phase of homing, the end of the task."""
-        if self.motion.halted if self.wanted is not None else not words.stw1 & STW1.NO_INTERMEDIATE_STOP:
+        if self.motion.halted if self.wanted is not None else not words.stw1 & _GO_ON:
             return
         if self.mode is Mode.BLOCK:
             self.blocks.step(words, rising, self._cycle_s)
