@@ -37,8 +37,9 @@ def test_encoders_on_a_live_bench(vcan_channel):
         Injector(bench).inject("encoder.jump", "scale", increments=5000)
         bench.encoder("own").turn_shaft(6.2831853)
         bench.run_for(1.0)
-        bench.axis().halt()
-        bench.run_for(1.0)
+        halt = bench.axis().halt()
+        assert bench.run_until(halt.done, timeout=10.0), "a slow machine may need longer for it"
+        bench.run_for(0.5)
         trace = bench.trace()
         segment = bench.segment()
         seen = {frame.can_id for _, _, frame, _ in segment.log}
