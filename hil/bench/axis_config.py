@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from motion.axis.configuration import encoders_of_telegram
+
 if TYPE_CHECKING:
     from hil.bench._profidrive_encoder import Encoder2Section
     from hil.bench.config import AxisSection, BenchConfig
@@ -38,7 +40,9 @@ def check_axis_encoders(name: str, axis: AxisSection, config: BenchConfig) -> No
         if axis.encoders is not None:
             raise ValueError(f"{where}: a speed axis has no encoder (CFG-174)")
         return
-    encoders = axis.encoders if axis.encoders is not None else (axis.drive,)
+    encoders = encoders_of_axis(axis, drive, config.bench.cpu) or (axis.drive,)
+    if axis.encoders == ():
+        encoders = ()
     if not encoders:
         raise ValueError(f"{where}: a positioning axis needs an encoder")
     if len(set(encoders)) != len(encoders):
@@ -67,6 +71,14 @@ def check_axis_encoders(name: str, axis: AxisSection, config: BenchConfig) -> No
             raise ValueError(
                 f"{where}: {one!r} is on {config.encoder[one].segment!r}, which somebody else leads"
             )
+
+
+def encoders_of_axis(axis: AxisSection, drive: DriveSection, cpu: str) -> tuple[str, ...] | None:
+    """Return where the encoders of an axis come from: as it says, or both of telegram 6 and 106 (CFG-282); None: the drive."""
+    if axis.encoders is not None or axis.type == "speed":
+        return axis.encoders
+    both = drive.profile == "profidrive" and encoders_of_telegram(drive.telegram, cpu) == 2
+    return (axis.drive, second_of(axis.drive)) if both and drive.encoder2.type != "none" else None
 
 
 def check_external_encoders(config: BenchConfig) -> None:

@@ -24,7 +24,13 @@ from hil.bench._load import LOAD_COLUMNS, LoadMeter
 from hil.bench._parts import MASTER_NODE, BenchParts
 from hil.bench._ports import build_can_port, build_modbus_port
 from hil.bench._startup import BOOT_TIMEOUT_NS, BenchNotReadyError, commission, missing
-from hil.bench.axis_config import from_drive, from_encoder, from_second_encoder, second_of
+from hil.bench.axis_config import (
+    encoders_of_axis,
+    from_drive,
+    from_encoder,
+    from_second_encoder,
+    second_of,
+)
 from hil.bench.config import BenchConfig
 from hil.bench.io_devices import axis_inputs, build_analog_port, wired_variables
 from hil.record import Recorder, Trace
@@ -275,9 +281,10 @@ class Bench(BenchParts):
         drive = self.config.drive[section.drive]
         variables = from_drive(drive)
         encoders: list[EncoderPort | Port] | None = None
-        if section.encoders is not None:
+        named = encoders_of_axis(section, drive, self.config.bench.cpu)
+        if named is not None:
             encoders = []
-            for number, one in enumerate(section.encoders, start=1):
+            for number, one in enumerate(named, start=1):
                 if one == section.drive:
                     encoders.append(port)
                 elif one == second_of(section.drive):

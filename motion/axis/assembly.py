@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, ClassVar, Final, cast
 
 from motion.axis.adaption import Adaption
 from motion.axis.backlash import Backlash
-from motion.axis.configuration import DSC_TELEGRAMS, Abilities, Problem, check_configuration, setpoint_range
+from motion.axis.configuration import (
+    DSC_TELEGRAMS,
+    Abilities,
+    Problem,
+    check_configuration,
+    check_telegrams,
+    setpoint_range,
+)
 from motion.axis.control import PositionController
 from motion.axis.feedback import NO_FEEDBACK, EncoderSource, Feedback
 from motion.axis.limits import TravelLimits
@@ -68,10 +75,18 @@ class AxisAssembly:
             dsc=port.dsc
             and (not number or number in DSC_TELEGRAMS)
             and (not self.has_position or self.encoder_ports[0] is port),
+            interfaces=tuple(one.interface_number for one in self.encoder_ports),
             velocities=tuple(one.brings_speed for one in self.encoder_ports),
             simulated=read("VirtualAxis.Mode") == 1 or read("Simulation.Mode") == 1,
         )
-        return check_configuration(self.variables, abilities, cpu=self.cpu, start=start)
+        problems = check_configuration(self.variables, abilities, cpu=self.cpu, start=start)
+        if number and not abilities.simulated:
+            apart = [one for one in self.encoder_ports if one is not port and one.interface_number == 1]
+            own = tuple(one.telegram_number or 81 for one in apart) if self.has_position else ()
+            unfit = check_telegrams(self.object_type, number, own)
+            if unfit is not None:
+                problems.insert(0, unfit)
+        return problems
 
     def apply_configuration(self, *, powered_off: bool = False) -> None:
         """Derive everything from the variables, at start and after a restart.

@@ -115,6 +115,8 @@ class TechnologyAxis(AxisAssembly):
             for number, one in enumerate(self.encoder_ports, start=1):
                 if f"Sensor[{number}].Type" not in start_values and one.absolute_encoder:
                     self.variables.preset(f"Sensor[{number}].Type", 1)
+                if f"Sensor[{number}].Interface.Number" not in start_values:
+                    self.variables.preset(f"Sensor[{number}].Interface.Number", one.interface_number)
         self.state = AxisState.DISABLED
         self.facts = FACTS[AxisState.DISABLED]
         self.homed = False

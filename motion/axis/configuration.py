@@ -67,8 +67,8 @@ class Abilities(NamedTuple):
 
     dsc: bool = False
     """The drive takes XERR and KPC, and its motor encoder is the first of the object."""
-    second_encoder: bool = False
-    """The telegram carries a second encoder."""
+    interfaces: tuple[int, ...] = ()
+    """For every encoder in turn, which encoder of its telegram it is."""
     velocities: tuple[bool, ...] = ()
     """For every encoder in turn, whether its telegram has `NIST_B`."""
     simulated: bool = False
@@ -156,7 +156,7 @@ class _Check:
             return
         yield from self._units()
         for number, prefix in enumerate(self._prefixes(), start=1):
-            yield from self._sensor(prefix)
+            yield from self._sensor(prefix, number)
             if axis:
                 yield from self._mounting(prefix)
             velocities = self.can.velocities
@@ -211,7 +211,7 @@ class _Check:
                 if abs(read(path)) > _HIGH_RESOLUTION_LIMIT:
                     yield Problem(path, read(path), "up to 1e+09 with six decimals (CFG-090, CFG-091)")
 
-    def _sensor(self, prefix: str) -> Iterator[Problem]:
+    def _sensor(self, prefix: str, number: int) -> Iterator[Problem]:
         read = self.read
         if read(f"{prefix}.System") == _LINEAR_SYSTEM and read("Properties.MotionType") == _ROTARY:
             yield Problem(
@@ -226,12 +226,13 @@ class _Check:
                 f"{prefix}.Parameter.DeterminableRevolutions", 0,
                 f"1 or more: {prefix}.Type = 2 counts measuring ranges (CFG-292, CFG-299)",
             )  # fmt: skip
-        second = read(f"{prefix}.Interface.Number") == 2
-        if second and not self.can.second_encoder and not self.can.simulated:
+        interfaces = self.can.interfaces
+        place = interfaces[number - 1] if number <= len(interfaces) else 1
+        if read(f"{prefix}.Interface.Number") != place and not self.can.simulated:
             yield Problem(
                 f"{prefix}.Interface.Number",
-                2,
-                "1: the telegram of the connection carries one encoder (CFG-285)",
+                read(f"{prefix}.Interface.Number"),
+                f"{place}: which encoder of its telegram the connection is (CFG-285)",
             )
 
     def _mounting(self, prefix: str) -> Iterator[Problem]:

@@ -11,7 +11,7 @@ class EncoderPort(ABC):
 
     __slots__ = (
         "absolute_encoder", "actual_speed_rpm", "brings_speed", "encoder_increments", "encoder_restarts", "has_parameters",
-        "link_ok", "sensor_fault", "telegram_number",
+        "interface_number", "link_ok", "sensor_fault", "telegram_number",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -27,6 +27,8 @@ class EncoderPort(ABC):
         self.actual_speed_rpm = 0.0
         """Speed of the encoder, where `brings_speed`, rpm."""
         self.brings_speed = False
+        self.interface_number = 1
+        """Which encoder of its telegram it is (`Sensor[n].Interface.Number`)."""
         self.has_parameters = False
         """See `DrivePort.has_parameters`."""
         self.telegram_number = 0

@@ -65,6 +65,7 @@ class DrivePort(ABC):
         "has_torque_data",
         "has_torque_reduction",
         "inputs",
+        "interface_number",
         "link_ok",
         "sensor_code",
         "sensor_fault",
@@ -115,6 +116,8 @@ class DrivePort(ABC):
         """The drive works at the threshold of its torque limit (MELDW bit 1 = 0)."""
         self.has_parameters = False
         """`read_parameter` works: the bus has an acyclic access to the parameters of a PROFIdrive device."""
+        self.interface_number = 1
+        """Its encoder is the first one of the telegram (`Sensor[n].Interface.Number`)."""
         self.telegram_number = 0
         """Number of the PROFIdrive telegram; 0 without one."""
         self.simulated = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.profidrive.words import G_STW, G_ZSW
@@ -32,15 +33,18 @@ class SecondEncoderPort(EncoderPort):
         self._acknowledges = False
         self.absolute_encoder = absolute_encoder
         self.telegram_number = port.telegram_number
+        self.interface_number = 2
+        self.brings_speed = True
+        self.has_parameters = port.has_parameters
 
     def read(self) -> None:
         """See `EncoderPort.read`."""
         port = self._port
         self.link_ok = port.link_ok
-        if not self.absolute_encoder:
-            self.encoder_restarts = port.encoder_restarts
+        self.encoder_restarts = port.encoder_restarts
         if not port.link_ok:
             return
+        self.actual_speed_rpm = port.actual_speed_rpm  # NIST_B is that of encoder 1 (CFG-339)
         zsw = port.actual("G2_ZSW")
         self.sensor_fault = bool(zsw & _FAULTY)
         if not self.sensor_fault:
@@ -49,3 +53,7 @@ class SecondEncoderPort(EncoderPort):
         if wrong is not self._acknowledges:
             self._acknowledges = wrong
             port.command("G2_STW", _ACKNOWLEDGE if wrong else 0)
+
+    def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
+        """See `DrivePort.read_parameter`: those of its drive."""
+        self._port.read_parameter(number, index, answer)

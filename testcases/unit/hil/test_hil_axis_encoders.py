@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from fieldbus.errors import ConfigurationError
 from hil.bench.bench import Bench
 from hil.bench.config import BenchFileError, parse, read
 
@@ -203,3 +204,95 @@ class TestSecondEncoder:
             text = text.replace(old, new)
         with pytest.raises(BenchFileError, match=message):
             parse(text + DIRECT, "bench.toml")
+
+
+ENCODER2 = """
+[drive.drive1.encoder2]
+type = "absolute_linear"
+measuring_step_um = 20.0
+"""
+
+
+def second_encoder(telegram=6, *, named="", variables="", cpu="S7-1500T"):
+    """Return the text of the PROFIdrive bench whose drive has a scale at its second encoder input."""
+    text = read("profidrive")[1].replace("telegram = 105", f"telegram = {telegram}")
+    text = text.replace("cycle_ms = 4", f'cycle_ms = 4\ncpu = "{cpu}"')
+    if named:
+        text = text.replace('drive = "drive1"\n', f'drive = "drive1"\nencoders = [{named}]\n', 1)
+    return text.replace("[axis.axis1.variables]\n", f"[axis.axis1.variables]\n{variables}\n") + ENCODER2
+
+
+class TestSecondOfTheTelegram:
+    """G2 of telegrams 4, 6, 103 and 106."""
+
+    @pytest.mark.requirement("CFG-281", "CFG-282", "CFG-283")
+    @pytest.mark.parametrize(
+        ("telegram", "cpu", "count"),
+        [
+            (6, "S7-1500T", 2),
+            (106, "S7-1500T", 2),
+            (6, "S7-1500", 1),
+            (4, "S7-1500T", 1),
+            (103, "S7-1500T", 1),
+        ],
+    )
+    def test_connected_by_itself(self, telegram, cpu, count):
+        """Both encoders of 6 and 106 are connected by themselves on a T; of the others the first one."""
+        with Bench(parse(second_encoder(telegram, cpu=cpu), "bench.toml"), seed=1) as machine:
+            axis = machine.axis()
+            assert [axis.var(f"Sensor[{n}].Existent") for n in (1, 2)] == [True, count == 2]
+
+    @pytest.mark.requirement("CFG-285", "CFG-284", "VAR-151", "CFG-315")
+    @pytest.mark.parametrize("telegram", [4, 6, 103, 106])
+    def test_travel(self, telegram):
+        """Named or not, the scale shows the travel of the load, as encoder 2 of its telegram."""
+        text = second_encoder(telegram, named='"drive1", "drive1.encoder2"')
+        with Bench(parse(text, "bench.toml"), seed=1) as machine:
+            axis = machine.axis()
+            assert (axis.var("Sensor[1].Interface.Number"), axis.var("Sensor[2].Interface.Number")) == (1, 2)
+            assert machine.run_until(axis.power().status, 2.0)
+            start = axis.var("StatusSensor[2].Position")
+            assert machine.run_until(axis.move_relative(40.0).done, 5.0)
+            assert axis.var("StatusSensor[2].Position") - start == pytest.approx(40.0, abs=0.05)
+            assert machine.run_until(axis.set_sensor(2).done, 1.0)
+            assert machine.run_until(axis.move_relative(-15.0).done, 5.0)
+            assert axis.var("ErrorWord") == 0
+
+    @pytest.mark.requirement("CFG-339", "VAR-151")
+    def test_speed_is_that_of_the_first(self):
+        """With the velocity of the telegram encoder 2 shows that of encoder 1, and the position of its own."""
+        variables = '"Sensor[2].ActualVelocityMode" = 1'
+        with Bench(parse(second_encoder(variables=variables), "bench.toml"), seed=1) as machine:
+            axis = machine.axis()
+            assert machine.run_until(axis.power().status, 2.0)
+            axis.move_velocity(60.0)
+            machine.run_for(1.0)
+            machine.encoder("drive1.encoder2").freeze_encoder(True)
+            frozen = axis.var("StatusSensor[2].Position")
+            machine.run_for(0.5)
+            assert axis.var("StatusSensor[2].Velocity") == pytest.approx(60.0, abs=1.0)
+            assert axis.var("StatusSensor[2].Position") == pytest.approx(frozen, abs=1.0)
+
+    @pytest.mark.requirement("CFG-368", "CFG-370", "CFG-372", "CFG-346")
+    def test_transfer(self):
+        """Its format is transferred from p0979[11] to [15]."""
+        variables = '"Sensor[2].DataAdaption" = 1\n"Sensor[2].Parameter.Resolution" = 0.5'
+        with Bench(parse(second_encoder(variables=variables), "bench.toml"), seed=1) as machine:
+            axis = machine.axis()
+            assert machine.run_until(lambda: axis.var("StatusSensor[2].AdaptionState") >= 2, 2.0)
+            assert axis.var("StatusSensor[2].AdaptionState") == 2
+            assert axis.var("Sensor[2].Parameter.Resolution") == pytest.approx(0.02)
+            assert axis.var("Sensor[2].System") == 0
+
+    @pytest.mark.requirement("CFG-285")
+    def test_mistakes(self):
+        """A second encoder that the telegram does not carry is refused, and so is a number that is not the connection's."""
+        with pytest.raises(
+            BenchFileError, match=r"needs encoder2 of 'drive1' and one of its telegrams 4, 6, 103, 106"
+        ):
+            parse(second_encoder(3, named='"drive1", "drive1.encoder2"'), "bench.toml")
+        text = second_encoder(variables='"Sensor[2].Interface.Number" = 1')
+        with pytest.raises(
+            ConfigurationError, match=r"Sensor\[2\].Interface.Number: 1 is not allowed; allowed: 2"
+        ):
+            Bench(parse(text, "bench.toml"), seed=1)

@@ -302,3 +302,13 @@ def test_times_of_a_data_block(make_rig):
     axis.variables.power_cycle()
     axis.apply_configuration(powered_off=True)
     assert axis.delay_s == pytest.approx(0.004)
+
+
+@pytest.mark.requirement("CFG-201", "CFG-203")
+@pytest.mark.parametrize("telegram", [1, 2, 111])
+def test_axis_on_a_telegram_without_encoder(telegram):
+    """A positioning axis is not built on a drive telegram that brings no position, nor on one that it does not know."""
+    port = SimulatedDrivePort(cycle_s=0.001)
+    port.telegram_number = telegram
+    with pytest.raises(ConfigurationError, match=f"drive telegram: {telegram} is not allowed; allowed: "):
+        PositioningAxis("a", port, cycle_ns=1_000_000)
