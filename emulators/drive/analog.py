@@ -12,7 +12,6 @@ from enum import Enum
 from typing import TYPE_CHECKING, Final
 
 from emulators.drive.analog_config import AnalogConfig
-from emulators.drive.brake import HoldingBrake
 from emulators.drive.core import ServoCore
 from emulators.drive.injection import MachineFaults, cancel
 from emulators.drive.inputs import DigitalInputs
@@ -116,12 +115,7 @@ class AnalogDrive(MachineFaults):
             encoder=self.encoder,
             period_s=config.servo_period_ns / 1e9,
             tuning=config.speed_tuning,
-            brake=HoldingBrake(
-                self.mechanics,
-                torque_Nm=config.brake.torque_Nm,
-                opening_time_s=config.brake.opening_time_s,
-                closing_time_s=config.brake.closing_time_s,
-            ),
+            brake=config.brake.build(self.mechanics),
         )
         self.core.on_standstill = self._on_standstill
         self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=config.input_filter_s)

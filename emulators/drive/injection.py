@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from emulators.drive.inputs import LIMIT_SWITCHES
+from emulators.encoder import EncoderFaults
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
     from emulators.drive.core import ServoCore
     from emulators.drive.inputs import DigitalInputs
     from emulators.drive.power_stage import PowerStage
-    from emulators.encoder import RotaryEncoder
     from emulators.mechanics import AxisMechanics, SwitchModel
     from fieldbus.canopen.slave import CanopenSlave
     from fieldbus.clock import Scheduler, Timer
@@ -82,7 +82,7 @@ class TravelFaults:
         return switch
 
 
-class MachineFaults(TravelFaults):
+class MachineFaults(TravelFaults, EncoderFaults):
     """What a test can do to motor, encoder, brake, switches and load of a drive.
 
     The drive has the attributes named here, and slots for `_drift_rest` and `_drift_timer`.
@@ -93,7 +93,6 @@ class MachineFaults(TravelFaults):
     if TYPE_CHECKING:
         scheduler: Scheduler
         core: ServoCore
-        encoder: RotaryEncoder
         mechanics: AxisMechanics
         config: Any
         _drift_rest: float
@@ -101,29 +100,9 @@ class MachineFaults(TravelFaults):
 
     # -- encoder -----------------------------------------------------------------------------------------------------
 
-    def freeze_encoder(self, frozen: bool) -> None:
-        """Let the encoder value stand still, or follow the shaft again."""
-        self.encoder.freeze(frozen)
-
-    def jump_encoder(self, increments: int) -> None:
-        """Shift the encoder value by increments, as a slipped coupling does."""
-        self.encoder.jump(increments)
-
-    def set_encoder_noise(self, increments: int) -> None:
-        """Disturb the encoder by -increments..+increments; 0 = off."""
-        self.encoder.set_noise(increments)
-
-    def reverse_encoder(self, reversed_direction: bool) -> None:
-        """Set the counting direction of the encoder; with the wrong one the control loop runs away."""
-        self.encoder.reverse(reversed_direction)
-
     def miss_index(self, missing: bool) -> None:
         """Let the zero mark of the encoder never come, or come again."""
         self.encoder.zero_mark_present = not missing
-
-    def lose_encoder_steps(self, every: int) -> None:
-        """Let the encoder miss one of `every` increments of the motion; 0 = none from now on."""
-        self.encoder.lose_steps(every)
 
     def drift_encoder(self, increments_per_s: float) -> None:
         """Let the encoder value drift away from the shaft; 0 = no further."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Literal
 
+from emulators.drive.brake import HoldingBrake
 from emulators.encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder
 from emulators.mechanics import AxisMechanics, LinearAxisMechanics, RotaryAxisMechanics, SwitchModel
 from fieldbus.errors import ConfigurationError
@@ -253,6 +254,15 @@ class BrakeConfig:
         check_number("brake torque_Nm", self.torque_Nm)
         check_number("brake opening_time_s", self.opening_time_s)
         check_number("brake closing_time_s", self.closing_time_s)
+
+    def build(self, mechanics: AxisMechanics) -> HoldingBrake:
+        """Return the brake, which acts on `mechanics`."""
+        return HoldingBrake(
+            mechanics,
+            torque_Nm=self.torque_Nm,
+            opening_time_s=self.opening_time_s,
+            closing_time_s=self.closing_time_s,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

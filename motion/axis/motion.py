@@ -60,7 +60,7 @@ class MotionControl(SetpointPlanning):
         if state is AxisState.ALARM_RAMP and axis.enabling.will_disable:
             return ERROR_LOCKED  # the ramp ends with the drive switched off (STP-396)
         active = self.job
-        if active is not None and active.job_class is JobClass.STOP:
+        if self.stopping:
             return ERROR_LOCKED  # acknowledged before its end, the ramp still belongs to the stop (STP-415)
         refusal = axis.torque.refuses(job)
         if refusal:
@@ -91,8 +91,7 @@ class MotionControl(SetpointPlanning):
             return ERROR_STATE
         if axis.alarms.blocking:
             return ERROR_ALARM
-        active = self.job
-        if state not in ACCEPTS_MOTION or (active is not None and active.job_class is JobClass.STOP):
+        if state not in ACCEPTS_MOTION or self.stopping:
             return ERROR_LOCKED
         job.start(axis.name, axis.history)
         moving = self.superimposed

@@ -60,6 +60,12 @@ class SetpointPlanning:
         self._planned_velocity = 0.0
         self._settling = False
 
+    @property
+    def stopping(self) -> bool:
+        """Whether `MC_Stop` is in control."""
+        job = self.job
+        return job is not None and job.job_class is JobClass.STOP
+
     # -- profiles -------------------------------------------------------------------------------------------
 
     def _limits(self, job: Job) -> tuple[float, float, float]:

@@ -30,7 +30,7 @@ class Superposition:
     """
 
     __slots__ = (
-        "_basic", "_basic_velocity", "_braking", "_dynamics", "_limit", "_room", "_start", "_target", "a", "job",
+        "_basic", "_basic_velocity", "_braking", "_dynamics", "_limit", "_room", "_target", "a", "job",
         "part", "s", "v",
     )  # fmt: skip
 

@@ -88,7 +88,7 @@ class TorqueControl:
         axis = self._axis
         if not axis.port.has_torque_data:
             return ERROR_NO_TORQUE_DATA
-        return ERROR_LOCKED if not axis.facts.enabled or self._stopping() else NO_ERROR
+        return ERROR_LOCKED if not axis.facts.enabled or self._axis.motion.stopping else NO_ERROR
 
     def set_additive(self, value: float | None) -> int:
         """Add a torque, Nm, or none; returns the ErrorID of a value that is not permitted."""
@@ -113,7 +113,7 @@ class TorqueControl:
         """Return why `MC_TorqueRange` cannot start, 0 if it can (MC-522, MC-533)."""
         if not self._axis.port.has_torque_data:
             return ERROR_NO_TORQUE_DATA
-        if self._stopping():
+        if self._axis.motion.stopping:
             return ERROR_LOCKED
         return ERROR_EXCLUSIVE_TORQUE if self.limiting else NO_ERROR
 
@@ -152,7 +152,7 @@ class TorqueControl:
         axis = self._axis
         if axis.alarms.blocking:
             return ERROR_ALARM
-        if self._stopping():
+        if self._axis.motion.stopping:
             return ERROR_LOCKED
         return ERROR_EXCLUSIVE_TORQUE if self.range_nm is not None else self._check_mode(mode)
 
@@ -299,7 +299,3 @@ class TorqueControl:
         motion.abort_all()
         motion.gen.set_state(motion.gen.s, 0.0)
         motion.come_to_rest()
-
-    def _stopping(self) -> bool:
-        job = self._axis.motion.job
-        return job is not None and job.job_class is JobClass.STOP

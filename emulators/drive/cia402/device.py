@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from emulators.drive.brake import HoldingBrake
 from emulators.drive.cia402 import _object_rules, faults
 from emulators.drive.cia402._eds import drive_dictionary
 from emulators.drive.cia402._fault_log import FaultLog
@@ -108,12 +107,7 @@ class DriveDevice:
             encoder=self.encoder,
             period_s=config.servo_period_ns / 1e9,
             tuning=config.tuning,
-            brake=HoldingBrake(
-                self.mechanics,
-                torque_Nm=config.brake.torque_Nm,
-                opening_time_s=config.brake.opening_time_s,
-                closing_time_s=config.brake.closing_time_s,
-            ),
+            brake=config.brake.build(self.mechanics),
         )
         self.slave = CanopenSlave(
             scheduler,

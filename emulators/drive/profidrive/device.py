@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from emulators.drive.brake import HoldingBrake
 from emulators.drive.core import ServoCore
 from emulators.drive.inputs import DigitalInputs
 from emulators.drive.power_stage import PowerStage
@@ -108,12 +107,7 @@ class ProfidriveDrive:
             encoder=self.encoder,
             period_s=config.servo_period_ns / 1e9,
             tuning=config.tuning,
-            brake=HoldingBrake(
-                self.mechanics,
-                torque_Nm=config.brake.torque_Nm,
-                opening_time_s=config.brake.opening_time_s,
-                closing_time_s=config.brake.closing_time_s,
-            ),
+            brake=config.brake.build(self.mechanics),
         )
         self.power = PowerStage(
             self.core,
