@@ -202,13 +202,31 @@ def diag(
     after: Annotated[
         float, typer.Option("--after", min=0.0, help="Without a case: seconds to run first.")
     ] = 0.0,
-    axis: Annotated[str, typer.Option("--axis", help="Only this axis.")] = "",
+    axis: Annotated[str, typer.Option("--axis", help="Only this axis or external encoder.")] = "",
     as_json: JsonOption = False,
 ) -> None:
-    """Show what the axes say about themselves: status, motion, alarms, values, telegram."""
+    """Show what axes and external encoders say about themselves: status, motion, alarms, values, telegram."""
     from hil._commands.diag import show_diagnosis
 
     raise typer.Exit(show_diagnosis(bench, token=token, at_s=at, after_s=after, axis=axis, as_json=as_json))
+
+
+@app.command()
+def panel(
+    bench: Annotated[str, typer.Argument(metavar="[BENCH]", help="Bench file or embedded name.")] = "",
+    *,
+    axis: Annotated[str, typer.Option("--axis", help="This axis; default: the only one.")] = "",
+    monitoring: Annotated[
+        float, typer.Option("--monitoring", min=0.1, help="Monitoring time of the life sign, s.")
+    ] = 2.0,
+    plot: Annotated[Path, typer.Option("--plot", metavar="FILE", help="Page of an optimisation.")] = Path(
+        "hil-optimisation.html"
+    ),
+) -> None:
+    """Commission an axis by hand, or from a script on standard input: enable, jog, home, move, optimise."""
+    from hil._commands.panel import run_panel
+
+    raise typer.Exit(run_panel(bench, axis=axis, monitoring_s=monitoring, plot=plot))
 
 
 @app.command()

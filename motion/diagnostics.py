@@ -1,4 +1,4 @@
-"""What an axis says about itself, in the pages on which an engineering tool shows it (section 4 of the instruction specification).
+"""What a technology object says about itself, in the pages on which an engineering tool shows it (section 4 of the instruction specification).
 
 Words are taken from one snapshot of the object, so that bits of one page belong together (DIA-110).
 """
@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any, Final
 from fieldbus.profidrive.telegrams import describe_value
 
 if TYPE_CHECKING:
+    from motion.alarms import AlarmEngine
     from motion.axis.axis import TechnologyAxis
+    from motion.axis.external_encoder import ExternalEncoder
 
 Row = tuple[str, str]
 """Indication and variable; a leading `!` inverts a bit."""
@@ -61,7 +63,9 @@ _WARNINGS: Final[tuple[Row, ...]] = (
     ("configuration", "WarningWord.X1"),
     ("job rejected", "WarningWord.X3"),
     ("dynamic limit", "WarningWord.X6"),
+    ("adaption", "WarningWord.X15"),
 )
+_POSITION_WARNINGS: Final[tuple[Row, ...]] = (("following error", "WarningWord.X11"),)
 _ERRORS: Final[tuple[Row, ...]] = (
     ("system", "ErrorWord.X0"),
     ("configuration", "ErrorWord.X1"),
@@ -71,6 +75,7 @@ _ERRORS: Final[tuple[Row, ...]] = (
     ("dynamic limit", "ErrorWord.X6"),
     ("data exchange", "ErrorWord.X7"),
     ("I/O", "ErrorWord.X13"),
+    ("adaption", "ErrorWord.X15"),
 )
 _POSITION_ERRORS: Final[tuple[Row, ...]] = (
     ("encoder", "ErrorWord.X5"),
@@ -79,7 +84,6 @@ _POSITION_ERRORS: Final[tuple[Row, ...]] = (
     ("homing", "ErrorWord.X10"),
     ("following error", "ErrorWord.X11"),
     ("positioning", "ErrorWord.X12"),
-    ("adaption", "ErrorWord.X15"),
 )
 _VALUES: Final[tuple[Row, ...]] = (
     ("velocity override", "Override.Velocity"),
@@ -90,6 +94,7 @@ _VALUES: Final[tuple[Row, ...]] = (
 )
 _SPEED_VALUES: Final[tuple[Row, ...]] = (("speed setpoint", "Velocity"), ("actual speed", "ActualSpeed"))
 _POSITION_VALUES: Final[tuple[Row, ...]] = (
+    ("operative encoder", "OperativeSensor"),
     ("target position", "StatusPositioning.TargetPosition"),
     ("position setpoint", "Position"),
     ("velocity setpoint", "Velocity"),
@@ -98,6 +103,35 @@ _POSITION_VALUES: Final[tuple[Row, ...]] = (
     ("following error", "StatusPositioning.FollowingError"),
 )
 _WORDS: Final = ("StatusWord", "StatusWord2", "ErrorWord", "WarningWord")
+
+ENCODER_PAGES: Final[dict[str, tuple[Row, ...]]] = {
+    "encoder status": (
+        ("enabled", "StatusWord.X0"),
+        ("homed", "StatusWord.X5"),
+        ("error", "StatusWord.X1"),
+        ("restart active", "StatusWord.X2"),
+        ("encoder values valid", "StatusSensor.State"),
+        ("encoder homed", "StatusSensor.Adjusted"),
+        ("restart required", "StatusWord.X3"),
+    ),
+    "motion status": (
+        ("done", "StatusWord.X6"),
+        ("homing job", "StatusWord.X11"),
+        ("standstill", "StatusWord.X7"),
+    ),
+    "warnings": (("job rejected", "WarningWord.X3"), ("adaption", "WarningWord.X15")),
+    "errors": (
+        ("system", "ErrorWord.X0"),
+        ("configuration", "ErrorWord.X1"),
+        ("user program", "ErrorWord.X2"),
+        ("encoder", "ErrorWord.X5"),
+        ("data exchange", "ErrorWord.X7"),
+        ("I/O", "ErrorWord.X13"),
+        ("adaption", "ErrorWord.X15"),
+    ),
+    "values": (("actual position", "ActualPosition"), ("actual velocity", "ActualVelocity")),
+}
+"""The pages of an external encoder (DIA-072 to DIA-087, DIA-096, DIA-097)."""
 
 
 def pages(*, has_position: bool) -> dict[str, tuple[Row, ...]]:
@@ -114,7 +148,7 @@ def pages(*, has_position: bool) -> dict[str, tuple[Row, ...]]:
         "axis status": _STATUS + _POSITION_STATUS,
         "limit switches": _LIMIT_SWITCHES,
         "motion status": _MOTION + _POSITION_MOTION,
-        "warnings": _WARNINGS,
+        "warnings": _WARNINGS + _POSITION_WARNINGS,
         "errors": _ERRORS + _POSITION_ERRORS,
         "values": _POSITION_VALUES + _VALUES,
     }
@@ -122,17 +156,18 @@ def pages(*, has_position: bool) -> dict[str, tuple[Row, ...]]:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """A snapshot of one axis.
+    """A snapshot of one axis or external encoder.
 
     Args:
-        axis: Name of the axis.
+        axis: Name of the technology object.
         kind: Type of the technology object.
         state: State of enabling and stopping, in words.
-        words: `StatusWord`, `StatusWord2`, `ErrorWord`, `WarningWord`.
+        words: `StatusWord`, `StatusWord2` (of an axis), `ErrorWord`, `WarningWord`.
         pages: Page -> indication -> value: a truth value for a bit, else the value of the variable.
         alarms: Pending alarms, the one of highest priority first: number, reaction, text.
         job: Instruction and name of the job in control; None without one.
-        telegram: Words of the drive's telegram by signal name, last sent and last received (DIA-100, DIA-101).
+        telegram: Words of the drive's telegram by signal name, last sent and last received; those of an encoder with a
+            telegram of its own follow, behind `Sensor[n].` on an axis (DIA-100 to DIA-102).
 
     """
 
@@ -155,7 +190,7 @@ class Diagnosis:
             "words": {name: f"16#{value:08X}" for name, value in self.words.items()},
             **self.pages,
             "alarms": list(self.alarms),
-            "telegram": {name: describe_value(name, value) for name, value in self.telegram.items()},
+            "telegram": {name: _described(name, value) for name, value in self.telegram.items()},
         }
 
     def text(self) -> str:
@@ -169,7 +204,8 @@ class Diagnosis:
             f"  {alarm['number']}  reaction {alarm['reaction']}  {alarm['text']}" for alarm in self.alarms
         ] or ["  none"]
         lines += ["", "telegram"]
-        lines += [f"  {name:<12}{describe_value(name, value)}" for name, value in self.telegram.items()]
+        width = max(map(len, self.telegram), default=0) + 2
+        lines += [f"  {name:<{width}}{_described(name, value)}" for name, value in self.telegram.items()]
         return "\n".join(lines)
 
 
@@ -180,30 +216,74 @@ def _line(name: str, value: Any) -> str:
     return f"      {name}: {shown}"
 
 
-def diagnose(axis: TechnologyAxis) -> Diagnosis:
-    """Return a snapshot of `axis`."""
-    words = {name: int(axis.var(name)) for name in _WORDS}
+def _described(name: str, value: int) -> str:
+    return describe_value(name.rpartition(".")[2], value)
+
+
+def _snapshot(
+    one: TechnologyAxis | ExternalEncoder,
+    engine: AlarmEngine,
+    pages_shown: dict[str, tuple[Row, ...]],
+    state: str,
+    *,
+    job: str | None = None,
+    telegram: dict[str, int],
+) -> Diagnosis:
+    """Take every word once, so that the bits of one page belong together (DIA-110)."""
+    names = (
+        [name for name in _WORDS if name != "StatusWord2"] if one.object_type == "ExternalEncoder" else _WORDS
+    )
+    words = {name: int(one.var(name)) for name in names}
 
     def value(variable: str) -> Any:
         word, _, bit = variable.lstrip("!").partition(".X")
         if word in words and bit.isdigit():
             return bool(words[word] >> int(bit) & 1) is not variable.startswith("!")
-        return axis.var(variable)
+        return one.var(variable)
 
-    job = axis.motion.job
     return Diagnosis(
-        axis=axis.name,
-        kind=axis.object_type,
-        state=axis.state.name,
+        axis=one.name,
+        kind=one.object_type,
+        state=state,
         words=words,
         pages={
-            title: {name: value(variable) for name, variable in rows}
-            for title, rows in pages(has_position=axis.has_position).items()
+            title: {name: value(variable) for name, variable in rows} for title, rows in pages_shown.items()
         },
         alarms=tuple(
             {"number": entry.number, "reaction": entry.reaction, "text": entry.text}
-            for entry in sorted(axis.alarms.engine.pending, key=lambda one: one.priority, reverse=True)
+            for entry in sorted(engine.pending, key=lambda one: one.priority, reverse=True)
         ),
+        job=job,
+        telegram=telegram,
+    )
+
+
+def diagnose(axis: TechnologyAxis) -> Diagnosis:
+    """Return a snapshot of `axis`."""
+    job = axis.motion.job
+    telegram = {"STW1": axis.stw1_sent, **axis.port.telegram_view()}
+    if axis.has_position and not axis.simulated:
+        for number, one in enumerate(axis.encoder_ports, start=1):
+            if one is not axis.drive_port:
+                telegram |= {f"Sensor[{number}].{name}": word for name, word in one.telegram_view().items()}
+    return _snapshot(
+        axis,
+        axis.alarms.engine,
+        pages(has_position=axis.has_position),
+        axis.state.name,
         job=None if job is None else f"{job.instruction} {job.name}",
-        telegram={"STW1": axis.stw1_sent, **axis.port.telegram_view()},
+        telegram=telegram,
+    )
+
+
+def diagnose_encoder(encoder: ExternalEncoder) -> Diagnosis:
+    """Return a snapshot of an external encoder."""
+    enabling = encoder.enabling
+    waiting = "ENABLING" if enabling.enable else encoder.state.name
+    return _snapshot(
+        encoder,
+        encoder.engine,
+        ENCODER_PAGES,
+        "ENABLED" if enabling.enabled else waiting,
+        telegram=encoder.port.telegram_view(),
     )

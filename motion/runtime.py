@@ -4,37 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
 
 from fieldbus.clock import Scheduler, Timer
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 from motion.axis import ExternalEncoder, TechnologyAxis
-from motion.diagnostics import Diagnosis, diagnose
-from motion.instructions import (
-    Instruction,
-    MC_Halt,
-    MC_HaltSuperimposed,
-    MC_Home,
-    MC_MoveAbsolute,
-    MC_MoveJog,
-    MC_MoveRelative,
-    MC_MoveSuperimposed,
-    MC_MoveVelocity,
-    MC_Power,
-    MC_Reset,
-    MC_SaveAbsoluteEncoderData,
-    MC_SetAxisSTW,
-    MC_SetSensor,
-    MC_Stop,
-    MC_TorqueAdditive,
-    MC_TorqueLimiting,
-    MC_TorqueRange,
-    MC_WriteParameter,
-)
+from motion.controller import Controller, ExecutionLevels
+from motion.instructions import Instruction, MC_SaveAbsoluteEncoderData
 from motion.memory_card import MemoryCard
-
-_T = TypeVar("_T", bound=Instruction)
 
 
 class Runtime:
@@ -42,10 +19,13 @@ class Runtime:
 
     Args:
         scheduler: Time.
-        cycle_ns: Application cycle (`MC_Servo` and `MC_Interpolator`, 1:1), ns.
+        cycle_ns: Cycle of `MC_Servo`, ns.
+        interpolator_ns: Cycle of `MC_Interpolator`, ns, a multiple of that; None = the same.
+        send_clock_ns: Bus cycle, ns, of which the servo cycle is a multiple; None = the same.
         phase_ns: Instant within the bus cycle at which the application cycle runs, ns; default half a cycle, when
             the actual values of this cycle have arrived and the next SYNC is still to come.
         history: Event log, or None.
+        program_cycles: Application cycles from one call of the user program to the next (MC-567).
 
     """
 
@@ -54,11 +34,16 @@ class Runtime:
         scheduler: Scheduler,
         *,
         cycle_ns: int,
+        interpolator_ns: int | None = None,
+        send_clock_ns: int | None = None,
         phase_ns: int | None = None,
         history: History | None = None,
+        program_cycles: int = 1,
     ) -> None:
         if cycle_ns <= 0:
             raise ConfigurationError("cycle", f"{cycle_ns} ns", "a positive time")
+        if program_cycles < 1:
+            raise ConfigurationError("program_cycles", program_cycles, "1 or more")
         self.scheduler = scheduler
         self.cycle_ns = cycle_ns
         self.phase_ns = cycle_ns // 2 if phase_ns is None else phase_ns
@@ -66,7 +51,10 @@ class Runtime:
         self.axes: list[TechnologyAxis] = []
         self.encoders: list[ExternalEncoder] = []
         self.program: list[Callable[[], object]] = []
-        """Called once per application cycle, in this order, after the axes."""
+        """Called in this order, after the axes, in every application cycle or every `program_cycles`-th."""
+        self.program_cycles = program_cycles
+        self.program_calls = 0
+        """How often the program has been called."""
         self.after_cycle: list[Callable[[], object]] = []
         """Called at the end of every application cycle (recorder, triggers)."""
         self.cycles = 0
@@ -77,6 +65,12 @@ class Runtime:
         self._savers = 0
         self._dormant: list[Instruction] = []
         self._timer: Timer | None = None
+        levels = ExecutionLevels(
+            self, interpolator_ns=interpolator_ns or cycle_ns, send_clock_ns=send_clock_ns or cycle_ns
+        )
+        self.controller = Controller(self, levels)
+        """The CPU around this runtime: operating states and diagnostics buffer."""
+        self._entry: Callable[[], object] = self.cycle if levels.plain else levels.cycle
 
     def add(self, axis: TechnologyAxis) -> None:
         """Take an axis into the cycle."""
@@ -107,7 +101,7 @@ class Runtime:
         return self._savers
 
     def call(self, instance: Callable[[], object]) -> None:
-        """Call `instance` once per cycle from the next cycle on.
+        """Call `instance` with every call of the program from the next one on.
 
         Instances whose job has ended and whose outputs are only held are laid aside until their `Execute` falls.
         """
@@ -119,16 +113,56 @@ class Runtime:
                 active.append(one)
         self.program = [*active, instance]
 
+    def uncall(self, instance: Callable[[], object]) -> None:
+        """Call `instance` no more."""
+        self.program = [one for one in self.program if one != instance]
+
     def start(self) -> None:
         """Begin to cycle."""
         if self._timer is None:
-            self._timer = self.scheduler.every(self.cycle_ns, self.cycle, phase_ns=self.phase_ns)
+            self._timer = self.scheduler.every(self.cycle_ns, self._entry, phase_ns=self.phase_ns)
 
     def stop(self) -> None:
         """End the cycle."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+
+    def enter(self, entry: Callable[[], object]) -> None:
+        """Call `entry` instead of what is called in every application cycle; for the controller."""
+        self._entry = entry
+        if self._timer is not None:
+            self._timer.callback = entry
+
+    def restart_program(self) -> None:
+        """Let every instance of an instruction begin anew (warm restart)."""
+        self.program = [*self.program, *self._dormant]
+        self._dormant = []
+        self.saver = None
+        for one in self.program:
+            begin_anew = getattr(one, "begin_anew", None)
+            if begin_anew is not None:
+                begin_anew()
+
+    def cycle_objects(self) -> None:
+        """Run one application cycle of the technology objects alone, without the program."""
+        self.cycles += 1
+        for encoder in self.encoders:
+            encoder.cycle()
+        for axis in self.axes:
+            axis.cycle()
+
+    def end_cycle(self) -> None:
+        """Call what looks on at the end of a cycle."""
+        for callback in self.after_cycle:
+            callback()
+
+    def _wake(self) -> None:
+        """Call those again that have been laid aside and whose `Execute` has fallen."""
+        for one in self._dormant:
+            if not one.Execute:
+                self._dormant = [other for other in self._dormant if other is not one]
+                self.program = [*self.program, one]
 
     def cycle(self) -> None:
         """Run one application cycle."""
@@ -137,150 +171,20 @@ class Runtime:
             encoder.cycle()
         for axis in self.axes:
             axis.cycle()
-        for one in self._dormant:
-            if not one.Execute:
-                self._dormant = [other for other in self._dormant if other is not one]
-                self.program = [*self.program, one]
-        for instance in self.program:
-            instance()
+        if self.cycles % self.program_cycles == 0:
+            self.run_program()
         for callback in self.after_cycle:
             callback()
 
-
-class AxisHandle:
-    """An axis with the instructions as methods, for straight-line test code.
-
-    Every method makes an instance, hands it to the runtime, which calls it from the next application cycle on, and
-    returns it: `job = axis.move_absolute(100.0); bench.run_until(job.done, timeout=2.0)`. All inputs of the
-    instruction may be given by their own names: `axis.move_velocity(50.0, Jerk=0.0)`. Attributes and methods of the
-    technology object (`var`, `write`, `state`, ...) are reached through the handle as well.
-    """
-
-    def __init__(self, runtime: Runtime, axis: TechnologyAxis) -> None:
-        self._runtime = runtime
-        self.object = axis
-        self._power: MC_Power | None = None
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.object, name)
-
-    def diagnosis(self) -> Diagnosis:
-        """Return what the axis says about itself now: `print(axis.diagnosis().text())`."""
-        return diagnose(self.object)
-
-    def run(self, instance: _T) -> _T:
-        """Hand an instance of your own to the runtime."""
-        self._runtime.call(instance)
-        return instance
-
     @property
-    def power_instance(self) -> MC_Power:
-        """The `MC_Power` instance of this axis."""
-        if self._power is None:
-            self._power = self.run(MC_Power(self.object))
-        return self._power
+    def instances(self) -> list[Instruction]:
+        """All instances of instructions in the program, those that are laid aside included."""
+        return [one for one in (*self.program, *self._dormant) if isinstance(one, Instruction)]
 
-    def power(self, enable: bool = True, *, start_mode: int = 1, stop_mode: int = 0) -> MC_Power:
-        """Set the inputs of the axis' only `MC_Power` instance."""
-        instance = self.power_instance
-        instance.set(Enable=enable, StartMode=start_mode, StopMode=stop_mode)
-        return instance
-
-    def reset(self, *, restart: bool = False) -> MC_Reset:
-        """Start `MC_Reset`."""
-        return self.run(MC_Reset(self.object, Execute=True, Restart=restart))
-
-    def home(self, position: float = 0.0, *, mode: int = 0) -> MC_Home:
-        """Start `MC_Home`."""
-        return self.run(MC_Home(self.object, Execute=True, Position=position, Mode=mode))
-
-    def set_sensor(self, sensor: int, *, mode: int = 0, reference: int = 1) -> MC_SetSensor:
-        """Start `MC_SetSensor`."""
-        return self.run(
-            MC_SetSensor(self.object, Execute=True, Sensor=sensor, Mode=mode, ReferenceSensor=reference)
-        )
-
-    def write_parameter(self, number: int, value: Any) -> MC_WriteParameter:
-        """Start `MC_WriteParameter`."""
-        return self.run(MC_WriteParameter(self.object, Execute=True, ParameterNumber=number, Value=value))
-
-    def move_absolute(self, position: float, **inputs: Any) -> MC_MoveAbsolute:
-        """Start `MC_MoveAbsolute` to `position`, axis unit."""
-        return self.run(MC_MoveAbsolute(self.object, Execute=True, Position=position, **inputs))
-
-    def move_relative(self, distance: float, **inputs: Any) -> MC_MoveRelative:
-        """Start `MC_MoveRelative` by `distance`, axis unit."""
-        return self.run(MC_MoveRelative(self.object, Execute=True, Distance=distance, **inputs))
-
-    def move_velocity(self, velocity: float, **inputs: Any) -> MC_MoveVelocity:
-        """Start `MC_MoveVelocity` with `velocity`, axis unit per second."""
-        return self.run(MC_MoveVelocity(self.object, Execute=True, Velocity=velocity, **inputs))
-
-    def jog(self, velocity: float = 100.0, *, backward: bool = False, **inputs: Any) -> MC_MoveJog:
-        """Start `MC_MoveJog`; end it with `instance.set(JogForward=False, JogBackward=False)`."""
-        return self.run(
-            MC_MoveJog(
-                self.object, JogForward=not backward, JogBackward=backward, Velocity=velocity, **inputs
-            )
-        )
-
-    def move_superimposed(self, distance: float, **inputs: Any) -> MC_MoveSuperimposed:
-        """Start `MC_MoveSuperimposed` by `distance`, axis unit, on top of the motion that runs."""
-        return self.run(MC_MoveSuperimposed(self.object, Execute=True, Distance=distance, **inputs))
-
-    def halt_superimposed(self, **inputs: Any) -> MC_HaltSuperimposed:
-        """Start `MC_HaltSuperimposed`."""
-        return self.run(MC_HaltSuperimposed(self.object, Execute=True, **inputs))
-
-    def torque_additive(self, value: float) -> MC_TorqueAdditive:
-        """Start `MC_TorqueAdditive` with `value`, Nm; end it with `instance.set(Enable=False)`."""
-        return self.run(MC_TorqueAdditive(self.object, Enable=True, Value=value))
-
-    def torque_range(self, upper: float, lower: float) -> MC_TorqueRange:
-        """Start `MC_TorqueRange` with limits in Nm; end it with `instance.set(Enable=False)`."""
-        return self.run(MC_TorqueRange(self.object, Enable=True, UpperLimit=upper, LowerLimit=lower))
-
-    def torque_limiting(self, limit: float = -1.0, *, mode: int = 0) -> MC_TorqueLimiting:
-        """Start `MC_TorqueLimiting` with `limit`, Nm or N; end it with `instance.set(Enable=False)`."""
-        return self.run(MC_TorqueLimiting(self.object, Enable=True, Limit=limit, Mode=mode))
-
-    def set_axis_stw(self, **inputs: Any) -> MC_SetAxisSTW:
-        """Start `MC_SetAxisSTW`."""
-        return self.run(MC_SetAxisSTW(self.object, Execute=True, **inputs))
-
-    def halt(self, **inputs: Any) -> MC_Halt:
-        """Start `MC_Halt`."""
-        return self.run(MC_Halt(self.object, Execute=True, **inputs))
-
-    def stop(self, mode: int = 0, **inputs: Any) -> MC_Stop:
-        """Start `MC_Stop`; release the axis with `instance.set(Execute=False)`."""
-        return self.run(MC_Stop(self.object, Execute=True, Mode=mode, **inputs))
-
-
-class EncoderHandle:
-    """An external encoder with the instructions that it knows as methods; see `AxisHandle`."""
-
-    def __init__(self, runtime: Runtime, encoder: ExternalEncoder) -> None:
-        self._runtime = runtime
-        self.object = encoder
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.object, name)
-
-    def run(self, instance: _T) -> _T:
-        """Hand an instance of your own to the runtime."""
-        self._runtime.call(instance)
-        return instance
-
-    def reset(self, *, restart: bool = False) -> MC_Reset:
-        """Start `MC_Reset`."""
-        return self.run(MC_Reset(self.object, Execute=True, Restart=restart))
-
-    def home(self, position: float = 0.0, *, mode: int = 0) -> MC_Home:
-        """Start `MC_Home`."""
-        return self.run(MC_Home(self.object, Execute=True, Position=position, Mode=mode))
-
-    def write_parameter(self, number: int, value: Any) -> MC_WriteParameter:
-        """Start `MC_WriteParameter`."""
-        external: Any = self.object
-        return self.run(MC_WriteParameter(external, Execute=True, ParameterNumber=number, Value=value))
+    def run_program(self) -> None:
+        """Call every instance and function of the user program once."""
+        self.program_calls += 1
+        if self._dormant:
+            self._wake()
+        for instance in self.program:
+            instance()

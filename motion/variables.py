@@ -23,6 +23,7 @@ from motion.data._variables import (
     parameters_of,
     variables_of,
 )
+from motion.units import unit_factors
 
 if TYPE_CHECKING:
     from fieldbus.history import History
@@ -59,20 +60,37 @@ class Violation(NamedTuple):
 
 
 class Cell:
-    """Place of one variable. `value` is the value in force: read it, and where the runtime owns it, set it."""
+    """Place of one variable. `value` is the value in force: read it, and where the runtime owns it, set it.
 
-    __slots__ = ("path", "start", "value", "variable", "written")
+    It is in the units of the runtime (see `motion.units`); everything else is in those of the user program.
+    """
+
+    __slots__ = ("factor", "path", "shown", "start", "value", "variable", "written")
 
     def __init__(self, path: str, variable: Variable | None, value: Any) -> None:
         self.path = path
         self.variable = variable
         """Definition; None for a parameter of `MC_WriteParameter` that is no variable."""
         self.value = value
-        """Value in force."""
+        """Value in force, in the unit of the runtime."""
+        self.factor = 1.0
+        """What one unit of the user program is in the unit of the runtime."""
+        self.shown = value
+        """Value in force, in the unit of the user program; counts where `factor` is not 1."""
         self.start = value
         """Start value in load memory."""
         self.written: Any = None
         """Value that takes effect with the next `VariableStore.latch`; None without."""
+
+    def put(self, given: Any) -> None:
+        """Put a value in the unit of the user program into force."""
+        self.shown = given
+        self.value = given if self.factor == 1.0 else given * self.factor
+
+    @property
+    def given(self) -> Any:
+        """Value in force in the unit of the user program."""
+        return self.value if self.factor == 1.0 else self.shown
 
     def __repr__(self) -> str:
         return f"<Cell {self.path} = {self.value!r}>"
@@ -110,6 +128,8 @@ class VariableStore:
         self.object_type = object_type
         self.online_start_values_changed = False
         """Whether restart-relevant start values wait for a restart (`StatusWord.X3`)."""
+        self.on_start_value: Callable[[str], None] | None = None
+        """Called with the path of a start value that has been written."""
         self._name = name or object_type
         self._history = history
         self._on_programming_error = on_programming_error
@@ -133,11 +153,22 @@ class VariableStore:
                 existent.value = existent.start = number <= sensors
         if start_values:
             self._configure(start_values)
+        self.factors = unit_factors(
+            self.read, speed_axis=object_type == "SpeedAxis", encoder=object_type == "ExternalEncoder"
+        )
+        """What the units of the user program are within the runtime (CFG-072)."""
+        for cell in cells.values():
+            factor = self.factors.of(cell.variable.unit) if cell.variable is not None else 1.0
+            if factor != 1.0:
+                cell.factor = factor
+                cell.put(cell.value)
 
     # -- reading ----------------------------------------------------------------------------------------------
 
     def bind(self, path: str) -> Cell:
         """Return the cell of a variable, to read its `value` in every cycle without a look-up by name.
+
+        That value is in the unit of the runtime; `read` returns the one that a user program sees (CFG-072).
 
         Raises:
             UnknownVariableError: There is no such variable; bits have no cell of their own.
@@ -159,7 +190,7 @@ class VariableStore:
         if cell is None:
             word, bit = self._bit(path)
             return bool(word.value >> bit & 1)
-        return cell.value if cell.written is None else cell.written
+        return cell.given if cell.written is None else cell.written
 
     def start_value(self, path: str) -> Any:
         """Return the start value of a variable in load memory."""
@@ -239,7 +270,7 @@ class VariableStore:
             assert high is not None
             converted = low if converted < low else high
         if access == "CAL":
-            cell.value = converted
+            cell.put(converted)
             return
         if cell.written is None:
             self._pending.append(cell)
@@ -263,6 +294,8 @@ class VariableStore:
         cell.start = variable.convert(path, value)
         if variable.access == "RES":
             self._mark(cell)
+        if self.on_start_value is not None:
+            self.on_start_value(path)
 
     def write_parameter(self, number: int, value: object) -> None:
         """Write a parameter as `MC_WriteParameter` does.
@@ -300,23 +333,32 @@ class VariableStore:
                 f"{parameter.variable} cannot become {value!r}; allowed: {variable.allowed(self._motion_type.value)}",
                 ERROR_PARAMETER_VALUE,
             )
-        cell.value = converted
+        cell.put(converted)
 
     # -- the runtime's side -----------------------------------------------------------------------------------
 
-    def latch(self) -> None:
-        """Put assigned DIR values into force; the axis calls it at the start of MC_Servo (VAR-001)."""
-        if self._pending:
-            for cell in self._pending:
-                cell.value = cell.written
-                cell.written = None
-            self._pending.clear()
+    def latch(self) -> bool:
+        """Put assigned DIR values into force; the axis calls it at the start of MC_Servo (VAR-001).
+
+        Returns:
+            Whether there were any.
+
+        """
+        if not self._pending:
+            return False
+        for cell in self._pending:
+            cell.put(cell.written)
+            cell.written = None
+        self._pending.clear()
+        return True
 
     def set_internal(self, path: str, value: Any) -> None:
-        """Set the value in force of any variable or bit, without access class and range: for the runtime itself."""
+        """Set the value in force of any variable or bit, without access class and range: for the runtime itself, in its units."""
         cell = self._cells.get(path)
         if cell is not None:
             cell.value = value
+            if cell.factor != 1.0:
+                cell.shown = value / cell.factor
             return
         cell, bit = self._bit(path)
         cell.value = cell.value | 1 << bit if value else cell.value & ~(1 << bit)
@@ -324,7 +366,8 @@ class VariableStore:
     def preset(self, path: str, value: Any) -> None:
         """Set start value and value in force of any variable: a download of what the device says, not of the user."""
         cell = self.bind(path)
-        cell.value = cell.start = value
+        cell.start = value
+        cell.put(value)
 
     def violations(self) -> tuple[Violation, ...]:
         """Return the start values that are not permitted, so that a restart ends with alarm 101."""
@@ -353,7 +396,7 @@ class VariableStore:
             return violations
         for cell in self._cells.values():
             if cell.variable is not None and cell.variable.access != "RON":
-                cell.value = cell.start
+                cell.put(cell.start)
                 cell.written = None
         for cell in self._parameter_cells.values():
             cell.value = cell.start
@@ -368,12 +411,34 @@ class VariableStore:
             cell.start = self._parameters[number].default
         return self.restart()
 
+    def load(self, values: Mapping[str, Any]) -> Callable[[], None]:
+        """Load start values of any access class, as a download does; they take effect with `power_cycle`.
+
+        Returns:
+            The function that takes them back.
+
+        Raises:
+            ConfigurationError: A variable does not exist, or a value is out of its type or range; then nothing is loaded.
+
+        """
+        before = {cell: (cell.start, cell.value) for path in values if (cell := self._cells.get(path))}
+
+        def take_back() -> None:
+            for cell, (start, value) in before.items():
+                cell.start, cell.value = start, value
+
+        try:
+            self._configure(values)
+        except ConfigurationError:
+            take_back()
+            raise
+        return take_back
+
     # -- inside -----------------------------------------------------------------------------------------------
 
     def _configure(self, values: Mapping[str, Any]) -> None:
-        """Load start values of any access class, as a download does; `Properties.MotionType` first, it rules ranges."""
-        first = "Properties.MotionType"
-        for path in sorted(values, key=lambda key: key != first):
+        """Load start values of any access class, as a download does; first what rules ranges and units of the others."""
+        for path in sorted(values, key=lambda key: not key.startswith(("Properties.MotionType", "Units."))):
             value = values[path]
             cell = self._cells.get(path)
             if cell is None:
@@ -388,11 +453,12 @@ class VariableStore:
             if converted is None or not variable.permits(converted, self._motion_type.value):
                 kind = f"{variable.data_type}, {variable.allowed(self._motion_type.value)}"
                 raise ConfigurationError(path, value, f"{kind} {self.unit(path)}".rstrip())
-            cell.value = cell.start = converted
+            cell.start = converted
+            cell.put(converted)
 
     def _mark(self, cell: Cell) -> None:
         """Keep account of start values that differ from the values in force."""
-        if cell.start == cell.value:
+        if cell.start == cell.given:
             self._stale.pop(cell.path, None)
         else:
             self._stale[cell.path] = cell

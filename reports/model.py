@@ -108,6 +108,8 @@ class AlarmRecord:
     reaction: int
     text: str
     cleared_s: float | None = None
+    gone_s: float | None = None
+    """When its cause went; None where it lasted, or was an event."""
 
 
 @dataclass(slots=True)

@@ -87,6 +87,7 @@ class ServoState:
         "speed_limited",
         "standstill_speed",
         "standstill_steps",
+        "standstill_timeout_s",
         "torque",
         "torque_demand",
         "torque_limited",
@@ -135,6 +136,8 @@ class ServoState:
         self.standstill_speed = tuning.standstill_speed_rpm * RPM
         """Speed below which the axis counts as standing, rad/s."""
         self.standstill_steps = max(1, round(tuning.standstill_time_s / period_s))
+        self.standstill_timeout_s = tuning.standstill_timeout_s
+        """Time after the end of a ramp to zero from which on the stop counts as finished anyway, s."""
         self.position = encoder.sample(mechanics.motor_angle)
         """Measured angle, rad."""
         self.velocity = 0.0

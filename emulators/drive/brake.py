@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from emulators.mechanics import AxisMechanics
 from fieldbus.errors import ConfigurationError
+
+_TURNING: Final = 1e-3
+"""Velocity above which a closing brake wears, m/s or rad/s of the load."""
 
 
 class HoldingBrake:
@@ -31,6 +36,7 @@ class HoldingBrake:
         "fitted",
         "opening_time_s",
         "torque_Nm",
+        "worn",
     )
 
     def __init__(
@@ -64,6 +70,8 @@ class HoldingBrake:
         self._slip_share = 1.0
         self.busy = False
         """Whether the brake is on its way."""
+        self.worn = 0
+        """How often it has closed on a turning shaft, which it is not made for (MC-572)."""
         mechanics.set_brake_torque(torque_Nm)
 
     @property
@@ -138,4 +146,6 @@ class HoldingBrake:
         if self._elapsed_s + 1e-9 >= time_s:
             self.busy = False
             self.closed = not self.closed
+            if self.closed and abs(self._mechanics.velocity) > _TURNING:
+                self.worn += 1
             self._mechanics.set_brake_torque(self.holding_torque_Nm)

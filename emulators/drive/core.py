@@ -435,7 +435,7 @@ class ServoCore(ServoState):
             self._standing_steps = 0
         if (
             self._standing_steps > self.standstill_steps
-            or self._stop_steps * self._period >= self.tuning.standstill_timeout_s
+            or self._stop_steps * self._period >= self.standstill_timeout_s
         ):
             self._end_stop()
 

@@ -92,6 +92,12 @@ class LinearAxisConfig:
     def __post_init__(self) -> None:
         self.build()
 
+    @property
+    def load_at_motor_kgm2(self) -> float:
+        """Moment of inertia of screw and slide as the motor sees it, kg m²."""
+        slide = self.load_mass_kg * (self.lead_screw_m / math.tau) ** 2
+        return (self.screw_inertia_kgm2 + slide) / self.gear_ratio**2
+
     def build(self) -> tuple[AxisMechanics, dict[str, SwitchModel]]:
         """Return a new plant and its switches by input name."""
         switches = _built_switches(self.switches)
@@ -146,6 +152,11 @@ class RotaryAxisConfig:
 
     def __post_init__(self) -> None:
         self.build()
+
+    @property
+    def load_at_motor_kgm2(self) -> float:
+        """Moment of inertia of the load as the motor sees it, kg m²."""
+        return self.load_inertia_kgm2 / self.gear_ratio**2
 
     def build(self) -> tuple[AxisMechanics, dict[str, SwitchModel]]:
         """Return a new plant and its switches by input name."""

@@ -262,6 +262,17 @@ class CanopenMaster:
         for node in self._nodes.values():
             node.stop()
 
+    def power_off(self) -> None:
+        """Fall silent at once, as a controller whose supply is gone: nothing is sent, heard or acknowledged."""
+        self.close()
+        self._port.online = False
+
+    def power_on(self) -> None:
+        """Come back: every node is taken into service from the beginning. SYNC and heartbeat are started by whoever needs them."""
+        self._port.online = True
+        for node in self._nodes.values():
+            node.boot()
+
     def on_bootup(self, node: int, callback: Callable[[], None]) -> Remover:
         """Call `callback()` when `node` reports its boot-up; return the remover."""
 

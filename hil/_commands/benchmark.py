@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import time
 
+from hil._commands._axis_measurement import axis_cycles
 from hil._commands._measurements import (
     Figure,
     can_frames,
@@ -54,7 +55,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
     from hil.bench import load_bench
 
     figures: list[Figure] = []
-    with quiet_stdout(as_json), CaseProgress(10, "benchmark") as progress:
+    with quiet_stdout(as_json), CaseProgress(11, "benchmark") as progress:
         fast, reference = load_bench("fast").config, load_bench("reference")
         benches = [
             ("sim_factor_1axis_cia402_1ms", fast),
@@ -73,6 +74,7 @@ def measure_speed(*, seconds: float, as_json: bool) -> int:
         figures.append(Figure("fault_cases_per_minute", _cases_per_minute(reference), "cases/min"))
         for number, (name, compare) in enumerate(
             (
+                ("axis cycles", axis_cycles),
                 ("CAN frames", can_frames),
                 ("CAN ports", can_ports),
                 ("SDO uploads", sdo_uploads),

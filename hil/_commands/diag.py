@@ -1,13 +1,13 @@
-"""`hil diag`: what the axes of a bench say about themselves, on a fresh bench or in the middle of a case."""
+"""`hil diag`: what the axes and external encoders of a bench say about themselves, on a fresh bench or in the middle of a case."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from hil._commands.terminal import console, print_json, quiet_stdout
 from hil.campaign import CaseContext, Token, load_bench_file, load_campaign
 from hil.errors import BlockedError, TokenError
-from motion.diagnostics import diagnose
+from motion.controller import ControllerDiagnosis
 
 
 def show_diagnosis(
@@ -20,7 +20,7 @@ def show_diagnosis(
         token: Token of a case to be repeated; empty for a bench that is only brought up.
         at_s: Bench time within the case, s; None for its end.
         after_s: Time that a bench without a case runs first, s.
-        axis: Name of the only axis that is wanted; empty for all.
+        axis: Name of the only axis or external encoder that is wanted; empty for all.
         as_json: Whether JSON is wanted.
 
     Raises:
@@ -31,28 +31,45 @@ def show_diagnosis(
     with quiet_stdout(as_json):
         found, note = _of_case(token, bench, at_s, axis) if token else _of_bench(bench, after_s, axis)
     if as_json:
-        print_json({"note": note, "axes": [one.as_dict() for one in found]})
+        print_json({
+            "note": note,
+            "axes": [one.as_dict() for one in found.objects],
+            "controller": found.controller.as_dict(),
+        })  # fmt: skip
         return 0
     console().print(note, markup=False)
-    for one in found:
+    for one in (*found.objects, found.controller):
         print(one.text())  # noqa: T201 - this is the answer
         print()  # noqa: T201
     return 0
 
 
-def _snapshot(bench: Any, axis: str) -> list[Any]:
+class _Snapshot(NamedTuple):
+    objects: list[Any]
+    controller: ControllerDiagnosis
+
+
+def _snapshot(bench: Any, axis: str) -> _Snapshot:
+    return _Snapshot(_of_objects(bench, axis), bench.controller.diagnosis())
+
+
+def _of_objects(bench: Any, axis: str) -> list[Any]:
+    encoders = list(bench.external_encoder_names)
+    if axis in encoders:
+        return [bench.external_encoder(axis).diagnosis()]
     names = [axis] if axis else list(bench.axis_names)
-    return [diagnose(bench.axis(name).object) for name in names]
+    found = [bench.axis(name).diagnosis() for name in names]
+    return found if axis else found + [bench.external_encoder(name).diagnosis() for name in encoders]
 
 
-def _of_bench(reference: str, after_s: float, axis: str) -> tuple[list[Any], str]:
+def _of_bench(reference: str, after_s: float, axis: str) -> tuple[_Snapshot, str]:
     bench_file = load_bench_file(reference or None)
     with bench_file.build(seed=0) as bench:
         bench.run_for(after_s)
         return _snapshot(bench, axis), f"{bench_file.name} at {bench.now_s:.3f} s"
 
 
-def _of_case(text: str, reference: str, at_s: float | None, axis: str) -> tuple[list[Any], str]:
+def _of_case(text: str, reference: str, at_s: float | None, axis: str) -> tuple[_Snapshot, str]:
     token = Token.decode(text)
     if token.program is not None:
         raise TokenError("the token of a fuzz program; hil diag repeats cases of campaigns")
@@ -61,7 +78,7 @@ def _of_case(text: str, reference: str, at_s: float | None, axis: str) -> tuple[
     if token.case not in campaign:
         raise TokenError(f"{token.campaign} has no case {token.case!r} any more")
     case = campaign[token.case]
-    taken: list[tuple[list[Any], float]] = []
+    taken: list[tuple[_Snapshot, float]] = []
     with bench_file.build(seed=token.seed) as bench:
 
         def take() -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 from fieldbus.can.frame import CanFrame
 from fieldbus.errors import ConfigurationError
 from hil.errors import UnsupportedFaultError
+from motion.call_log import CallLog
 
 if TYPE_CHECKING:
     from fieldbus.canopen.master import CanopenMaster
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
     from hil.bench.modbus_words import ModbusWords
     from hil.bench.words import BenchWords
     from motion.drives.profidrive_encoder import ProfidriveEncoderPort
-    from motion.runtime import AxisHandle, EncoderHandle
+    from motion.handles import AxisHandle, EncoderHandle
+    from motion.runtime import Runtime
 
 MASTER_NODE: Final = 127
 """Node-ID of the controller."""
@@ -28,6 +30,7 @@ class BenchParts:
     """Base of `Bench`, which fills the tables below while it is built; see there."""
 
     config: BenchConfig
+    runtime: Runtime
     _segments: dict[str, Any]
     _masters: dict[str, CanopenMaster]
     _drives: dict[str, Any]
@@ -131,6 +134,13 @@ class BenchParts:
         """Return a segment by name, or the first one."""
         return self._part("segment", self._segments, name)
 
+    def record_calls(self) -> CallLog:
+        """Record the outputs of every instruction instance in every call from now on (MC-566).
+
+        `log.of(job)` are its calls: number, application cycle, time, outputs. Outputs of a single call are not missed.
+        """
+        return CallLog(self.runtime)
+
     def network(self, name: str | None = None) -> CanopenMaster:
         """Return the controller's CANopen services on a segment, by its name, or on the first one.
 
@@ -157,6 +167,11 @@ class BenchParts:
     def axis_names(self) -> tuple[str, ...]:
         """Names of the axes."""
         return tuple(self._axes)
+
+    @property
+    def external_encoder_names(self) -> tuple[str, ...]:
+        """Names of the external encoders (technology objects)."""
+        return tuple(self._external_encoders)
 
     @property
     def drive_names(self) -> tuple[str, ...]:

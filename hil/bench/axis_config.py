@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 from motion.axis.configuration import encoders_of_telegram
+from motion.compatibility import LEVELS
 
 if TYPE_CHECKING:
     from hil.bench._profidrive_encoder import Encoder2Section
@@ -47,9 +48,10 @@ def check_axis_encoders(name: str, axis: AxisSection, config: BenchConfig) -> No
         raise ValueError(f"{where}: a positioning axis needs an encoder")
     if len(set(encoders)) != len(encoders):
         raise ValueError(f"{where}: an encoder stands twice in {', '.join(encoders)}")
-    if len(encoders) > 1 and config.bench.cpu != "S7-1500T":
+    level = LEVELS[config.bench.cpu]
+    if len(encoders) > level.encoders:
         raise ValueError(
-            f'{where}: {len(encoders)} encoders need bench.cpu = "S7-1500T"; an {config.bench.cpu} has one per axis'
+            f'{where}: {len(encoders)} encoders need bench.cpu = "S7-1500T"; an {level.name} has one per axis'
         )
     for one in encoders:
         if one == axis.drive:
@@ -148,7 +150,9 @@ def from_encoder(encoder: EncoderSection, prefix: str) -> dict[str, Any]:
         form = encoder_format(encoder, own.fine_xist1_bits, own.fine_xist2_bits)
         values[f"{prefix}.Parameter.FineResolutionXist1"] = form.shift_xist1
         values[f"{prefix}.Parameter.FineResolutionXist2"] = form.shift_xist2
-        if not encoder.linear:
+        if encoder.linear:
+            values[f"{prefix}.Parameter.ReferenceVelocity"] = own.reference_speed * 0.06  # m/min, there mm/s
+        else:
             values[f"{prefix}.Parameter.ReferenceSpeed"] = own.reference_speed
     if encoder.linear:
         values[f"{prefix}.System"] = 0

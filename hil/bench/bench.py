@@ -24,6 +24,7 @@ from hil.bench._load import LOAD_COLUMNS, LoadMeter
 from hil.bench._parts import MASTER_NODE, BenchParts
 from hil.bench._ports import build_can_port, build_modbus_port
 from hil.bench._startup import BOOT_TIMEOUT_NS, BenchNotReadyError, commission, missing
+from hil.bench._supply import ControllerBuses
 from hil.bench.axis_config import (
     encoders_of_axis,
     from_drive,
@@ -34,8 +35,10 @@ from hil.bench.axis_config import (
 from hil.bench.config import BenchConfig
 from hil.bench.io_devices import axis_inputs, build_analog_port, wired_variables
 from hil.record import Recorder, Trace
-from motion.axis import ExternalEncoder, PositioningAxis, SpeedAxis, TechnologyAxis
-from motion.runtime import AxisHandle, EncoderHandle, Runtime
+from motion.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis, TechnologyAxis
+from motion.drives.port import SWITCHES
+from motion.handles import AxisHandle, EncoderHandle
+from motion.runtime import Runtime
 
 if TYPE_CHECKING:
     from hil.bench._ports import Port
@@ -44,9 +47,11 @@ if TYPE_CHECKING:
     from hil.bench.remote import RemoteDrives
     from hil.bench.telegram_master import TelegramMaster
     from hil.bench.words import BenchWords
+    from motion.controller import Controller
     from motion.drives.encoder import EncoderPort
     from motion.drives.station import StationLink
 
+_AXES: Final = {"positioning": PositioningAxis, "speed": SpeedAxis, "synchronous": SynchronousAxis}
 _SAMPLE_PRIORITY: Final = 100
 _GC_THRESHOLD: Final = 100_000
 _LINK_TIMEOUT_NS: Final = 5 * S
@@ -76,10 +81,17 @@ class Bench(BenchParts):
         self.seed = seed
         self.kind = config.bench.kind
         self.cycle_ns = config.bench.cycle_ms * MS
+        self.interpolator_ns = (config.bench.interpolator_ms or config.bench.cycle_ms) * MS
         self.scheduler: Scheduler = VirtualScheduler() if self.kind == "virtual" else RealtimeScheduler()
         self.history = History(self.scheduler)
         self.recorder = Recorder(self.history, self.scheduler)
-        self.runtime = Runtime(self.scheduler, cycle_ns=self.cycle_ns, history=self.history)
+        self.runtime = Runtime(
+            self.scheduler,
+            cycle_ns=self.cycle_ns,
+            interpolator_ns=self.interpolator_ns,
+            history=self.history,
+            program_cycles=config.bench.program_cycles,
+        )
         self._segments: dict[str, Any] = {}
         self._masters: dict[str, CanopenMaster] = {}
         self._drives: dict[str, Any] = {}
@@ -277,7 +289,7 @@ class Bench(BenchParts):
 
     def _build_axis(self, name: str, section: Any) -> None:
         port = self._build_port(section.drive)
-        kind = PositioningAxis if section.type == "positioning" else SpeedAxis
+        kind = _AXES[section.type]
         drive = self.config.drive[section.drive]
         variables = from_drive(drive)
         encoders: list[EncoderPort | Port] | None = None
@@ -301,16 +313,22 @@ class Bench(BenchParts):
             port.connect_block()  # type: ignore[union-attr]  # checked with the bench file
         variables |= {**wired_variables(self.config, name), **section.variables}
         axis: TechnologyAxis = kind(
-            name, port, cycle_ns=self.cycle_ns, variables=variables, delay_s=port.delay_ns / S,
+            name, port, cycle_ns=self.cycle_ns, interpolator_ns=self.interpolator_ns, variables=variables, delay_s=port.delay_ns / S,
             history=self.history, encoders=encoders, connection=section.connection, cpu=self.config.bench.cpu,
+            ramp_times=section.ramp_times,
         )  # fmt: skip
         axis.station_inputs = axis_inputs(self.config, name, self._links)
+        axis.homing_input = SWITCHES[section.homing_input]
+        axis.enabling.timeout_s = section.enable_timeout_s
         self.runtime.add(axis)
         self._ports[section.drive] = port
         self._axes[name] = AxisHandle(self.runtime, axis)
         group = self.recorder.add_group(name, axis.trace_columns, axis.trace_row, enums=axis.trace_enums)
         self.runtime.after_cycle.append(group.sample)
-        read = axis.variables.read
+
+        def read(path: str) -> float:
+            return float(axis.variables.bind(path).value)
+
         constants = {
             "cycle_s": self.cycle_ns / S,
             "max_velocity": read("DynamicLimits.MaxVelocity"),
@@ -385,14 +403,9 @@ class Bench(BenchParts):
             for device in (*self._drives.values(), *self._encoders.values(), *self._devices.values()):
                 device.power_on()
         commission(self.scheduler, self._ports.values(), self._encoder_nodes)
-        led = [self.config.drive[section.drive] for section in self.config.axis.values()]
-        for name, master in self._masters.items():
-            # Where there is no axis the controller is somebody else: the bench listens, and talks only as a fault.
-            heartbeats = [drive.heartbeat_ms for drive in led if drive.segment == name]
-            if self.config.leads(name):
-                master.start_sync(self.cycle_ns, 0)
-            if any(heartbeats):
-                master.produce_heartbeat(min(filter(None, heartbeats)) * MS)
+        buses = ControllerBuses(self.config, self._masters, self._ports, self._links, cycle_ns=self.cycle_ns)
+        buses.connect(self.controller)
+        buses.lead()
         if self.config.bench.memory_card is not None:
             self.runtime.insert_card(Path(self.config.bench.memory_card))
         self.runtime.start()
@@ -413,6 +426,11 @@ class Bench(BenchParts):
             raise BenchNotReadyError(
                 f"no heartbeat in Operational from {', '.join(encoders.missing)} within {BOOT_TIMEOUT_NS // S} s"
             )
+
+    @property
+    def controller(self) -> Controller:
+        """The controller as a CPU: operating states, what it keeps, diagnostics buffer."""
+        return self.runtime.controller
 
     @property
     def lateness_s(self) -> float:

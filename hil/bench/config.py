@@ -50,12 +50,20 @@ class BenchSection(Section):
     name: str = Field(min_length=1)
     kind: Literal["virtual", "live"] = "virtual"
     cycle_ms: Annotated[int, Field(ge=1, le=255)] = 4
-    """Bus cycle, application cycle and SYNC period, ms."""
+    """Bus cycle, cycle of `MC_Servo` and SYNC period, ms."""
+    interpolator_ms: Annotated[int, Field(ge=1, le=255)] | None = None
+    """Cycle of `MC_Interpolator`, ms: a multiple of the bus cycle, at most 32 where it is another one; None = the same."""
+    servo_priority: Annotated[int, Field(ge=17, le=26)] = 26
+    """Priority of `MC_Servo` with the blocks of the user; above that of the interpolator."""
+    interpolator_priority: Annotated[int, Field(ge=16, le=25)] = 24
+    """Priority of `MC_Interpolator` with the block of the user."""
     servo_period_us: Annotated[int, Field(ge=50, le=5000)] = 250
     """Control cycle of the emulated drives, microseconds; a divisor of the bus cycle."""
 
-    cpu: Literal["S7-1500", "S7-1500T"] = "S7-1500T"
-    """Controller whose technology objects the axes are: the T has up to four encoders per axis and `MC_SetSensor`."""
+    cpu: Literal["S7-1500", "S7-1500T", "S7-1200 G2"] = "S7-1500T"
+    """Controller whose technology objects the axes are, with its instructions and their parameters (`motion.compatibility`)."""
+    program_cycles: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Application cycles from one call of the user program, so of every instruction instance, to the next."""
     grace_cycles: Annotated[int, Field(ge=1, le=1000)] = 3
     """Cycles without actual values after which an axis reports its drive as lost (alarm 431)."""
     memory_card: str | None = None
@@ -65,6 +73,15 @@ class BenchSection(Section):
     def _divides(self) -> BenchSection:
         if self.cycle_ms * 1000 % self.servo_period_us:
             raise ValueError("servo_period_us must divide the bus cycle")
+        if self.interpolator_ms not in (None, self.cycle_ms):
+            if self.interpolator_ms % self.cycle_ms:
+                raise ValueError(f"interpolator_ms must be a multiple of cycle_ms = {self.cycle_ms}")
+            if self.interpolator_ms > 32:
+                raise ValueError("interpolator_ms must be 32 at most, where it is not cycle_ms")
+        if self.servo_priority <= self.interpolator_priority:
+            raise ValueError(
+                f"servo_priority must be above interpolator_priority = {self.interpolator_priority}"
+            )
         return self
 
 
@@ -84,14 +101,20 @@ class ToleranceSection(Section):
 class AxisSection(Section):
     """`[axis.NAME]`: a technology object."""
 
-    type: Literal["positioning", "speed"] = "positioning"
+    type: Literal["positioning", "speed", "synchronous"] = "positioning"
     drive: str
     inputs: str | None = None
     """Station to which the switches of the drive are wired that count for this axis; None = those at the drive."""
+    homing_input: Literal["home", "negative_limit", "positive_limit"] = "home"
+    """Switch that is reference cam or homing mark (`DigitalInputAddress`)."""
     encoders: tuple[str, ...] | None = Field(default=None, max_length=4)
     """Where `Sensor[1]`, `Sensor[2]`, ... come from: the name of the drive for its own encoder, or encoders; None: the drive."""
     connection: Literal["direct", "data_block"] = "direct"
     """`data_block`: a program of the test stands between telegram and axis."""
+    enable_timeout_s: float | None = Field(default=None, gt=0.0, le=3600.0)
+    """Longest time in which the drive has to come into operation, s; None = no limit."""
+    ramp_times: dict[str, float] = {}
+    """Ramps as times in s, in place of the accelerations that follow from them."""
     variables: dict[str, bool | int | float] = {}
     """Start values by their original path; checked against the variable table when the bench is built."""
 

@@ -58,9 +58,7 @@ class SwitchSection(Section):
             low, high = getattr(self, f"{name}_from_mm"), getattr(self, f"{name}_to_mm")
             if low is not None and high is not None and not low < high:
                 raise ValueError(f"{name}_from_mm: {low:g} is not below {name}_to_mm: {high:g}")
-        if "home_mm" in self.model_fields_set and (
-            self.home_from_mm is not None or self.home_to_mm is not None
-        ):
+        if self.differs("home_mm") and (self.home_from_mm is not None or self.home_to_mm is not None):
             raise ValueError("home_mm goes without home_from_mm and home_to_mm")
         return self
 
@@ -151,6 +149,8 @@ class DriveSection(Section):
     rated_torque_nm: Annotated[float, Field(ge=0.001, le=1_000_000.0)] = 2.0
     velocity_time_constant_ms: Annotated[float, Field(gt=0.0, le=1000.0)] = 2.0
     """Time constant of the emulated drive's closed speed loop, ms; at least three servo periods."""
+    torque_precontrol: bool = True
+    """Whether the emulated drive pre-controls the torque of its inertia; without, its speed loop is a first-order lag."""
     sync_loss: Literal["fault", "warning", "none"] = "fault"
     """What the emulated drive does when SYNC stays away."""
     sync_jitter_percent: Annotated[float, Field(ge=0.0, le=50.0)] = 0.0

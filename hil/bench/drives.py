@@ -97,6 +97,7 @@ def _machine(section: DriveSection) -> dict[str, Any]:
         "tuning": ServoTuning(
             velocity_time_constant_s=section.velocity_time_constant_ms / 1000.0,
             velocity_integral_time_s=section.velocity_time_constant_ms / 100.0,
+            torque_feedforward=section.torque_precontrol,
         ),
         "mechanics": LinearAxisConfig(
             lead_screw_m=mechanics.lead_screw_mm / 1000.0,

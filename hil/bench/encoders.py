@@ -283,7 +283,7 @@ def _port(
         sign_of_life=own.sign_of_life,
         grace_cycles=config.bench.grace_cycles,
         absolute_encoder=not section.type.startswith("incremental"),
-        reference_speed_rpm=None if section.linear else own.reference_speed,
+        reference_speed=own.reference_speed * (0.06 if section.linear else 1.0),
         acknowledges_errors=setup.name in used_encoders(config),
     )
     return ProfidriveEncoderPort(master, setup, words, history=history)

@@ -33,7 +33,7 @@ _WITHOUT_ANALOG: Final = (
 )  # fmt: skip
 _WITHOUT_PTO: Final = (
     "telegram", "unit", "map", "host", "port", "processing_ms", "personality", "encoder", "index_increments",
-    "velocity_time_constant_ms", "sync_loss", "sync_jitter_percent", "missing_setpoints", "following_error",
+    "velocity_time_constant_ms", "torque_precontrol", "sync_loss", "sync_jitter_percent", "missing_setpoints", "following_error",
     "csv_interpolation", "power_on_delay_ms", "blocked_time_ms", "eds", "storage", "store_parameters", "homing", "brake",
     "supply", "thermal", "safety", "profidrive", "analog", "encoder2", "positioner",
 )  # fmt: skip
@@ -244,7 +244,7 @@ def _check_axes(config: BenchConfig) -> None:
                         f"{where}.variables: {path} has to be {str(needed).lower()} at an encoder-signal output "
                         f"({axis.drive!r}, CFG-413, CFG-414)"
                     )
-        if drive.profile == "analog" and axis.type == "positioning":
+        if drive.profile == "analog" and axis.type != "speed":
             station = config.station[station_of(config, axis.drive) or ""]
             if f"{axis.drive}.encoder" not in station.counters:
                 raise ValueError(

@@ -286,6 +286,7 @@ def wired_variables(config: BenchConfig, axis: str) -> dict[str, Any]:
         return {}
     station = config.station[station_of(config, section.drive) or ""]
     return {
+        "Actor.Type": 0,
         "Actor.Interface.EnableDriveOutput": station.wire("digital_outputs", f"{section.drive}.enable")
         is not None,
         "Actor.Interface.DriveReadyInput": station.wire("digital_inputs", f"{section.drive}.ready")

@@ -67,6 +67,7 @@ def _state_text(entry: Event) -> str:
 
 _TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
     "alarm.raised": ("observe", _alarm_text),
+    "alarm.gone": ("observe", lambda entry: f"The cause of alarm {entry.data.get('number')} of {entry.source} is gone"),
     "alarm.cleared": ("observe", lambda entry: f"Alarm {entry.data.get('number')} of {entry.source} cleared"),
     "axis.state": ("observe", _state_text),
     "drive.state": ("observe", _state_text),
@@ -115,7 +116,7 @@ def build_story(trace: Trace, told: Iterable[Step], checks: Iterable[Check]) -> 
 
 
 def build_alarms(trace: Trace) -> list[AlarmRecord]:
-    """Return all alarms with the time at which they were cleared."""
+    """Return all alarms with the times at which their cause went and at which they were cleared."""
     records: list[AlarmRecord] = []
     pending: dict[tuple[str, Any], AlarmRecord] = {}
     for entry in trace.select(kind="alarm."):
@@ -127,6 +128,8 @@ def build_alarms(trace: Trace) -> list[AlarmRecord]:
             )  # fmt: skip
             records.append(record)
             pending[key] = record
+        elif entry.kind == "alarm.gone" and key in pending:
+            pending[key].gone_s = entry.time_ns * 1e-9
         elif entry.kind == "alarm.cleared" and key in pending:
             pending.pop(key).cleared_s = entry.time_ns * 1e-9
     return records

@@ -189,7 +189,8 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
     """The velocity setpoint changes no faster than the greatest configured (de)celeration (STP-239, STP-244).
 
     Needs the constants `<axis>.max_acceleration`, `<axis>.max_deceleration` and `<axis>.emergency_deceleration`. At a
-    change of the axis state the generator may start anew from actual values, so the samples around it are not judged.
+    change of the axis state the generator may start anew from actual values, so the samples around it are not judged;
+    nor are setpoints that the user program gives itself (MC-568).
     """
     checks = []
     for axis in trace.components_with("velocity_setpoint", "state", "status_word"):
@@ -210,7 +211,8 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
         step_s = np.maximum(np.diff(signal.time_s), trace.constants.get(f"{axis}.cycle_s", 0.0))
         bound = max(known) * step_s * 1.001 + 1e-6
         jump = np.abs(np.diff(signal.values))
-        judged = steady[1:] & steady[:-1] & _no_change(trace, axis, signal)
+        own = steady & ~_given(trace, axis)
+        judged = own[1:] & own[:-1] & _no_change(trace, axis, signal)
         broken = np.flatnonzero(judged & (jump > bound))
         worst = float((jump / step_s)[judged].max(initial=0.0))
         index = int(broken[0]) if len(broken) else None
@@ -232,6 +234,17 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
             )
         )
     return checks
+
+
+def _given(trace: Trace, axis: str) -> NDArray[np.bool_]:
+    """Return the samples in which the user program gives setpoints: StatusWord.X31, StatusWord2.X6 (MIN-013, MIN-014)."""
+    given = _bit(trace[f"{axis}.status_word"], 31)
+    name = f"{axis}.status_word2"
+    return given | _bit(trace[name], 6) if name in trace else given
+
+
+def _bit(word: Signal, number: int) -> NDArray[np.bool_]:
+    return np.asarray(word.values.astype(np.int64) >> number & 1, dtype=bool)
 
 
 def _no_change(trace: Trace, axis: str, signal: Signal) -> NDArray[np.bool_]:

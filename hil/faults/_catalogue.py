@@ -11,6 +11,7 @@ from hil.faults._can_catalogue import CAN_FAULTS
 from hil.faults._catalogue_drive import DRIVE_FAULTS
 from hil.faults._catalogue_machine import MACHINE_FAULTS, MOTOR_ENCODER_FAULTS
 from hil.faults._catalogue_safety import SAFETY_FAULTS
+from hil.faults._controller_catalogue import CONTROLLER_FAULTS
 from hil.faults._encoder_kinds import ANY_ENCODER, OWN_DEVICE, PROFIDRIVE_ENCODER
 from hil.faults._io_catalogue import IO_FAULTS
 from hil.faults._modbus_catalogue import MODBUS_FAULTS
@@ -109,6 +110,7 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
     *PROFIDRIVE_ENCODER,
     *OWN_DEVICE,
     *IO_FAULTS,
+    *CONTROLLER_FAULTS,
     FaultType(
         "axis.alarm", "The controller raises a technology alarm by itself", "axis", "alarm engine of the axis",
         (

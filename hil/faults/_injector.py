@@ -7,6 +7,7 @@ from typing import Any
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import HilError
 from hil.faults._actions import Action, alarm_action, drive_action, encoder_action
+from hil.faults._controller import controller_action
 from hil.faults._fault import COUNTED, Fault
 from hil.faults._frames import FrameAction, InjectAction
 from hil.faults._io import io_action
@@ -63,6 +64,8 @@ class ArmedFault:
             return modbus_action(self._bench, self.fault, stream, self._ended, self._changed)
         if kind.startswith("io."):
             return io_action(self._bench, self.fault, stream)
+        if kind.startswith("controller."):
+            return controller_action(self._bench, self.fault)
         if kind == "axis.alarm":
             return alarm_action(self._bench, self.fault)
         if kind.startswith("encoder."):

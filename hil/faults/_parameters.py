@@ -100,7 +100,7 @@ class FaultType:
 
     name: str
     summary: str
-    target: Literal["segment", "drive", "axis", "switch", "mechanics", "encoder", "station"]
+    target: Literal["segment", "drive", "axis", "switch", "mechanics", "encoder", "station", "controller"]
     """What kind of thing is broken; switch, mechanics and encoder are addressed by the name of their drive, an
     encoder with a node of its own by its own."""
     seam: str

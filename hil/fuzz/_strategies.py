@@ -104,6 +104,9 @@ def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
         "encoder.jump": st.fixed_dictionaries(
             {"increments": st.integers(-20, 20).map(lambda number: number * 1000)}
         ),
+        "controller.overrun": st.fixed_dictionaries(
+            {"level": st.sampled_from(["servo", "interpolator"]), "time_ms": _grid(1, 20, 0.5)}
+        ),
         "axis.alarm": st.sampled_from(_ALARMS).map(lambda pair: {"number": pair[0], "reaction": pair[1]}),
     }
     return known.get(kind, st.just({}))

@@ -72,6 +72,14 @@ class Signal(ReportSignal):
             times.append(start + share * (float(self.time_s[index + 1]) - start))
         return times
 
+    def changes(self) -> list[tuple[float, float]]:
+        """Return time and new value of every change, the first sample included: the change log of a word (DIA-111)."""
+        values = self.values
+        if len(values) == 0:
+            return []
+        places = [0, *(int(index) + 1 for index in np.flatnonzero(values[1:] != values[:-1]))]
+        return [(float(self.time_s[place]), float(values[place])) for place in places]
+
     def first_crossing(
         self, value: float, direction: Direction = "any", *, after_s: float = 0.0
     ) -> float | None:

@@ -76,7 +76,8 @@ class AlarmEngine:
     Args:
         name: Source of history events.
         object_type: Type of the technology object; it decides which alarms are possible and the reaction shown.
-        history: Log for `alarm.raised`, `alarm.acknowledged` and `alarm.cleared`.
+        history: Log for `alarm.raised`, `alarm.gone` (a cause held by `set_cause` has ended, the alarm is still pending),
+            `alarm.acknowledged` and `alarm.cleared`.
         on_alarm: Called with every new alarm, and with a pending one whose reaction became stronger.
 
     """
@@ -212,6 +213,8 @@ class AlarmEngine:
         if not active:
             if number in self._causes:
                 del self._causes[number]
+                if self._history is not None and number in self._pending:
+                    self._history.emit(self._name, "alarm.gone", number=number)
             return
         if number in self._causes and number in self._pending:
             return
@@ -241,6 +244,11 @@ class AlarmEngine:
     def restart(self) -> tuple[int, ...]:
         """Clear all alarms (`MC_Reset` with `Restart` = TRUE; STP-079); returns an empty tuple, as `acknowledge`."""
         return self._clear(list(self._pending))
+
+    def power_down(self) -> None:
+        """Forget all alarms and what caused them, as a controller without supply does."""
+        self._causes.clear()
+        self._clear(list(self._pending))
 
     def _clear(self, numbers: list[int]) -> tuple[int, ...]:
         history = self._history

@@ -1,7 +1,14 @@
-"""Technology objects: positioning axis, speed axis, external encoder."""
+"""Technology objects: speed axis, positioning axis, synchronous axis, external encoder."""
 
-from motion.axis.axis import PositioningAxis, SpeedAxis, TechnologyAxis
+from motion.axis.axis import PositioningAxis, SpeedAxis, SynchronousAxis, TechnologyAxis
 from motion.axis.external_encoder import ExternalEncoder
 from motion.axis.state import AxisState
 
-__all__ = ["AxisState", "ExternalEncoder", "PositioningAxis", "SpeedAxis", "TechnologyAxis"]
+__all__ = [
+    "AxisState",
+    "ExternalEncoder",
+    "PositioningAxis",
+    "SpeedAxis",
+    "SynchronousAxis",
+    "TechnologyAxis",
+]

@@ -9,10 +9,10 @@ axis cannot be enabled before.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import isfinite
+from math import isfinite, nan, tau
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
-from motion.axis.units import millimetres
+from motion.units import millimetres
 
 if TYPE_CHECKING:
     from fieldbus.history import History
@@ -41,6 +41,8 @@ MOTOR: Final = 108
 REFERENCE_SPEED: Final = 2000
 MAXIMUM_SPEED: Final = 1082
 REFERENCE_TORQUE: Final = 2003
+MOTOR_INERTIA: Final = 341
+LOAD_INERTIA: Final = 1498
 ENCODER_FORMAT: Final = 979
 _ENCODER_ELEMENTS: Final = 10
 
@@ -67,7 +69,7 @@ class AlarmSink(Protocol):
 
 
 class Read(NamedTuple):
-    """A parameter to be read, and the number of the cause in the alarm if that fails (TA-013)."""
+    """A parameter to be read, and the number of the cause in the alarm if that fails (TA-013); 0 = the transfer goes on without it."""
 
     number: int
     element: int
@@ -88,6 +90,10 @@ _DRIVE_READS: Final = (
     Read(TELEGRAM, 0, 9), Read(MOTOR, 0, 8), Read(REFERENCE_SPEED, 0, 6), Read(MAXIMUM_SPEED, 0, 2),
     Read(REFERENCE_TORQUE, 0, 7),
 )  # fmt: skip
+
+
+_INERTIA_READS: Final = (Read(MOTOR_INERTIA, 0, 0), Read(LOAD_INERTIA, 0, 0))
+"""Of a drive with dynamic servo control (CFG-580)."""
 
 
 def _encoder_reads(interface: int) -> tuple[Read, ...]:
@@ -154,6 +160,8 @@ class _Transfer:
             def answer(value: float | None, reason: str) -> None:
                 if age != self._age or self.state != IN_ADAPTION:
                     return  # the answer to a question of before
+                if value is None and read.cause == 0:
+                    value = nan
                 if value is None:
                     on_end(self, None, f"{read}: {reason}", read.cause)
                     return
@@ -226,10 +234,11 @@ class Adaption:
         """Whether nothing stands against enabling: everything that is selected is transferred (CFG-353, CFG-354)."""
         parts = []
         if drive is not None:
+            dsc = store.object_type != "SpeedAxis" and store.read("PositionControl.EnableDSC")
             parts.append(
                 _Transfer(
                     store, drive, prefix="Actor", state_path="StatusDrive.AdaptionState", alarm=ALARM_DRIVE_TRANSFER,
-                    reads=_DRIVE_READS, name=name, history=history,
+                    reads=(*_DRIVE_READS, *_INERTIA_READS) if dsc else _DRIVE_READS, name=name, history=history,
                 )
             )  # fmt: skip
         for number, encoder in enumerate(encoders, start=1):
@@ -299,8 +308,8 @@ class Adaption:
         except InvalidValueError as error:
             self._fail(part, str(error), part.reads[-1].cause)
             return
-        read = self._store.read
-        changed = {path: value for path, value in changes.items() if read(path) != value}
+        bind = self._store.bind
+        changed = {path: value for path, value in changes.items() if bind(path).value != value}
         before = self._done_once.get(part.prefix)
         self._done_once[part.prefix] = tuple(changes.values())
         if changed:
@@ -321,7 +330,7 @@ class Adaption:
         self._alarms.raise_alarm(part.alarm, info=cause, text=reason)
 
     def _drive(self, part: _Transfer, values: list[float]) -> dict[str, Any]:
-        telegram, motor, reference, maximum, torque = values
+        telegram, motor, reference, maximum, torque, *inertias = values
         if part.source.telegram_number and telegram != part.source.telegram_number:
             self._alarms.raise_alarm(
                 ALARM_DRIVE_DIFFERS,
@@ -345,6 +354,25 @@ class Adaption:
             place + name: float(value)
             for name, value in zip(names, (reference, maximum, torque), strict=True)
         }
+        if inertias:
+            changes |= self._inertias(*inertias, linear=linear)
+        return changes
+
+    def _inertias(self, motor: float, load: float, *, linear: bool) -> dict[str, Any]:
+        """Return the inertias of the drive, p0341 and p1498, the second one as it is at the load (CFG-575 to CFG-577, CFG-581)."""
+        read = self._store.read
+        changes: dict[str, Any] = {}
+        if motor >= 0.0:
+            place = "LinearMotorDriveParameter.MotorMass" if linear else "DriveParameter.MotorInertia"
+            changes[f"Actor.{place}"] = motor
+        if load >= 0.0:
+            if not linear:
+                load *= (read("LoadGear.Numerator") / read("LoadGear.Denominator")) ** 2
+                if read("Properties.MotionType") == 0:
+                    load *= (
+                        tau * 1e3 / read("Mechanics.LeadScrew") / millimetres(read("Units.LengthUnit"))
+                    ) ** 2
+            changes["Actor.LoadInertia"] = load
         return changes
 
     def _encoder(self, part: _Transfer, values: list[float]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING, ClassVar, Final, cast
 
 from motion.axis.adaption import Adaption
@@ -12,33 +13,42 @@ from motion.axis.configuration import (
     Problem,
     check_configuration,
     check_telegrams,
+    doubts,
     setpoint_range,
 )
 from motion.axis.control import PositionController
 from motion.axis.feedback import NO_FEEDBACK, EncoderSource, Feedback
+from motion.axis.leading_value import LeadingValue
 from motion.axis.limits import TravelLimits
 from motion.axis.mechanics import INCREMENTAL, MOTOR_SIDE, Mechanics
 from motion.axis.modulo import NO_MODULO, Modulo
 from motion.axis.monitoring import Monitoring
+from motion.axis.setpoint_filter import DynamicFilter
 from motion.axis.simulation import SimulatedController, SimulatedFeedback, SimulatedPort, VirtualController
 from motion.axis.torque import TorqueControl
+from motion.drives.encoder import EncoderPort
 
 if TYPE_CHECKING:
     from fieldbus.history import History
     from motion.axis.axis import TechnologyAxis
     from motion.axis.control_words import ControlWords
     from motion.axis.reactions import AxisAlarms
-    from motion.drives.encoder import EncoderPort
     from motion.drives.port import DrivePort
     from motion.variables import VariableStore
 
 ALARM_ADJUSTED: Final = 110
+_STANDS: Final = 1e-6
+"""Axis units per second that are none, whatever the standstill threshold is."""
+ALARM_VELOCITY_UNREACHABLE: Final = 551
+_ROUNDING: Final = 1.0 + 1e-9
 
 
 class AxisAssembly:
     """Base of `TechnologyAxis`, which fills in what is declared here; see there."""
 
     object_type: ClassVar[str] = ""
+    kinds: ClassVar[tuple[str, ...]] = ()
+    """Types of technology objects as which instructions take it: its own, and the one whose functions it contains."""
     has_position: ClassVar[bool] = False
 
     name: str
@@ -50,6 +60,7 @@ class AxisAssembly:
     connection: str
     cpu: str
     cycle_s: float
+    interpolator_s: float
     alarms: AxisAlarms
     control_words: ControlWords
     sensors: tuple[Feedback, ...]
@@ -60,6 +71,9 @@ class AxisAssembly:
     virtual: bool
     homed: bool
     adaption: Adaption | None
+    leading_value: LeadingValue
+    """What followers get, of an axis with position."""
+    _leading: LeadingValue | None
     _direct_delay_s: float
 
     @property
@@ -118,6 +132,9 @@ class AxisAssembly:
         )  # fmt: skip
         self.adaption = adaption
         self._adapting = adaption if adaption.active else None
+        if self.history is not None:
+            for doubt in doubts(store):
+                self.history.emit(self.name, "axis.doubt", text=str(doubt))
 
     def derive(self, *, restart: bool = False, powered_off: bool = False) -> None:
         """Derive ratios, limits and encoders from the variables in force.
@@ -125,14 +142,24 @@ class AxisAssembly:
         Without a `restart` an encoder whose data have not changed goes on as it is.
         """
         store = self.variables
-        self.mechanics = mechanics = Mechanics(store)
+        apart = [isinstance(one, EncoderPort) and one.interface_number == 1 for one in self.encoder_ports]
+        self.mechanics = mechanics = Mechanics(store, apart=apart)
         limits = setpoint_range(store)
         self._max_speed = limits.maximum
         if limits.adjusted:
             self.alarms.raise_alarm(ALARM_ADJUSTED, info=1, text=limits.adjusted)
+        wanted = store.bind("DynamicLimits.MaxVelocity").value * abs(mechanics.rpm_per_unit)
+        if not self.simulated and wanted > limits.maximum * _ROUNDING:
+            self.alarms.raise_alarm(
+                ALARM_VELOCITY_UNREACHABLE,
+                text=f"DynamicLimits.MaxVelocity needs {wanted:g}, the drive has {limits.maximum:g}",
+            )
         self.modulo = NO_MODULO
         if self.simulated:
             self.port = port = SimulatedPort(self.cycle_s, mechanics.rpm_per_unit)
+            # Jobs about torque are accepted as with the drive, though it gets nothing (STP-159).
+            port.has_torque_data = self.drive_port.has_torque_data
+            port.has_torque_reduction = self.drive_port.has_torque_reduction
         else:
             self.port = self.drive_port
             self.port.set_reference(limits.reference, limits.torque)
@@ -141,7 +168,11 @@ class AxisAssembly:
         if not self.has_position:
             self.feedback = NO_FEEDBACK
             return
-        self.modulo = Modulo(store)
+        self.modulo = modulo = Modulo(store)
+        # Followers need two servo cycles per modulo range (STP-113).
+        self._axis.motion.leading_limit = (
+            modulo.length / (2.0 * self.cycle_s) if modulo.enabled and self._gives_leading_value() else inf
+        )
         before = self.sensors or (None,) * 4
         offsets = [
             store.bind(f"{one.prefix.replace('Sensor', 'StatusSensor')}.AbsEncoderOffset")
@@ -155,10 +186,12 @@ class AxisAssembly:
             port.feedbacks = feedbacks
             self.sensors = feedbacks
         else:
-            sensors = []
+            sensors: list[Feedback] = []
             for source, scale, cell, old in zip(
                 self.encoder_ports, mechanics.sensors, offsets, before, strict=False
             ):
+                if isinstance(source, EncoderPort):
+                    source.set_reference(scale.reference)
                 if old is not None and not restart and old.scale == scale:
                     sensors.append(old)
                     continue
@@ -180,6 +213,17 @@ class AxisAssembly:
         )
         self._build_control()
         self.take_sensor(self.operative_sensor)
+        self.leading_value = LeadingValue(
+            store, cycle_s=self.interpolator_s, acquisition_s=self.acquisition_s, feedback=lambda: self.feedback,
+            setpoint=self._axis.motion.setpoint,
+        )  # fmt: skip
+        self._leading = self.leading_value.in_use()
+
+    def _gives_leading_value(self) -> bool:
+        """Return whether the axis may lead others: it is configured to put out its leading value."""
+        read = self.variables.read
+        output = "CrossPlcSynchronousOperation.Interface[{}].EnableLeadingValueOutput"
+        return any(read(output.format(number)) for number in range(1, 33))
 
     def _delay(self) -> float:
         """Return T_i + T_o + T_DC + T_servo, s: of a direct connection as it is, of a data block as it is told (CFG-263)."""
@@ -191,17 +235,34 @@ class AxisAssembly:
             )
         return self._direct_delay_s
 
+    @property
+    def acquisition_s(self) -> float:
+        """T_i, how old an actual value is when the axis takes it, s; of a direct connection half of what is not T_servo."""
+        if self.connection == "data_block" and not self.simulated:
+            return float(self.variables.parameter(1010).value)
+        return max(0.0, 0.5 * (self.delay_s - self.cycle_s))
+
+    def setpoint_execution_s(self) -> float:
+        """`StatusPositioning.SetpointExecutionTime`: T_ipo, T_vtc or 1 / Kv, T_o and T_DC, s (VAR-115, SYN-063)."""
+        read = self.variables.bind
+        if read("PositionControl.Kpc").value > 0.0:
+            lag = read("DynamicAxisModel.VelocityTimeConstant").value
+        else:
+            lag = 1.0 / read("PositionControl.Kv").value
+        return float(self.interpolator_s + self.delay_s - self.cycle_s - self.acquisition_s + lag)
+
     def _build_control(self) -> None:
         """Make controller, monitoring and limits."""
         store = self.variables
         bind = store.bind
         self._dsc = store.read("PositionControl.EnableDSC") and not self.simulated
         self.controller: PositionController | VirtualController
+        dynamic_filter = DynamicFilter.of(store, self.cycle_s, precontrol=self.torque.precontrols)
         if isinstance(self.port, SimulatedPort):
             self.controller = (
-                VirtualController(self.port)
+                VirtualController(self.port, dynamic_filter)
                 if self.virtual
-                else SimulatedController(self.port, store, self.cycle_s)
+                else SimulatedController(self.port, store, self.cycle_s, dynamic_filter)
             )
         else:
             self.controller = PositionController(
@@ -212,10 +273,16 @@ class AxisAssembly:
                 smoothing=bind("PositionControl.SmoothingTimeByChangeDifference"),
                 cycle_s=self.cycle_s,
                 delay_s=self.delay_s,
+                dynamic_filter=dynamic_filter,
             )
-        self.monitoring = Monitoring(self._axis, self.cycle_s)
+        self.monitoring = Monitoring(self._axis, self.interpolator_s)
         self.limits = TravelLimits(self._axis)
         self._rest_threshold = bind("StandstillSignal.VelocityThreshold")
+
+    @property
+    def rest_velocity(self) -> float:
+        """Velocity up to which the axis counts as standing, axis unit per second."""
+        return max(float(self._rest_threshold.value), _STANDS)
 
     def take_sensor(self, number: int) -> None:
         """Control the position with encoder `number` from now on."""

@@ -7,47 +7,53 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from fieldbus.errors import ConfigurationError
 from motion.axis.adaption import Adaption
-from motion.axis.assembly import AxisAssembly
 from motion.axis.backlash import Backlash
 from motion.axis.configuration import derive_units
 from motion.axis.control_words import ControlWords
-from motion.axis.data_block import live_variables, unit_names
+from motion.axis.data_block import frozen, live_variables, unit_names
 from motion.axis.enabling import EnableControl
 from motion.axis.feedback import VALID, EncoderSource, Feedback
-from motion.axis.homing import home_directly
+from motion.axis.fine import FineInterpolation
+from motion.axis.homing import ActiveHoming, PassiveHoming, home_directly, shift_axis
+from motion.axis.jobs import ERROR_ALARM
+from motion.axis.mechanics import INCREMENTAL
 from motion.axis.motion import MotionControl
+from motion.axis.ramp_times import RampTimes
 from motion.axis.reactions import AxisAlarms
-from motion.axis.reset import Reset
+from motion.axis.reset import ALARM_RESTART_REFUSED, Reset
+from motion.axis.servo import ServoCycle
 from motion.axis.state import FACTS, AxisState
 from motion.axis.status import status_word, status_word2
-from motion.drives.port import STW1
+from motion.drives.port import INPUT_HOME
 from motion.variables import VariableStore
 
 if TYPE_CHECKING:
     from fieldbus.history import History
+    from motion.axis.superposition import Superposition
     from motion.drives.encoder import EncoderPort
     from motion.drives.port import DrivePort
-
-_AT_REST_RPM: Final = 1.0
-"""Motor speed below which a speed axis counts as standing."""
+    from motion.setpoint import SetpointGenerator
 
 CONNECTIONS: Final = ("direct", "data_block")
 
 
-class TechnologyAxis(AxisAssembly):
+class TechnologyAxis(ServoCycle):
     """Base of positioning and speed axis.
 
     Args:
         name: Name in history and trace.
         port: Coupling to the drive.
-        cycle_ns: Application cycle, ns.
+        cycle_ns: Cycle of `MC_Servo`, ns.
+        interpolator_ns: Cycle of `MC_Interpolator`, ns, a multiple of that; None = the same.
         variables: Start values by their original path, for example `{"DynamicLimits.MaxVelocity": 500.0}`.
         history: Event log, or None.
         delay_s: Time from a setpoint to the actual value that it makes, without the lag of the drive
             (`T_i + T_o + T_DC + T_servo`), s; default two cycles. With a data block the parameters 1010 to 1012 say it.
         encoders: Where the values of `Sensor[1]`, `Sensor[2]`, ... come from; None = of one encoder, that of the drive.
         connection: `direct`, or `data_block`: a user program stands between telegram and axis (CFG section 13).
-        cpu: `S7-1500T`, or `S7-1500`, which has one encoder per axis (CFG-177).
+        cpu: Controller that the object belongs to, one of `motion.compatibility.LEVELS`; it decides how many encoders an
+            axis has (CFG-177) and what instructions offer.
+        ramp_times: Ramps as times in s, in place of accelerations, by the names of `motion.axis.ramp_times.RAMPS`.
 
     Raises:
         ConfigurationError: A variable does not exist, its value is out of range, or values do not fit together.
@@ -86,12 +92,14 @@ class TechnologyAxis(AxisAssembly):
         port: DrivePort,
         *,
         cycle_ns: int,
+        interpolator_ns: int | None = None,
         variables: Mapping[str, Any] | None = None,
         history: History | None = None,
         delay_s: float | None = None,
         encoders: Sequence[EncoderPort | DrivePort] | None = None,
         connection: str = "direct",
         cpu: str = "S7-1500T",
+        ramp_times: Mapping[str, float] | None = None,
     ) -> None:
         if connection not in CONNECTIONS:
             raise ConfigurationError("connection", connection, ", ".join(CONNECTIONS))
@@ -106,6 +114,15 @@ class TechnologyAxis(AxisAssembly):
         self.history = history
         self.cycle_ns = cycle_ns
         self.cycle_s = cycle_ns * 1e-9
+        self.interpolator_ns = interpolator_ns or cycle_ns
+        self.interpolator_s = self.interpolator_ns * 1e-9
+        ratio, rest = divmod(self.interpolator_ns, cycle_ns)
+        if rest or ratio < 1:
+            raise ConfigurationError(
+                "interpolator_ns", self.interpolator_ns, f"a multiple of the servo cycle of {cycle_ns} ns"
+            )
+        self.fine = FineInterpolation(ratio, self.cycle_s) if ratio > 1 else None
+        """Points on the way between two setpoints of the interpolator; None: it runs in every servo cycle."""
         self._direct_delay_s = 2 * self.cycle_s if delay_s is None else delay_s
         start_values = derive_units(dict(variables or {}))
         self.variables = VariableStore(
@@ -117,9 +134,18 @@ class TechnologyAxis(AxisAssembly):
                     self.variables.preset(f"Sensor[{number}].Type", 1)
                 if f"Sensor[{number}].Interface.Number" not in start_values:
                     self.variables.preset(f"Sensor[{number}].Interface.Number", one.interface_number)
+        if ramp_times:
+            self.variables.on_start_value = RampTimes(self.variables, ramp_times, start_values).follow
+        torque_data = "Actor.Interface.EnableTorqueData"
+        if torque_data not in start_values:
+            self.variables.preset(torque_data, port.has_torque_data)
         self.state = AxisState.DISABLED
         self.facts = FACTS[AxisState.DISABLED]
         self.homed = False
+        self.homings: list[ActiveHoming | PassiveHoming] = []
+        """Active and passive homing under way (StatusWord.X11)."""
+        self.homing_input = INPUT_HOME
+        """Bit of the inputs that is reference cam or homing mark (`DigitalInputAddress`)."""
         self.communication_ok = False
         self.in_operation = False
         self.at_rest = True
@@ -132,8 +158,10 @@ class TechnologyAxis(AxisAssembly):
         self._status = False
         self._setpoint_due = False
         self._resets: list[Reset] = []
-        self.station_inputs: Callable[[DrivePort], object] | None = None
-        """Puts the switches that are wired to an I/O station into the inputs of the port, once per cycle."""
+        self.station_inputs: Callable[[DrivePort], bool] | None = None
+        """Puts the switches at an I/O station into the inputs of the port, once per cycle; returns whether it answers."""
+        self.master: object | None = None
+        """The control panel that has the axis; None = the user program (`StatusWord.X4`)."""
         self.power_owner: object | None = None
         """The `MC_Power` instance that rules this object (MC-160)."""
         self.alarms = AxisAlarms(self)
@@ -150,11 +178,12 @@ class TechnologyAxis(AxisAssembly):
         if problems:
             raise problems[0].error()
         self.simulated = self.virtual = False
+        self._leading = None
         self.encoder_apart: EncoderSource | None = None
         """The operative encoder, where it has a connection of its own."""
         self.adaption: Adaption | None = None
         self.apply_configuration()
-        self._live = live_variables(self)
+        self._live = self._readers = live_variables(self)
         if self.has_position:
             self.trace_columns = unit_names(self)
 
@@ -167,6 +196,10 @@ class TechnologyAxis(AxisAssembly):
             return
         self.state = state
         self.facts = FACTS[state]
+        if state is AxisState.RESTARTING:
+            self._live = frozen(self._readers)
+        elif old is AxisState.RESTARTING:
+            self._live = self._readers
         history = self.history
         if history is not None:
             history.emit(self.name, "axis.state", **{"from": old.name, "to": state.name})
@@ -187,116 +220,99 @@ class TechnologyAxis(AxisAssembly):
         self._resets.append(reset)
         return reset
 
+    def power_down(self) -> None:
+        """Lose what is not retentive; `apply_configuration` then begins anew."""
+        self._resets = []
+        self.enabling.power_down()
+        self.set_state(AxisState.DISABLED)
+        self.alarms.power_down()
+        self.motion.power_down()
+        self.communication_ok = self.in_operation = False
+        self.at_rest = True
+        self.actual_velocity = self.speed_output_rpm = 0.0
+        self.status_word = self.status_word2 = self.stw1_sent = 0
+
+    def forget_encoders(self) -> None:
+        """Forget what the encoders have counted, also the ranges that an absolute encoder has passed."""
+        self.sensors = ()
+
     @property
     def restart_refused(self) -> bool:
         """Whether a restart is not possible now, because the object is enabled (VAR-007)."""
         return self.facts.enabled or self.enabling.busy
 
+    def refuse_restart(self) -> None:
+        """Warn that a restart was asked for that is not possible now."""
+        self.alarms.raise_alarm(ALARM_RESTART_REFUSED)
+
     # -- cycle ------------------------------------------------------------------------------------------------
 
     def cycle(self) -> None:
         """Run one application cycle: inputs, monitoring, state, setpoint, control, outputs."""
-        self.variables.latch()
-        port = self.port
-        port.read()
-        if self.station_inputs is not None:
-            self.station_inputs(port)
-        for other in self._other_ports:
-            other.read()
-        if self._adapting is not None:
-            self._adapting.step()
-            port = self.port
+        self.read_inputs()
         self._setpoint_due = True
-        zsw1 = port.zsw1
-        self.communication_ok = port.link_ok and zsw1 & 0x0208 == 0x0200
-        self.in_operation = zsw1 & 0x0204 == 0x0204 and not zsw1 & 0x0008
         has_position = self.has_position
         feedback = self.feedback
-        if has_position:
-            for sensor in self.sensors:
-                sensor.update()
-            for backlash in self.backlashes:
-                if backlash.enabled.value or backlash.used:
-                    backlash.step()
-            self.actual_velocity = velocity = feedback.velocity
-            self.at_rest = -self._rest_threshold.value <= velocity <= self._rest_threshold.value
-            if feedback.lost_reference:
-                feedback.lost_reference = False
-                self.homed = False
-        else:
-            # Without a link the last value says nothing: it counts as 0, as the velocity of an encoder does.
-            rpm = port.actual_speed_rpm if port.link_ok else 0.0
-            self.actual_velocity = rpm / self.mechanics.rpm_per_unit
-            self.at_rest = -_AT_REST_RPM <= rpm <= _AT_REST_RPM
         enabling = self.enabling
         self.alarms.engine.update()
         enabling.supervise()
         if has_position:
             self.limits.check_hardware()
-        for reset in self._resets:
-            reset.step()
         if self._resets:
+            for reset in self._resets:
+                reset.step()
             self._resets = [reset for reset in self._resets if not reset.done]
         enabling.step()
+        for homing in self.homings[:] if self.homings else ():
+            homing.step()
         motion = self.motion
-        if self.facts.controlled and not enabling.switching_off:
+        fine = self.fine
+        if fine is not None and self.facts.controlled and not enabling.switching_off:
+            motion.finish_step()  # the servo has reached the end of the interval only now
+        facts = self.facts
+        if facts.controlled and not enabling.switching_off:
             if has_position and motion.position_controlled:
                 self.limits.check_software()
-            motion.step(self.cycle_s)
-            gen = motion.total
+            gen: SetpointGenerator | Superposition | FineInterpolation
+            if fine is None:
+                motion.step(self.cycle_s)
+                gen = motion.total
+            else:
+                start = motion.total.s, motion.total.v
+                motion.step(self.interpolator_s)
+                gen = fine.begin(start, motion.total, controlled=has_position and motion.position_controlled)
             self._setpoint_due = False
             if has_position:
-                controller = self.controller
                 if motion.position_controlled:
-                    output = controller.step(gen.s, gen.v, feedback.position)
-                    if self._dsc:
-                        # The drive closes the loop around what it has measured since (CFG-194).
-                        output = controller.precontrol
-                        port.control_position(
-                            (controller.balanced_position - feedback.position) / self.mechanics.increment,
-                            controller.gain,
-                        )
-                    if self.torque.detects:
-                        self.torque.step()
+                    output = self.close_loop(gen)
                     self.monitoring.step(controlled=True)
+                    if self.torque.detects:
+                        self.torque.step()  # behind the monitoring, which comes first where both are due (STP-163)
                 else:
-                    controller.follow(gen.s)
+                    self.controller.follow(gen.s if fine is None else feedback.position)
                     output = gen.v
+                    self.limits.check_actual(controlled=True)
                     self.monitoring.step(controlled=False)
             else:
                 output = gen.v
-            motion.finish_step()
-            if not FACTS[self.state].controlled or enabling.switching_off:
+            if fine is None:
+                motion.finish_step()
+            if not self.facts.controlled or enabling.switching_off:
                 output = 0.0
         else:
             output = 0.0
-            if not self.facts.controlled:
+            if not facts.controlled:
                 motion.gen.set_state(
                     feedback.position, 0.0
                 )  # follow-up: position tracks, speed setpoint zero (CTL-003)
             # Otherwise the drive is being switched off: the setpoint stays where its ramp has ended (STP-306).
             if has_position:
                 self.controller.follow(feedback.position)
+                self.limits.check_actual(controlled=False)
                 self.monitoring.step(controlled=False)
-        speed = output * self.mechanics.rpm_per_unit
-        limit = self._max_speed
-        if speed > limit:
-            speed = limit
-        elif speed < -limit:
-            speed = -limit
-        self.speed_output_rpm = speed
-        stw1 = enabling.stw1 | STW1.ACKNOWLEDGE if enabling.acknowledge_drive else enabling.stw1
-        words = self.control_words
-        if words.busy:
-            words.step()
-        if words.owned_stw1:
-            stw1 = stw1 & ~words.owned_stw1 | words.user_stw1
-        self.stw1_sent = stw1
-        torque = self.torque
-        if torque.additive is None:
-            port.write(stw1, speed)
-        else:
-            port.write(stw1, speed, torque.additive_output_nm)
+        self.write_outputs(output)
+        if self._leading is not None:
+            self._leading.step()
         self.status_word = status_word(self)
         self.status_word2 = status_word2(self)
         self._error_word_shown = self.alarms.engine.error_word
@@ -310,11 +326,16 @@ class TechnologyAxis(AxisAssembly):
         actual values and the setpoint of the same cycle it is one cycle less, because the setpoint still advances.
         """
         delay = self.delay_s - self.cycle_s if self._setpoint_due else self.delay_s
-        return delay + self.controller.precontrolled_lag_s if self.has_position else delay
+        if not self.has_position:
+            return delay
+        dynamic_filter = self.controller.filter
+        if dynamic_filter is not None:
+            delay += dynamic_filter.delay_s
+        return delay + self.controller.precontrolled_lag_s
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the values of `trace_columns` for the present cycle."""
-        gen = self.motion.total
+        gen = self.motion.total if self.fine is None or not self.facts.controlled else self.fine
         port = self.port
         engine = self.alarms.engine
         feedback = self.feedback
@@ -370,9 +391,10 @@ class TechnologyAxis(AxisAssembly):
 
 
 class SpeedAxis(TechnologyAxis):
-    """Speed axis: velocity unit rpm at the load, no position (`TO_SpeedAxis`)."""
+    """Speed axis: turns the load, has no position (`TO_SpeedAxis`)."""
 
     object_type = "SpeedAxis"
+    kinds: ClassVar[tuple[str, ...]] = ("SpeedAxis",)
     trace_columns = tuple(
         (name, {"mm": "", "mm/s": "rpm", "mm/s2": "rpm/s"}.get(unit, unit))
         for name, unit in TechnologyAxis.trace_columns
@@ -383,8 +405,46 @@ class PositioningAxis(TechnologyAxis):
     """Positioning axis (`TO_PositioningAxis`)."""
 
     object_type = "PositioningAxis"
+    kinds: ClassVar[tuple[str, ...]] = ("PositioningAxis",)
     has_position = True
 
-    def home(self, mode: int, position: float) -> None:
+    def home(self, mode: int, position: float, sensor: int = 0) -> None:
         """See `motion.axis.homing.home_directly`."""
-        home_directly(self, mode, position)
+        home_directly(self, mode, position, sensor)
+
+    @property
+    def incremental(self) -> bool:
+        """Whether the operative encoder is an incremental one."""
+        return self.feedback.scale.kind == INCREMENTAL
+
+    @staticmethod
+    def sensor_path(number: int) -> str:
+        """Return where the variables of an encoder begin."""
+        return f"Sensor[{number}]"
+
+    def homing_switch(self, path: str) -> bool:
+        """Return whether reference cam or homing input is active: its level is `path.SwitchLevel` (HOM-057, HOM-062)."""
+        level: bool = self.variables.read(f"{path}.SwitchLevel")
+        return (self.port.inputs & self.homing_input != 0) is level
+
+    def shift_setpoints(self, offset: float) -> None:
+        """Let setpoints, controller and limits follow a shift of the coordinate system."""
+        shift_axis(self, offset)
+        self.leading_value.shift(offset)
+
+    def ends_passive_homing(self) -> int | None:
+        """Return why passive homing cannot go on: an ErrorID, 0 = it is aborted, None = it can (OVR-115)."""
+        if self.alarms.blocking:
+            return ERROR_ALARM
+        return None if self.facts.enabled and not self.enabling.disabling else 0
+
+    def alarm(self, number: int) -> None:
+        """Raise a technology alarm."""
+        self.alarms.raise_alarm(number)
+
+
+class SynchronousAxis(PositioningAxis):
+    """Synchronous axis (`TO_SynchronousAxis`): does everything that a positioning axis does (CFG-015)."""
+
+    object_type = "SynchronousAxis"
+    kinds: ClassVar[tuple[str, ...]] = ("SynchronousAxis", "PositioningAxis")

@@ -2,13 +2,16 @@
 
 Axis position = motor position + offset; the offset is 0 after positive motion and the size of the backlash after negative
 motion. While the axis is position-controlled, a reversal of the setpoint moves the offset to its other end, and the control
-difference that this makes lets the motor pass the backlash. Otherwise the offset follows the motor: the position stays while
-the motor moves within the backlash.
+difference that this makes lets the motor pass the backlash. Otherwise, and while another encoder is in control, the offset follows
+the motor: the position stays while the motor moves within the backlash.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+
+from motion.axis.feedback import VALID
+from motion.axis.mechanics import INCREMENTAL
 
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
@@ -26,37 +29,52 @@ class Backlash:
     """
 
     __slots__ = (
-        "_armed", "_axis", "_base", "_direction", "_feedback", "_first", "_last", "_offset", "_rest", "_restarts", "_seen", "_size", "_velocity",
-        "enabled", "passing", "used",
+        "_armed", "_axis", "_base", "_direction", "_first", "_homing_direction", "_last", "_offset", "_rest", "_restarts", "_seen", "_size",
+        "_velocity", "_waits",
+        "enabled", "feedback", "passing", "used",
     )  # fmt: skip
 
     def __init__(self, axis: TechnologyAxis, feedback: Feedback, prefix: str) -> None:
         bind = axis.variables.bind
         self._axis = axis
-        self._feedback = feedback
+        self.feedback = feedback
         self.enabled = bind(f"{prefix}.Backlash.Enable")
         """Cell of `Backlash.Enable`."""
         self.used = False
         """It has been enabled, so that `step` has to notice its end."""
         self._size = bind(f"{prefix}.Backlash.Size")
         self._velocity = bind(f"{prefix}.Backlash.Velocity")
+        self._homing_direction = bind(f"{prefix}.Backlash.DirectionAbsoluteHoming")
         self._seen = (self.enabled.value, self._size.value)
         self.passing = False
         """`StatusWord2.X2`: the motor passes the backlash."""
         self._begin(feedback.travel)
+        self._waits = True
+        adjusted = axis.variables.read(f"Status{prefix}.Adjusted") == 1
+        if adjusted and feedback.scale.kind != INCREMENTAL:
+            self._assume_flank()
+
+    def _assume_flank(self) -> None:
+        """Take it that the flank is the one that was touched when the absolute encoder was adjusted (CFG-568)."""
+        self._armed = True
+        self._direction = 1.0 if self._homing_direction.value == 0 else -1.0
+        self._offset = 0.0 if self._direction > 0.0 else self._size.value
+        self._base = -self._offset
 
     def _begin(self, motor: float) -> None:
         """Wait until the whole backlash has been passed in one direction: before, nobody knows which flank is touched."""
         self._armed = False
         self._first = self._last = motor
         self._offset = self._base = self._rest = 0.0
-        self._restarts = self._feedback.source.encoder_restarts
+        self.feedback.compensation = 0.0
+        self._restarts = self.feedback.source.encoder_restarts
         self._direction = 0.0
         self.passing = False
+        self._waits = False
 
     def step(self) -> None:
         """Correct the position of this cycle."""
-        feedback = self._feedback
+        feedback = self.feedback
         motor = feedback.travel
         settings = (self.enabled.value, self._size.value)
         if settings != self._seen:
@@ -68,17 +86,26 @@ class Backlash:
         self.used = settings[0]
         if not self.used:
             return
+        if self._waits:
+            if feedback.state != VALID:
+                return
+            self._waits = False
+            self._first = self._last = motor  # the first value is no way that the motor has gone
         moved = motor - self._last
         self._last = motor
+        if feedback.compensation != self._base + self._offset:
+            self._base = -self._offset  # `Feedback.keep_offset` has made it a part of the relation
         if self._armed:
-            motion = self._axis.motion
-            if self._axis.facts.controlled and motion.position_controlled:
+            axis = self._axis
+            motion = axis.motion
+            if axis.facts.controlled and motion.position_controlled and axis.feedback is feedback:
                 self._by_setpoint(motion.total.v, moved)
             else:
                 self._by_motor(moved)
         else:
             self._arm(motor, moved)
-        feedback.position += self._base + self._offset
+        feedback.compensation = compensation = self._base + self._offset
+        feedback.position += compensation
 
     def _arm(self, motor: float, moved: float) -> None:
         size = self._size.value

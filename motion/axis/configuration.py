@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from fieldbus.errors import ConfigurationError
 from motion.axis.mechanics import CYCLIC_ABSOLUTE, EXTERNAL, LOAD_SIDE, MOTOR_SIDE
-from motion.axis.units import ANGLES, HIGH_RESOLUTION, LENGTHS, VELOCITY_OF
+from motion.compatibility import LEVELS
+from motion.units import ANGLES, HIGH_RESOLUTION, LENGTHS, VELOCITIES
 
 if TYPE_CHECKING:
     from motion.variables import VariableStore
@@ -28,7 +29,6 @@ DIGITAL_OVERRUN: Final = 2.0
 ANALOG_OVERRUN: Final = 1.17
 """The same with an analog output (CFG-396)."""
 
-CPUS: Final = ("S7-1500", "S7-1500T")
 
 _ROTARY: Final = 1
 _LINEAR_MOTOR: Final = 1
@@ -117,11 +117,15 @@ def encoders_of_telegram(drive: int, cpu: str = "S7-1500T") -> int:
     """Return how many encoders of a drive telegram are connected by themselves (CFG-281 to CFG-283)."""
     if drive not in DRIVE_WITH_ENCODER:
         return 0
-    return 2 if drive in (6, 106) and cpu == "S7-1500T" else 1
+    return 2 if drive in (6, 106) and LEVELS[cpu].encoders > 1 else 1
 
 
 def _numbers(numbers: tuple[int, ...]) -> str:
     return ", ".join(map(str, numbers))
+
+
+_LONG_TIME_S: Final = 0.1
+"""T_i, T_o or T_DC above which it is doubted, s (CFG-269)."""
 
 
 def check_configuration(
@@ -132,11 +136,31 @@ def check_configuration(
     Args:
         store: Variables of the technology object.
         abilities: What the connection can do.
-        cpu: `S7-1500` or `S7-1500T`.
+        cpu: One of `motion.compatibility.LEVELS`.
         start: Look at the start values, which a restart would put into force, and not at the values in force.
 
     """
     return list(_Check(store, abilities, cpu, start=start).problems())
+
+
+def doubts(store: VariableStore) -> list[Problem]:
+    """Return what is permitted, but hardly meant: a flat emergency ramp (STP-126), communication times in ms (CFG-269)."""
+    found = []
+    emergency = store.read("DynamicDefaults.EmergencyDeceleration")
+    maximum = store.read("DynamicLimits.MaxDeceleration")
+    if emergency < maximum:
+        found.append(
+            Problem(
+                "DynamicDefaults.EmergencyDeceleration", emergency,
+                f"at least DynamicLimits.MaxDeceleration = {maximum:g}, or the axis stops behind its limit switch (STP-126)",
+            )
+        )  # fmt: skip
+    for number in (1010, 1011, 1012):
+        time = store.parameter(number)
+        if time.value > _LONG_TIME_S:
+            allowed = f"at most {_LONG_TIME_S:g} s, or a time in ms has been given (CFG-269)"
+            found.append(Problem(f"parameter {number} {time.path}", time.value, allowed))
+    return found
 
 
 class _Check:
@@ -147,8 +171,9 @@ class _Check:
         self.cpu = cpu
 
     def problems(self) -> Iterator[Problem]:
-        if self.cpu not in CPUS:
-            yield Problem("cpu", self.cpu, ", ".join(CPUS))
+        if self.cpu not in LEVELS:
+            yield Problem("cpu", self.cpu, ", ".join(LEVELS))
+            return
         axis = self.kind != "ExternalEncoder"
         if axis:
             yield from self._reference()
@@ -196,14 +221,13 @@ class _Check:
                 "Units.LengthUnit", length,
                 f"{_numbers(tuple(units))}: Properties.MotionType = {int(rotary)} is a {word} object (CFG-068, CFG-069)",
             )  # fmt: skip
-        elif velocity not in VELOCITY_OF.get(length, ()):
-            allowed = VELOCITY_OF.get(length, ())
-            fitting = (
-                f"{_numbers(allowed)}, one position unit per second"
-                if allowed
-                else "none is a position unit per second"
-            )
-            yield Problem("Units.VelocityUnit", velocity, f"with Units.LengthUnit = {length}: {fitting}")
+        elif (VELOCITIES[velocity][0] in ANGLES) is not rotary:
+            fitting = tuple(code for code, (way, _) in VELOCITIES.items() if (way in ANGLES) is rotary)
+            word = "an angle" if rotary else "a length"
+            yield Problem(
+                "Units.VelocityUnit", velocity,
+                f"{_numbers(fitting)}: Units.LengthUnit = {length} is {word} (CFG-078 to CFG-080)",
+            )  # fmt: skip
         if length in HIGH_RESOLUTION or velocity in HIGH_RESOLUTION:
             axis = self.kind != "ExternalEncoder"
             paths = (*_POSITIONS, *_DYNAMICS) if axis else ("Modulo.StartValue", "Modulo.Length")
@@ -268,7 +292,7 @@ class _Check:
         existing = [n for n in range(1, 5) if read(f"Sensor[{n}].Existent")]
         if not existing:
             yield Problem("Sensor[1].Existent", False, "TRUE: a positioning axis needs an encoder (CFG-012)")
-        if len(existing) > 1 and self.cpu != "S7-1500T":
+        if len(existing) > LEVELS[self.cpu].encoders:
             yield Problem(
                 f"Sensor[{existing[1]}].Existent", True, f"FALSE: cpu = {self.cpu} has one encoder (CFG-177)"
             )
@@ -293,6 +317,15 @@ class _Check:
                     "PositionControl.InitialOperativeSensor", initial,
                     "1: with PositionControl.EnableDSC the motor encoder controls (CFG-221)",
                 )  # fmt: skip
+        tolerance, deviation = (
+            read("Clamping.PositionTolerance"),
+            read("Clamping.FollowingErrorDeviation"),
+        )
+        if tolerance >= deviation:
+            yield Problem(
+                "Clamping.PositionTolerance", tolerance,
+                f"below Clamping.FollowingErrorDeviation = {deviation:g} (STP-164)",
+            )  # fmt: skip
         if read("PositionControl.Kv") <= 0.0:
             yield Problem("PositionControl.Kv", read("PositionControl.Kv"), "above 0 1/s (VAR-178)")
 
@@ -327,4 +360,4 @@ def setpoint_range(store: VariableStore) -> SetpointRange:
             f"{place}{maximum_name} = {maximum:g} works as {most:g}, because {reference_name} = {reference:g}"
         )
         maximum = most
-    return SetpointRange(reference, maximum, adjusted, read(place + torque_name))
+    return SetpointRange(reference, maximum, adjusted, store.bind(place + torque_name).value)

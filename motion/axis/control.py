@@ -7,6 +7,7 @@ from math import copysign, exp
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
+    from motion.axis.setpoint_filter import DynamicFilter
     from motion.variables import Cell
 
 _WHOLE: Final = 1e-9
@@ -34,13 +35,14 @@ class PositionController:
         quantum: Step to whose whole multiples the control difference is rounded towards zero, axis unit; 0 = it is not
             (`PositionControl.ControlDifferenceQuantization`, CFG-383).
         smoothing: Cell of `PositionControl.SmoothingTimeByChangeDifference`, s; None = a step acts at once.
+        dynamic_filter: What the setpoints pass before, None = nothing.
 
     """
 
     __slots__ = (
         "_additional_delay", "_balanced", "_balanced_history", "_cycle", "_decay", "_delay_cycles", "_delay_rest",
         "_kpc", "_kv", "_last_constant", "_setpoint_history", "_smoothing", "_step", "_step_decay", "_time_constant",
-        "balanced_position", "control_difference", "following_error", "gain", "precontrol", "quantum",
+        "balanced_position", "control_difference", "filter", "following_error", "gain", "given", "precontrol", "quantum",
     )  # fmt: skip
 
     def __init__(
@@ -54,7 +56,9 @@ class PositionController:
         delay_s: float,
         quantum: float = 0.0,
         smoothing: Cell | None = None,
+        dynamic_filter: DynamicFilter | None = None,
     ) -> None:
+        self.filter = dynamic_filter
         self._kv = kv
         self._kpc = kpc
         self._time_constant = time_constant
@@ -80,17 +84,23 @@ class PositionController:
         """Kv at the last step, 1/s."""
         self.precontrol = 0.0
         """Precontrol velocity of the last step, axis unit per second."""
+        self.given = False
+        """For the next step: the velocity is not the derivative of the position, both come from a user program (MIN-022)."""
 
     def reset(self, position: float, velocity: float = 0.0) -> None:
         """Start from a setpoint that has been moving with `velocity` up to `position`, without a step."""
         depth = len(self._setpoint_history)
         lag = velocity * self.precontrolled_lag_s
-        self._balanced = position - velocity * self._time_constant.value
+        behind = 0.0
+        if self.filter is not None:
+            self.filter.reset(position, velocity)
+            behind = velocity * self.filter.delay_s
+        self._balanced = position - behind - velocity * self._time_constant.value
         for index in range(depth):
             past = position - velocity * self._cycle * (depth - 1 - index)
             self._setpoint_history.append(past)
-            self._balanced_history.append(past - lag)
-        self.balanced_position = position - lag
+            self._balanced_history.append(past - behind - lag)
+        self.balanced_position = position - behind - lag
         self.control_difference = 0.0
         self.following_error = 0.0
 
@@ -111,11 +121,15 @@ class PositionController:
         for history in (self._setpoint_history, self._balanced_history):
             for index in range(len(history)):
                 history[index] += offset
+        if self.filter is not None:
+            self.filter.shift(offset)
         self._balanced += offset
         self.balanced_position += offset
 
     def follow(self, position: float) -> None:
         """Track the actual value without control (follow-up mode)."""
+        if self.filter is not None:
+            self.filter.reset(position)
         self._setpoint_history.append(position)
         self._balanced_history.append(position)
         self._balanced = self.balanced_position = position
@@ -124,6 +138,12 @@ class PositionController:
 
     def step(self, position: float, velocity: float, actual: float) -> float:
         """Return the velocity to output for the setpoint (`position`, `velocity`) of this cycle."""
+        commanded, commanded_velocity = position, velocity
+        setpoints = self._setpoint_history
+        before = setpoints[-1]
+        if self.filter is not None:
+            before = self.filter.position
+            position, velocity = self.filter.step(position, velocity)
         constant = self._time_constant.value
         kpc: float = self._kpc.value
         if constant != self._last_constant:
@@ -131,17 +151,21 @@ class PositionController:
             self._decay = exp(-self._cycle / constant) if constant > 0.0 else 0.0
         if constant > 0.0:
             # First-order lag with the exact response to a ramp of this cycle, so that constant travel gives no error.
-            step = velocity * self._cycle
-            target = position - velocity * constant
+            if self.given:
+                self.given = False
+                step = position - before
+                target = position - step / self._cycle * constant
+            else:
+                step = velocity * self._cycle
+                target = position - velocity * constant
             self._balanced = target + (self._balanced + step - target) * self._decay
             weight = kpc * 0.01 if kpc < 100.0 else 1.0
             balanced = position - weight * (position - self._balanced)
         else:
             self._balanced = balanced = position
         self.balanced_position = balanced
-        setpoints = self._setpoint_history
         balanced_history = self._balanced_history
-        setpoints.append(position)
+        setpoints.append(commanded)
         balanced_history.append(balanced)
         rest = self._delay_rest
         newest = len(setpoints) - 1 - self._delay_cycles
@@ -149,10 +173,15 @@ class PositionController:
         if rest:
             delayed += (balanced_history[newest - 1] - delayed) * rest
         difference = delayed - actual
-        if self._step:
+        kv: float = self._kv.value
+        if kv != self.gain and self._smoothing is not None and self.gain > 0.0 < kv:
+            # The output goes on as with the former gain, and then over to the new one (CTL-007).
+            self.absorb((self.gain / kv - 1.0) * difference + self._step * self.gain / kv)
+        elif self._step:
             self._step *= self._step_decay
             if abs(self._step) < _FADED:
                 self._step = 0.0
+        if self._step:
             difference += self._step
         quantum = self.quantum
         if quantum:
@@ -162,8 +191,8 @@ class PositionController:
         delayed_setpoint = setpoints[newest]
         if rest:
             delayed_setpoint += (setpoints[newest - 1] - delayed_setpoint) * rest
-        self.following_error = delayed_setpoint - actual - velocity * self._additional_delay.value
-        kv: float = self._kv.value
+        # Of the filter's delay only what the user has set counts (MON-037).
+        self.following_error = delayed_setpoint - actual - commanded_velocity * self._additional_delay.value
         precontrol = kpc * 0.01 * velocity
         self.gain = kv
         self.precontrol = precontrol

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from motion.axis.leading_value import live_leading_value
 from motion.axis.status import status_word, status_word2
 from motion.drives.port import ZSW1
 
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
     from motion.axis.feedback import Feedback
+    from motion.variables import VariableStore
 
 Live = dict[str, Callable[[], Any]]
 
@@ -20,8 +23,8 @@ def live_variables(axis: TechnologyAxis) -> Live:
     engine = axis.alarms.engine
     motion = axis.motion
     live: Live = {
-        "Velocity": lambda: motion.total.v,
-        "Acceleration": lambda: motion.total.a,
+        "Velocity": lambda: motion.total.v if axis.facts.controlled else axis.actual_velocity,
+        "Acceleration": lambda: motion.total.a if axis.facts.controlled else _actual_acceleration(axis),
         "ActualSpeed": lambda: _actual_speed(axis),
         "VelocitySetpoint": lambda: (
             0.0 if axis.virtual else axis.speed_output_rpm / axis.mechanics.rpm_per_unit
@@ -35,14 +38,60 @@ def live_variables(axis: TechnologyAxis) -> Live:
         "WarningWord": lambda: engine.warning_word,
         "ErrorDetail.Number": lambda: engine.number,
         "ErrorDetail.Reaction": lambda: engine.reaction,
-        "StatusTorqueData.ActualTorque": lambda: axis.port.actual_torque_nm,
         "StatusTorqueData.CommandAdditiveTorqueActive": lambda: int(axis.torque.additive is not None),
         "StatusTorqueData.CommandTorqueRangeActive": lambda: int(axis.torque.range_nm is not None),
+        "StatusMotionIn.FunctionState": lambda: axis.motion.motion_in_state,
+        "StatusMotionIn.StatusWord": lambda: int(axis.motion.motion_in_exceeds),
     }
+    live |= _torque(axis)
     if axis.has_position:
         live |= _position(axis)
         for number in range(1, len(axis.sensors) + 1):
             live |= _sensor(axis, number)
+    return in_its_units(live, axis.variables)
+
+
+def frozen(live: Live) -> Live:
+    """Return readers of what `live` says now, for the time in which the object is being initialised (VAR-228)."""
+    return {path: partial(_kept, reader()) for path, reader in live.items()}
+
+
+def _kept(value: Any) -> Any:
+    return value
+
+
+def in_its_units(live: Live, store: VariableStore) -> Live:
+    """Return the readers of what the object has, in its units in place of those of the runtime (CFG-072)."""
+    known = set(store.paths())
+    found = {}
+    for path, reader in live.items():
+        if path in known:
+            factor = store.factors.of(store.describe(path).unit)
+            found[path] = reader if factor == 1.0 else partial(_converted, reader, factor)
+    return found
+
+
+def _converted(reader: Callable[[], float], factor: float) -> float:
+    return reader() / factor
+
+
+def _torque(axis: TechnologyAxis) -> Live:
+    """Return the torques of a standard motor, or the forces of a linear one (VAR-118, VAR-119)."""
+
+    def linear() -> bool:
+        return axis.has_position and bool(axis.variables.read("Actor.MotorType") == 1)
+
+    live: Live = {
+        "StatusTorqueData.ActualTorque": lambda: 0.0 if linear() else axis.port.actual_torque_nm,
+    }
+    if axis.has_position:
+        live |= {
+            "StatusTorqueData.ActualForce": lambda: axis.port.actual_torque_nm if linear() else 0.0,
+            "StatusTorqueData.TotalTorqueAdditive": lambda: (
+                0.0 if linear() else axis.torque.total_additive_nm
+            ),
+            "StatusTorqueData.TotalForceAdditive": lambda: axis.torque.total_additive_nm if linear() else 0.0,
+        }
     return live
 
 
@@ -54,27 +103,37 @@ def _actual_speed(axis: TechnologyAxis) -> float:
     return axis.port.actual_speed_rpm
 
 
+def _actual_acceleration(axis: TechnologyAxis) -> float:
+    """Return the change of the actual velocity in the last cycle; 0.0 without an encoder."""
+    if not axis.has_position or axis.virtual:
+        return 0.0
+    feedback = axis.feedback
+    return (feedback.velocity - feedback.last_velocity) / axis.cycle_s
+
+
 def _position(axis: TechnologyAxis) -> Live:
     motion = axis.motion
 
     def target() -> float:
         return motion.destination or 0.0
 
-    def actual_acceleration() -> float:
-        feedback = axis.feedback
-        if axis.virtual:
-            return motion.total.a
-        return (feedback.velocity - feedback.last_velocity) / axis.cycle_s
+    def filtered() -> float:
+        dynamic_filter = axis.controller.filter
+        return axis.modulo.wrap(motion.total.s if dynamic_filter is None else dynamic_filter.position)
 
-    return {
+    def given_acceleration() -> float:
+        dynamic_filter = axis.controller.filter
+        return motion.total.a if dynamic_filter is None else dynamic_filter.acceleration
+
+    return live_leading_value(lambda: axis.leading_value, lambda: axis.modulo) | {
+        "StatusPositioning.SetpointExecutionTime": axis.setpoint_execution_s,
         "Position": lambda: axis.modulo.wrap(motion.total.s),
         "ModuloCycle": lambda: axis.modulo.cycle(motion.total.s),
         "ActualPosition": lambda: axis.modulo.wrap(axis.feedback.position),
         "ActualModuloCycle": lambda: axis.modulo.cycle(axis.feedback.position),
         "ActualVelocity": lambda: axis.feedback.velocity,
-        "ActualAcceleration": actual_acceleration,
+        "ActualAcceleration": lambda: given_acceleration() if axis.virtual else _actual_acceleration(axis),
         "OperativeSensor": lambda: axis.operative_sensor,
-        "StatusTorqueData.TotalTorqueAdditive": lambda: axis.torque.total_additive_nm,
         "StatusPositioning.SuperimposedDistance": lambda: motion.superimposed_distance,
         "StatusPositioning.FollowingError": lambda: axis.controller.following_error,
         "StatusPositioning.TargetPosition": lambda: axis.modulo.wrap(target()),
@@ -84,7 +143,7 @@ def _position(axis: TechnologyAxis) -> Live:
         "StatusServo.BalancedPosition": lambda: (
             0.0 if axis.virtual else axis.modulo.wrap(axis.controller.balanced_position)
         ),
-        "StatusServo.PositionAfterDynamicFilter": lambda: axis.modulo.wrap(motion.total.s),
+        "StatusServo.PositionAfterDynamicFilter": filtered,
     }
 
 
@@ -106,7 +165,9 @@ def _sensor(axis: TechnologyAxis, number: int) -> Live:
 
 
 def unit_names(axis: TechnologyAxis) -> tuple[tuple[str, str], ...]:
-    """Return the columns of the trace in the units of the axis."""
+    """Return the columns of the trace: velocities in position units per second, whatever the velocity unit of the axis is."""
     unit = axis.variables.unit("Position")
     names = {"mm": unit, "mm/s": f"{unit}/s", "mm/s2": f"{unit}/s2"}
+    if axis.variables.read("Actor.MotorType") == 1:
+        names |= {"rpm": "m/min", "Nm": "N"}
     return tuple((name, names.get(token, token)) for name, token in axis.trace_columns)

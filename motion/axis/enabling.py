@@ -23,6 +23,17 @@ ALARM_DRIVE: Final = 421
 ALARM_ENCODER: Final = 411
 ALARM_COMMUNICATION: Final = 431
 ALARM_AUTONOMOUS: Final = 550
+ALARM_DRIVE_NOT_READY: Final = 106
+ALARM_ENCODER_NOT_READY: Final = 108
+NOT_INITIALISED: Final = 2
+"""Cause of both: the device was not there yet at start-up."""
+
+_SHUT_DOWN: Final = 3
+"""Cause of alarm 421: the drive has left operation by itself, without a fault (STP-608)."""
+_NOT_ENABLED: Final = 4
+"""Cause of alarm 421: the drive cannot be enabled (STP-043)."""
+_ENCODER_CAUSES: Final = {0x0002: 5, 0x0003: 6, 0x0008: 4, 0x000A: 4}
+"""Cause of alarm 411 by the code in G1_XIST2, as the catalogue numbers them (TA-013); any other is the first."""
 
 _REMOVE_ENABLE: Final = {1: STW1_IDLE, 3: STW1_OFF2_OFF1, 5: STW1_OFF3_OFF1, 7: STW1_OFF3}
 """Control word at the alarm by `Actor.RemoveEnableReaction` (STP-363 to STP-366)."""
@@ -33,6 +44,9 @@ _FAULT: Final = int(ZSW1.FAULT)
 _OPERATION: Final = int(ZSW1.OPERATION_ENABLED)
 _MOTION: Final = AxisState.MOTION
 _STANDSTILL: Final = AxisState.STANDSTILL
+_ALARMED: Final = (AxisState.ALARM_DRIVE_STOP, AxisState.ALARM_DISABLED, AxisState.TRACKING)
+_HEALTH_MASK: Final = _REQUESTED | _FAULT | _OPERATION | int(ZSW1.NO_OFF3)
+_HEALTHY: Final = _HEALTH_MASK & ~_FAULT
 _DRIVE_OFF_MASK: Final = ZSW1.READY | ZSW1.OPERATION_ENABLED
 _AUTONOMOUS_MASK: Final = ZSW1.READY_TO_SWITCH_ON | ZSW1.READY | ZSW1.OPERATION_ENABLED | ZSW1.NO_OFF3
 _OPERATES_MASK: Final = ZSW1.OPERATION_ENABLED | ZSW1.NO_OFF3
@@ -41,8 +55,9 @@ _OPERATES_MASK: Final = ZSW1.OPERATION_ENABLED | ZSW1.NO_OFF3
 class EnableControl:
     """Owns control word 1 and every transition that waits for the drive."""
 
-    __slots__ = ("_axis", "_cause_411", "_cause_421", "_cause_431", "_disable_pending", "_idle", "_phase", "_reaction", "_start_mode",
-                 "_velocity_mode", "acknowledge_drive", "enable", "start_mode", "stw1", "switching_off")  # fmt: skip
+    __slots__ = ("_axis", "_cause_411", "_cause_421", "_cause_431", "_disable_pending", "_idle", "_joined", "_phase", "_reaction",
+                 "_start_mode", "_velocity_mode", "acknowledge_drive", "enable", "start_mode", "stw1", "switching_off",
+                 "timeout_s")  # fmt: skip
 
     def __init__(self, axis: TechnologyAxis) -> None:
         self._axis = axis
@@ -57,7 +72,11 @@ class EnableControl:
         self.acknowledge_drive = False
         """Set STW1.7 in the next telegrams (`MC_Reset`)."""
         self._idle = STW1_IDLE
+        self._joined = False
+        """Drive and encoder have been there since the start of the controller, or it has been told that they were not."""
         self._phase = 0
+        self.timeout_s: float | None = None
+        """Longest time from the beginning of the enable sequence to operation, s, then alarm 421; None = no limit (STP-043)."""
         self._disable_pending = False
         """`Enable` has fallen during the present ramp, which ends with the drive off even if it rises again."""
         self._reaction = axis.variables.bind("Actor.RemoveEnableReaction")
@@ -65,6 +84,20 @@ class EnableControl:
             axis.variables.bind("PositionControl.VelocityModePowerOn") if axis.has_position else None
         )
         self._cause_431 = self._cause_421 = self._cause_411 = False
+
+    def power_down(self) -> None:
+        """Begin anew, as after power-on."""
+        self.enable = self.switching_off = self.acknowledge_drive = self._disable_pending = self._joined = (
+            False
+        )
+        self.start_mode = self._start_mode = 1
+        self.stw1 = self._idle = STW1_IDLE
+        self._phase = 0
+        self._cause_431 = self._cause_421 = self._cause_411 = False
+
+    def rest(self, *, outputs: bool) -> None:
+        """Say whether a disabled axis sends its control word or, with process outputs off, zeros."""
+        self.stw1 = STW1_IDLE if outputs else 0
 
     # -- what MC_Power sees -----------------------------------------------------------------------------------
 
@@ -76,6 +109,17 @@ class EnableControl:
             AxisState.ALARM_DISABLED,
             AxisState.RESTARTING,
         )
+
+    @property
+    def enabled(self) -> bool:
+        """`MC_Power.Status`."""
+        return self._axis.facts.enabled
+
+    @property
+    def alarmed(self) -> bool:
+        """Whether an alarm has disabled an axis, or is about to, that is to be enabled (MC-167)."""
+        axis = self._axis
+        return axis.alarms.blocking and self.enable and axis.state in _ALARMED
 
     def call(self, *, enable: bool, start_mode: int, stop_mode: int) -> None:
         """Take the inputs of `MC_Power` over."""
@@ -133,6 +177,11 @@ class EnableControl:
         self.switching_off = False
         self._axis.set_state(AxisState.ALARM_DRIVE_STOP)
 
+    def withdraw_further(self) -> None:
+        """Reaction 4 during a quick stop: take away what its pattern takes away too, and give nothing back (STP-526)."""
+        if self._phase == 0:
+            self.stw1 &= _REMOVE_ENABLE.get(int(self._reaction.value), STW1_OFF3)
+
     def alarm_ramp_ended(self) -> None:
         """The setpoint of an alarm ramp is zero: switch off, or stay enabled where the alarm allows it."""
         axis = self._axis
@@ -177,28 +226,38 @@ class EnableControl:
         zsw1 = port.zsw1
         expected = axis.facts.drive_expected
         apart = axis.encoder_apart
+        if (
+            expected
+            and zsw1 & _HEALTH_MASK == _HEALTHY
+            and port.link_ok
+            and apart is None
+            and not (port.sensor_fault or self._cause_431 or self._cause_421 or self._cause_411)
+        ):
+            return  # the rule, cycle by cycle: nothing of what follows
         lost = not port.link_ok or (apart is not None and not apart.link_ok)
         if lost is not self._cause_431 and (self._cause_431 or expected or state is AxisState.ENABLING):
             self._cause_431 = lost
-            alarms.set_cause(ALARM_COMMUNICATION, lost)
+            source, station = (port, 1) if apart is None or not port.link_ok else (apart, 3)
+            alarms.set_cause(ALARM_COMMUNICATION, lost, info=station + source.sign_lost)
         faulty = axis.has_position and (apart if apart is not None else port).sensor_fault
         if faulty is not self._cause_411 and (self._cause_411 or expected or state is AxisState.ENABLING):
             self._cause_411 = faulty
             code = port.sensor_code if apart is None else 0
-            alarms.set_cause(ALARM_ENCODER, faulty, text=f"encoder error {code:04X}h" if code else "")
+            text = f"encoder error {code:04X}h" if code else ""
+            alarms.set_cause(ALARM_ENCODER, faulty, info=_ENCODER_CAUSES.get(code, 1), text=text)
         refused = expected and port.link_ok and not zsw1 & _REQUESTED
         fault = refused or zsw1 & _FAULT != 0
         if self._cause_421 or (fault and (expected or state is AxisState.ENABLING)):
             if fault is not self._cause_421:
                 self._cause_421 = fault
                 text = "control request withdrawn" if refused else f"drive fault {port.drive_fault_code:04X}h"
-                alarms.set_cause(ALARM_DRIVE, fault, text=text)
+                alarms.set_cause(ALARM_DRIVE, fault, info=2 if refused else 1, text=text)
         elif expected and port.link_ok and not zsw1 & _OPERATION and not self.switching_off:
             if zsw1 & _AUTONOMOUS_MASK == ZSW1.READY_TO_SWITCH_ON | ZSW1.READY:
                 if state is not AxisState.TRACKING:
                     alarms.raise_alarm(ALARM_AUTONOMOUS)
             else:
-                alarms.raise_alarm(ALARM_DRIVE)
+                alarms.raise_alarm(ALARM_DRIVE, info=_SHUT_DOWN)
         elif (
             expected
             and zsw1 & _OPERATES_MASK == ZSW1.OPERATION_ENABLED
@@ -208,6 +267,19 @@ class EnableControl:
         ):
             # It brakes, or stands, under its own control: safe stop 2 (CFG-448).
             alarms.raise_alarm(ALARM_AUTONOMOUS)
+
+    def _watch_start_up(self) -> None:
+        """Raise 106 or 108, once, for an axis that is to be enabled before its devices have been there (STP-021, CFG-620)."""
+        axis = self._axis
+        drive, encoder = axis.port.link_ok, axis.sensor_valid
+        if drive and encoder:
+            self._joined = True
+        elif self.enable:
+            self._joined = True
+            if not drive:
+                axis.alarms.raise_alarm(ALARM_DRIVE_NOT_READY, info=NOT_INITIALISED)
+            if not encoder:
+                axis.alarms.raise_alarm(ALARM_ENCODER_NOT_READY, info=NOT_INITIALISED)
 
     def _may_start(self) -> bool:
         axis = self._axis
@@ -228,6 +300,8 @@ class EnableControl:
         zsw1 = axis.port.zsw1
         off = not zsw1 & _DRIVE_OFF_MASK
         if state is AxisState.DISABLED or state is AxisState.ALARM_DISABLED:
+            if not self._joined:
+                self._watch_start_up()
             if axis.alarms.blocking:
                 axis.set_state(AxisState.ALARM_DISABLED)
             elif self.enable and self._may_start():
@@ -236,6 +310,7 @@ class EnableControl:
                     self._arrive()  # nothing to wait for (CFG-132, CFG-164)
                 else:
                     self.stw1 = STW1_IDLE
+                    self._phase = 0
                     axis.set_state(AxisState.ENABLING)
             else:
                 axis.set_state(AxisState.DISABLED)
@@ -247,6 +322,10 @@ class EnableControl:
                 self.stw1 = STW1_OPERATE
                 if axis.in_operation:
                     self._arrive()
+                    return
+            self._phase += 1
+            if self.timeout_s is not None and self._phase * axis.cycle_s > self.timeout_s:
+                axis.alarms.raise_alarm(ALARM_DRIVE, info=_NOT_ENABLED)
         elif state is AxisState.DISABLING_RAMP or state is AxisState.ALARM_RAMP:
             if self.switching_off and off:
                 self._rest(STW1_IDLE)
@@ -278,6 +357,7 @@ class EnableControl:
         if self.stw1 == STW1_IDLE and self.enable and not axis.alarms.blocking and axis.communication_ok:
             # OFF1 can be interrupted: acknowledged while it brakes, the drive is switched on again (STP-382).
             self._start_mode = self.start_mode
+            self._phase = 0
             axis.set_state(AxisState.ENABLING)
         elif off and (axis.at_rest or (self.stw1 != STW1_OFF2_OFF1 and axis.port.reports_stop)):
             # Without a link nobody knows whether the drive still brakes: OFF2 would let it coast (STP-367).
@@ -305,7 +385,7 @@ class EnableControl:
             axis.set_state(AxisState.STANDSTILL)
         else:
             motion.take_actual_values()
-            motion.begin_stop(2, axis.variables.read("DynamicLimits.MaxDeceleration"), 0.0)
+            motion.begin_stop(2, axis.variables.bind("DynamicLimits.MaxDeceleration").value, 0.0)
             axis.set_state(AxisState.ENABLE_RAMP)
 
     @property

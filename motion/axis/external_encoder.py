@@ -8,29 +8,40 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 from motion.alarms import AlarmEngine
 from motion.axis.adaption import Adaption
 from motion.axis.configuration import Abilities, Problem, check_configuration, derive_units
+from motion.axis.data_block import frozen, in_its_units
+from motion.axis.encoder_enabling import EncoderEnabling
 from motion.axis.feedback import VALID, Feedback
+from motion.axis.homing import ActiveHoming, PassiveHoming, home_directly
+from motion.axis.jobs import ERROR_ALARM, NO_ERROR
+from motion.axis.leading_value import LeadingValue, live_leading_value
 from motion.axis.mechanics import INCREMENTAL, Mechanics
 from motion.axis.modulo import Modulo
+from motion.axis.monitoring import ALARM_RANGE_EXCEEDED
+from motion.axis.reset import ALARM_CONFIGURATION, ALARM_RESTART_REFUSED, acknowledge_error
 from motion.axis.state import AxisState
 from motion.axis.status import (
     DONE,
     ENABLE,
     ERROR,
+    HOMING_COMMAND,
     HOMING_DONE,
     ONLINE_START_VALUES_CHANGED,
     RESTART_ACTIVE,
     STANDSTILL,
 )
+from motion.drives.encoder import EncoderPort
+from motion.units import farthest_position
 from motion.variables import VariableStore
 
 if TYPE_CHECKING:
     from fieldbus.history import History
-    from motion.drives.encoder import EncoderPort
     from motion.drives.port import DrivePort
 
-ALARM_CONFIGURATION: Final = 101
 ALARM_ENCODER: Final = 411
 ALARM_COMMUNICATION: Final = 431
+ENCODER_SIGNALS_ALARM: Final = 1
+ENCODER_STATION_FAILED: Final = 3
+"""Causes of 411 and 431, as the catalogue numbers them (TA-013)."""
 _RESTART_CYCLES: Final = 5
 _HYSTERESIS: Final = 1.1
 
@@ -38,15 +49,17 @@ _HYSTERESIS: Final = 1.1
 class EncoderReset:
     """One execution of `MC_Reset` on an external encoder; the object steps it."""
 
-    __slots__ = ("_age", "_object", "done", "restart")
+    __slots__ = ("_age", "_object", "done", "error_id", "restart")
 
     def __init__(self, external: ExternalEncoder, *, restart: bool) -> None:
         self._object = external
         self._age = 0
         self.restart = restart
         self.done = False
+        self.error_id = NO_ERROR
+        """See `Reset.error_id`."""
         if restart:
-            external.state = AxisState.RESTARTING
+            external.begin_restart()
 
     def step(self) -> None:
         """Advance by one application cycle."""
@@ -54,10 +67,13 @@ class EncoderReset:
         external = self._object
         if not self.restart:
             external.engine.acknowledge()
-            self.done = True
+            external.engine.update()
         elif self._age >= _RESTART_CYCLES:
             external.finish_restart()
-            self.done = True
+        else:
+            return
+        self.error_id = acknowledge_error(external.engine)
+        self.done = True
 
 
 class ExternalEncoder:
@@ -76,8 +92,11 @@ class ExternalEncoder:
     """
 
     object_type: ClassVar[str] = "ExternalEncoder"
+    kinds: ClassVar[tuple[str, ...]] = ("ExternalEncoder",)
     connection: ClassVar[str] = "direct"
     simulated: ClassVar[bool] = False
+    has_position: ClassVar[bool] = False
+    """No setpoint position that a job could move."""
     trace_enums: ClassVar[dict[str, dict[int, str]]] = {}
 
     def __init__(
@@ -99,7 +118,15 @@ class ExternalEncoder:
             self.variables.preset("Sensor.Type", 1)
         self.engine = AlarmEngine(name, object_type=self.object_type, history=history)
         self.state = AxisState.DISABLED
+        self.master: object | None = None
+        """See the axis: there is no control panel for an encoder (CFG-065)."""
+        self.power_owner: object | None = None
+        """The `MC_Power` instance that rules this object (MC-160)."""
+        self.enabling = EncoderEnabling(self)
         self.homed = False
+        self.homings: list[ActiveHoming | PassiveHoming] = []
+        """Passive homing under way (StatusWord.X11)."""
+        self.operative_sensor = 1
         self.standstill = False
         self._standstill_time = 0.0
         self._was_linked = False
@@ -111,8 +138,9 @@ class ExternalEncoder:
             raise problems[0].error()
         self._threshold = self.variables.bind("StandstillSignal.VelocityThreshold")
         self._dwell = self.variables.bind("StandstillSignal.MinDwellTime")
+        self._farthest = farthest_position(self.variables.read("Units.LengthUnit"))
         self.apply_configuration()
-        self._live = self._live_variables()
+        self._live = self._readers = in_its_units(self._live_variables(), self.variables)
         unit = self.variables.unit("ActualPosition")
         self.trace_columns: tuple[tuple[str, str], ...] = (
             ("position", unit), ("velocity", f"{unit}/s"), ("state", ""), ("status_word", ""), ("error_word", ""),
@@ -156,18 +184,33 @@ class ExternalEncoder:
         before = self._feedback
         if before is not None and not restart and before.scale == scale:
             return
+        if isinstance(self.port, EncoderPort):
+            self.port.set_reference(scale.reference)
         offset = store.bind("StatusSensor.AbsEncoderOffset")
         self._feedback = Feedback(
             self.port, scale, self.cycle_s, offset, before=before, powered_off=powered_off
         )
+        self._make_leading_value()
         self.homed = False
+
+    def _make_leading_value(self) -> None:
+        """Make what followers get: there is no setpoint, so that the actual value is also what is delayed."""
+        feedback = self.feedback
+        self.leading_value = LeadingValue(
+            self.variables, cycle_s=self.cycle_s, feedback=lambda: feedback,
+            acquisition_s=float(self.variables.parameter(1010).value) or 0.5 * self.cycle_s,
+            setpoint=lambda: (
+                feedback.position, feedback.velocity, (feedback.velocity - feedback.last_velocity) / self.cycle_s,
+            ),
+        )  # fmt: skip
+        self._leading = self.leading_value.in_use()
 
     # -- cycle ------------------------------------------------------------------------------------------------
 
     def cycle(self) -> None:
         """Run one application cycle."""
-        if self.state is not AxisState.RESTARTING:
-            self.variables.latch()
+        if self.state is not AxisState.RESTARTING and self.variables.latch():
+            self._leading = self.leading_value.in_use()
         port = self.port
         port.read()
         adaption = self._adaption
@@ -175,15 +218,26 @@ class ExternalEncoder:
             adaption.step()
         feedback = self.feedback
         feedback.update()
+        if self._leading is not None:
+            self._leading.step()
         if feedback.lost_reference:
             feedback.lost_reference = False
             self.homed = False
         engine = self.engine
         engine.update()
-        engine.set_cause(ALARM_COMMUNICATION, not port.link_ok and self._was_linked)
-        engine.set_cause(ALARM_ENCODER, port.sensor_fault)
+        engine.set_cause(
+            ALARM_COMMUNICATION,
+            not port.link_ok and self._was_linked,
+            info=ENCODER_STATION_FAILED + port.sign_lost,
+        )
+        engine.set_cause(ALARM_ENCODER, port.sensor_fault, info=ENCODER_SIGNALS_ALARM)
         if port.link_ok:
             self._was_linked = True
+        self.enabling.step()
+        for homing in self.homings[:] if self.homings else ():
+            homing.step()
+        if not -self._farthest <= feedback.position <= self._farthest:
+            engine.raise_alarm(ALARM_RANGE_EXCEEDED, info=2 if feedback.position > 0.0 else 1)
         self._watch_standstill(abs(feedback.velocity))
         for reset in self._resets:
             reset.step()
@@ -210,10 +264,38 @@ class ExternalEncoder:
         self._resets.append(reset)
         return reset
 
+    def power_down(self) -> None:
+        """Lose what is not retentive; `apply_configuration` then begins anew."""
+        self._resets = []
+        self.state = AxisState.DISABLED
+        self._live = self._readers
+        self.enabling.call(enable=False, start_mode=1, stop_mode=0)
+        self.engine.power_down()
+        self.standstill = self._was_linked = False
+        self._standstill_time = 0.0
+
+    def forget_encoders(self) -> None:
+        """Forget what the encoder has counted, also the ranges that an absolute one has passed."""
+        self._feedback = None
+
     @property
     def restart_refused(self) -> bool:
-        """Whether a restart is not possible now: an external encoder cannot be enabled."""
-        return False
+        """Whether a restart is not possible now, because the object is enabled (VAR-007, MC-170)."""
+        return self.enabling.enable
+
+    def refuse_restart(self) -> None:
+        """Warn that a restart was asked for that is not possible now."""
+        self.engine.raise_alarm(ALARM_RESTART_REFUSED)
+
+    @property
+    def restarting(self) -> bool:
+        """Whether the object is being re-initialised."""
+        return self.state is AxisState.RESTARTING
+
+    def begin_restart(self) -> None:
+        """Begin to be initialised anew; the data block shows what it shows now until that has ended (VAR-228)."""
+        self.state = AxisState.RESTARTING
+        self._live = frozen(self._readers)
 
     def finish_restart(self) -> None:
         """Put the start values into force, or raise alarm 101."""
@@ -227,41 +309,68 @@ class ExternalEncoder:
             self.variables.restart()
             self.apply_configuration()
         self.state = AxisState.DISABLED
+        self._live = self._readers
 
-    def home(self, mode: int, position: float) -> None:
-        """Carry out a direct homing; modes as those of a positioning axis without 11 and 12, which have a setpoint."""
-        feedback, modulo = self.feedback, self.modulo
-        offset = position - feedback.position if mode in (0, 7, 13) else position
-        if modulo.enabled:
-            offset = modulo.wrap(position) - feedback.position if mode == 7 else modulo.shortest(offset)
-        feedback.shift(offset)
-        self.homed = True
-        if mode in (6, 7, 13):
-            self.variables.set_internal("StatusSensor.Adjusted", 1)
-        if mode in (6, 7):
-            feedback.keep_offset()
-        if self.history is not None:
-            self.history.emit(self.name, "axis.homed", mode=mode, offset=offset)
+    def home(self, mode: int, position: float, sensor: int = 0) -> None:
+        """Carry out a direct homing; without a setpoint modes 11 and 12 are 0 and 1 (HOM-018)."""
+        home_directly(self, {11: 0, 12: 1}.get(mode, mode), position, sensor)
+
+    @property
+    def sensors(self) -> tuple[Feedback, ...]:
+        """Its encoder."""
+        return (self.feedback,)
+
+    @property
+    def incremental(self) -> bool:
+        """Whether the encoder is an incremental one."""
+        return self.feedback.scale.kind == INCREMENTAL
+
+    @staticmethod
+    def sensor_path(number: int) -> str:  # noqa: ARG004 - there is one
+        """Return where the variables of the encoder begin."""
+        return "Sensor"
+
+    @staticmethod
+    def homing_switch(path: str) -> bool:  # noqa: ARG004 - nothing is wired
+        """Return FALSE: an external encoder has no digital input here."""
+        return False
+
+    def shift_setpoints(self, offset: float) -> None:
+        """Let the leading value follow a shift of the coordinate system; there are no setpoints."""
+        self.leading_value.shift(offset)
+
+    def ends_passive_homing(self) -> int | None:
+        """Return why passive homing cannot go on: an ErrorID, 0 = it is aborted, None = it can."""
+        if self.engine.error_word:
+            return ERROR_ALARM
+        return None if self.enabling.enabled else 0
+
+    def alarm(self, number: int) -> None:
+        """Raise a technology alarm."""
+        self.engine.raise_alarm(number)
 
     # -- variables under their original paths -----------------------------------------------------------------
 
     def status_word(self) -> int:
         """Return `StatusWord` for the present cycle."""
-        restarting = self.state is AxisState.RESTARTING
-        word = RESTART_ACTIVE if restarting else ENABLE | DONE
+        word = RESTART_ACTIVE if self.restarting else DONE
+        if self.enabling.enabled:
+            word |= ENABLE
         if self.engine.error_word:
             word |= ERROR
         if self.variables.online_start_values_changed:
             word |= ONLINE_START_VALUES_CHANGED
         if self.homed:
             word |= HOMING_DONE
+        if self.homings and any(homing.busy for homing in self.homings):
+            word = word & ~DONE | HOMING_COMMAND
         if self.standstill:
             word |= STANDSTILL
         return word
 
     def _live_variables(self) -> dict[str, Callable[[], Any]]:
         engine = self.engine
-        return {
+        return live_leading_value(lambda: self.leading_value, lambda: self.modulo) | {
             "ActualPosition": lambda: self.modulo.wrap(self.feedback.position),
             "ActualModuloCycle": lambda: self.modulo.cycle(self.feedback.position),
             "ActualVelocity": lambda: self.feedback.velocity,

@@ -8,6 +8,7 @@ from motion.axis.mechanics import CYCLIC_ABSOLUTE, INCREMENTAL
 
 if TYPE_CHECKING:
     from motion.axis.mechanics import SensorScale
+    from motion.drives.mark import MarkSearch
     from motion.variables import Cell
 
 NOT_VALID: Final = 0
@@ -19,6 +20,8 @@ class EncoderSource(Protocol):
     """Where an encoder value comes from: the port of the drive that evaluates it, or a port of its own."""
 
     link_ok: bool
+    sign_lost: bool
+    mark: MarkSearch | None
     sensor_fault: bool
     encoder_increments: int
     encoder_restarts: int
@@ -42,7 +45,7 @@ class Feedback:
 
     __slots__ = (
         "_abs_offset", "_correction", "_count", "_fresh", "_full", "_half", "_increment", "_last_raw", "_offset", "_rate", "_restarts",
-        "_retained", "_unit_per_rpm", "last_velocity", "lost_reference", "position", "scale", "source", "state", "velocity",
+        "_retained", "_unit_per_rpm", "compensation", "last_velocity", "lost_reference", "position", "scale", "source", "state", "velocity",
     )  # fmt: skip
 
     def __init__(
@@ -78,6 +81,8 @@ class Feedback:
         """`velocity` of the cycle before."""
         self.state = NOT_VALID
         """`StatusSensor[n].State`."""
+        self.compensation = 0.0
+        """What the backlash compensation has added to `position`, axis unit."""
         self.lost_reference = False
         """Set when an incremental count came back with a new reference; the axis clears it."""
         if scale.kind != INCREMENTAL:
@@ -101,6 +106,8 @@ class Feedback:
         source = self.source
         self.last_velocity = self.velocity
         if not source.link_ok or source.sensor_fault:
+            if source.sensor_fault and self.state == VALID and self.scale.kind == INCREMENTAL:
+                self.lost_reference = True  # what it has counted wrong nobody knows (HOM-179)
             self.state = NOT_VALID
             self.velocity = 0.0
             return
@@ -147,6 +154,10 @@ class Feedback:
         self.velocity = 0.0
         self.state = VALID
 
+    def ahead(self, raw: int) -> float:
+        """Return how far a raw count lies ahead of the present position, axis unit."""
+        return ((raw - self._last_raw + self._half) % self._full - self._half) * self._increment
+
     @property
     def travel(self) -> float:
         """Way of the encoder since its count began, axis unit: the position without any relation to the machine."""
@@ -164,7 +175,12 @@ class Feedback:
         self.shift(offset)
 
     def keep_offset(self) -> None:
-        """Make the present relation of encoder value and position the one that outlasts power-off (`AbsEncoderOffset`)."""
+        """Make the present relation of encoder value and position the one that outlasts power-off (`AbsEncoderOffset`).
+
+        What a backlash compensation adds belongs to it: it holds for the flank that is touched now (CFG-568).
+        """
+        self._offset += self.compensation
+        self.compensation = 0.0
         self._abs_offset.value = self._offset
         self._correction = 0.0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
 from typing import TYPE_CHECKING, Final
 
@@ -24,7 +25,12 @@ ERROR_SECOND_INSTANCE: Final = 0x800C
 ERROR_STATE: Final = 0x800D
 ERROR_RESTART_ENABLED: Final = 0x800E
 ERROR_LOCKED: Final = 0x800F
+ERROR_INCREMENTAL: Final = 0x8010
+ERROR_ABSOLUTE: Final = 0x8011
+ERROR_CONTROL_PANEL: Final = 0x8012
+"""A control panel has the axis (MC-004)."""
 ERROR_JOB_MEMORY: Final = 0x8014
+ERROR_CONFIGURATION: Final = 0x8015
 ERROR_ACTUAL_VALUE: Final = 0x8016
 ERROR_LIMIT: Final = 0x8043
 ERROR_NO_TORQUE_REDUCTION: Final = 0x8044
@@ -37,8 +43,12 @@ ERROR_LOWER_TORQUE: Final = 0x804C
 ERROR_TORQUE_RANGE: Final = 0x804D
 ERROR_EXCLUSIVE_TORQUE: Final = 0x804E
 ERROR_NO_TORQUE_DATA: Final = 0x804F
+ERROR_SENSOR: Final = 0x8050
+ERROR_REFERENCE_SENSOR: Final = 0x8051
 ERROR_STW_MASK: Final = 0x8055
+ERROR_DIRECT_CONNECTION: Final = 0x805D
 ERROR_NOT_CONTROLLED: Final = 0x8071
+ERROR_HOMING: Final = 0x8074
 ERROR_CARD_FULL: Final = 0x80EB
 ERROR_CARD_WRITE: Final = 0x80EC
 ERROR_SAVE_INSTANCES: Final = 0x80ED
@@ -74,8 +84,14 @@ class JobClass(IntEnum):
     STOP = 4
     """`MC_Stop` (H6)."""
     SUPERIMPOSED = 5
-    """`MC_MoveSuperimposed`, `MC_HaltSuperimposed` (H7)."""
-    NONE = 6
+    """`MC_MoveSuperimposed`, `MC_HaltSuperimposed`, `MC_MotionInSuperimposed` (H7)."""
+    MOTION_IN = 6
+    """`MC_MotionInVelocity`, `MC_MotionInPosition` (H8)."""
+    HOMING = 7
+    """`MC_Home` with `Mode` 3 or 5 (H2)."""
+    PASSIVE_HOMING = 8
+    """`MC_Home` with `Mode` 2, 8 or 10 (H1); it waits beside the job in control."""
+    NONE = 9
     """No motion: not in the table."""
 
 
@@ -86,9 +102,9 @@ class Job:
     """
 
     __slots__ = (
-        "abort_acceleration", "acceleration", "append", "current", "deceleration", "direction", "distance", "error_id",
+        "abort_acceleration", "acceleration", "append", "begin", "current", "deceleration", "direction", "distance", "error_id",
         "history", "in_velocity", "instruction", "jerk", "job_class", "mode", "name", "position_controlled",
-        "relative", "released", "source", "state", "target", "velocity",
+        "positions", "relative", "released", "source", "state", "target", "velocity",
     )  # fmt: skip
 
     def __init__(self, job_class: JobClass, *, instruction: str, name: str) -> None:
@@ -109,6 +125,10 @@ class Job:
         """Absolute target position (positioning)."""
         self.direction = 0
         """Way to the target on a modulo axis: 1 positive, 2 negative, 3 shortest; 0: the target is no place in the range."""
+        self.positions = job_class is JobClass.POSITIONING
+        """It goes to `target`; otherwise it keeps `velocity`. Homing does one after the other."""
+        self.begin: Callable[[], object] | None = None
+        """What homing does when the job gets control."""
         self.distance = 0.0
         self.relative = False
         self.append = False

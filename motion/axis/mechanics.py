@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil, log2
 from typing import TYPE_CHECKING, Final
 
-from motion.axis.units import SPEEDS, millimetres, per_revolution
+from motion.units import millimetres, per_revolution
 
 if TYPE_CHECKING:
     from motion.variables import VariableStore
@@ -38,8 +39,10 @@ class SensorScale:
         "fine",
         "increment",
         "kind",
+        "own_rate",
         "prefix",
         "range_counts",
+        "reference",
         "unit_per_rpm",
         "velocity_from_drive",
     )
@@ -84,7 +87,14 @@ class SensorScale:
         self.velocity_from_drive: bool = read(f"{prefix}.ActualVelocityMode") == 1
         """Whether the velocity is `NIST_B` of the drive, not the difference of positions (CFG-336)."""
         self.unit_per_rpm = 0.0
-        """Axis units per second at 1 rpm (linear motor: 1 m/min) of the velocity that the telegram brings."""
+        """Axis units per second at 1 rpm (linear motor or encoder: 1 m/min) of the velocity that the telegram brings."""
+        self.own_rate = self.increment * steps * fine / 60.0
+        """`unit_per_rpm` of an encoder with a telegram of its own (CFG-340)."""
+        self.reference: float = read(f"{parameter}ReferenceSpeed")
+        """What 100 % of that velocity means, rpm, of a linear encoder m/min."""
+        if read(f"{prefix}.System") == _LINEAR:
+            self.own_rate = sign * gear * 1000.0 / 60.0 / millimetres(read("Units.LengthUnit"))
+            self.reference = read(f"{parameter}ReferenceVelocity")
 
     def __eq__(self, other: object) -> bool:
         """Return whether positions mean the same with both."""
@@ -100,12 +110,14 @@ class Mechanics:
 
     Args:
         store: Its variables.
+        apart: For every encoder in turn, whether it has a telegram of its own: its velocity is then one of the encoder, and
+            not one of the motor (CFG-340).
 
     """
 
     __slots__ = ("increment", "rpm_per_unit", "sensors", "units_per_load_revolution")
 
-    def __init__(self, store: VariableStore) -> None:
+    def __init__(self, store: VariableStore, *, apart: Sequence[bool] = ()) -> None:
         read = store.read
         kind = store.object_type
         gear = read("LoadGear.Numerator") / read("LoadGear.Denominator")
@@ -119,7 +131,7 @@ class Mechanics:
         self.units_per_load_revolution: float
         if kind == "SpeedAxis":
             self.units_per_load_revolution = 1.0
-            self.rpm_per_unit = SPEEDS[read("Units.VelocityUnit")] * gear * direction
+            self.rpm_per_unit = gear * direction
             return
         unit = read("Units.LengthUnit")
         rotary = read("Properties.MotionType") == 1
@@ -134,14 +146,7 @@ class Mechanics:
             self.rpm_per_unit = per_unit * direction
             prefixes = [f"Sensor[{number}]" for number in range(1, 5) if read(f"Sensor[{number}].Existent")]
         self.sensors = tuple(SensorScale(store, prefix, load_gear=gear, travel=travel) for prefix in prefixes)
-        for scale in self.sensors:
-            scale.unit_per_rpm = 1.0 / self.rpm_per_unit
-        if external and self.sensors[0].velocity_from_drive:
-            scale = self.sensors[0]
-            per_revolution_of_encoder = (
-                scale.increment
-                * read("Sensor.Parameter.StepsPerRevolution")
-                * (1 << read("Sensor.Parameter.FineResolutionXist1"))
-            )
-            scale.unit_per_rpm = per_revolution_of_encoder / 60.0
+        for at, scale in enumerate(self.sensors):
+            own = apart[at] if at < len(apart) else external
+            scale.unit_per_rpm = scale.own_rate if own else 1.0 / self.rpm_per_unit
         self.increment = self.sensors[0].increment if self.sensors else 0.0

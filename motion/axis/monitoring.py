@@ -5,22 +5,31 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING, Final
 
+from motion.units import farthest_position
+
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
 
+ALARM_RANGE_REACHED: Final = 307
+ALARM_RANGE_EXCEEDED: Final = 308
 ALARM_ACTUAL_VALUE: Final = 412
 ALARM_FOLLOWING_ERROR: Final = 521
 ALARM_FOLLOWING_ERROR_WARNING: Final = 522
 ALARM_POSITIONING: Final = 541
 
+_OVERSHOOT: Final = 1.01
+"""What the control of an axis at its highest velocity may make of the actual one."""
+
 _RELEASE_FACTOR: Final = 1.1
 """Hysteresis of the standstill signal (MON-048)."""
+_RANGE_END: Final = 2**53 / 9.0e15
+"""Where the numbers end, as a multiple of the largest position: 2^53 steps of the resolution (CFG-093)."""
 
 
 class Monitoring:
-    """See the module. One object per axis; `step` runs once per application cycle."""
+    """See the module. One object per axis; `step` runs once per interpolator cycle."""
 
-    __slots__ = ("_axis", "_cycle", "_dwell", "_enable_fe", "_entered", "_fastest", "_fe_level", "_fe_max", "_fe_min",
+    __slots__ = ("_axis", "_cycle", "_dwell", "_enable_fe", "_entered", "_farthest", "_fastest", "_fe_level", "_fe_max", "_fe_min",
                  "_fe_min_velocity", "_max_velocity", "_min_dwell", "_positioned", "_standstill_dwell",
                  "_standstill_time", "_threshold", "_tolerance", "_tolerance_left", "_watching", "_window",
                  "standstill")  # fmt: skip
@@ -29,8 +38,10 @@ class Monitoring:
         self._axis = axis
         self._cycle = cycle_s
         modulo = axis.modulo
-        self._fastest = modulo.length / cycle_s if modulo.enabled else inf
+        self._fastest = modulo.length / axis.cycle_s * _OVERSHOOT if modulo.enabled else inf
         """Velocity at which an axis passes its modulo range once per cycle."""
+        self._farthest = farthest_position(axis.variables.read("Units.LengthUnit"))
+        """Largest position whose steps can all be told apart."""
         bind = axis.variables.bind
         self._enable_fe = bind("FollowingError.EnableMonitoring")
         self._fe_min = bind("FollowingError.MinValue")
@@ -97,6 +108,19 @@ class Monitoring:
                 self._watching = False
                 axis.alarms.raise_alarm(ALARM_POSITIONING, info=1)
 
+    def _leave_range(self, *, controlled: bool) -> None:
+        """Stop a motion that goes on outwards; a value beyond the rounding of the last step switches the axis off (LIM-103).
+
+        Motion back is possible after the acknowledgement.
+        """
+        axis = self._axis
+        position = axis.feedback.position
+        info = 2 if position > 0.0 else 1
+        if abs(position) > self._farthest * _RANGE_END:
+            axis.alarms.raise_alarm(ALARM_RANGE_EXCEEDED, info=info)
+        elif controlled and axis.motion.total.v * position > 0.0:
+            axis.alarms.raise_alarm(ALARM_RANGE_REACHED, info=info)
+
     # -- cycle ------------------------------------------------------------------------------------------------
 
     def permitted_following_error(self, velocity: float) -> float:
@@ -115,7 +139,11 @@ class Monitoring:
     def step(self, *, controlled: bool) -> None:
         """Run the monitoring of one cycle; `controlled`: position control is closed."""
         axis = self._axis
-        speed = abs(axis.feedback.velocity)
+        feedback = axis.feedback
+        farthest = self._farthest
+        if not -farthest <= feedback.position <= farthest:
+            self._leave_range(controlled=controlled)
+        speed = abs(feedback.velocity)
         if speed > self._fastest:
             axis.alarms.raise_alarm(ALARM_ACTUAL_VALUE, info=3)
         threshold = self._threshold.value

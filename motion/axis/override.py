@@ -1,4 +1,4 @@
-"""The override table of homing and motion jobs as data (table 3.1 of the instruction specification).
+"""What an axis asks of the override table of homing and motion jobs (table 3.1, `motion.axis.override_tables`).
 
 Rows are new jobs, columns jobs that are active. `A`: the active job is aborted; `B`: `MC_Stop` over `MC_Stop` by
 severity; `-`: no effect on the active job.
@@ -9,30 +9,33 @@ from __future__ import annotations
 from typing import Final
 
 from motion.axis.jobs import JobClass
+from motion.axis.override_tables import MOTION
 
-COLUMNS: Final = ("H1", "H2", "H3", "H4", "H5", "H6", "H7", "H8")
+COLUMNS: Final = tuple(MOTION.columns)
 """H1 passive homing; H2 active homing; H3 `MC_Halt` Mode 1, positioning in control, `MC_MoveVelocity`,
 `MC_MoveJog`; H4 positioning that waits; H5 `MC_Halt` Mode 0; H6 `MC_Stop`; H7 superimposed; H8 MotionIn."""
 
 TABLE: Final[dict[str, str]] = {
-    "MC_Home 3, 5": "AAAAA-AA",
-    "MC_Home 9": "A-------",
-    "MC_Halt 1": "-AAA---A",
-    "move": "-AAAA-AA",
-    "BufferMode 1": "--------",
-    "superimposed": "------A-",
-    "MC_Stop": "AAAAABAA",
+    "MC_Home 3, 5": MOTION.row("OVR-011"),
+    "MC_Home 9": MOTION.row("OVR-012"),
+    "MC_Halt 1": MOTION.row("OVR-013"),
+    "move": MOTION.row("OVR-014"),
+    "BufferMode 1": MOTION.row("OVR-015"),
+    "superimposed": MOTION.row("OVR-016"),
+    "MC_Stop": MOTION.row("OVR-017"),
 }
 """Rows OVR-011 to OVR-017; "move" is OVR-014: `MC_Halt` Mode 0, positioning with `BufferMode` 0,
-`MC_MoveVelocity`, `MC_MoveJog`."""
+`MC_MoveVelocity`, `MC_MoveJog`, `MC_MotionInVelocity`, `MC_MotionInPosition`."""
 
 _ROW: Final = {
     JobClass.HALT_BASIC: "MC_Halt 1",
     JobClass.HALT: "move",
     JobClass.POSITIONING: "move",
     JobClass.VELOCITY: "move",
+    JobClass.MOTION_IN: "move",
     JobClass.STOP: "MC_Stop",
     JobClass.SUPERIMPOSED: "superimposed",
+    JobClass.HOMING: "MC_Home 3, 5",
 }
 _COLUMN: Final = {
     JobClass.HALT_BASIC: "H3",
@@ -41,6 +44,9 @@ _COLUMN: Final = {
     JobClass.HALT: "H5",
     JobClass.STOP: "H6",
     JobClass.SUPERIMPOSED: "H7",
+    JobClass.MOTION_IN: "H8",
+    JobClass.HOMING: "H2",
+    JobClass.PASSIVE_HOMING: "H1",
 }
 
 

@@ -5,7 +5,7 @@ Nothing but this module and `MC_Power` / `MC_Stop` / `MC_Halt` stops an axis.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from motion.alarms import AlarmEngine, PendingAlarm
 from motion.axis.jobs import JobClass
@@ -13,6 +13,10 @@ from motion.axis.state import AxisState
 
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
+
+ALARM_ADDRESS: Final = 401
+INPUT_ADDRESS: Final = 2
+"""Cause of 401, as the catalogue numbers them (TA-013)."""
 
 
 class AxisAlarms:
@@ -52,30 +56,58 @@ class AxisAlarms:
         self.disabling = disabling
         self.stop_severity = severity
 
-    def raise_alarm(self, number: int, *, reaction: int | None = None, info: int = 0, text: str = "") -> None:
-        """Raise alarm `number`; `reaction` for those whose reaction depends on the configuration."""
-        self.engine.raise_alarm(number, reaction=reaction, info=info, text=text)
+    def raise_alarm(
+        self,
+        number: int,
+        *,
+        reaction: int | None = None,
+        info: int = 0,
+        text: str = "",
+        restart: bool | None = None,
+    ) -> None:
+        """Raise alarm `number`; `reaction` and `restart` for those of which they depend on configuration or cause."""
+        self.engine.raise_alarm(number, reaction=reaction, info=info, text=text, restart=restart)
 
-    def set_cause(self, number: int, active: bool, *, reaction: int | None = None, text: str = "") -> None:
+    def set_cause(
+        self, number: int, active: bool, *, reaction: int | None = None, info: int = 0, text: str = ""
+    ) -> None:
         """Say whether the cause of alarm `number` is present; while it is, acknowledging does not help."""
-        self.engine.set_cause(number, active, reaction=reaction, text=text)
+        self.engine.set_cause(number, active, reaction=reaction, info=info, text=text)
 
-    def warn(self, number: int) -> None:
+    def warn(self, number: int, info: int = 0) -> None:
         """Raise a warning once until it is acknowledged; cheap to call every cycle."""
         if number not in self._warned:
             self._warned.add(number)
-            self.engine.raise_alarm(number)
+            self.engine.raise_alarm(number, info=info)
+
+    def watch_inputs(self, readable: bool) -> None:
+        """Raise 401 while the switches of an axis in operation cannot be read; a lost drive has an alarm of its own (TA-020)."""
+        axis, engine = self._axis, self.engine
+        held = engine.cause_active(ALARM_ADDRESS)
+        if held or not readable:
+            expected = axis.facts.drive_expected and axis.port.link_ok
+            engine.set_cause(ALARM_ADDRESS, not readable and (held or expected), info=INPUT_ADDRESS)
 
     def acknowledge(self) -> None:
-        """Clear what can be cleared (`MC_Reset`); causes still present raise their alarm again."""
+        """Clear what can be cleared (`MC_Reset`); causes still present raise their alarm again at once (STP-072).
+
+        So there is no cycle in which the words of the object know nothing of a fault that lasts.
+        """
         self._warned.clear()
         self.engine.acknowledge()
+        self.engine.update()
         self.refresh()
 
     def restart(self) -> None:
         """Clear everything whose cause is gone, fatal alarms included."""
         self._warned.clear()
         self.engine.restart()
+        self.refresh()
+
+    def power_down(self) -> None:
+        """Forget all alarms and their causes."""
+        self._warned.clear()
+        self.engine.power_down()
         self.refresh()
 
     def _on_alarm(self, entry: PendingAlarm) -> None:
@@ -114,7 +146,8 @@ class AxisAlarms:
         if state is AxisState.DISABLING_COAST or state is AxisState.ALARM_DRIVE_STOP:
             return
         if state is AxisState.DISABLING_QUICK and axis.variables.read("Actor.RemoveEnableReaction") != 3:
-            return  # a running OFF3 is not weakened (STP-526)
+            axis.enabling.withdraw_further()  # a running OFF3 is not weakened (STP-526)
+            return
         axis.enabling.remove_enable()
 
     def _track(self, state: AxisState) -> None:

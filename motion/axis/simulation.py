@@ -17,6 +17,7 @@ from motion.drives.port import STW1, ZSW1, DrivePort
 
 if TYPE_CHECKING:
     from motion.axis.mechanics import SensorScale
+    from motion.axis.setpoint_filter import DynamicFilter
     from motion.variables import Cell, VariableStore
 
 POWER_ON_INCREMENTS: Final = 240
@@ -47,6 +48,12 @@ class SimulatedPort(DrivePort):
 
     def read(self) -> None:
         """See `DrivePort.read`: nothing is read."""
+
+    def set_torque_range(self, upper: float, lower: float) -> None:
+        """Do nothing: an ideal motor needs no torque, and the drive gets none (STP-159)."""
+
+    def limit_torque(self, share: float | None) -> None:
+        """Do nothing, as `set_torque_range`."""
 
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:  # noqa: ARG002 - an ideal motor needs no torque
         """See `DrivePort.write`: a speed setpoint without position control moves the axis by what it is worth."""
@@ -110,13 +117,16 @@ class VirtualController:
         "_port",
         "balanced_position",
         "control_difference",
+        "filter",
         "following_error",
         "gain",
+        "given",
         "precontrol",
         "quantum",
     )
 
-    def __init__(self, port: SimulatedPort) -> None:
+    def __init__(self, port: SimulatedPort, dynamic_filter: DynamicFilter | None = None) -> None:
+        self.filter = dynamic_filter
         self._port = port
         self._feedbacks = port.feedbacks
         self.balanced_position = 0.0
@@ -125,6 +135,7 @@ class VirtualController:
         self.gain = 0.0
         self.precontrol = 0.0
         self.quantum = 0.0
+        self.given = False
 
     @property
     def precontrolled_lag_s(self) -> float:
@@ -133,20 +144,28 @@ class VirtualController:
 
     def reset(self, position: float, velocity: float = 0.0) -> None:
         """See `PositionController`."""
+        if self.filter is not None:
+            self.filter.reset(position, velocity)
 
     def shift(self, offset: float) -> None:
         """See `PositionController`."""
+        if self.filter is not None:
+            self.filter.shift(offset)
 
     def absorb(self, step: float) -> None:
         """See `PositionController`: all encoders of such an axis agree."""
 
     def follow(self, position: float) -> None:
         """Stand where the axis is."""
+        if self.filter is not None:
+            self.filter.reset(position)
         for feedback in self._feedbacks:
             feedback.take(position, 0.0)
 
     def step(self, position: float, velocity: float, actual: float) -> float:  # noqa: ARG002 - nothing is compared
         """Make the setpoints the actual values of the next cycle; nothing is put out."""
+        if self.filter is not None:
+            position, velocity = self.filter.step(position, velocity)
         self._port.controlled = True
         for feedback in self._feedbacks:
             feedback.take(position, velocity)
@@ -158,8 +177,14 @@ class SimulatedController(VirtualController):
 
     __slots__ = ("_additional", "_cycle", "_dsc", "_kpc", "_kv", "_lagged", "_past", "_time_constant")
 
-    def __init__(self, port: SimulatedPort, store: VariableStore, cycle_s: float) -> None:
-        super().__init__(port)
+    def __init__(
+        self,
+        port: SimulatedPort,
+        store: VariableStore,
+        cycle_s: float,
+        dynamic_filter: DynamicFilter | None = None,
+    ) -> None:
+        super().__init__(port, dynamic_filter)
         bind = store.bind
         self._kv = bind("PositionControl.Kv")
         self._kpc = bind("PositionControl.Kpc")
@@ -184,6 +209,9 @@ class SimulatedController(VirtualController):
 
     def reset(self, position: float, velocity: float = 0.0) -> None:
         """See `PositionController`."""
+        super().reset(position, velocity)
+        if self.filter is not None:
+            position -= velocity * self.filter.delay_s
         dead, lag = self._delays()
         depth = int(dead) + 3
         step = velocity * self._cycle
@@ -192,6 +220,7 @@ class SimulatedController(VirtualController):
 
     def shift(self, offset: float) -> None:
         """See `PositionController`."""
+        super().shift(offset)
         for at in range(len(self._past)):
             self._past[at] += offset
         self._lagged += offset
@@ -204,6 +233,8 @@ class SimulatedController(VirtualController):
 
     def step(self, position: float, velocity: float, actual: float) -> float:  # noqa: ARG002 - see the base
         """Make the delayed setpoint the actual value of the next cycle."""
+        if self.filter is not None:
+            position, velocity = self.filter.step(position, velocity)
         dead, lag = self._delays()
         depth = int(dead) + 3
         past = self._past

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from motion.axis.jobs import JobClass
 from motion.axis.state import AxisState
+from motion.drives.port import STW1
 
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
@@ -14,17 +15,21 @@ if TYPE_CHECKING:
 _RESTARTING: Final = AxisState.RESTARTING
 _POSITIONING: Final = JobClass.POSITIONING
 _VELOCITY: Final = JobClass.VELOCITY
+_NO_OFF2: Final = int(STW1.NO_OFF2)
+_MOTION_IN: Final = JobClass.MOTION_IN
 
 ENABLE: Final = 1 << 0
 ERROR: Final = 1 << 1
 RESTART_ACTIVE: Final = 1 << 2
 ONLINE_START_VALUES_CHANGED: Final = 1 << 3
+CONTROL_PANEL: Final = 1 << 4
 HOMING_DONE: Final = 1 << 5
 DONE: Final = 1 << 6
 STANDSTILL: Final = 1 << 7
 POSITIONING_COMMAND: Final = 1 << 8
 JOG_COMMAND: Final = 1 << 9
 VELOCITY_COMMAND: Final = 1 << 10
+HOMING_COMMAND: Final = 1 << 11
 CONSTANT_VELOCITY: Final = 1 << 12
 ACCELERATING: Final = 1 << 13
 DECELERATING: Final = 1 << 14
@@ -38,9 +43,11 @@ TORQUE_LIMITING_COMMAND: Final = 1 << 26
 IN_LIMITATION: Final = 1 << 27
 NON_POSITION_CONTROLLED: Final = 1 << 28
 IN_CLAMPING: Final = 1 << 30
+MOTION_IN: Final = 1 << 31
 
 STOP: Final = 1 << 0
 PASSING_BACKLASH: Final = 1 << 2
+MOTION_IN_SUPERIMPOSED: Final = 1 << 6
 HALT_SUPERIMPOSED: Final = 1 << 7
 
 
@@ -53,7 +60,9 @@ def status_word(axis: TechnologyAxis) -> int:
         word |= ERROR
     if axis.variables.online_start_values_changed:
         word |= ONLINE_START_VALUES_CHANGED
-    if facts.quiet:
+    if axis.master is not None:
+        word |= CONTROL_PANEL
+    elif facts.quiet:
         word |= DONE
     elif axis.state is _RESTARTING:
         word |= RESTART_ACTIVE
@@ -64,6 +73,8 @@ def status_word(axis: TechnologyAxis) -> int:
             word |= POSITIONING_COMMAND
         elif cls is _VELOCITY:
             word |= JOG_COMMAND if job.instruction == "MC_MoveJog" else VELOCITY_COMMAND
+        elif cls is _MOTION_IN:
+            word |= MOTION_IN
     if facts.controlled and not axis.enabling.switching_off:
         gen = motion.total
         acceleration = gen.a
@@ -75,8 +86,8 @@ def status_word(axis: TechnologyAxis) -> int:
             word |= DECELERATING
     elif axis.at_rest:
         word |= CONSTANT_VELOCITY
-    elif facts.drive_ramp:
-        word |= DECELERATING
+    elif facts.drive_ramp and axis.enabling.stw1 & _NO_OFF2:
+        word |= DECELERATING  # on a ramp of the drive; an axis that coasts does not show it (STP-336)
     torque = axis.torque
     if torque.limiting or torque.range_nm is not None:
         if torque.limiting:
@@ -90,6 +101,8 @@ def status_word(axis: TechnologyAxis) -> int:
     if axis.has_position:
         if axis.homed:
             word |= HOMING_DONE
+        if axis.homings and any(homing.busy for homing in axis.homings):
+            word |= HOMING_COMMAND
         if axis.monitoring.standstill:
             word |= STANDSTILL
         limits = axis.limits
@@ -103,24 +116,25 @@ def status_word(axis: TechnologyAxis) -> int:
             word |= HW_LIMIT_MAX
         if not motion.position_controlled:
             word |= NON_POSITION_CONTROLLED
-    if motion.superimposed is not None and not _halts_superimposed(axis):
-        word |= MOVE_SUPERIMPOSED
+    if motion.superimposed is not None:
+        job = motion.superimposed.job
+        if job is None or job.instruction == "MC_MoveSuperimposed":
+            word |= MOVE_SUPERIMPOSED
     return word
 
 
 def status_word2(axis: TechnologyAxis) -> int:
-    """Return `StatusWord2`: `MC_Stop` holds the axis, a backlash is passed, `MC_HaltSuperimposed` brakes."""
+    """Return `StatusWord2`: `MC_Stop` holds the axis, a backlash is passed, a superimposed motion is given or brakes."""
     motion = axis.motion
     job = motion.job
     word = STOP if job is not None and job.job_class is JobClass.STOP else 0
     for backlash in axis.backlashes:
-        if backlash.passing:
+        if backlash.passing and backlash.feedback is axis.feedback:
             word |= PASSING_BACKLASH
-    if motion.superimposed is not None and _halts_superimposed(axis):
-        word |= HALT_SUPERIMPOSED
+    moving = motion.superimposed
+    if moving is not None and moving.job is not None:
+        if moving.given:
+            word |= MOTION_IN_SUPERIMPOSED
+        elif moving.job.instruction == "MC_HaltSuperimposed":
+            word |= HALT_SUPERIMPOSED
     return word
-
-
-def _halts_superimposed(axis: TechnologyAxis) -> bool:
-    moving = axis.motion.superimposed
-    return moving is not None and moving.job is not None and moving.job.instruction == "MC_HaltSuperimposed"

@@ -30,8 +30,8 @@ class Superposition:
     """
 
     __slots__ = (
-        "_basic", "_basic_velocity", "_braking", "_dynamics", "_limit", "_room", "_target", "a", "job",
-        "part", "s", "v",
+        "_basic", "_basic_velocity", "_braking", "_dynamics", "_limit", "_room", "_target", "_zero", "a", "given",
+        "job", "part", "s", "v",
     )  # fmt: skip
 
     def __init__(
@@ -47,6 +47,9 @@ class Superposition:
         self.part = SetpointGenerator()
         """The superimposed motion alone; its position is the distance that it has covered."""
         self.job: Job | None = None
+        self.given = False
+        """Whether the user program gives the setpoints (`MC_MotionInSuperimposed`)."""
+        self._zero = 0.0
         self._target = 0.0
         self._room = 0.0
         self._braking = False
@@ -56,12 +59,12 @@ class Superposition:
     @property
     def ended(self) -> bool:
         """Whether the superimposed motion has arrived and stands; not while it waits for room."""
-        return self.part.done and (self._braking or self.part.positioning)
+        return self.part.done and not self.given and (self._braking or self.part.positioning)
 
     def move(self, job: Job, acceleration: float, deceleration: float, jerk: float) -> None:
         """Begin to move by `job.distance`, from whatever the superimposed motion does now."""
         self.job = job
-        self._braking = False
+        self._braking = self.given = False
         self._target = self.part.s + job.distance
         self._dynamics = (acceleration, deceleration, jerk)
         self._room = self._velocity_room()
@@ -71,10 +74,42 @@ class Superposition:
         """Begin to brake the superimposed motion to zero."""
         self.job = job
         self._braking = True
+        self.given = False
+        self._dynamics = (0.0, deceleration, jerk)
         self.part.start_stop(deceleration, jerk, abort_acceleration=job.abort_acceleration)
+
+    def give(self, job: Job) -> None:
+        """Take distance, velocity and acceleration from `job` with every cycle; the distance counts from here (MIN-033)."""
+        self.job = job
+        self._braking = False
+        self.given = True
+        self._zero = self.part.s
+
+    def freeze(self) -> None:
+        """Stay at the distance covered, without velocity and acceleration (MIN-040)."""
+        self.given = False
+        self._braking = True
+        self.part.set_state(self.part.s, 0.0)
+        self.refresh()
+
+    def change(self, acceleration: float, deceleration: float, jerk: float) -> None:
+        """Go on with other dynamic values; a job that runs keeps its velocity and its target."""
+        dynamics = (0.0, deceleration, jerk) if self._braking else (acceleration, deceleration, jerk)
+        if dynamics == self._dynamics or self.given or self.ended:
+            return
+        self._dynamics = dynamics
+        if self._braking:
+            self.part.start_stop(deceleration, jerk)
+        else:
+            self._plan()
 
     def advance(self, dt: float) -> None:
         """Go on by `dt` s, after the basic motion has."""
+        job = self.job
+        if self.given and job is not None:
+            self.part.set_state(self._zero + job.distance, job.velocity, job.acceleration)
+            self.refresh()
+            return
         if not self._braking and not self.ended:
             room = self._velocity_room()
             if abs(room - self._room) > _CHANGE * self._limit():
@@ -107,7 +142,7 @@ class Superposition:
     @property
     def remaining(self) -> float:
         """Distance that the superimposed motion still has to cover, axis unit."""
-        return 0.0 if self._braking else self._target - self.part.s
+        return 0.0 if self._braking or self.given else self._target - self.part.s
 
     def _velocity_room(self) -> float:
         """Return what the basic motion leaves of the velocity limit in the direction of the superimposed one (MC-352)."""

@@ -1,6 +1,7 @@
 """Torque data of an axis: additive torque, torque range, torque limiting, fixed stop (section 2.17 of the instruction specification).
 
-The values go to the drive as shares of `Actor.DriveParameter.ReferenceTorque`, which has to be p2003 of the drive.
+The values go to the drive as shares of `Actor.DriveParameter.ReferenceTorque`, which has to be p2003 of the drive. Of a linear motor
+they are forces, N, where torques are named below, and shares of `Actor.LinearMotorDriveParameter.ReferenceForce` (VAR-132).
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ from motion.axis.jobs import (
     JobClass,
 )
 from motion.axis.state import AxisState
+from motion.axis.torque_precontrol import TorquePrecontrol
+from motion.units import millimetres
 
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
@@ -41,6 +44,22 @@ TORQUE_RANGE: Final = 1.0e12
 """Greatest magnitude of the other torque inputs."""
 _THRESHOLD: Final = 0.9
 """Share of a limit of telegram 750 from which on it counts as reached (MC-532)."""
+_BY_VELOCITY: Final = ("MC_MoveVelocity", "MC_MoveJog", "MC_MotionInVelocity")
+"""Jobs whose direction is that of their velocity."""
+
+
+def _limit_scale(axis: TechnologyAxis, *, linear_motor: bool) -> tuple[float, str]:
+    """Return the torque at the motor, Nm, per Nm or N of a limit, and which of the two it is (STP-138 to STP-142)."""
+    read = axis.variables.read
+    if linear_motor:
+        return 1.0, "Force"
+    if read("TorqueLimiting.LimitBase") == 0:
+        return 1.0, "Torque"
+    ratio = read("LoadGear.Denominator") / read("LoadGear.Numerator") / (read("Actor.Efficiency") or 1.0)
+    if not axis.has_position or read("Properties.MotionType") == 1:
+        return ratio, "Torque"
+    lead_m = read("Mechanics.LeadScrew") * millimetres(read("Units.LengthUnit")) * 1.0e-3
+    return ratio * lead_m / tau, "Force"
 
 
 class TorqueControl:
@@ -52,22 +71,61 @@ class TorqueControl:
     """
 
     __slots__ = (
-        "_axis", "_clamp_position", "_deviation", "_direction", "_monitored", "_reference", "_sign", "_tolerance",
-        "additive", "clamped", "detects", "limit_nm", "limiting", "range_nm",
+        "_axis",
+        "_clamp_position",
+        "_default",
+        "_deviation",
+        "_direction",
+        "_limit_unit",
+        "_monitored",
+        "_per_limit",
+        "_precontrol",
+        "_reference",
+        "_selected",
+        "_sign",
+        "_tolerance",
+        "_unit",
+        "additive",
+        "clamped",
+        "detects",
+        "limit_nm",
+        "limiting",
+        "precontrolled_nm",
+        "range_nm",
+        "sends",
     )  # fmt: skip
 
     def __init__(self, axis: TechnologyAxis) -> None:
         self._axis = axis
         store = axis.variables
         bind = store.bind
-        self._reference = bind("Actor.DriveParameter.ReferenceTorque")
+        linear_motor = axis.has_position and store.read("Actor.MotorType") == 1
+        self._reference = bind(
+            "Actor.LinearMotorDriveParameter.ReferenceForce"
+            if linear_motor
+            else "Actor.DriveParameter.ReferenceTorque"
+        )
+        self._per_limit, quantity = _limit_scale(axis, linear_motor=linear_motor)
+        self._default = bind(f"TorqueLimiting.LimitDefaults.{quantity}")
+        factors = store.factors
+        self._limit_unit = factors.of(quantity.lower())
+        self._unit = factors.force if linear_motor else factors.torque
         self._monitored = bind("TorqueLimiting.PositionBasedMonitorings")
         self._sign = -1.0 if store.read("Actor.InverseDirection") else 1.0
         if axis.has_position:
             self._deviation = bind("Clamping.FollowingErrorDeviation")
             self._tolerance = bind("Clamping.PositionTolerance")
+        self._precontrol: TorquePrecontrol | None = None
+        self._selected = bind("Actor.Interface.EnableTorqueData")
+        sends = axis.drive_port.has_torque_data and self._selected.value and not axis.simulated
+        if axis.has_position and sends and store.read("TorquePreControl.Mode") == 1:
+            self._precontrol = TorquePrecontrol(store)
+        self.precontrolled_nm = 0.0
+        """Share of the pre-control in what was sent last, Nm, before the direction of the drive counts."""
+        self.sends = self._precontrol is not None
+        """There is a torque to be sent: `output_nm` has to be called."""
         self.additive: float | None = None
-        """`MC_TorqueAdditive.Value` in force, Nm; None = the function is off."""
+        """`MC_TorqueAdditive.Value` in force, in Nm; None = the function is off."""
         self.range_nm: tuple[float, float] | None = None
         """Upper and lower limit of `MC_TorqueRange` in force, Nm; None = the function is off."""
         self.limiting = False
@@ -81,52 +139,70 @@ class TorqueControl:
         self._clamp_position = 0.0
         self._direction = 1.0
 
+    @property
+    def precontrols(self) -> bool:
+        """Whether the acceleration setpoint gives a torque (`TorquePreControl.Mode`)."""
+        return self._precontrol is not None
+
     # -- additive torque ------------------------------------------------------------------------------------------
+
+    @property
+    def _has_data(self) -> bool:
+        """Whether telegram 750 is connected (CFG-404)."""
+        return self._axis.port.has_torque_data and bool(self._selected.value)
 
     def start_additive(self) -> int:
         """Return why `MC_TorqueAdditive` cannot start, 0 if it can (MC-512)."""
         axis = self._axis
-        if not axis.port.has_torque_data:
+        if not self._has_data:
             return ERROR_NO_TORQUE_DATA
         return ERROR_LOCKED if not axis.facts.enabled or self._axis.motion.stopping else NO_ERROR
 
     def set_additive(self, value: float | None) -> int:
-        """Add a torque, Nm, or none; returns the ErrorID of a value that is not permitted."""
+        """Add a torque, in the torque unit, or none; returns the ErrorID of a value that is not permitted."""
         if value is not None and not abs(value) <= TORQUE_RANGE:
             return ERROR_ADDITIVE_TORQUE
-        self.additive = value
+        self.additive = None if value is None else value * self._unit
+        self.sends = value is not None or self._precontrol is not None
         return NO_ERROR
 
     @property
     def total_additive_nm(self) -> float:
         """Additive torque that is sent, before the direction of the drive counts, Nm (`StatusTorqueData.TotalTorqueAdditive`)."""
-        return self.additive or 0.0
+        return (self.additive or 0.0) + self.precontrolled_nm
 
-    @property
-    def additive_output_nm(self) -> float:
-        """Additive torque for the drive, Nm, in its direction (MC-518)."""
-        return self._sign * (self.additive or 0.0)
+    def output_nm(self, acceleration: float) -> float:
+        """Return the additive torque for the drive, Nm, in its direction (MC-518, CTL-052).
+
+        Args:
+            acceleration: Setpoint of a position-controlled axis, position unit/s²; 0 without position control (CTL-056).
+
+        """
+        if self._precontrol is not None:
+            self.precontrolled_nm = self._precontrol.torque(acceleration)
+        return self._sign * ((self.additive or 0.0) + self.precontrolled_nm)
 
     # -- torque range ---------------------------------------------------------------------------------------------
 
     def start_range(self) -> int:
         """Return why `MC_TorqueRange` cannot start, 0 if it can (MC-522, MC-533)."""
-        if not self._axis.port.has_torque_data:
+        if not self._has_data:
             return ERROR_NO_TORQUE_DATA
         if self._axis.motion.stopping:
             return ERROR_LOCKED
         return ERROR_EXCLUSIVE_TORQUE if self.limiting else NO_ERROR
 
     def set_range(self, upper: float, lower: float) -> int:
-        """Limit the torque to `lower`..`upper`, Nm; returns the ErrorID of limits that are not permitted (STP-187)."""
+        """Limit the torque to `lower`..`upper`, in the torque unit; returns the ErrorID of limits that are not permitted (STP-187)."""
         if not abs(upper) <= TORQUE_RANGE:
             return ERROR_UPPER_TORQUE
         if not abs(lower) <= TORQUE_RANGE:
             return ERROR_LOWER_TORQUE
         if upper <= lower:
             return ERROR_TORQUE_RANGE
-        if self.range_nm != (upper, lower):
-            self.range_nm = (upper, lower)
+        limits = (upper * self._unit, lower * self._unit)
+        if self.range_nm != limits:
+            self.range_nm = limits
             self._send_range()
         return NO_ERROR
 
@@ -209,29 +285,31 @@ class TorqueControl:
             self._axis.control_words.travel_to_fixed_stop(False)
         return NO_ERROR
 
+    def end_all(self) -> None:
+        """Take every torque function back, also at a fixed stop: the controller leaves RUN."""
+        self.clamped = False
+        self.set_additive(None)
+        if self.range_nm is not None:
+            self.end_range()
+        self.end_limiting()
+
     def _at_motor(self, limit: float) -> float:
-        """Return a limit as torque at the motor, Nm (STP-133, STP-137 to STP-141)."""
-        axis = self._axis
-        read = axis.variables.read
-        linear = axis.has_position and read("Properties.MotionType") == 0
-        load_side = read("TorqueLimiting.LimitBase") == 1
-        if limit < 0.0:
-            limit = read(f"TorqueLimiting.LimitDefaults.{'Force' if linear and load_side else 'Torque'}")
-        if not load_side:
-            return limit
-        ratio = read("LoadGear.Denominator") / read("LoadGear.Numerator") / (read("Actor.Efficiency") or 1.0)
-        if linear:
-            ratio *= read("Mechanics.LeadScrew") * 1.0e-3 / tau
-        return float(limit * ratio)
+        """Return a limit as torque at the motor, Nm (STP-133, STP-137 to STP-142)."""
+        return float(self._default.value if limit < 0.0 else limit * self._limit_unit) * self._per_limit
 
     # -- what it means for the others -----------------------------------------------------------------------------
+
+    @property
+    def limits(self) -> bool:
+        """Whether a torque limit or a torque range is active."""
+        return self.limit_nm is not None or self.range_nm is not None
 
     @property
     def relaxes_monitoring(self) -> bool:
         """Whether position-related monitoring is suspended (STP-144, STP-184, MC-553)."""
         if self.clamped:
             return True
-        return (self.limiting or self.range_nm is not None) and self._monitored.value == 0
+        return self.limits and self._monitored.value == 0
 
     @property
     def in_limitation(self) -> bool:
@@ -254,10 +332,14 @@ class TorqueControl:
             return NO_ERROR
         if job.position_controlled is False:
             return ERROR_POSITION_CONTROL
-        if not self.clamped or job.job_class not in (JobClass.POSITIONING, JobClass.VELOCITY):
+        if not self.clamped or job.job_class not in (
+            JobClass.POSITIONING,
+            JobClass.VELOCITY,
+            JobClass.MOTION_IN,
+        ):
             return NO_ERROR
         setpoint = self._axis.motion.gen.s
-        if job.job_class is JobClass.VELOCITY:
+        if job.instruction in _BY_VELOCITY:
             way = job.velocity
         else:
             way = job.distance if job.relative else job.target - setpoint

@@ -80,6 +80,12 @@ class LinkedPort(DrivePort):
         self._in_service = False
         self._link_age = self._grace
 
+    def power_down(self) -> None:
+        """Forget the drive, as a controller without supply does; nothing is told."""
+        self.leave_service()
+        self.link_ok = False
+        self.zsw1 = 0
+
     def emit(self, kind: str, **data: str | float | bool) -> None:
         """Write an event of this drive into the log, if there is one."""
         if self._history is not None:

@@ -18,6 +18,8 @@ from fieldbus.cia402 import DriveState, decode_state
 from fieldbus.errors import HilError
 from motion.drives._canopen import CanopenNode, CanopenNodeConfig, CommissioningError, written
 from motion.drives._link import LinkedPort
+from motion.drives._max_torque import MaxTorque
+from motion.drives._probe_mark import ProbeMarkSearch
 from motion.drives.port import STW1, ZSW1
 
 if TYPE_CHECKING:
@@ -79,7 +81,7 @@ class Cia402Port(LinkedPort):
     """
 
     __slots__ = (
-        "_fault_code", "_master", "_rpdo1_id", "_seen_tpdo1", "_state_of_word", "_statusword", "_stw1", "_torque_factor",
+        "_fault_code", "_master", "_max_torque", "_probe", "_rpdo1_id", "_seen_tpdo1", "_state_of_word", "_statusword", "_stw1", "_torque_factor", "_torque_share_permille",
         "node", "node_id",
     )  # fmt: skip
 
@@ -101,6 +103,11 @@ class Cia402Port(LinkedPort):
         self._fault_code = 0
         self._seen_tpdo1 = False
         self._state_of_word: dict[int, DriveState] = {}
+        self._torque_share_permille = 1000.0
+        self._max_torque = MaxTorque(master, node, self._limit_refused)
+        self.has_torque_reduction = True
+        self._probe = ProbeMarkSearch(master, node)
+        self.mark = self._probe
         master.subscribe(0x180 + node, self._on_tpdo1)
         master.subscribe(0x280 + node, self._on_tpdo2)
         master.subscribe(0x380 + node, self._on_tpdo3)
@@ -125,6 +132,7 @@ class Cia402Port(LinkedPort):
         """See `LinkedPort.drive_restarted`."""
         LinkedPort.drive_restarted(self)
         self._fault_code = 0
+        self._max_torque.drive_restarted()
 
     def leave_service(self) -> None:
         """See `LinkedPort.leave_service`."""
@@ -161,7 +169,11 @@ class Cia402Port(LinkedPort):
         self._seen_tpdo1 = False
         if not self._judge(fresh):
             return
+        if self._probe.waiting:
+            self._probe.ask()
         word = self._statusword
+        if self._max_torque.wanted is not None:
+            self.torque_limit_reached = word & 0x0800 != 0
         key = word & 0x6F
         state = self._state_of_word.get(key)
         if state is None:
@@ -204,6 +216,21 @@ class Cia402Port(LinkedPort):
         elif milli_rpm < -0x7FFFFFFF:
             milli_rpm = -0x7FFFFFFF
         self._master.send(self._rpdo1_id, _RPDO1.pack(control, milli_rpm, MODE_CSV))
+
+    def set_reference(self, speed_rpm: float, torque_nm: float) -> None:  # noqa: ARG002 - the speed is sent in rpm
+        """See `DrivePort.set_reference`."""
+        self._torque_share_permille = torque_nm / self._torque_factor
+
+    def limit_torque(self, share: float | None) -> None:
+        """See `DrivePort.limit_torque`; a whole share is no reduction, as in a PROFIdrive telegram."""
+        reduced = share is not None and share < 1.0
+        self.torque_limit_reached = False
+        self._max_torque.want(
+            round(share * self._torque_share_permille) if share is not None and reduced else None
+        )
+
+    def _limit_refused(self, reason: str) -> None:
+        self.emit("drive.limit_refused", object="6072h", reason=reason)
 
     def release(self) -> None:
         """Disable the drive with a last telegram, which acts at the next SYNC: nobody will lead it any more."""

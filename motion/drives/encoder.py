@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from motion.drives.mark import MarkSearch
 
 
 class EncoderPort(ABC):
@@ -11,12 +15,16 @@ class EncoderPort(ABC):
 
     __slots__ = (
         "absolute_encoder", "actual_speed_rpm", "brings_speed", "encoder_increments", "encoder_restarts", "has_parameters",
-        "interface_number", "link_ok", "sensor_fault", "telegram_number",
+        "interface_number", "link_ok", "mark", "sensor_fault", "sign_lost", "telegram_number",
     )  # fmt: skip
 
     def __init__(self) -> None:
+        self.mark: MarkSearch | None = None
+        """Search for the zero mark of the encoder; None: the device has none."""
         self.link_ok = False
         """Cyclic data arrive."""
+        self.sign_lost = False
+        """See `DrivePort.sign_lost`."""
         self.sensor_fault = False
         """The encoder reports that its value cannot be relied on."""
         self.encoder_increments = 0
@@ -25,7 +33,7 @@ class EncoderPort(ABC):
         """Counts the times at which the encoder began anew."""
         self.absolute_encoder = False
         self.actual_speed_rpm = 0.0
-        """Speed of the encoder, where `brings_speed`, rpm."""
+        """Speed of the encoder, where `brings_speed`, rpm; of a linear one m/min."""
         self.brings_speed = False
         self.interface_number = 1
         """Which encoder of its telegram it is (`Sensor[n].Interface.Number`)."""
@@ -34,9 +42,16 @@ class EncoderPort(ABC):
         self.telegram_number = 0
         """See `DrivePort.telegram_number`."""
 
+    def set_reference(self, speed: float) -> None:  # noqa: B027 - a connection without shares has nothing to do
+        """Take over what 100 % of the actual speed means, rpm, of a linear encoder m/min (CFG-340)."""
+
     @abstractmethod
     def read(self) -> None:
         """Take over the inputs that have arrived since the last cycle."""
+
+    def telegram_view(self) -> dict[str, int]:
+        """Return the words of its own telegram by signal name; empty without one (DIA-101, DIA-102)."""
+        return {}
 
     def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
         """See `DrivePort.read_parameter`."""

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from fieldbus.profidrive.words import STW1, ZSW1
+
+if TYPE_CHECKING:
+    from motion.drives.mark import MarkSearch
 
 __all__ = [
     "INPUT_HOME",
@@ -23,6 +26,7 @@ __all__ = [
     "STW1_OFF3",
     "STW1_OFF3_OFF1",
     "STW1_OPERATE",
+    "SWITCHES",
     "ZSW1",
     "DrivePort",
 ]
@@ -44,6 +48,12 @@ STW1_ALL_OFF: Final = 0x0478
 INPUT_NEGATIVE_LIMIT: Final = 0x1
 INPUT_POSITIVE_LIMIT: Final = 0x2
 INPUT_HOME: Final = 0x4
+SWITCHES: Final = {
+    "negative_limit": INPUT_NEGATIVE_LIMIT,
+    "positive_limit": INPUT_POSITIVE_LIMIT,
+    "home": INPUT_HOME,
+}
+"""Bits of `DrivePort.inputs` by the name of the switch."""
 
 
 class DrivePort(ABC):
@@ -67,8 +77,10 @@ class DrivePort(ABC):
         "inputs",
         "interface_number",
         "link_ok",
+        "mark",
         "sensor_code",
         "sensor_fault",
+        "sign_lost",
         "simulated",
         "speaks_telegram",
         "stw2",
@@ -83,6 +95,8 @@ class DrivePort(ABC):
     def __init__(self) -> None:
         self.zsw1 = 0
         """Last status word 1; 0 while there is no link."""
+        self.mark: MarkSearch | None = None
+        """Search for the zero mark of the encoder; None: the device has none."""
         self.link_ok = False
         """Cyclic data arrive (says nothing of drive faults)."""
         self.encoder_increments = 0
@@ -92,6 +106,8 @@ class DrivePort(ABC):
         self.absolute_encoder = False
         self.sensor_fault = False
         """The drive reports its encoder as faulty."""
+        self.sign_lost = False
+        """Data arrive, but the device does not count its sign of life on: that is why `link_ok` is FALSE."""
         self.sensor_code = 0
         """Its code for that (G1_XIST2), 0 when there is none."""
         self.actual_speed_rpm = 0.0
@@ -168,6 +184,9 @@ class DrivePort(ABC):
 
         """
         raise NotImplementedError
+
+    def switch_outputs(self, on: bool) -> None:  # noqa: B027 - zeros in `write` are enough where nothing else is sent
+        """Switch the process outputs of the controller on or off; off, all words of the drive are 0, whatever `write` says."""
 
     @abstractmethod
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:

@@ -17,6 +17,8 @@ from fieldbus.profidrive.formats import N2_ONE, N4_ONE, from_n2, to_kpc, to_n2, 
 from fieldbus.profidrive.sign_of_life import SignWatch, next_sign
 from fieldbus.profidrive.words import G_STW, G_ZSW, MELDW, SIGN_OF_LIFE_SHIFT, STW1
 from motion.drives._link import LinkConfig, LinkedPort
+from motion.drives.data_block import JoinedBlocks
+from motion.drives.mark import TelegramMarkSearch
 from motion.drives.telegram_block import TelegramBlock
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ SPEED_TELEGRAMS: Final = (1, 2, *POSITIONING_TELEGRAMS)
 WORD_TELEGRAMS: Final = (7, 9, 20, 110, 111)
 """Telegrams that no axis uses: a test leads the drive by their words."""
 
-_FLOATING: Final = frozenset((1082, 2000, 2003))
+_FLOATING: Final = frozenset((341, 1082, 1498, 2000, 2003))
 _FLOAT: Final = Struct("<f")
 
 _CONTROL: Final = int(STW1.CONTROL_BY_PLC)
@@ -113,9 +115,9 @@ class ProfidrivePort(LinkedPort):
     """
 
     __slots__ = (
-        "_add_at", "_answer", "_fault_number", "_g1_at", "_g1_zsw_at", "_kpc", "_kpc_at", "_m_act_at",
+        "_add_at", "_answer", "_blocks", "_fault_number", "_g1_at", "_g1_zsw_at", "_kpc", "_kpc_at", "_m_act_at",
         "_meldw_at", "_momred_at", "_narrow", "_nist_at", "_nsoll_at", "_pack", "_place", "_range_at", "_reference_speed",
-        "_reference_torque", "_row", "_sign", "_speed_scale", "_stw2_at", "_unpack", "_watch", "_words", "_xerr", "_xerr_at",
+        "_reference_torque", "_row", "_search", "_sign", "_speed_scale", "_stw2_at", "_unpack", "_watch", "_watches", "_words", "_xerr", "_xerr_at",
         "_xist2_at", "_xist_at", "_zsw2_at", "actual_seam", "block", "setpoint_seam", "telegram",
     )  # fmt: skip
 
@@ -128,11 +130,13 @@ class ProfidrivePort(LinkedPort):
         """Layout of both directions."""
         self.dsc = self.telegram.dsc and words.sign_of_life and words.isochronous
         self.telegram_number = words.telegram
+        self._blocks: TelegramBlock | JoinedBlocks
         self.block: TelegramBlock | None = None
         """The data block between telegram and axis, where a user program stands there (CFG section 13)."""
         self._compile()
         self.set_reference(words.reference_speed_rpm, words.reference_torque_nm)
         self._watch = SignWatch(tolerance=words.sign_tolerance)
+        self._watches = words.sign_of_life
         self._sign = 0
         self._xerr = self._kpc = 0
         self._fault_number = 0
@@ -154,9 +158,7 @@ class ProfidrivePort(LinkedPort):
         place = {name: at for at, name in enumerate(out.names)}
         self._narrow = "NSOLL_A" in place
         self._row = [0] * len(out.names)
-        self._nsoll_at = place.get("NSOLL_A" if self._narrow else "NSOLL_B", -1)
-        self._stw2_at = place.get("STW2", -1)
-        self._g1_at = place.get("G1_STW", -1)
+        self._place_outputs(place)
         self._xerr_at = place.get("XERR", -1)
         self._kpc_at = place.get("KPC", -1)
         self._add_at = place.get("M_ADD1", -1)
@@ -174,8 +176,16 @@ class ProfidrivePort(LinkedPort):
         self._xist2_at = place.get("G1_XIST2", -1)
         self._m_act_at = place.get("M_ACT", -1)
         self._meldw_at = place.get("MELDW", -1)
+        has_encoder = self._xist2_at >= 0 and self._g1_at >= 0
+        self.mark = self._search = TelegramMarkSearch() if has_encoder else None
         self._place = place
         self._answer: tuple[int, ...] = (0,) * len(back.names)
+
+    def _place_outputs(self, place: dict[str, int]) -> None:
+        """Find the words of every cycle; those that are missing in `place` stay as they are."""
+        self._nsoll_at = place.get("NSOLL_A" if self._narrow else "NSOLL_B", -1)
+        self._stw2_at = place.get("STW2", -1)
+        self._g1_at = place.get("G1_STW", -1)
 
     def set_reference(self, speed_rpm: float, torque_nm: float) -> None:
         """See `DrivePort.set_reference`."""
@@ -183,11 +193,46 @@ class ProfidrivePort(LinkedPort):
         self._reference_torque = torque_nm
         self._speed_scale = speed_rpm / (N2_ONE if self._narrow else N4_ONE)
 
-    def connect_block(self) -> TelegramBlock:
-        """Put a data block between telegram and axis; from now on the user program keeps the sign of life (CFG-260)."""
-        self.block = TelegramBlock(self.telegram)
+    def switch_outputs(self, on: bool) -> None:
+        """See `DrivePort.switch_outputs`: every word is 0, so that the drive misses the sign of life of its controller."""
+        place = {name: at for at, name in enumerate(self.telegram.setpoint.names)} if on else {}
+        self._place_outputs(place)
+        self._row[:] = [0] * len(self._row)
+        # Nor does the drive answer with a sign of life then, and its values count all the same (MC-632).
+        self._watches = on and self._words.sign_of_life
+        self._watch.reset()
+        if on:
+            self.set_torque_range(1.0, -1.0)
+        if self.block is not None:
+            self._blocks.suspend(not on)
+
+    def connect_block(
+        self, block: TelegramBlock | None = None, torque: TelegramBlock | None = None
+    ) -> TelegramBlock:
+        """Put a data block between telegram and axis; from now on the user program keeps the sign of life (CFG-260).
+
+        Args:
+            block: Structure of a `DataBlock`; None = one of its own with all words.
+            torque: Structure `PD_TEL750` for the words of the supplement; None = they stand in `block`.
+
+        Raises:
+            ConfigurationError: A structure is that of another telegram, or has not as many words.
+
+        """
+        own = TelegramBlock(self.telegram)
+        self.block = block = own if block is None else block
+        self._blocks = blocks = block if torque is None else JoinedBlocks(block, torque)
+        if block.name != own.name:
+            raise ConfigurationError(
+                "data block", block.name, f"{own.name}, the telegram of the drive (CFG-255)"
+            )
+        if torque is not None and torque.name != "PD_TEL750":
+            raise ConfigurationError("data block of the torque data", torque.name, "PD_TEL750 (CFG-405)")
+        if tuple(blocks.names) != (*own.Input, *own.Output):
+            allowed = "with PD_TEL750 beside it" if torque is None else "without one for torque data"
+            raise ConfigurationError("data block", block.name, f"{allowed}: as the drive has its telegrams")
         self.has_parameters = False
-        return self.block
+        return block
 
     # -- what the bus tells -------------------------------------------------------------------------------------
 
@@ -215,12 +260,13 @@ class ProfidrivePort(LinkedPort):
         else:
             self._answer = answer = self._unpack(frame)
             valid = True
-            if self._words.sign_of_life and self.block is None:
+            if self._watches and self.block is None:
                 sign = answer[self._zsw2_at] >> SIGN_OF_LIFE_SHIFT
                 valid = self._watch.step(sign) and sign != 0
+                self.sign_lost = not valid
             alive = self._judge(True, valid)
         if self.block is not None:
-            answer = self.block.receive(self._answer)
+            answer = self._blocks.receive(self._answer)
             if alive:
                 self._show(answer)
         elif alive:
@@ -241,6 +287,9 @@ class ProfidrivePort(LinkedPort):
             self.sensor_code = answer[self._xist2_at] & 0xFFFF_FFFF if g1_zsw & G_ZSW.ERROR else 0
             if not self.sensor_fault:
                 self.encoder_increments = answer[self._xist_at]
+            mark = self._search
+            if mark is not None and mark.busy:
+                mark.take(g1_zsw, answer[self._xist2_at])
 
     def command(self, name: str, value: int) -> None:
         """Send a word that the axis does not use itself in every telegram from now on: G2_STW, S_STW1B, S_STW3B; 0..FFFFh.
@@ -304,7 +353,9 @@ class ProfidrivePort(LinkedPort):
             row[self._stw2_at] = sign << SIGN_OF_LIFE_SHIFT | self.stw2
         if self._g1_at >= 0:
             acknowledges = stw1 & _ACKNOWLEDGE and self.sensor_fault
-            row[self._g1_at] = _ENCODER_ACKNOWLEDGE if acknowledges else 0
+            row[self._g1_at] = (
+                _ENCODER_ACKNOWLEDGE if acknowledges else 0 if self._search is None else self._search.word
+            )
         if self.dsc:
             row[self._xerr_at] = self._xerr
             row[self._kpc_at] = self._kpc
@@ -316,7 +367,7 @@ class ProfidrivePort(LinkedPort):
         else:
             if self._stw2_at >= 0:
                 row[self._stw2_at] = self.stw2
-            frame = self._pack(*self.block.send(row))
+            frame = self._pack(*self._blocks.send(row))
         return frame if self.setpoint_seam is None else self.setpoint_seam(frame)
 
     def compose_words(self, row: Sequence[int]) -> bytes | None:

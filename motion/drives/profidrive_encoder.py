@@ -19,11 +19,13 @@ from fieldbus.profidrive.sign_of_life import SignWatch, next_sign
 from fieldbus.profidrive.words import G_STW, G_ZSW, SIGN_OF_LIFE_SHIFT, STW2_ENC
 from motion.drives._link import GRACE_CYCLES
 from motion.drives.encoder import EncoderPort
+from motion.drives.mark import TelegramMarkSearch
 
 if TYPE_CHECKING:
     from fieldbus.canopen.master import CanopenMaster
     from fieldbus.canopen.node import RemoteNode
     from fieldbus.history import History
+    from motion.drives.telegram_block import TelegramBlock
 
 ENCODER_TELEGRAMS: Final = (81, 82, 83, 84)
 _WORDS_PER_PDO: Final = 4
@@ -45,7 +47,7 @@ class EncoderPortConfig:
         sign_tolerance: Wrong values of its counter in a row that are tolerated (PD-132).
         grace_cycles: Cycles without data until the link counts as lost.
         absolute_encoder: It keeps its position over power-off.
-        reference_speed_rpm: What 100 % of the speed stands for; None: the speed is that of a slide, and not shown in rpm.
+        reference_speed: What 100 % of the speed stands for, rpm, of a linear encoder m/min.
         acknowledges_errors: Errors of the encoder are acknowledged at once, so that they are gone with their cause: for a
             technology object, which does not know of G1_STW.
 
@@ -59,7 +61,7 @@ class EncoderPortConfig:
     sign_tolerance: int = 3
     grace_cycles: int = GRACE_CYCLES
     absolute_encoder: bool = False
-    reference_speed_rpm: float | None = None
+    reference_speed: float = 3000.0
     acknowledges_errors: bool = False
 
     def __post_init__(self) -> None:
@@ -81,8 +83,9 @@ class ProfidriveEncoderPort(EncoderPort):
     """
 
     __slots__ = (
-        "_age", "_all_seen", "_answer", "_config", "_from_words", "_history", "_in_service", "_master", "_parts", "_place", "_read_ns", "_rpdo",
-        "_seen", "_sign", "_telegram", "_watch", "acknowledges", "g1_stw", "name", "node",
+        "_age", "_all_seen", "_answer", "_config", "_from_words", "_history", "_in_service", "_master", "_parts", "_place", "_read_ns", "_reference_speed",
+        "_rpdo",
+        "_search", "_seen", "_sent", "_sign", "_telegram", "_watch", "acknowledges", "block", "g1_stw", "name", "node",
     )  # fmt: skip
 
     def __init__(
@@ -97,7 +100,10 @@ class ProfidriveEncoderPort(EncoderPort):
         self.name = setup.name
         self.absolute_encoder = config.absolute_encoder
         self.telegram_number = config.telegram
-        self.brings_speed = config.telegram != 81 and config.reference_speed_rpm is not None
+        self.brings_speed = config.telegram != 81
+        self._reference_speed = config.reference_speed
+        self.block: TelegramBlock | None = None
+        """The data block between telegram and encoder object, where a user program stands there."""
         self._master = master
         self._config = config
         self._history = history
@@ -113,8 +119,10 @@ class ProfidriveEncoderPort(EncoderPort):
         self._all_seen = (1 << len(self._parts)) - 1
         self._seen = 0
         self._rpdo = 0x200 + setup.node_id
+        self.mark = self._search = TelegramMarkSearch()
         self._watch = SignWatch(tolerance=config.sign_tolerance)
         self._sign = 0
+        self._sent = (0, 0)
         self._age = config.grace_cycles
         self._in_service = False
         self._read_ns = -1
@@ -141,6 +149,14 @@ class ProfidriveEncoderPort(EncoderPort):
             raise ConfigurationError("signal of the telegram", name, ", ".join(self._place))
         return self._answer[at]
 
+    def telegram_view(self) -> dict[str, int]:
+        """See `EncoderPort.telegram_view`: what was sent last and the last answer."""
+        return {
+            "STW2_ENC": self._sent[0],
+            "G1_STW": self._sent[1],
+            **dict(zip(self._place, self._answer, strict=True)),
+        }
+
     @property
     def increments(self) -> int:
         """G1_XIST1 (telegram 84: G1_XIST3), signed."""
@@ -152,6 +168,25 @@ class ProfidriveEncoderPort(EncoderPort):
         if "NIST_B" in self._place:
             return from_n4(self.actual("NIST_B"))
         return from_n2(self.actual("NIST_A")) if "NIST_A" in self._place else None
+
+    def set_reference(self, speed: float) -> None:
+        """See `EncoderPort.set_reference`."""
+        self._reference_speed = speed
+
+    def connect_block(self, block: TelegramBlock) -> TelegramBlock:
+        """Put a structure of a `DataBlock` between telegram and encoder object (CFG-289); see `ProfidrivePort.connect_block`.
+
+        Raises:
+            ConfigurationError: It is that of another telegram.
+
+        """
+        name = f"PD_TEL{self.telegram_number}"
+        if block.name != name:
+            raise ConfigurationError(
+                "data block", block.name, f"{name}, the telegram of the encoder (CFG-255)"
+            )
+        self.block = block
+        return block
 
     # -- what the network tells -------------------------------------------------------------------------------------
 
@@ -214,7 +249,11 @@ class ProfidriveEncoderPort(EncoderPort):
                 frame.pack(*words.unpack(b"".join(self._parts)))
             )
             sign = answer[0] >> SIGN_OF_LIFE_SHIFT
+            if self.block is not None:
+                self._answer = answer = self.block.receive(answer)
+                sign = answer[0] >> SIGN_OF_LIFE_SHIFT
             good = not config.sign_of_life or (self._watch.step(sign) and sign != 0)
+            self.sign_lost = not good
             self._age = 0 if good else limit
             self._show(answer)
         elif self._age < limit:
@@ -228,15 +267,21 @@ class ProfidriveEncoderPort(EncoderPort):
     def _give(self) -> None:
         self._sign = next_sign(self._sign)
         stw2 = _CONTROL | (_ACKNOWLEDGE if self.acknowledges else 0) | self._sign << SIGN_OF_LIFE_SHIFT
-        g1_stw = self.g1_stw
+        g1_stw = self.g1_stw or self._search.word
         if self._config.acknowledges_errors and self._answer[1] & _ERRORS:
             g1_stw |= _ACKNOWLEDGE_ERROR
             stw2 |= _ACKNOWLEDGE
-        self._master.send(self._rpdo, stw2.to_bytes(2, "little") + (g1_stw & 0xFFFF).to_bytes(2, "little"))
+        g1_stw &= 0xFFFF
+        self._sent = stw2, g1_stw
+        if self.block is not None:
+            stw2, g1_stw = self.block.send((stw2 & 0x0FFF, g1_stw & 0xFFFF))
+        self._master.send(self._rpdo, stw2.to_bytes(2, "little") + g1_stw.to_bytes(2, "little"))
 
     def _show(self, answer: tuple[int, ...]) -> None:
         self.sensor_fault = bool(answer[1] & _ERROR)
+        if self._search.busy:
+            self._search.take(answer[1], self.actual("G1_XIST2"))
         if not self.sensor_fault:
             self.encoder_increments = (answer[2] + _HALF) % (2 * _HALF) - _HALF
-        if self.brings_speed and self._config.reference_speed_rpm is not None:
-            self.actual_speed_rpm = (self.speed or 0.0) * self._config.reference_speed_rpm
+        if self.brings_speed:
+            self.actual_speed_rpm = (self.speed or 0.0) * self._reference_speed

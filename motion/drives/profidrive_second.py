@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from fieldbus.profidrive.words import G_STW, G_ZSW
 from motion.drives.encoder import EncoderPort
+from motion.drives.mark import TelegramMarkSearch
 
 if TYPE_CHECKING:
     from motion.drives.profidrive import ProfidrivePort
@@ -25,15 +26,16 @@ class SecondEncoderPort(EncoderPort):
 
     """
 
-    __slots__ = ("_acknowledges", "_port")
+    __slots__ = ("_port", "_search", "_sent")
 
     def __init__(self, port: ProfidrivePort, *, absolute_encoder: bool) -> None:
         super().__init__()
         self._port = port
-        self._acknowledges = False
+        self._sent = 0
         self.absolute_encoder = absolute_encoder
         self.telegram_number = port.telegram_number
         self.interface_number = 2
+        self.mark = self._search = TelegramMarkSearch()
         self.brings_speed = True
         self.has_parameters = port.has_parameters
 
@@ -49,10 +51,13 @@ class SecondEncoderPort(EncoderPort):
         self.sensor_fault = bool(zsw & _FAULTY)
         if not self.sensor_fault:
             self.encoder_increments = port.actual("G2_XIST1")
-        wrong = bool(zsw & _ERROR)
-        if wrong is not self._acknowledges:
-            self._acknowledges = wrong
-            port.command("G2_STW", _ACKNOWLEDGE if wrong else 0)
+        mark = self._search
+        if mark.busy:
+            mark.take(zsw, port.actual("G2_XIST2"))
+        word = _ACKNOWLEDGE if zsw & _ERROR else mark.word
+        if word != self._sent:
+            self._sent = word
+            port.command("G2_STW", word)
 
     def read_parameter(self, number: int, index: int, answer: Callable[[float | None, str], object]) -> None:
         """See `DrivePort.read_parameter`: those of its drive."""

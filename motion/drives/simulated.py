@@ -7,10 +7,12 @@ exact, coasting is a constant deceleration.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import IntEnum
 from math import tau
 from typing import Final
 
+from motion.drives.mark import IdealMarkSearch
 from motion.drives.port import STW1, ZSW1, DrivePort
 
 _ZSW1: Final = {1: 0x0240, 2: 0x0201, 3: 0x0203, 4: 0x0207, 5: 0x0203}
@@ -38,6 +40,7 @@ class SimulatedDrivePort(DrivePort):
         off1_ramp_s: p1121, from p1082 to zero.
         off3_ramp_s: p1135, from p1082 to zero.
         coast_s: Time in which friction stops the motor from p1082.
+        zero_marks: Places of zero marks, increments.
 
     Attributes `fault`, `link`, `inhibited` and `autonomous_stop` break it: a drive fault, the loss of the link, a
     drive that stays in S1, braking by the drive itself.
@@ -45,7 +48,7 @@ class SimulatedDrivePort(DrivePort):
     """
 
     __slots__ = ("_acknowledge", "_angle", "_braking", "_coast", "_cycle", "_increments", "_off1", "_off3", "_on",
-                 "_setpoint", "_speed", "_stw1", "autonomous_stop", "fault", "fault_latched", "inhibited", "link",
+                 "_search", "_setpoint", "_speed", "_stw1", "autonomous_stop", "fault", "fault_latched", "inhibited", "link",
                  "stage", "switches")  # fmt: skip
 
     def __init__(
@@ -57,6 +60,7 @@ class SimulatedDrivePort(DrivePort):
         off1_ramp_s: float = 1.0,
         off3_ramp_s: float = 0.5,
         coast_s: float = 3.0,
+        zero_marks: Iterable[int] = (),
     ) -> None:
         super().__init__()
         self._cycle = cycle_s
@@ -78,6 +82,7 @@ class SimulatedDrivePort(DrivePort):
         self.link = True
         self.inhibited = False
         self.autonomous_stop = False
+        self.mark = self._search = IdealMarkSearch(*zero_marks)
         self.switches = 0
         """Digital inputs at the drive."""
 
@@ -162,4 +167,8 @@ class SimulatedDrivePort(DrivePort):
             rate = self._braking if self.stage is DriveStage.S5 else self._coast
             step = rate * self._cycle
             self._speed = 0.0 if abs(before) <= step else before - step if before > 0.0 else before + step
+        angle = self._angle
         self._angle += 0.5 * (before + self._speed) / 60.0 * tau * self._cycle
+        if self._search.searching:
+            per_radian = self._increments / tau
+            self._search.pass_by(angle * per_radian, self._angle * per_radian)

@@ -7,24 +7,18 @@ outstanding the exchange of a cycle is left out: a line that is slower than the 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from fieldbus.errors import ConfigurationError
 from fieldbus.modbus.client import Outcome, Result
 from fieldbus.modbus.io_image import IoImage
 from motion.drives._link import GRACE_CYCLES
-from motion.drives.port import INPUT_HOME, INPUT_NEGATIVE_LIMIT, INPUT_POSITIVE_LIMIT, DrivePort
+from motion.drives.port import SWITCHES, DrivePort
 
 if TYPE_CHECKING:
     from fieldbus.history import History
     from fieldbus.modbus.client import Done, Job
     from fieldbus.modbus.pdu import Request
-
-_BITS: Final = {
-    "negative_limit": INPUT_NEGATIVE_LIMIT,
-    "positive_limit": INPUT_POSITIVE_LIMIT,
-    "home": INPUT_HOME,
-}
 
 
 class Client(Protocol):
@@ -48,7 +42,7 @@ class StationLink:
     """
 
     __slots__ = (
-        "_age", "_analog_out", "_client", "_digital_out", "_grace", "_history", "_waiting", "analog", "answers", "counters",
+        "_age", "_analog_out", "_client", "_digital_out", "_grace", "_history", "_outputs", "_silent", "_waiting", "analog", "answers", "counters",
         "digital", "image", "name", "ok", "unit",
     )  # fmt: skip
 
@@ -71,6 +65,8 @@ class StationLink:
         self._waiting = False
         self._digital_out = 0
         self._analog_out = [0] * image.analog_outputs
+        self._outputs = True
+        self._silent = False
         self.ok = False
         """Answers come."""
         self.answers = 0
@@ -95,15 +91,35 @@ class StationLink:
         """Set the word of an analog output; it goes with the next exchange."""
         self._analog_out[number] = word
 
+    def switch_outputs(self, on: bool) -> None:
+        """Switch the process outputs on or off; off, zeros are sent, and what is set meanwhile goes when they are on again."""
+        self._outputs = on
+
+    def power(self, on: bool) -> None:
+        """Say whether the controller has supply; without it nothing is exchanged."""
+        self._silent = not on
+        if not on:
+            self._digital_out = 0
+            self._analog_out = [0] * self.image.analog_outputs
+            self._age = self._grace
+            if self.ok:
+                self._lose()
+
     def exchange(self) -> None:
         """Send the outputs and ask for the inputs; once per cycle."""
+        if self._silent:
+            return
         if self._age < self._grace:
             self._age += 1
             if self._age == self._grace:
                 self._lose()
         if self._waiting:
             return
-        request = self.image.request(self.image.pack_outputs(self._digital_out, self._analog_out))
+        if self._outputs:
+            outputs = self.image.pack_outputs(self._digital_out, self._analog_out)
+        else:
+            outputs = self.image.pack_outputs(0, [0] * self.image.analog_outputs)
+        request = self.image.request(outputs)
         if request is not None:
             self._waiting = True
             self._client.submit(request, self.unit, self._answered)
@@ -147,21 +163,22 @@ class StationInputs:
 
     def __init__(self, link: StationLink, channels: Mapping[str, int]) -> None:
         for name, number in channels.items():
-            if name not in _BITS:
-                raise ConfigurationError("input of an axis", name, ", ".join(_BITS))
+            if name not in SWITCHES:
+                raise ConfigurationError("input of an axis", name, ", ".join(SWITCHES))
             if not 0 <= number < link.image.digital_inputs:
                 raise ConfigurationError(
                     f"{link.name}: digital input", number, f"0..{link.image.digital_inputs - 1}"
                 )
         self._link = link
-        self._channels = tuple((1 << number, _BITS[name]) for name, number in channels.items())
+        self._channels = tuple((1 << number, SWITCHES[name]) for name, number in channels.items())
         self._mask = ~sum(bit for _, bit in self._channels)
 
-    def __call__(self, port: DrivePort) -> None:
-        """Put the levels into the inputs of a port."""
+    def __call__(self, port: DrivePort) -> bool:
+        """Put the levels into the inputs of a port; return whether the station answers, so that they mean something."""
         digital = self._link.digital
         inputs = port.inputs & self._mask
         for channel, bit in self._channels:
             if digital & channel:
                 inputs |= bit
         port.inputs = inputs
+        return self._link.ok

@@ -28,7 +28,17 @@ class TelegramBlock:
     signals with their sign.
     """
 
-    __slots__ = ("Input", "Output", "_sign", "name", "post_servo", "pre_servo", "received", "sent")
+    __slots__ = (
+        "Input",
+        "Output",
+        "_sign",
+        "_suspended",
+        "name",
+        "post_servo",
+        "pre_servo",
+        "received",
+        "sent",
+    )
 
     def __init__(self, telegram: Telegram) -> None:
         self.name = f"PD_TEL{telegram.number}"
@@ -41,6 +51,22 @@ class TelegramBlock:
         self.pre_servo: Program | None = None
         self.post_servo: Program | None = None
         self._sign = 0
+        self._suspended: tuple[Program | None, Program | None] | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Signals of `Input` and `Output`."""
+        return (*self.Input, *self.Output)
+
+    def suspend(self, suspended: bool) -> None:
+        """Stop running the programs, as a controller in STOP does, or go on: meanwhile `Input` stands, and zeros are sent."""
+        if suspended and self._suspended is None:
+            self._suspended = self.pre_servo, self.post_servo
+            self.pre_servo = self.post_servo = None
+            self.sent = dict.fromkeys(self.sent, 0)
+        elif not suspended and self._suspended is not None:
+            self.pre_servo, self.post_servo = self._suspended
+            self._suspended = None
 
     def pass_through(self, *, sign_of_life: bool = True) -> None:
         """Let programs copy everything, as a direct connection does, with or without the sign of life of the controller."""
@@ -58,9 +84,10 @@ class TelegramBlock:
     def copy_output_alive(self) -> None:
         """Copy `Output` and let the sign of life in STW2 count, which is the task of the program here (CFG-260)."""
         self.copy_output()
-        if "STW2" in self.sent:
-            self._sign = next_sign(self._sign)
-            self.sent["STW2"] = self.sent["STW2"] & ~_SIGN_MASK | self._sign << SIGN_OF_LIFE_SHIFT
+        for word in ("STW2", "STW2_ENC"):
+            if word in self.sent:
+                self._sign = next_sign(self._sign)
+                self.sent[word] = self.sent[word] & ~_SIGN_MASK | self._sign << SIGN_OF_LIFE_SHIFT
 
     def receive(self, answer: Iterable[int]) -> tuple[int, ...]:
         """Run `pre_servo` over what has arrived; return what the axis is to see in this cycle (CFG-253)."""

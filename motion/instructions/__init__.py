@@ -4,6 +4,7 @@ from motion.instructions.base import ExecuteInstruction, Instruction
 from motion.instructions.control_words import MC_SetAxisSTW
 from motion.instructions.home import MC_Home
 from motion.instructions.jog import MC_MoveJog
+from motion.instructions.motion_in import MC_MotionInPosition, MC_MotionInSuperimposed, MC_MotionInVelocity
 from motion.instructions.move import MC_MoveAbsolute, MC_MoveRelative, MC_MoveVelocity
 from motion.instructions.power import MC_Power
 from motion.instructions.reset import MC_Reset
@@ -20,6 +21,9 @@ __all__ = [
     "MC_Halt",
     "MC_HaltSuperimposed",
     "MC_Home",
+    "MC_MotionInPosition",
+    "MC_MotionInSuperimposed",
+    "MC_MotionInVelocity",
     "MC_MoveAbsolute",
     "MC_MoveJog",
     "MC_MoveRelative",

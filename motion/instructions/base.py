@@ -11,12 +11,14 @@ from itertools import count
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from fieldbus.errors import ConfigurationError
-from motion.axis.jobs import ERROR_REFERENCE, NO_ERROR, Job, JobState
+from motion.axis.jobs import ERROR_CONTROL_PANEL, ERROR_REFERENCE, NO_ERROR, Job, JobState
+from motion.compatibility import check_instruction, level_of
 
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
 
 _ACTIVE: Final = JobState.ACTIVE
+_STARTERS: Final = frozenset(("Execute", "Enable", "JogForward", "JogBackward"))
 DEFAULT = -1.0
 """Input value that selects the dynamic default of the technology object (MC-086 to MC-089)."""
 
@@ -30,8 +32,8 @@ class Instruction:
         **inputs: Start values of inputs.
 
     Raises:
-        ConfigurationError: An input does not exist, or the object is an external encoder, which this instruction does not know
-            (CFG-061).
+        ConfigurationError: An input does not exist, or not on this controller; the controller does not have the instruction
+            (CFG-062); or the object is an external encoder, which the instruction does not know (CFG-061).
 
     """
 
@@ -41,6 +43,8 @@ class Instruction:
     object_types: ClassVar[tuple[str, ...]] = ("SpeedAxis", "PositioningAxis")
     Execute: bool = False
     """Edge input of those that have one."""
+    master: object | None = None
+    """The control panel that the instance belongs to; None = to the user program."""
 
     def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
         if axis.object_type == "ExternalEncoder" and self._wrong_object(axis):
@@ -48,6 +52,9 @@ class Instruction:
                 f"{self.instruction}.Axis", axis.name, f"one of {', '.join(self.object_types)}"
             )
         self.axis = axis
+        self.level = level_of(axis)
+        check_instruction(self.level, self.instruction)
+        self._absent = self.level.absent_inputs(self.instruction)
         self.name = name or _default_name(self.instruction, axis)
         self.Busy = False
         self.Error = False
@@ -62,7 +69,27 @@ class Instruction:
             if key not in self.inputs:
                 allowed = ", ".join(self.inputs)
                 raise ConfigurationError(f"{self.instruction}.{key}", value, f"one of the inputs {allowed}")
+            if key in self._absent:
+                self._refuse(key, value)
             setattr(self, key, value)
+
+    def begin_anew(self) -> None:
+        """Get what a warm restart of the controller leaves: nothing is started, outputs and memory are as at the beginning.
+
+        The inputs that start something fall to FALSE; the others, which a program gives with every call, stay.
+        """
+        kept = {
+            key: getattr(self, key) for key in self.inputs if key not in _STARTERS and key not in self._absent
+        }
+        type(self).__init__(self, self.axis, name=self.name, **kept)  # as a new one, in the same place
+
+    def _refuse(self, key: str, value: object) -> None:
+        own = self.level
+        allowed = ", ".join(one for one in self.inputs if one not in self._absent)
+        raise ConfigurationError(
+            f"{self.instruction}.{key}", value,
+            f"one of the inputs that technology version {own.version} of the {own.name} has: {allowed}",
+        )  # fmt: skip
 
     @property
     def dormant(self) -> bool:
@@ -78,8 +105,21 @@ class Instruction:
     def _call(self) -> None:
         raise NotImplementedError
 
+    def _refused(self) -> int:
+        """Return why the instance may not give jobs to its object: another type (16#8002), or a control panel has it (16#8012)."""
+        if self._wrong_object():
+            return ERROR_REFERENCE
+        return NO_ERROR if self.axis.master is self.master else ERROR_CONTROL_PANEL
+
     def _wrong_object(self, axis: TechnologyAxis | None = None) -> bool:
-        return (axis or self.axis).object_type not in self.object_types
+        return not any(kind in self.object_types for kind in (axis or self.axis).kinds)
+
+    def _log_rejection(self, error_id: int) -> None:
+        history = self.axis.history
+        if history is not None:
+            history.emit(
+                self.axis.name, "job.error", job=self.name, instruction=self.instruction, error_id=error_id
+            )
 
     # -- outputs as predicates, for `run_until` ---------------------------------------------------------------
 
@@ -131,8 +171,11 @@ class ExecuteInstruction(Instruction):
             self._show(self._job)
 
     def _begin(self) -> None:
+        for key in self._absent:
+            if getattr(self, key) != self.inputs[key]:
+                self._refuse(key, getattr(self, key))
         self._clear()
-        outcome = ERROR_REFERENCE if self._wrong_object() else self._start()
+        outcome = self._refused() or self._start()
         if isinstance(outcome, Job):
             self._job = outcome
             self._show(outcome)
@@ -141,13 +184,6 @@ class ExecuteInstruction(Instruction):
         self.ErrorID = outcome
         self._terminal = True
         self._log_rejection(outcome)
-
-    def _log_rejection(self, error_id: int) -> None:
-        history = self.axis.history
-        if history is not None:
-            history.emit(
-                self.axis.name, "job.error", job=self.name, instruction=self.instruction, error_id=error_id
-            )
 
     def _clear(self) -> None:
         self.Busy = self.Done = self.CommandAborted = self.Error = False

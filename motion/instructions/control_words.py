@@ -5,8 +5,13 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from motion.axis.control_words import STW1_MASK, STW2_MASK
-from motion.axis.jobs import ERROR_STW_MASK, ERROR_UNSPECIFIED, Job, JobClass
+from motion.axis.jobs import ERROR_ALARM, ERROR_STW_MASK, ERROR_UNSPECIFIED, Job, JobClass
+from motion.axis.reset import ALARM_CONFIGURATION
 from motion.instructions.base import ExecuteInstruction
+
+
+def _is_word(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= 0xFFFF
 
 
 class MC_SetAxisSTW(ExecuteInstruction):
@@ -27,9 +32,13 @@ class MC_SetAxisSTW(ExecuteInstruction):
 
     def _start(self) -> Job | int:
         masks = ((self.STW1BitMask, STW1_MASK), (self.STW2BitMask, STW2_MASK))
-        if any(mask & ~permitted for mask, permitted in masks):
+        if any(not _is_word(mask) or mask & ~permitted for mask, permitted in masks):
             return ERROR_STW_MASK
+        if not _is_word(self.STW1) or not _is_word(self.STW2):
+            return ERROR_UNSPECIFIED
         axis = self.axis
+        if axis.alarms.engine.is_pending(ALARM_CONFIGURATION):
+            return ERROR_ALARM
         if not axis.port.speaks_telegram:
             return ERROR_UNSPECIFIED  # no drive telegram, or simulated (MC-431, MC-432)
         job = Job(JobClass.NONE, instruction=self.instruction, name=self.name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import isfinite
 from typing import TYPE_CHECKING, Any, Final
 
 from motion.axis.jobs import ERROR_ACCELERATION, ERROR_DECELERATION, ERROR_JERK, ERROR_VELOCITY, NO_ERROR, Job
@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
 
 POSITION_LIMIT: Final = 1e12
-"""Greatest magnitude of a position or distance; the range of the position variables."""
+"""Greatest magnitude of a position, distance or dynamic value; the range of the variables (MC-600)."""
 
 _SMALLEST: Final = 1e-12
 """Smallest dynamic value other than 0; less cannot be planned with."""
 
 
-def is_number(value: object, limit: float = inf) -> bool:
+def is_number(value: object, limit: float = POSITION_LIMIT) -> bool:
     """Return whether an input is a finite number of at most the magnitude `limit`."""
     if isinstance(value, bool | str):
         return False
@@ -52,27 +52,30 @@ def resolve(
 ) -> int:
     """Resolve the velocity (where it has a default), `Acceleration`, `Deceleration` and `Jerk` into `job`.
 
+    Inputs are in the units of the axis, those of the job in the units of the runtime (CFG-072, CFG-081).
+
     Returns:
         The ErrorID of the first input that is not allowed, 0 when all are.
 
     """
     axis = instance.axis
+    factors = axis.variables.factors
     if velocity:
         value = _value(axis, getattr(instance, velocity_input), "Velocity", zero=False)
         if value is None:
             return ERROR_VELOCITY
-        job.velocity = value
+        job.velocity = value * factors.velocity
     if acceleration:
         value = _value(axis, instance.Acceleration, "Acceleration", zero=False)
         if value is None:
             return ERROR_ACCELERATION
-        job.acceleration = value
+        job.acceleration = value * factors.acceleration
     value = _value(axis, instance.Deceleration, "Deceleration", zero=False)
     if value is None:
         return ERROR_DECELERATION
-    job.deceleration = value
+    job.deceleration = value * factors.acceleration
     value = _value(axis, instance.Jerk, "Jerk", zero=True)
     if value is None:
         return ERROR_JERK
-    job.jerk = value
+    job.jerk = value * factors.acceleration
     return NO_ERROR

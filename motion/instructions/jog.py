@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 
 from motion.axis.jobs import (
     ERROR_DIRECTION,
-    ERROR_REFERENCE,
     ERROR_VELOCITY,
     NO_ERROR,
     Job,
@@ -88,13 +87,14 @@ class MC_MoveJog(Instruction):
         error = resolve(self, job, velocity=False)
         if error:
             return error
-        speed = abs(float(self.Velocity))
+        speed = abs(float(self.Velocity)) * self.axis.variables.factors.velocity
         job.velocity = speed if self.JogForward else -speed
         return NO_ERROR
 
     def _start(self) -> None:
-        if self._wrong_object():
-            self._fail(ERROR_REFERENCE)
+        refused = self._refused()
+        if refused:
+            self._fail(refused)
             return
         job = Job(JobClass.VELOCITY, instruction=self.instruction, name=self.name)
         job.position_controlled = bool(self.PositionControlled)
@@ -136,10 +136,7 @@ class MC_MoveJog(Instruction):
         self.ErrorID = error_id
         self._latched = True
         self._inputs_fell = False
-        if self.axis.history is not None:
-            self.axis.history.emit(
-                self.axis.name, "job.error", job=self.name, instruction=self.instruction, error_id=error_id
-            )
+        self._log_rejection(error_id)
 
     def _show(self, job: Job, *, wanted: bool) -> None:
         state = job.state

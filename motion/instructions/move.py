@@ -16,6 +16,7 @@ from motion.axis.jobs import (
     JobState,
 )
 from motion.axis.state import ACCEPTS_MOTION
+from motion.compatibility import level_of
 from motion.instructions.base import DEFAULT, ExecuteInstruction
 from motion.instructions.dynamics import POSITION_LIMIT, is_number, resolve
 
@@ -26,7 +27,7 @@ ALARM_NOT_HOMED: Final = 321
 
 
 class _Positioning(ExecuteInstruction):
-    """What both positioning instructions share: output `Active`, dynamic inputs, `BufferMode`."""
+    """What both positioning instructions share: dynamic inputs, `BufferMode` and output `Active` (both from V9.0 on)."""
 
     object_types = ("PositioningAxis",)
     Velocity: float
@@ -36,7 +37,9 @@ class _Positioning(ExecuteInstruction):
     BufferMode: int
 
     def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
-        self.Active = False
+        self._shows_active = level_of(axis).has_output(self.instruction, "Active")
+        if self._shows_active:
+            self.Active = False
         super().__init__(axis, name=name, **inputs)
 
     def _prepare(self, **facts: Any) -> Job | int:
@@ -55,11 +58,13 @@ class _Positioning(ExecuteInstruction):
 
     def _clear(self) -> None:
         super()._clear()
-        self.Active = False
+        if self._shows_active:
+            self.Active = False
 
     def _show(self, job: Job) -> None:
         super()._show(job)
-        self.Active = job.state is _ACTIVE
+        if self._shows_active:
+            self.Active = job.state is _ACTIVE
 
 
 class MC_MoveAbsolute(_Positioning):
@@ -117,7 +122,7 @@ class MC_MoveRelative(_Positioning):
 class MC_MoveVelocity(ExecuteInstruction):
     """Move with a velocity until another job takes over.
 
-    Inputs: `Execute`; `Velocity`, axis unit per second, signed; `Acceleration`, `Deceleration`, `Jerk`;
+    Inputs: `Execute`; `Velocity`, velocity unit of the axis, signed; `Acceleration`, `Deceleration`, `Jerk`;
     `Direction` 0 sign of `Velocity`, 1 positive, 2 negative; `Current` keeps the present velocity;
     `PositionControlled`. Outputs: `InVelocity` and the common ones except `Done`.
     """
@@ -145,7 +150,7 @@ class MC_MoveVelocity(ExecuteInstruction):
         error = resolve(self, job, velocity=False)
         if error:
             return error
-        velocity = float(self.Velocity)
+        velocity = float(self.Velocity) * self.axis.variables.factors.velocity
         job.velocity = (
             velocity if self.Direction == 0 else abs(velocity) if self.Direction == 1 else -abs(velocity)
         )

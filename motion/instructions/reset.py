@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from motion.axis.external_encoder import EncoderReset
     from motion.axis.reset import Reset
 
-ALARM_RESTART_REFUSED = 322
-
 
 class MC_Reset(Instruction):
     """Acknowledge alarms, or restart the technology object with `Restart`.
@@ -41,7 +39,11 @@ class MC_Reset(Instruction):
             self._begin()
         elif self._reset is not None:
             if self._reset.done:
+                error_id = self._reset.error_id
                 self._reset = None
+                if error_id:
+                    self._fail(error_id)
+                    return
                 self.Busy = False
                 self.Done = True
                 self._log("job.done")
@@ -56,8 +58,12 @@ class MC_Reset(Instruction):
         if axis.state is AxisState.RESTARTING:
             self._fail(ERROR_STATE)
             return
+        refused = self._refused()
+        if refused:
+            self._fail(refused)
+            return
         if self.Restart and axis.restart_refused:
-            axis.alarms.raise_alarm(ALARM_RESTART_REFUSED)
+            axis.refuse_restart()
             self._fail(ERROR_RESTART_ENABLED)
             return
         self._reset = axis.make_reset(restart=bool(self.Restart))

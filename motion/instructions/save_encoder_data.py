@@ -65,6 +65,12 @@ class MC_SaveAbsoluteEncoderData:
             self.Done = self.Error = False
             self.ErrorID = NO_ERROR
 
+    def begin_anew(self) -> None:
+        """Get what a warm restart of the controller leaves: nothing runs, outputs are as at the beginning."""
+        self._last = False
+        self.Execute = self.Done = self.Busy = self.Error = False
+        self.ErrorID = NO_ERROR
+
     def _fail(self, error_id: int) -> None:
         self.Error = True
         self.ErrorID = error_id

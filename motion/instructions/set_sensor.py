@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from fieldbus.errors import ConfigurationError
 from motion.axis.feedback import VALID
-from motion.axis.jobs import ERROR_ACTUAL_VALUE, ERROR_MODE, ERROR_STATE, Job, JobClass
+from motion.axis.jobs import (
+    ERROR_ACTUAL_VALUE,
+    ERROR_HOMING,
+    ERROR_MODE,
+    ERROR_REFERENCE_SENSOR,
+    ERROR_SENSOR,
+    ERROR_STATE,
+    Job,
+    JobClass,
+)
 from motion.axis.sensors import SWITCH_BUMPLESS, TRANSFER_FROM, set_sensor
 from motion.axis.state import AxisState
 from motion.instructions.base import ExecuteInstruction
 
 if TYPE_CHECKING:
     from motion.axis.axis import PositioningAxis
-
-ERROR_SENSOR: Final = 0x8050
-ERROR_REFERENCE_SENSOR: Final = 0x8051
-ERROR_HOMING: Final = 0x8074
 
 
 class MC_SetSensor(ExecuteInstruction):
@@ -38,11 +42,6 @@ class MC_SetSensor(ExecuteInstruction):
     ReferenceSensor: int
     axis: PositioningAxis
 
-    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
-        if getattr(axis, "cpu", "S7-1500T") != "S7-1500T":
-            raise ConfigurationError("MC_SetSensor", axis.cpu, "cpu S7-1500T (CFG-062)")
-        super().__init__(axis, name=name, **inputs)
-
     def _start(self) -> Job | int:
         axis = self.axis
         if axis.state is AxisState.RESTARTING:
@@ -54,8 +53,7 @@ class MC_SetSensor(ExecuteInstruction):
             return ERROR_MODE
         if self.Mode == TRANSFER_FROM and self.ReferenceSensor not in numbers:
             return ERROR_REFERENCE_SENSOR
-        running = axis.motion.job
-        if running is not None and running.instruction == "MC_Home":
+        if axis.homings:
             return ERROR_HOMING
         source = axis.sensors[self.ReferenceSensor - 1] if self.Mode == TRANSFER_FROM else axis.feedback
         target = axis.sensors[self.Sensor - 1]

@@ -12,7 +12,7 @@ from motion.instructions.dynamics import POSITION_LIMIT, is_number, resolve
 class MC_MoveSuperimposed(ExecuteInstruction):
     """Move by a distance on top of the motion that runs, or of none (MC-341 to MC-358).
 
-    Inputs: `Execute`; `Distance`, axis unit; `VelocityDiff`, axis unit per second, the highest velocity on top of the
+    Inputs: `Execute`; `Distance`, axis unit; `VelocityDiff`, velocity unit of the axis, the highest velocity on top of the
     basic one; `Acceleration`, `Deceleration`, `Jerk` (negative: dynamic default).
     """
 

@@ -8,7 +8,6 @@ from motion.axis.jobs import (
     ERROR_ADDITIVE_TORQUE,
     ERROR_LIMIT,
     ERROR_LOWER_TORQUE,
-    ERROR_REFERENCE,
     ERROR_UPPER_TORQUE,
     NO_ERROR,
 )
@@ -47,7 +46,7 @@ class _EnableInstruction(Instruction):
             self.Error = False
             self.ErrorID = NO_ERROR
             # An instance whose end was refused (clamped axis) is still active and goes on.
-            error = NO_ERROR if self._active else ERROR_REFERENCE if self._wrong_object() else self._begin()
+            error = NO_ERROR if self._active else self._refused() or self._begin()
             if error:
                 self._fail(error)
                 return
@@ -71,10 +70,8 @@ class _EnableInstruction(Instruction):
         self.Busy = enable and self._active and not self.Error
 
     def _fail(self, error_id: int) -> None:
-        if not self.Error and self.axis.history is not None:
-            self.axis.history.emit(
-                self.axis.name, "job.error", job=self.name, instruction=self.instruction, error_id=error_id
-            )
+        if not self.Error:
+            self._log_rejection(error_id)
         self.Busy = False
         self.Error = True
         self.ErrorID = error_id
@@ -83,7 +80,8 @@ class _EnableInstruction(Instruction):
 class MC_TorqueAdditive(_EnableInstruction):
     """Add a torque to the one that the speed controller of the drive demands.
 
-    Inputs: `Enable`; `Value`, Nm, -1.0E12..1.0E12. Needs telegram 750 and an enabled axis without `MC_Stop`.
+    Inputs: `Enable`; `Value`, in the torque unit (linear motor: force unit), -1.0E12..1.0E12. Needs telegram 750 and an
+    enabled axis without `MC_Stop`.
     """
 
     instruction = "MC_TorqueAdditive"
@@ -105,7 +103,8 @@ class MC_TorqueAdditive(_EnableInstruction):
 class MC_TorqueRange(_EnableInstruction):
     """Limit the torque of the drive to a range.
 
-    Inputs: `Enable`; `UpperLimit`, `LowerLimit`, Nm, -1.0E12..1.0E12. Needs telegram 750; excludes `MC_TorqueLimiting`.
+    Inputs: `Enable`; `UpperLimit`, `LowerLimit`, in the torque unit (linear motor: force unit), -1.0E12..1.0E12. Needs
+    telegram 750; excludes `MC_TorqueLimiting`.
     """
 
     instruction = "MC_TorqueRange"
@@ -133,7 +132,7 @@ class MC_TorqueRange(_EnableInstruction):
 class MC_TorqueLimiting(_EnableInstruction):
     """Limit the torque of the drive in both directions, and detect a fixed stop.
 
-    Inputs: `Enable`; `Limit`, Nm or N, below 0 the default of the technology object; `Mode` 0 limiting, 1 with
+    Inputs: `Enable`; `Limit`, in the torque or force unit, below 0 the default of the technology object; `Mode` 0 limiting, 1 with
     fixed-stop detection. Outputs: `InLimitation`, `InClamping`.
     """
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Final
 
-from motion.axis.jobs import ERROR_STATE, Job, JobClass
+from motion.axis.jobs import ERROR_DIRECT_CONNECTION, ERROR_STATE, Job, JobClass
 from motion.axis.state import AxisState
 from motion.instructions.base import ExecuteInstruction
-from motion.variables import ParameterError
+from motion.variables import ERROR_PARAMETER_NUMBER, ParameterError
 
-ERROR_DIRECT_CONNECTION: Final = 0x805D
 TIMES: Final = (1010, 1011, 1012)
 """T_i, T_o, T_DC."""
 
@@ -32,6 +31,8 @@ class MC_WriteParameter(ExecuteInstruction):
         axis = self.axis
         if axis.state is AxisState.RESTARTING:
             return ERROR_STATE
+        if self.ParameterNumber in self.level.without_parameters:
+            return ERROR_PARAMETER_NUMBER
         if self.ParameterNumber in TIMES and (axis.connection == "direct" or axis.simulated):
             return ERROR_DIRECT_CONNECTION
         try:

@@ -33,7 +33,7 @@ class SetpointGenerator:
     """
 
     __slots__ = (
-        "_astray_until", "_base", "_ends", "_index", "_piece", "_pieces", "_time", "_until",
+        "_astray_until", "_base", "_ends", "_index", "_piece", "_pieces", "_resting", "_time", "_until",
         "a", "done", "positioning", "s", "target", "v",
     )  # fmt: skip
 
@@ -65,6 +65,7 @@ class SetpointGenerator:
         self.positioning = False
         self._time = self._astray_until = 0.0
         self._index = 0
+        self._resting = False
         self._until = inf
         self._ends = _ENDLESS
         self._piece = (0.0, s, v, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -124,6 +125,8 @@ class SetpointGenerator:
 
     def advance(self, dt: float) -> None:
         """Go on by `dt` s."""
+        if self._resting:
+            return
         time = self._time = self._time + dt
         if time >= self._until:
             self._seek(time)
@@ -132,6 +135,8 @@ class SetpointGenerator:
         self.s = s + x * (v + x * (half + x * sixth))
         self.v = v + x * (a + x * half_jerk)
         self.a = a + x * jerk
+        if self.done and self.v == 0.0:
+            self._resting = True
 
     def peek(self, dt: float) -> tuple[float, float, float]:
         """Return (s, v, a) as they will be after `advance(dt)`, without advancing."""
@@ -182,6 +187,7 @@ class SetpointGenerator:
 
     def _seek(self, time: float) -> None:
         """Make the piece of `time`, which never lies before the present one, the present one."""
+        self._resting = False
         index = self._index
         ends = self._ends
         while time >= ends[index]:

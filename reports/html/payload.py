@@ -126,6 +126,7 @@ def case_payload(case: CaseResult, *, points: int) -> dict[str, Any]:
                 str(a.reaction),
                 reaction_name(a.reaction),
                 a.text,
+                _time(a.gone_s),
             ]
             for a in case.alarms
         ],

@@ -29,6 +29,7 @@ def digest(seed: int, identifier: str = RANDOM_CASE) -> str:
     return execute_case(case, load_bench("reference"), CaseSettings(seed=seed)).result.trace_digest
 
 
+@pytest.mark.requirement("CFG-592")
 def test_twenty_runs_leave_the_same_trace():
     """Twenty runs of one case with one seed have one digest; another seed has another."""
     assert len({digest(7) for _ in range(20)}) == 1

@@ -9,15 +9,40 @@ import pytest
 from hil.bench import load_bench
 from hil.campaign import CaseSettings, execute_case, requirements_here
 from reports.model import Verdict
-from testcases.campaigns import drive_faults, fault_reactions, modbus_faults, stop_modes, telegram_faults
+from testcases.campaigns import (
+    axis_faults,
+    drive_faults,
+    fault_reactions,
+    homing,
+    modbus_faults,
+    stop_modes,
+    telegram_faults,
+)
 
-ON_CANOPEN = (stop_modes.CAMPAIGN, fault_reactions.CAMPAIGN, drive_faults.CAMPAIGN)
-ON_PROFIDRIVE = (fault_reactions.CAMPAIGN, drive_faults.CAMPAIGN, telegram_faults.CAMPAIGN)
+ON_CANOPEN = (
+    stop_modes.CAMPAIGN,
+    fault_reactions.CAMPAIGN,
+    drive_faults.CAMPAIGN,
+    axis_faults.CAMPAIGN,
+    homing.CAMPAIGN,
+)
+ON_PROFIDRIVE = (
+    fault_reactions.CAMPAIGN,
+    drive_faults.CAMPAIGN,
+    telegram_faults.CAMPAIGN,
+    axis_faults.CAMPAIGN,
+    homing.CAMPAIGN,
+)
 BLOCKED = {
     ("profidrive", "drive-faults/withdrawn/constant"): "offers no fall_to_switch_on_disabled",
     ("profidrive", "drive-faults/withdrawn/standstill"): "offers no fall_to_switch_on_disabled",
+    **{
+        ("reference", f"homing/search-fails/{code}"): "an encoder with a PROFIdrive interface"
+        for code in ("0001", "0002", "0004", "0005")
+    },
 }
-"""Cases that a bench cannot have, and why: a PROFIdrive axis has no such state to fall to without fault or safety input."""
+"""Cases that a bench cannot have, and why: a PROFIdrive axis has no such state to fall to without fault or safety input, a CiA 402
+drive no words of its encoder."""
 
 
 def cases(bench, profile, campaigns):
@@ -52,7 +77,7 @@ def test_case_passes(bench, case):
 @pytest.mark.parametrize(("bench", "identifier"), BLOCKED)
 def test_what_a_profile_cannot_have_is_blocked_with_its_reason(bench, identifier):
     """A case whose fault the drive has no seam for is blocked, not passed, and says why."""
-    case = drive_faults.CAMPAIGN[identifier]
+    (case,) = [campaign[identifier] for campaign in ON_CANOPEN if identifier in campaign]
     result = execute_case(case, bench_file(bench), CaseSettings(seed=1)).result
 
     assert result.verdict is Verdict.BLOCKED

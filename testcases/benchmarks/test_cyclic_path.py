@@ -6,6 +6,7 @@ import pytest
 
 from fieldbus.can import CanFrame, CanMedium
 from fieldbus.clock import VirtualScheduler
+from hil._commands._axis_measurement import AXES, STATES, RunningAxes
 from hil._commands._measurements import MovingBench, with_axes
 from hil.bench import load_bench
 from motion.setpoint import SetpointGenerator, plan_position
@@ -22,6 +23,14 @@ def test_simulated_second(benchmark, bench, axes, cycle_ms):
         before = moving.bench.now_s
         benchmark.pedantic(moving.advance, args=(1.0,), rounds=5, warmup_rounds=1)
         assert moving.bench.now_s >= before + 1.0
+
+
+@pytest.mark.parametrize(("state", "count"), [(state, 1) for state in STATES] + [("positioning", AXES)])
+def test_axis_cycles(benchmark, state, count):
+    """A thousand cycles of the controller alone, without bus and drive."""
+    running = RunningAxes(state, count)
+    benchmark(running.run, 1000)
+    assert (state == "standstill") is not any(axis.actual_velocity for axis in running.axes)
 
 
 def test_event(benchmark):

@@ -46,7 +46,7 @@ def actual_values_lost(ctx: CaseContext, phase: str) -> None:
         alarm(431, reaction=4, since=event("fault.applied"), within_s=grace_s(ctx), axis=axis).covers(
             "TA-020"
         ),
-        value_at(f"{axis}.communication_ok", event("alarm.raised", axis), 0.0, tolerance=0.0),
+        value_at(f"{axis}.communication_ok", event("alarm.raised", axis, reaction=4), 0.0, tolerance=0.0),
     )
     stopped_for_good(ctx, ended)
     disabled_by_alarm(ctx, ended)

@@ -188,7 +188,7 @@ def overload(ctx: CaseContext) -> None:
     parameters={"phase": MOVING},
     title="encoder frozen from {phase}",
     tags=("encoder", "{phase}"),
-    requirements=("MON-040",),
+    requirements=("MON-040", "STP-550"),
 )
 def encoder_frozen(ctx: CaseContext, phase: str) -> None:
     """The encoder's value no longer changes: following error 521, and the machine comes to rest."""

@@ -121,7 +121,9 @@ def autonomous(ctx: CaseContext, phase: str) -> None:
     fault.remove()
 
 
-@CASES.case("control-requested-lost", tags=("actual",), requirements=("PD-069", "PD-349", "TA-020"))
+@CASES.case(
+    "control-requested-lost", tags=("actual",), requirements=("PD-069", "PD-349", "TA-020", "STP-558")
+)
 def control_requested_lost(ctx: CaseContext) -> None:
     """ZSW1.9 falls: 421 with reaction 4, and its text says why."""
     enable(ctx)
@@ -316,7 +318,7 @@ def never_off(ctx: CaseContext) -> None:
     ctx.wait_until(lambda: not power.Busy, 1.0, "MC_Power is no longer busy")
 
 
-@CASES.case("operation-comes-late", tags=("actual",), requirements=("STP-043", "PD-349"))
+@CASES.case("operation-comes-late", tags=("actual",), requirements=("STP-043", "STP-556", "PD-349"))
 def operation_comes_late(ctx: CaseContext) -> None:
     """ZSW1.2 stays away while the axis is enabled: MC_Power waits without an alarm, and goes on once it is there."""
     fault = ctx.inject("telegram.stuck", drive_name(ctx), signal="ZSW1.2", value=0)
@@ -324,6 +326,7 @@ def operation_comes_late(ctx: CaseContext) -> None:
     power = ctx.axis.power()
     ctx.run_for(1.0 + settle_s(ctx))
     ctx.measure("MC_Power.Status while ZSW1.2 = 0", float(power.status()), low=0.0, high=0.0)
+    ctx.measure("MC_Power.Busy meanwhile", float(power.busy()), low=1.0, high=1.0)
     ctx.expect(no_alarm(axis=axis_name(ctx)))
     fault.remove()
     ctx.wait_until(power.status, 1.0, "the axis is enabled")

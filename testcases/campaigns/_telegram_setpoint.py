@@ -144,6 +144,34 @@ def withdrawn(ctx: CaseContext, how: str, phase: str) -> None:
     stopped_for_good(ctx, ctx.now_s)
 
 
+@CASES.case(
+    "operation-withdrawn-in-quick-stop", tags=("setpoint", "stop"), requirements=("STP-572", "PD-113")
+)
+def operation_withdrawn_in_quick_stop(ctx: CaseContext) -> None:
+    """On its way the telegram loses STW1.3 during OFF3: pulses off at once, the motor coasts out of its ramp."""
+    drive = drive_name(ctx)
+    enable(ctx)
+    bring_into(ctx, "constant")
+    ctx.do("MC_Power Enable = FALSE, StopMode 1")
+    ctx.axis.power(False, stop_mode=1)
+    ctx.wait_until(lambda: ctx.drive.drive.state.name == "S5B", 1.0, "the quick stop has begun")
+    ctx.run_for(0.05)
+    before = ctx.drive.drive.core.speed_rpm
+    fault = ctx.inject("telegram.stuck", drive, signal="STW1.3", value=0)
+    ctx.run_for(0.1)
+    lost = before - ctx.drive.drive.core.speed_rpm
+    # OFF3 takes 600 rpm in 0.1 s.
+    ctx.measure("speed lost in 0.1 s, rpm", lost, low=0.0, high=300.0)
+    ctx.expect(
+        happens(
+            drive_enters(ctx, "S1 switching on inhibited"), since=APPLIED, within_s=cycles(ctx, 3)
+        ).covers("STP-572")
+    )
+    fault.remove()
+    ctx.run_for(4.0)
+    stopped_for_good(ctx, ctx.now_s)
+
+
 @CASES.case("control-given-away", tags=("setpoint",), requirements=("PD-076", "PD-077"))
 def control_given_away(ctx: CaseContext) -> None:
     """STW1.10 falls in operation: the drive keeps what it was told and runs on; neither fault nor alarm at constant travel."""

@@ -90,7 +90,7 @@ def mains_off(ctx: CaseContext) -> None:
     parameters={"phase": PHASES},
     title="the drive falls to Switch on disabled by itself, from {phase}",
     tags=("{phase}",),
-    requirements=("C402-311", "STP-560"),
+    requirements=("C402-311", "STP-560", "STP-608"),
 )
 def withdrawn(ctx: CaseContext, phase: str) -> None:
     """The drive leaves operation without being told to: 421, coasting, recovery."""
@@ -102,8 +102,15 @@ def withdrawn(ctx: CaseContext, phase: str) -> None:
     ended = ctx.now_s
     ctx.expect(
         alarm(421, reaction=4, since=event("fault.applied"), within_s=cycles(ctx, 6), axis=axis).covers(
-            "STP-560"
+            "STP-560", "STP-608"
         )
+    )
+    (raised, *_) = ctx.trace().select(source=axis, kind="alarm.raised")
+    ctx.measure(
+        "alarm 421 says that it has shut down",
+        float("switched itself off" in str(raised.data["text"])),
+        low=1.0,
+        high=1.0,
     )
     stopped_for_good(ctx, ended)
     disabled_by_alarm(ctx, ended)
@@ -188,7 +195,7 @@ def reset(ctx: CaseContext, phase: str) -> None:
     recovers(ctx)
 
 
-@CAMPAIGN.case("transition-refused", requirements=("C402-311", "STP-043"))
+@CAMPAIGN.case("transition-refused", requirements=("C402-311", "STP-043", "STP-556"))
 def transition_refused(ctx: CaseContext) -> None:
     """The drive does not go to Operation enabled: MC_Power waits without an alarm, and goes on once it does."""
     drive = drive_name(ctx)
@@ -197,6 +204,7 @@ def transition_refused(ctx: CaseContext) -> None:
     power = ctx.axis.power()
     ctx.run_for(1.0 + settle_s(ctx))
     ctx.measure("MC_Power.Status while transition 4 is refused", float(power.status()), low=0.0, high=0.0)
+    ctx.measure("MC_Power.Busy meanwhile", float(power.busy()), low=1.0, high=1.0)
     ctx.expect(no_alarm(axis=axis_name(ctx)))
     before = ctx.now_s
     fault.remove()

@@ -1,14 +1,26 @@
-"""Faults of bus, drive, encoder, switches and mechanics, and what the axis makes of them, whatever the profile of its drive."""
+"""Faults of bus, drive, encoder, switches, mechanics and controller, and what the axis makes of them, whatever the profile of its drive."""
 
 from __future__ import annotations
 
 from typing import Final
 
 from hil.campaign import Campaign
-from testcases.campaigns import _reactions_bus, _reactions_drive, _reactions_machine, _reactions_precedence
+from testcases.campaigns import (
+    _reactions_bus,
+    _reactions_controller,
+    _reactions_drive,
+    _reactions_machine,
+    _reactions_precedence,
+)
 
 CAMPAIGN: Final = Campaign("fault reactions", tags=("fault",), bench="reference")
 
-for _part in (_reactions_drive, _reactions_bus, _reactions_machine, _reactions_precedence):
+for _part in (
+    _reactions_drive,
+    _reactions_bus,
+    _reactions_machine,
+    _reactions_controller,
+    _reactions_precedence,
+):
     for _case in _part.CASES.cases:
         CAMPAIGN.add(_case)

@@ -38,8 +38,10 @@ class Tolerance:
 def tolerance(ctx: CaseContext) -> Tolerance:
     """Return the tolerance that the bench file states, applied to this bench's cycle (section 0.3)."""
     section = ctx.bench.config.tolerance
-    time_s = section.cycles * ctx.bench.cycle_ns * 1e-9 + section.time_s
-    return Tolerance(time_s, VELOCITY * section.cycles * ctx.bench.cycle_ns * 1e-9 + section.distance_mm)
+    time_s = section.cycles * ctx.bench.interpolator_ns * 1e-9 + section.time_s
+    return Tolerance(
+        time_s, VELOCITY * section.cycles * ctx.bench.interpolator_ns * 1e-9 + section.distance_mm
+    )
 
 
 def settle_s(ctx: CaseContext) -> float:
@@ -79,7 +81,9 @@ def following_error_s(ctx: CaseContext) -> float:
     """Return the time in which a blocked axis uses up its permitted following error at 300 mm/s, with a reserve, s."""
     section = ctx.bench.config.tolerance
     # Twice, because braking while blocked lets the error grow more slowly.
-    return float(2.0 * permitted_error_mm(ctx) / VELOCITY + 4 * ctx.bench.cycle_ns * 1e-9 + section.time_s)
+    return float(
+        2.0 * permitted_error_mm(ctx) / VELOCITY + 4 * ctx.bench.interpolator_ns * 1e-9 + section.time_s
+    )
 
 
 def axis_name(ctx: CaseContext) -> str:

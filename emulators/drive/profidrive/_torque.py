@@ -93,7 +93,10 @@ class TorqueLimits:
             return
         self._words = words
         settings = drive.settings
-        high, low = settings.torque_limits_Nm
+        high, low = (
+            limit if share is None else 0.01 * share * settings.reference_torque_Nm
+            for limit, share in zip(settings.torque_limits_Nm, settings.torque_limits_percent, strict=True)
+        )
         if self._add_at >= 0 and drive.controlled_cyclically:
             high = min(high, max(0.0, from_n2(high_word) * settings.reference_torque_Nm))
             low = min(low, max(0.0, -from_n2(low_word) * settings.reference_torque_Nm))

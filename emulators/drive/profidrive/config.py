@@ -32,6 +32,10 @@ AXIS_TELEGRAMS = (1, 2, 3, 4, 5, 6, 20, 102, 103, 105, 106, *POSITION_TELEGRAMS,
 """Telegrams that the axis takes."""
 
 
+FIXED_PERCENT = (0.0, 5.0, 10.0, 20.0, 50.0, 100.0, 150.0, 200.0)
+"""Amounts of the fixed values of r2902 that a torque limit can be connected to, percent."""
+
+
 def finest_xist2(encoder: EncoderConfig, finest: int = 9) -> int:
     """Return p0419: as many bits of fine resolution as G1_XIST2 has place for, at most `finest`."""
     steps = encoder.counts_per_revolution * encoder.turns
@@ -59,6 +63,7 @@ class DriveSettings:
         motor_potentiometer_s: p1047, its time from 0 to p1082, s.
         jog_rpm: p1058, p1059.
         torque_limits_Nm: p1520 and -p1521, Nm, both >= 0.
+        torque_limits_percent: Fixed values to which p1522 and -p1523 are connected, percent of p2003, both >= 0; None: p1520, p1521.
         momred_evaluation_percent: p1544.
         sign_of_life_tolerance: PNU 925; 65535 = not monitored.
         setpoint_monitoring_s: p2040: without process data for so long F01910, s; 0 = not monitored.
@@ -91,6 +96,7 @@ class DriveSettings:
     motor_potentiometer_s: float = 10.0
     jog_rpm: tuple[float, float] = (150.0, -150.0)
     torque_limits_Nm: tuple[float, float] = (6.0, 6.0)
+    torque_limits_percent: tuple[float | None, float | None] = (None, None)
     momred_evaluation_percent: float = 100.0
     sign_of_life_tolerance: int = 1
     setpoint_monitoring_s: float = 0.1
@@ -126,6 +132,10 @@ class DriveSettings:
         for name in ("torque_limits_Nm", "speed_limits_rpm", "rounding_s", "quick_rounding_s"):
             for value in getattr(self, name):
                 check_number(name, value)
+        for limit in self.torque_limits_percent:
+            if limit is not None and limit not in FIXED_PERCENT:
+                allowed = ", ".join(f"{one:g}" for one in FIXED_PERCENT)
+                raise ConfigurationError("torque_limits_percent", limit, f"None, {allowed} (r2902)")
         for value in self.jog_rpm:
             if not math.isfinite(value):
                 raise ConfigurationError("jog_rpm", value, "a finite number")

@@ -78,7 +78,7 @@ class ProfidriveDrive:
     __slots__ = (
         "_frame", "_g1_at", "_g2_at", "_history", "_places", "_stw2_at", "config", "controlled_cyclically", "core", "cycle_at_ns",
         "data_at_ns", "data_sets", "digital_inputs", "encoder", "encoder_words", "faults", "g1_stw", "g1_words", "isochronous", "mechanics",
-        "mode", "monitors", "name", "on_fault", "on_inputs", "on_warning", "operation", "power", "powered", "rejected", "row",
+        "mode", "monitors", "name", "on_fault", "on_inputs", "on_warning", "operation", "power", "powered", "probe_latch", "rejected", "row",
         "safety", "scheduler", "second", "settings", "sign_of_life", "stw1", "stw2", "switches", "telegram", "torque",
         "watched_by_transport", "words",
     )  # fmt: skip
@@ -148,7 +148,9 @@ class ProfidriveDrive:
         self.second = None if config.encoder2 is None else SecondEncoder(self, config.encoder2, rng)
         """The second encoder, G2; None = not fitted."""
         self._g2_at = self.setpoint_place("G2_STW")
-        probes = ProbeLatch(scheduler, self.core, self.encoder_words, period_ns=config.servo_period_ns)
+        self.probe_latch = probes = ProbeLatch(
+            scheduler, self.core, self.encoder_words, period_ns=config.servo_period_ns
+        )
         if self.second is not None:
             probes.others.append(self.second.probe_edge)
         self.digital_inputs.on_probe = probes.on_edge

@@ -10,6 +10,7 @@ from emulators.drive.core import RPM
 from emulators.drive.profidrive._position_mode import PositionMode
 from emulators.drive.profidrive._positioner_parameters import connect_positioner
 from emulators.drive.profidrive._terminals import Terminals
+from emulators.drive.profidrive._zero_mark import ZeroMarkSource
 from emulators.drive.profidrive.definitions import ParameterDefinition
 from emulators.drive.profidrive.device import ProfidriveDrive
 from emulators.drive.profidrive.fault_catalogue import CATALOGUE, DriveWarning
@@ -41,6 +42,7 @@ _SETTINGS: Final = {
     1544: "momred_evaluation_percent",
     2000: "reference_speed_rpm",
     2003: "reference_torque_Nm",
+    2194: "torque_threshold_percent",
 }
 """Parameters that are a setting of the drive, in the same unit."""
 _PAIRS: Final = {
@@ -55,8 +57,14 @@ _SWITCHES: Final = {
 }  # fmt: skip
 """Parameters that switch something on, with the value that does."""
 _WHOLE: Final = frozenset({925, 930})
+_LIMIT_SOURCES: Final = {1522: (0, 0x05F0FC00, 1.0), 1523: (1, 0x05F1FC00, -1.0)}
+"""Connectors of the torque limits: which limit, the connection to p1520 or p1521, sign of the values that fit."""
+_FIXED_VALUES: Final = 0x0B56FC00
+"""Connector of r2902[0]; the next elements follow (STP-153, STP-154)."""
 
 
+_PER_1000_MIN: Final = 60.0 / 1000.0
+"""1/s in 1000/min."""
 _NAME: Final = re.compile(r"[rp]?(\d{1,5})", re.IGNORECASE)
 
 
@@ -111,10 +119,11 @@ class DriveParameters:
         connect_warnings(store, [int(one) for one in DriveWarning], lambda: tuple(drive.faults.warnings))
         self._connect_settings()
         self._connect_display()
-        self._show_encoder()
+        self._show_machine()
         if isinstance(drive.mode, PositionMode):
             connect_positioner(store, drive.mode)
         self.terminals = Terminals(drive, store)
+        ZeroMarkSource(drive, store)
         """Digital and analog terminals."""
         self.memory = ParameterMemory(store, self._restart)
         store.save()
@@ -182,6 +191,10 @@ class DriveParameters:
         for at, (number, sign) in enumerate(((1520, 1.0), (1521, -1.0))):
             store.readers[number] = self._pair_reader("torque_limits_Nm", at, sign)
             store.writers[number] = self._pair_writer("torque_limits_Nm", at, sign, positive=True)
+        for number in _LIMIT_SOURCES:
+            store.readers[number] = self._source_reader(number)
+            store.writers[number] = self._source_writer(number)
+        self._connect_standstill_and_brake()
         # What the machine is made of is no setting.
         store.set(418, self.drive.config.fine_xist1)
         store.set(419, self.drive.config.fine_xist2)
@@ -212,6 +225,40 @@ class DriveParameters:
 
         return write
 
+    def _source_reader(self, number: int) -> Reader:
+        at, own, sign = _LIMIT_SOURCES[number]
+        settings, fixed = self.drive.settings, self._fixed_values
+
+        def read(_sub_index: int) -> float:
+            share = settings.torque_limits_percent[at]
+            return own if share is None else _FIXED_VALUES + fixed().index(sign * share)
+
+        return read
+
+    def _source_writer(self, number: int) -> Writer:
+        at, own, sign = _LIMIT_SOURCES[number]
+
+        def write(_sub_index: int, value: float) -> None:
+            pair = list(self.drive.settings.torque_limits_percent)
+            pair[at] = None if value == own else sign * self._fixed_values()[int(value) - _FIXED_VALUES]
+            self._take("torque_limits_percent", tuple(pair))
+
+        return write
+
+    def _fixed_values(self) -> list[float]:
+        return [float(self.store.value(2902, at)) for at in range(15)]
+
+    def _connect_standstill_and_brake(self) -> None:
+        """Connect what the servo core knows of its standstill, and the times of the brake (STP-528)."""
+        store, core = self.store, self.drive.core
+        brake = core.brake
+        places: dict[int, tuple[object, str, float]] = {
+            1216: (brake, "opening_time_s", 1e-3), 1217: (brake, "closing_time_s", 1e-3),
+            1226: (core, "standstill_speed", RPM), 1227: (core, "standstill_timeout_s", 1.0),
+        }  # fmt: skip
+        for number, (part, name, unit) in places.items():
+            store.readers[number], store.writers[number] = _attribute(part, name, unit)
+
     def _take(self, name: str, value: object) -> None:
         setattr(self.drive.settings, name, value)
         self.drive.refresh()
@@ -241,6 +288,8 @@ class DriveParameters:
             899: drive.words.zsw1,
             967: lambda: drive.stw1,
             968: drive.words.zsw1,
+            5276: lambda: 0.25 / core.tuning.velocity_time_constant_s * _PER_1000_MIN,
+            5277: lambda: core.tuning.velocity_time_constant_s * 1e3,
             2004: lambda: settings.reference_torque_Nm * settings.reference_speed_rpm * RPM * 1e-3,
         }
         for number, get in shown.items():
@@ -274,7 +323,12 @@ class DriveParameters:
             return 43
         return 31 if state is AxisState.S2 else 41
 
-    def _show_encoder(self) -> None:
+    def _show_machine(self) -> None:
+        """Show the formats of the encoders, and the inertias as the identification of the drive would find them."""
+        machine = self.drive.config.mechanics
+        for number, inertia in ((341, machine.motor_inertia_kgm2), (1498, machine.load_at_motor_kgm2)):
+            if self.store.definition(number) is not None:
+                self.store.set(number, inertia)
         for at, value in enumerate(p979(*self.drive.config.encoder_formats)):
             self.store.set(979, value, at)
 
@@ -288,6 +342,11 @@ class DriveParameters:
     def _restart(self) -> None:
         self.drive.power_off()
         self.drive.power_on()
+
+
+def _attribute(part: object, name: str, unit: float) -> tuple[Reader, Writer]:
+    """Return how an attribute is read and written as a parameter of which 1 is worth `unit`."""
+    return lambda _: float(getattr(part, name)) / unit, lambda _, value: setattr(part, name, value * unit)
 
 
 def _computed(get: Callable[[], float]) -> Reader:

@@ -63,6 +63,7 @@ class EncoderInterface:
         "_watching",
         "_xist1",
         "abilities",
+        "external_mark",
         "form",
         "home_steps",
         "state",
@@ -84,6 +85,8 @@ class EncoderInterface:
         # Without an absolute value and without a counter that moves there is nothing that a home position could change.
         self._home = abilities.home and (form.absolute or abilities.preset_counter)
         self._faults: dict[int, None] = {}
+        self.external_mark = False
+        """Another signal takes the place of the encoder's zero mark; whoever sees it calls `reference_mark`."""
         self._watching = False
         self.home_steps = 0
         """Home position to set, or by which to shift: lines or steps."""
@@ -363,7 +366,8 @@ class EncoderInterface:
                 self._encoder.unwatch_zero_mark(self._on_zero_mark)
 
     def _on_zero_mark(self, increments: int, _before: float, _at: float, _after: float) -> None:
-        self.reference_mark(1, increments)
+        if not self.external_mark:
+            self.reference_mark(1, increments)
         tolerance = self.abilities.zero_mark_tolerance
         if tolerance is None:
             if not (self._running & 1 and self.state is SD5):

@@ -104,7 +104,7 @@ function faultsView(data, jump) {
     pair("trigger", f[5]), pair("armed", at(f[2], "–")), pair("applied", at(f[3], "never: the trigger did not come, or the bench cannot inject it")), pair("removed", at(f[4], "stayed until the end")),
     pair("axis state", f[6]), pair("parameters", f[7].map(([name, value]) => `${name} = ${value}`).join(", ")))));
   const alarms = data.alarms.map((a) => h("div.card.alarm", null, h("h3", null, icon("alarm"), `Alarm ${a[3]} on ${a[2]}`), h("dl", null,
-    pair("text", a[6]), pair("reaction", `${a[4]} – ${a[5]}`), pair("raised", at(a[0], "–")), pair("cleared", at(a[1], "stayed until the end")))));
+    pair("text", a[6]), pair("reaction", `${a[4]} – ${a[5]}`), pair("raised", at(a[0], "–")), pair("cause gone", at(a[7], "")), pair("cleared", at(a[1], "stayed until the end")))));
   return [h("h2", null, "Faults"), faults.length ? faults : h("p.empty", null, "None injected."), h("h2", null, "Alarms"), alarms.length ? alarms : h("p.empty", null, "None raised.")];
 }
 

@@ -35,7 +35,8 @@ class Rig:
         return answer
 
 
-@pytest.mark.requirement("PD-021", "PD-022", "PD-023", "PD-024", "PD-025", "CFG-238", "CFG-239", "CFG-240")
+@pytest.mark.requirement("PD-021", "PD-022", "PD-023", "PD-024", "PD-025", "CFG-238", "CFG-239", "CFG-240",
+                         "CFG-215", "CFG-216", "CFG-217")  # fmt: skip
 @pytest.mark.parametrize("number", TELEGRAMS)
 def test_inputs_and_outputs_of_every_telegram(number):
     """Outputs follow A_DIGITAL, inputs show in E_DIGITAL; the second words where the telegram has them; 2, 6 or 8 probes."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 
 import pytest
 
@@ -183,3 +184,31 @@ def test_a_setting_beyond_the_limits_leaves_the_drive_alone(rig, parameters):
     assert rig.drive.settings.ramp_down_s == before
     with pytest.raises(ParameterAccessError):
         parameters.store.write(2000, 0)
+
+
+@pytest.mark.requirement("MC-577")
+@pytest.mark.parametrize(("time_constant_s", "kv", "vtc_ms"), [(0.002, 7.5, 2.0), (0.004, 3.75, 4.0)])
+def test_what_a_commissioning_reads(time_constant_s, kv, vtc_ms):
+    """Gain and time constant that a tuning would find: the largest stable gain of the position loop in 1000/min, ms."""
+    config = ProfidriveConfig.reference()
+    tuning = replace(config.tuning, velocity_time_constant_s=time_constant_s)
+    parameters = DriveParameters(Rig(replace(config, tuning=tuning)).drive)
+    assert parameters.read("r5276") == pytest.approx(kv)
+    assert parameters.read("r5277") == pytest.approx(vtc_ms)
+    assert 0.5 * 16.66666 * parameters.read("r5276") == pytest.approx(0.125 / time_constant_s, rel=1e-5)
+    for number in (490, 495, 1544, 5276, 5277):
+        answer = decode_answer(parameters.server.request(Request(1, 1, 1, (Address(number),), ()).encode()))
+        assert not isinstance(answer.results[0], Refusal), number
+    assert [parameters.read(2902, at) for at in (0, 5, 12)] == [0.0, 100.0, -100.0]
+
+
+@pytest.mark.requirement("MC-539", "STP-153", "STP-154")
+def test_interconnection_for_torque_limiting(rig, parameters):
+    """p1522 and p1523 on the fixed values 100 % and -100 %; p1544 is 100 %, p2194 90 % from the factory."""
+    assert write(parameters, 1522, 0x07, 0x0B56FC05) is None
+    assert write(parameters, 1523, 0x07, 0x0B56FC0C) is None
+    assert rig.drive.settings.torque_limits_percent == (100.0, 100.0)
+    assert (parameters.read("p1544"), parameters.read("p2194")) == (100.0, 90.0)
+    rig.enable()
+    rig.cycle(0x047F)
+    assert rig.drive.torque_limit_Nm == pytest.approx(rig.drive.settings.reference_torque_Nm)

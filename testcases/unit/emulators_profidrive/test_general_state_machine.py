@@ -61,7 +61,7 @@ def machine_in(state):
     return machine
 
 
-@pytest.mark.requirement(*sorted({row[0] for row in ROWS}), "PD-350")
+@pytest.mark.requirement("MC-569", "STP-527", *sorted({row[0] for row in ROWS}), "PD-350")
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row[0]}-{row[1].name}-{row[2]:04X}-{row[4].name}")
 def test_row(row):
     """The condition leads from the state into the next one, with the action that the table names."""

@@ -160,7 +160,7 @@ def test_a_frame_of_a_wrong_length_is_not_taken_over():
 # -- ramps ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.requirement("PD-110", "PD-113", "PD-116")
+@pytest.mark.requirement("MC-571", "PD-110", "PD-113", "PD-116")
 @pytest.mark.parametrize("rpm", [300.0, -1500.0, 2900.0])
 @pytest.mark.parametrize(
     ("word", "share_s", "end"), [(OFF1, 1.0, S2), (OFF3, 0.5, S1), (OFF1 & ~0x10, 0.5, S2)]
@@ -188,7 +188,7 @@ def test_braking_starts_from_the_actual_speed():
     assert rig.time_until(OFF1, S2) < 0.05
 
 
-@pytest.mark.requirement("PD-104", "PD-107")
+@pytest.mark.requirement("MC-571", "PD-104", "PD-107")
 @pytest.mark.parametrize("word", [OFF2, NO_ENABLE])
 def test_off2_and_disable_coast(word):
     """OFF2 and bit 3 = 0 take the pulses away at once; friction alone slows the axis down."""
@@ -416,7 +416,7 @@ def test_momred_reduces_the_torque_limit(momred, left):
     assert rig.drive.torque_limit_Nm == pytest.approx(6.0 * left)
 
 
-@pytest.mark.requirement("PD-027", "PD-038", "CFG-407")
+@pytest.mark.requirement("MC-574", "PD-027", "PD-038", "CFG-407")
 def test_telegram_750_adds_and_limits_torque_and_shows_it():
     """M_ADD1 acts on top, the limits cut, M_ACT shows what there is; 4000h is p2003."""
     rig = Rig(replace(ProfidriveConfig.reference(), torque_telegram=True))

@@ -38,7 +38,7 @@ def build(telegram=105, *, torque_telegram=False, blocked_s=0.0, **settings):
 # -- torque ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.requirement("PD-037", "STP-155")
+@pytest.mark.requirement("MC-574", "PD-037", "STP-155")
 @pytest.mark.parametrize("evaluation", [100.0, 50.0, 0.0])
 def test_reduction_is_evaluated_with_p1544(evaluation):
     """K = 1 - p1544 * MOMRED / 4000h multiplies both limits; the blocked motor gives exactly that torque."""
@@ -76,7 +76,7 @@ def test_limits_hold_while_the_axis_brakes():
     assert rig.drive.core.torque == pytest.approx(-0.1, abs=1e-3)
 
 
-@pytest.mark.requirement("STP-156", "STP-157", "PD-085")
+@pytest.mark.requirement("MC-574", "STP-156", "STP-157", "PD-085")
 @pytest.mark.parametrize(("share", "utilised"), [(0.85, False), (0.95, True)])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_utilisation_is_that_of_the_limit_in_force(share, utilised, sign):
@@ -99,7 +99,7 @@ def test_a_limit_of_nothing_is_utilised():
     assert rig.cycle(READY, MOMRED=0x4000, count=20)["MELDW"] & LIGHT
 
 
-@pytest.mark.requirement("STP-535", "PD-082", "PD-083", "STP-172")
+@pytest.mark.requirement("MC-575", "STP-535", "PD-082", "PD-083", "STP-172")
 @pytest.mark.parametrize("announced", [True, False])
 def test_travel_to_a_fixed_stop(announced):
     """A motor that is blocked at its torque limit trips with F07900 after a second, unless STW2 bit 8 has announced it."""

@@ -129,6 +129,34 @@ def test_switches_of_any_drive_at_a_station():
         assert axis.var("ErrorDetail.Number") == 0  # what is at the drive does not count for this axis
 
 
+@pytest.mark.requirement("TA-020", "DIA-024", "DIA-063", "VAR-083")
+def test_a_station_with_switches_fails():
+    """401 with reaction 4 and X13: an axis in operation cannot read its switches; a disabled one does not mind."""
+    text = (
+        read("reference")[1].replace('drive = "drive1"\n', 'drive = "drive1"\ninputs = "io"\n')
+        + STATION_AT_A_SERVO
+    )
+    with built(text) as bench:
+        Injector(bench).inject("io.power_off", "io", duration_s=0.2)
+        bench.run_for(0.5)
+        assert bench.axis().var("ErrorWord") == 0
+        axis, power = travelling(bench)
+        Injector(bench).inject("io.power_off", "io", duration_s=2.0)
+        assert bench.run_until(lambda: axis.var("ErrorDetail.Number") == 401, 0.5)
+        bench.run_for(1.0)
+        assert (axis.var("ErrorDetail.Reaction"), axis.var("ErrorWord")) == (4, 1 << 13)
+        assert axis.diagnosis().pages["errors"]["I/O"] is True
+        (raised,) = bench.trace().select(kind="alarm.raised", source="axis1")
+        assert raised.data["info"] == 2
+        axis.reset()
+        bench.run_for(0.1)
+        assert axis.var("ErrorDetail.Number") == 401  # the station is still away
+        bench.run_for(2.0)
+        axis.reset()
+        assert bench.run_until(power.status, 1.0)
+        assert axis.var("ErrorWord") == 0
+
+
 def test_two_stations_on_a_serial_line():
     """Stations share a line under different units; the exchange of a cycle takes as long as the line needs."""
     text = (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import pi
+
 import pytest
 
 from fieldbus.profidrive.requests import ParameterError
@@ -64,6 +66,7 @@ class TestTransfer:
             begun = machine.drive().mechanics.position
             assert machine.run_until(axis.move_relative(40.0).done, 5.0)
             assert machine.drive().mechanics.position - begun == pytest.approx(0.040, abs=2e-5)
+            assert machine.run_until(axis.reset().done, 1.0)  # 551 was true of the wrong maximum speed
             assert axis.var("WarningWord") == 0
 
     @pytest.mark.requirement("CFG-279", "CFG-598", "CFG-273")
@@ -81,7 +84,25 @@ class TestTransfer:
             axis.move_velocity(300.0)
             assert machine.run_until(lambda: axis.var("ErrorDetail.Number") == 521, 2.0)
 
-    @pytest.mark.requirement("CFG-345")
+    @pytest.mark.requirement("CFG-580", "CFG-581", "CFG-575", "CFG-576")
+    @pytest.mark.parametrize("dsc", [True, False])
+    def test_inertias(self, dsc):
+        """With DSC p0341 and p1498 are taken over, the load at the load: 40 kg and the screw's share of a screw of 10 mm."""
+        settings = {**BOTH, "PositionControl.EnableDSC": dsc, "Actor.LoadInertia": 1.0}
+        with bench(settings) as machine:
+            assert settled(machine) == (2, 2)
+            axis = machine.axis()
+            load, motor = axis.var("Actor.LoadInertia"), axis.var("Actor.DriveParameter.MotorInertia")
+            if not dsc:
+                assert (load, motor) == (1.0, 0.0)
+                return
+            parts = machine.drive().drive.config.mechanics
+            assert motor == pytest.approx(parts.motor_inertia_kgm2, rel=1e-6)
+            per_metre = 2.0 * pi / 0.010
+            expected = parts.load_mass_kg + parts.screw_inertia_kgm2 * per_metre**2
+            assert load == pytest.approx(expected, rel=1e-5)
+
+    @pytest.mark.requirement("CFG-345", "STP-538")
     def test_again_after_a_loss_of_supply(self):
         """A drive that was switched off is read again, and the axis can be enabled again after the acknowledgement."""
         with bench(BOTH) as machine:
@@ -103,7 +124,7 @@ class TestTransfer:
             ]
             assert states == ["NOT_ADAPTED", "IN_ADAPTION", "ADAPTED"] * 2
 
-    @pytest.mark.requirement("CFG-355", "CFG-599", "CFG-623", "TA-025")
+    @pytest.mark.requirement("CFG-355", "CFG-599", "CFG-623", "TA-025", "STP-538")
     def test_refused(self):
         """Parameters that the drive refuses: 102 and 103, the axis stays disabled until access is granted and it is restarted."""
         with bench(BOTH) as machine:
@@ -124,7 +145,7 @@ class TestTransfer:
             assert settled(machine) == (2, 2)
             assert machine.run_until(axis.power().status, 2.0)
 
-    @pytest.mark.requirement("CFG-355", "CFG-599")
+    @pytest.mark.requirement("CFG-355", "CFG-599", "STP-538")
     def test_silent(self):
         """A drive whose SDO server does not answer: both transfers end with their alarm, and the bus goes on meanwhile."""
         with bench(BOTH) as machine:

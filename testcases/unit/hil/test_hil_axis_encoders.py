@@ -65,18 +65,24 @@ class TestExternalEncoder:
             assert 0.0 <= encoder.var("ActualPosition") < 360.0
             assert encoder.var("StatusWord.X7") is False
 
-    @pytest.mark.requirement("CFG-042", "CFG-041", "CFG-053", "VAR-109", "VAR-110", "CFG-272")
+    @pytest.mark.requirement(
+        "CFG-042", "CFG-041", "CFG-053", "VAR-109", "VAR-110", "CFG-272", "HOM-018", "HOM-022"
+    )
     def test_instructions(self):
-        """Homing without motion, acknowledging and restarting; modes with a setpoint and times of a data block are refused."""
+        """Homing without motion, acknowledging and restarting; homing with motion and times of a data block are refused."""
         with bench(ENCODER.format(kind="multi_turn", place="", variables="")) as machine:
             encoder = machine.external_encoder()
             assert machine.run_until(encoder.home(77.0, mode=7).done, 1.0)
             machine.run_for(0.05)
             assert encoder.var("ActualPosition") == pytest.approx(77.0)
             assert encoder.var("StatusWord.X5") is True
-            refused = encoder.home(5.0, mode=11)
+            refused = encoder.home(5.0, mode=3)
             machine.run_for(0.02)
             assert refused.ErrorID == 0x800A
+            assert machine.run_until(encoder.home(80.0, mode=11).done, 1.0)
+            assert machine.run_until(encoder.home(-3.0, mode=12).done, 1.0)
+            machine.run_for(0.05)
+            assert encoder.var("ActualPosition") == pytest.approx(77.0)
             assert machine.run_until(encoder.reset(restart=True).done, 1.0)
             machine.run_for(0.05)
             assert encoder.var("ActualPosition") == pytest.approx(77.0)
@@ -91,7 +97,7 @@ class TestExternalEncoder:
         with bench(ENCODER.format(kind="multi_turn", place="", variables="")) as machine:
             encoder = machine.external_encoder()
             device = machine.encoder("enc1")
-            machine.run_for(0.1)
+            assert machine.run_until(encoder.power().status, 1.0)
             device.set_alarm(0, True)
             machine.run_for(0.1)
             assert (encoder.var("ErrorDetail.Number"), encoder.var("ErrorDetail.Reaction")) == (411, 10)

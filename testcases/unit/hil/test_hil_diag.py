@@ -6,7 +6,9 @@ import pytest
 
 from hil.bench import load_bench
 from hil.campaign import Token
+from hil.campaign._evidence import build_alarms
 from hil.cli import main
+from hil.faults import Injector
 from testcases.unit.hil.test_hil_profidrive import bench, enabled
 
 CAMPAIGN = "testcases.campaigns.stop_modes:CAMPAIGN"
@@ -24,11 +26,14 @@ def test_a_fresh_bench(capsys):
     assert code == 0
     assert "[x] communication with the drive" in out
     assert "ZSW2" in out
+    assert "controller  RUN\n\ndiagnostics buffer\n    1 " in out
     code, out, _ = call(capsys, "diag", "profidrive", "--json", "--after", "0.5")
     content = json.loads(out)
     assert code == 0
     assert content["axes"][0]["axis status"]["enabled"] is False
     assert content["axes"][0]["telegram"]["STW1"].startswith("047Eh")
+    assert content["controller"]["state"] == "RUN"
+    assert content["controller"]["diagnostics buffer"][-1]["source"] == "drive1"
 
 
 def test_a_case_at_a_time(capsys):
@@ -66,6 +71,51 @@ def test_what_cannot_be_shown_is_told(capsys, arguments, told):
     assert told in err
 
 
+@pytest.mark.requirement("DIA-109", "VAR-089")
+def test_a_warning_of_the_drive():
+    """It shows in ZSW1 and nowhere else: no alarm, no bit of `WarningWord`."""
+    with bench() as machine:
+        axis = enabled(machine)
+        Injector(machine).inject("drive.warning", duration_s=0.2)
+        machine.run_for(0.1)
+        assert axis.diagnosis().telegram["ZSW1"] >> 7 & 1
+        assert (axis.var("WarningWord"), axis.var("ErrorWord"), axis.diagnosis().alarms) == (0, 0, ())
+        assert axis.var("StatusWord.X0") is True
+
+
+@pytest.mark.requirement("TA-011", "DIA-110", "DIA-111")
+def test_coming_going_and_acknowledging_of_an_alarm():
+    """The log of alarms has the times at which the alarm came, its cause went and it was cleared; the words change with them."""
+    with load_bench("reference").build(seed=1) as machine:
+        axis = enabled(machine)
+        Injector(machine).inject("drive.power_off", duration_s=0.2)
+        machine.run_for(2.0)
+        axis.reset()
+        machine.run_for(1.0)
+        trace = machine.trace()
+        lost = next(one for one in build_alarms(trace) if one.number == 431)
+        assert lost.time_s < lost.gone_s < lost.cleared_s
+        assert lost.gone_s - lost.time_s > 0.19
+        logs = {
+            name: trace[f"axis1.{name}"].changes()
+            for name in ("error_word", "alarm_number", "alarm_reaction", "warning_word", "status_word2")
+        }
+        times = [
+            pytest.approx(time, abs=0.0041)
+            for time in (logs["error_word"][0][0], lost.time_s, lost.cleared_s)
+        ]
+        assert logs["error_word"] == list(zip(times, [0, 1 << 7, 0], strict=True))
+        assert logs["alarm_number"] == list(zip(times, [0, 431, 0], strict=True))
+        assert logs["alarm_reaction"] == list(zip(times, [0, 4, 0], strict=True))
+        assert [len(logs[name]) for name in ("warning_word", "status_word2")] == [1, 1]
+        # Every row is one snapshot: X1 and the error word never disagree, nor do number and word.
+        words = [trace[f"axis1.{name}"].values for name in ("status_word", "error_word", "alarm_number")]
+        assert all(
+            bool(int(status) >> 1 & 1) == bool(error) == bool(shown)
+            for status, error, shown in zip(*words, strict=True)
+        )
+
+
 @pytest.mark.requirement("DIA-100", "DIA-101")
 def test_telegram_of_the_drive():
     """Sent and received words are those of the wire: control and status words, setpoint, actual speed, encoder."""
@@ -86,3 +136,28 @@ def test_a_cia_402_drive_shows_the_words_that_the_axis_speaks():
     """Behind CiA 402 the axis still speaks control and status words."""
     with load_bench("reference").build(seed=1) as machine:
         assert set(machine.axis().diagnosis().telegram) == {"STW1", "ZSW1"}
+
+
+def test_external_encoders_and_encoders_of_an_axis(capsys, tmp_path):
+    """`hil diag` shows external encoders behind the axes, or the one that is asked for; `Sensor[2]` has a telegram of its own."""
+    text = load_bench("reference").text
+    scale = (
+        '[encoder.scale]\nsegment = "can0"\nnode_id = 21\nprofile = "profidrive"\ntype = "absolute_linear"\n'
+    )
+    extra = (
+        f'{scale}measuring_step_um = 20.0\non = "drive1"\nmounting = "load"\n'
+        '[encoder.wheel]\nsegment = "can0"\nnode_id = 20\nprofile = "profidrive"\n'
+        '[external_encoder.ext]\nencoder = "wheel"\n'
+    )
+    file = tmp_path / "bench.toml"
+    file.write_text(text.replace("[axis.axis1]\n", '[axis.axis1]\nencoders = ["drive1", "scale"]\n') + extra)
+    code, out, err = call(capsys, "diag", str(file), "--json", "--after", "0.1")
+    assert code == 0, err
+    axis, external = json.loads(out)["axes"]
+    assert {"Sensor[2].G1_ZSW", "Sensor[2].G1_XIST1", "Sensor[2].G1_XIST2"} <= set(axis["telegram"])
+    assert axis["values"]["operative encoder"] == 1
+    assert (external["axis"], external["encoder status"]["encoder values valid"]) == ("ext", 2)
+    code, out, _ = call(capsys, "diag", str(file), "--axis", "ext")
+    assert code == 0
+    assert out.count("ExternalEncoder") == 1
+    assert "PositioningAxis" not in out

@@ -225,7 +225,7 @@ def test_the_search_finds_nothing_on_a_sound_bench():
 
 def test_the_search_finds_shrinks_and_replays_a_defect():
     """A planted defect is found, its program shrunk to the steps that matter, and the token leads back to it."""
-    report = search(DOUBLE, cases=100, longest=8, seed=5, bench="testcases.unit.hil.toybench:DOUBLE")
+    report = search(DOUBLE, cases=100, longest=8, seed=9, bench="testcases.unit.hil.toybench:DOUBLE")
     failure = report.failure
     assert failure.violation.invariant == "one job output"
     assert report.repeatable
@@ -239,7 +239,7 @@ def test_the_search_finds_shrinks_and_replays_a_defect():
 
 def test_the_same_seed_searches_in_the_same_way():
     """The search is repeatable: the same seed finds the same program, another one searches elsewhere."""
-    first, second = search(DOUBLE, cases=100, longest=8, seed=5), search(DOUBLE, cases=100, longest=8, seed=5)
+    first, second = search(DOUBLE, cases=100, longest=8, seed=9), search(DOUBLE, cases=100, longest=8, seed=9)
     assert first.failure.program == second.failure.program
     assert first.cases == second.cases
 
@@ -262,7 +262,7 @@ def test_a_bench_that_does_not_repeat_is_told():
             return bench
 
     assert NOISY.defect == "not_repeatable"
-    report = search(NoisyDouble(), cases=100, longest=8, seed=5)
+    report = search(NoisyDouble(), cases=100, longest=8, seed=9)
     assert report.failure is not None
     assert not report.repeatable
 

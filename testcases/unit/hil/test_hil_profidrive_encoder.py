@@ -350,6 +350,7 @@ def test_an_external_encoder_reads_it(telegram):
     """A technology object takes resolution and fine bits over and shows place and velocity of the wheel; its error is alarm 411."""
     with build(telegram, EXTERNAL) as bench:
         encoder = bench.external_encoder("ext")
+        assert bench.run_until(encoder.power().status, timeout=1.0)
         move(bench, 250.0, 0.5)
         assert encoder.var("ActualVelocity") == pytest.approx(900.0, rel=0.01)
         before, metres = encoder.var("ActualPosition"), bench.drive().mechanics.position
@@ -363,6 +364,57 @@ def test_an_external_encoder_reads_it(telegram):
         assert not bench.encoder_port("wheel").sensor_fault
         alarms = [event.data["number"] for event in bench.trace().select(kind="alarm.raised", source="ext")]
         assert alarms == [411]
+
+
+@pytest.mark.requirement("DIA-102")
+def test_the_telegram_of_an_external_encoder():
+    """`diagnosis` shows the words on the wire: control and status word, both values of the encoder."""
+    with build(83, '[external_encoder.ext]\nencoder = "scale"\n') as bench:
+        port = bench.encoder_port("scale")
+        port.g1_stw = ABSOLUTE
+        move(bench, 250.0, 0.2)
+        words = bench.external_encoder("ext").diagnosis().telegram
+        assert list(words) == ["STW2_ENC", "G1_STW", "ZSW2_ENC", "G1_ZSW", "G1_XIST1", "G1_XIST2"]
+        assert words["G1_XIST1"] == port.actual("G1_XIST1") != 0
+        assert words["G1_XIST2"] == port.actual("G1_XIST2") != 0
+        assert (words["G1_STW"], words["G1_ZSW"] & ABSOLUTE) == (ABSOLUTE, ABSOLUTE)
+
+
+@pytest.mark.requirement("TA-013", "TA-020")
+def test_why_the_link_to_an_encoder_is_lost():
+    """431 of the external encoder names its cause: the sign of life (4), the station (3)."""
+    with build(83, EXTERNAL) as bench:
+        encoder, wheel = bench.external_encoder("ext"), bench.encoder("wheel")
+        assert bench.run_until(encoder.power().status, timeout=1.0)
+        infos = []
+        for break_it in (True, False):
+            if break_it:
+                wheel.freeze_sign_of_life(True)
+            else:
+                Injector(bench).inject("encoder.power_off", "wheel", duration_s=0.2)
+            assert bench.run_until(lambda: encoder.var("ErrorDetail.Number") == 431, 0.2)
+            infos.append(encoder.object.engine.highest.info)
+            wheel.freeze_sign_of_life(False)
+            bench.run_for(1.0)
+            encoder.reset()
+            bench.run_for(0.1)
+            assert encoder.var("ErrorWord") == 0
+        assert infos == [4, 3]
+
+
+@pytest.mark.requirement("CFG-531", "CFG-532")
+@pytest.mark.parametrize("inverse", [False, True])
+def test_the_direction_of_counting(inverse):
+    """G1_XIST1 falls while the axis moves positive: `Sensor.InverseDirection` turns the position round, not the count."""
+    text = f'{EXTERNAL}"Sensor.InverseDirection" = {str(inverse).lower()}\n'
+    with build(81, text) as bench:
+        Injector(bench).inject("encoder.reverse", "wheel")
+        encoder, port = bench.external_encoder("ext"), bench.encoder_port("wheel")
+        bench.run_for(0.02)
+        count = port.increments
+        move(bench, 250.0, 0.5)
+        assert port.increments < count
+        assert encoder.var("ActualVelocity") == pytest.approx(900.0 if inverse else -900.0, rel=0.02)
 
 
 NARROW = """

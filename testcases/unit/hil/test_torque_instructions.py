@@ -93,6 +93,21 @@ def test_without_telegram_750_the_torque_instructions_are_refused(name):
         assert machine.drive().core.torque_offset == 0.0
 
 
+@pytest.mark.requirement("CFG-404", "VAR-139", "CFG-406")
+def test_torque_data_are_selected_where_the_drive_has_them():
+    """`EnableTorqueData` is TRUE with telegram 750 and FALSE without; switched off, the functions are refused."""
+    path = "Actor.Interface.EnableTorqueData"
+    for supplement in (True, False):
+        with torque_bench(supplement=supplement) as machine:
+            assert machine.axis().var(path) is supplement
+    with torque_bench(**{path: False}) as machine:
+        axis = enabled(machine)
+        job = axis.torque_additive(0.5)
+        later(machine, 1)
+        assert job.ErrorID == 0x804F
+        assert word(machine, ADD_WORD) == 0
+
+
 @pytest.mark.requirement("MC-512", "STP-178", "STP-425", "STP-131", "MC-540")
 def test_mc_stop_keeps_torque_instructions_from_starting():
     """While MC_Stop runs each of the three ends with 16#800F."""
@@ -185,7 +200,7 @@ def test_range_suspends_following_error_monitoring(monitored):
         axis.move_velocity(400.0, Acceleration=2000.0, Jerk=0.0)
         machine.run_for(0.5)
         raised = [event.data["number"] for event in machine.history.select(kind="alarm.raised")]
-        assert [number for number in raised if number != 522] == ([521] if monitored else [])
+        assert [number for number in raised if number not in (504, 522)] == ([521] if monitored else [])
 
 
 @pytest.mark.requirement("MC-533", "MC-616", "STP-190", "OVR-109", "OVR-110")
@@ -338,14 +353,17 @@ FIXED_STOP = {
 }
 
 
-def stop_bench(**variables):
-    """Return a bench with an end stop of the mechanics at 100 mm and no limit switch before it."""
+def stop_bench(blocked_ms=0.0, **variables):
+    """Return a bench with an end stop of the mechanics at 100 mm and no limit switch before it; when a blocked drive trips."""
     machine = torque_bench(**(FIXED_STOP | variables))
     config = machine.config
     machine.close()
     drive = config.drive["drive1"]
     drive = drive.model_copy(
-        update={"mechanics": drive.mechanics.model_copy(update={"positive_stop_mm": STOP_MM})}
+        update={
+            "mechanics": drive.mechanics.model_copy(update={"positive_stop_mm": STOP_MM}),
+            "blocked_time_ms": blocked_ms,
+        }
     )
     from hil.bench.bench import Bench
 
@@ -362,7 +380,7 @@ def clamp(machine):
     return axis, limiting, moving
 
 
-@pytest.mark.requirement("STP-160", "STP-162", "STP-165", "STP-166", "STP-173", "STP-174", "STP-175", "MC-553", "MC-561",
+@pytest.mark.requirement("OVR-024", "STP-160", "STP-162", "STP-165", "STP-166", "STP-173", "STP-174", "STP-175", "MC-553", "MC-561",
                          "MC-562", "MC-546", "VAR-144")  # fmt: skip
 def test_the_fixed_stop_is_detected():
     """Stop at 100 mm, deviation 5 mm: the job is aborted, the setpoint stays near 105 mm, the drive presses with its limit."""
@@ -417,7 +435,7 @@ def test_retracting_ends_the_clamping():
         assert not list(machine.history.select(kind="alarm.raised"))
 
 
-@pytest.mark.requirement("STP-168", "MC-554")
+@pytest.mark.requirement("MC-602", "STP-168", "MC-554")
 def test_a_stop_that_breaks_away_is_an_alarm():
     """When the stop gives way, the actual position leaves the tolerance: alarm 542 with reaction 4."""
     with stop_bench() as machine:
@@ -446,7 +464,7 @@ def test_no_job_without_position_control_on_the_way_to_the_stop():
 # -- control words --------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.requirement("MC-442", "MC-444", "MC-436", "MC-438", "MC-440", "MC-446")
+@pytest.mark.requirement("MC-442", "MC-444", "MC-436", "MC-438", "MC-440", "MC-446", "CFG-222")
 def test_bits_of_the_control_words_are_the_users():
     """Masked bits appear in the telegram and stay when the job has ended; another mask adds to them."""
     with torque_bench() as machine:
@@ -464,7 +482,7 @@ def test_bits_of_the_control_words_are_the_users():
         assert word(machine, STW2_WORD) & 0x0FFF == 0x0804
 
 
-@pytest.mark.requirement("MC-443", "MC-619", "MC-433", "MC-437", "MC-439")
+@pytest.mark.requirement("MC-443", "MC-619", "MC-433", "MC-437", "MC-439", "CFG-222")
 @pytest.mark.parametrize(
     "masks",
     [{"STW1BitMask": 0x0001}, {"STW1BitMask": 0x0400}, {"STW1BitMask": 0x0080}, {"STW2BitMask": 0x1000}],

@@ -8,9 +8,12 @@ from fieldbus.clock import S, VirtualScheduler
 from fieldbus.history import History
 from motion.axis import PositioningAxis, SpeedAxis
 from motion.drives.simulated import SimulatedDrivePort
-from motion.runtime import AxisHandle, Runtime
+from motion.handles import AxisHandle
+from motion.runtime import Runtime
 
 CYCLE = 0.004
+ZERO_MARK = 15 * 131072
+"""The zero mark of the encoder, increments: 150 mm."""
 REFERENCE = {
     "Mechanics.LeadScrew": 10.0,
     "Sensor[1].Parameter.StepsPerRevolution": 131072,
@@ -36,29 +39,66 @@ REFERENCE = {
 SPEED = {
     "DynamicLimits.MaxVelocity": 3000.0,
     "DynamicLimits.Velocity": 3000.0,
-    "DynamicLimits.MaxAcceleration": 12000.0,
-    "DynamicLimits.MaxDeceleration": 12000.0,
-    "DynamicLimits.MaxJerk": 120000.0,
-    "DynamicDefaults.Acceleration": 6000.0,
-    "DynamicDefaults.Deceleration": 6000.0,
-    "DynamicDefaults.Jerk": 60000.0,
-    "DynamicDefaults.EmergencyDeceleration": 24000.0,
+    "DynamicLimits.MaxAcceleration": 200.0,
+    "DynamicLimits.MaxDeceleration": 200.0,
+    "DynamicLimits.MaxJerk": 2000.0,
+    "DynamicDefaults.Acceleration": 100.0,
+    "DynamicDefaults.Deceleration": 100.0,
+    "DynamicDefaults.Jerk": 1000.0,
+    "DynamicDefaults.EmergencyDeceleration": 400.0,
 }
+
+
+class TorquePort(SimulatedDrivePort):
+    """A drive that gets everything a telegram can carry, and keeps the torque limits that it was given."""
+
+    def __init__(self) -> None:
+        super().__init__(cycle_s=CYCLE)
+        self.has_torque_data = self.has_torque_reduction = self.speaks_telegram = True
+        self.torque_range = (1.0, -1.0)
+        self.torque_share: float | None = None
+        self.additive_nm = 0.0
+        self.stw1 = 0
+
+    def set_torque_range(self, upper: float, lower: float) -> None:
+        self.torque_range = (upper, lower)
+
+    def limit_torque(self, share: float | None) -> None:
+        self.torque_share = share
+
+    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
+        super().write(stw1, speed_rpm, torque_nm)
+        self.stw1 = stw1
+        self.additive_nm = torque_nm
 
 
 class Rig:
     """One axis, its simulated drive and the runtime, sampled every cycle."""
 
-    def __init__(self, *, speed: bool = False, variables: dict | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        speed: bool = False,
+        variables: dict | None = None,
+        port: SimulatedDrivePort | None = None,
+        connection: str = "direct",
+        cycle_ns: int = 4_000_000,
+        ratio: int = 1,
+        cpu: str = "S7-1500T",
+    ) -> None:
         self.scheduler = VirtualScheduler()
         self.history = History(self.scheduler)
-        self.port = SimulatedDrivePort(cycle_s=CYCLE)
+        self.cycle_ns = cycle_ns
+        self.port = port or SimulatedDrivePort(cycle_s=cycle_ns / S, zero_marks=[ZERO_MARK])
         kind = SpeedAxis if speed else PositioningAxis
         start = (SPEED if speed else REFERENCE) | (variables or {})
         axis = kind(
-            "axis1", self.port, cycle_ns=4_000_000, variables=start, history=self.history, delay_s=CYCLE
+            "axis1", self.port, cycle_ns=cycle_ns, variables=start, history=self.history, delay_s=cycle_ns / S,
+            connection=connection, interpolator_ns=ratio * cycle_ns, cpu=cpu,
+        )  # fmt: skip
+        self.runtime = Runtime(
+            self.scheduler, cycle_ns=cycle_ns, interpolator_ns=ratio * cycle_ns, history=self.history
         )
-        self.runtime = Runtime(self.scheduler, cycle_ns=4_000_000, history=self.history)
         self.runtime.add(axis)
         self.axis = AxisHandle(self.runtime, axis)
         self.rows: list[tuple[float, ...]] = []
@@ -75,7 +115,13 @@ class Rig:
         )
 
     def cycles(self, number: int = 1) -> None:
-        self.scheduler.run_for(4_000_000 * number)
+        self.scheduler.run_for(self.cycle_ns * number)
+
+    def feed(self, instance, vectors) -> None:
+        """Hand one set of inputs per application cycle to `instance`, before it is called."""
+        for vector in vectors:
+            instance.set(**vector)
+            self.cycles()
 
     def column(self, name: str) -> list[float]:
         index = self.names.index(name) + 1

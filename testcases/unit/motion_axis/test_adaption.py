@@ -8,7 +8,8 @@ from fieldbus.clock import VirtualScheduler
 from fieldbus.history import History
 from motion.axis import PositioningAxis, SpeedAxis
 from motion.drives.simulated import SimulatedDrivePort
-from motion.runtime import AxisHandle, Runtime
+from motion.handles import AxisHandle
+from motion.runtime import Runtime
 from testcases.unit.motion_axis.conftest import REFERENCE
 
 MS = 1_000_000
@@ -43,10 +44,11 @@ class ParameterPort(SimulatedDrivePort):
 class Rig:
     """An axis on a drive with parameters."""
 
-    def __init__(self, variables=None, *, speed=False, **parameters):
+    def __init__(self, variables=None, *, speed=False, dsc=False, **parameters):
         self.scheduler = VirtualScheduler()
         self.history = History(self.scheduler)
         self.port = ParameterPort(self.scheduler)
+        self.port.dsc = dsc
         for name, value in parameters.items():
             number, index = (int(part) for part in name[1:].split("_"))
             if value is None:
@@ -167,7 +169,7 @@ class TestTransfer:
         assert rig.axis.var("StatusDrive.AdaptionState") == 3
         assert rig.port.asked == []
 
-    @pytest.mark.requirement("CFG-353", "VAR-106")
+    @pytest.mark.requirement("MC-131", "CFG-353", "VAR-106")
     def test_power_waits(self):
         """`MC_Power` stays busy until the state is 2; nothing else waits meanwhile."""
         rig = Rig(BOTH)
@@ -396,3 +398,36 @@ class TestErrors:
         rig = Rig({"Actor.DataAdaption": 1}, speed=True).run()
         assert rig.axis.var("StatusDrive.AdaptionState") == 2
         assert rig.axis.var("Actor.DriveParameter.MaxSpeed") == 4500.0
+
+
+@pytest.mark.requirement("CFG-580", "CFG-581", "CFG-577")
+@pytest.mark.parametrize(
+    ("settings", "motor", "load"),
+    [
+        ({"Properties.MotionType": 1, "LoadGear.Numerator": 3}, ("DriveParameter.MotorInertia", 0.001), 0.002 * 9),
+        ({"LoadGear.Numerator": 2}, ("DriveParameter.MotorInertia", 0.001), 0.002 * (2 * 3.141592653589793 / 0.01) ** 2 * 4),
+        (
+            {"Actor.MotorType": 1, "Sensor[1].System": 0}, ("LinearMotorDriveParameter.MotorMass", 0.001), 0.002,
+        ),
+    ],
+    ids=["rotary", "linear", "linear motor"],
+)  # fmt: skip
+def test_inertias(settings, motor, load):
+    """p1498 is converted to the load side: by the square of the gear, and of the lead in metres; a mass of a linear motor is one."""
+    parameters = {"p341_0": 0.001, "p1498_0": 0.002}
+    if "Actor.MotorType" in settings:
+        parameters["p108_0"] = 1 << 12
+    rig = Rig(
+        {"Actor.DataAdaption": 1, "PositionControl.EnableDSC": True} | settings, dsc=True, **parameters
+    ).run()
+    assert rig.axis.var("StatusDrive.AdaptionState") == 2
+    assert rig.axis.var(f"Actor.{motor[0]}") == pytest.approx(motor[1])
+    assert rig.axis.var("Actor.LoadInertia") == pytest.approx(load)
+
+
+def test_a_drive_without_inertias():
+    """They are no reason for the transfer to fail: what the variables say stays."""
+    rig = Rig(
+        {"Actor.DataAdaption": 1, "PositionControl.EnableDSC": True, "Actor.LoadInertia": 7.0}, dsc=True
+    ).run()
+    assert (rig.axis.var("StatusDrive.AdaptionState"), rig.axis.var("Actor.LoadInertia")) == (2, 7.0)

@@ -17,7 +17,8 @@ from fieldbus.modbus import TcpClient, TcpLink, TcpStation
 from motion.axis import PositioningAxis, SpeedAxis
 from motion.drives.analog import AnalogPort, AnalogPortConfig
 from motion.drives.station import StationInputs, StationLink
-from motion.runtime import AxisHandle, Runtime
+from motion.handles import AxisHandle
+from motion.runtime import Runtime
 from testcases.unit.motion_axis.conftest import REFERENCE, SPEED
 
 CYCLE_NS = 4 * MS
@@ -163,7 +164,7 @@ def test_terminals_are_independent(enable, ready):
     assert rig.mm_s == pytest.approx(100.0, abs=0.5)
 
 
-@pytest.mark.requirement("CFG-395", "CFG-396", "CFG-397", "VAR-130")
+@pytest.mark.requirement("CFG-395", "CFG-396", "CFG-397", "VAR-130", "CFG-386", "CFG-394")
 @pytest.mark.parametrize(
     ("rpm", "word"), [(1500.0, 13824), (-3000.0, -27648), (3510.0, 32348), (4000.0, 32348), (-4000.0, -32348)]
 )
@@ -306,7 +307,7 @@ def test_ready_that_never_falls_does_not_hold_up():
     assert (rig.power.Status, rig.power.Busy) == (False, False)
 
 
-@pytest.mark.requirement("STP-062", "CFG-388", "CFG-609")
+@pytest.mark.requirement("STP-062", "CFG-388", "CFG-609", "CFG-387")
 def test_without_an_enable_output_the_drive_goes_on():
     """No enable output: after a coast the drive is not disabled; it holds the voltage, which is 0, with its torque."""
     rig = Rig(enable=False, ready=False, enable_input=False, offset_V=0.02).travelling()

@@ -49,8 +49,6 @@ def refused(settings, *, kind=PositioningAxis, encoders=1, **more):
             marks=pytest.mark.requirement("CFG-069"), id="millimetres of a rotary axis"),
         pytest.param({"Units.LengthUnit": 1005, "Units.VelocityUnit": 1521},
             "Units.LengthUnit: 1005 is not allowed", marks=pytest.mark.requirement("CFG-068"), id="degrees of a linear axis"),
-        pytest.param({"Units.VelocityUnit": 1061},
-            "Units.VelocityUnit: 1061 is not allowed; allowed: with Units.LengthUnit = 1013: 1062, 1538", id="m/s with mm"),
         pytest.param({"PositionControl.EnableDSC": True},
             "PositionControl.EnableDSC: True is not allowed; allowed: FALSE: the drive takes no XERR and KPC (CFG-221)",
             marks=pytest.mark.requirement("CFG-221", "VAR-180"), id="DSC without a telegram for it"),
@@ -93,7 +91,7 @@ def test_number_of_encoders():
     axis = PositioningAxis("a", ports[0], cycle_ns=1_000_000, encoders=ports)
     assert [axis.var(f"Sensor[{n}].Existent") for n in range(1, 5)] == [True] * 4
     assert refused({"Sensor[5].Type": 0}).startswith("Sensor[5].Type: 0 is not allowed")
-    assert refused({}, cpu="S7-1200").startswith("cpu: 'S7-1200' is not allowed; allowed: S7-1500, S7-1500T")
+    assert refused({}, cpu="S7-1200").startswith("cpu: 'S7-1200' is not allowed; allowed: S7-1500T, S7-1500")
 
 
 @pytest.mark.requirement("CFG-066")
@@ -219,8 +217,9 @@ def test_alarm_101_at_a_restart(make_rig, path, value, text):
     before = rig.axis.var(path)
     rig.axis.variables.write_start(path, value)
     assert rig.axis.var("StatusWord.X3") is True
-    rig.until(rig.axis.reset(restart=True).done)
-    rig.cycles(1)
+    refused = rig.axis.reset(restart=True)
+    rig.until(refused.error)
+    assert refused.ErrorID == 0x8015
     assert (rig.axis.var("ErrorDetail.Number"), rig.axis.var("ErrorDetail.Reaction")) == (101, 4)
     assert rig.axis.var("ErrorWord.X1") is True
     assert text in rig.axis.alarms.engine.highest.text
@@ -229,8 +228,9 @@ def test_alarm_101_at_a_restart(make_rig, path, value, text):
     rig.run(0.1)
     assert rig.axis.var("StatusWord.X0") is False
     rig.axis.power(False)
-    rig.until(rig.axis.reset().done)
-    assert rig.axis.var("ErrorDetail.Number") == 101
+    refused = rig.axis.reset()
+    rig.until(refused.error)
+    assert (refused.ErrorID, rig.axis.var("ErrorDetail.Number")) == (0x8015, 101)
     rig.axis.variables.write_start(path, before)
     rig.until(rig.axis.reset(restart=True).done)
     rig.cycles(1)
@@ -304,7 +304,7 @@ def test_times_of_a_data_block(make_rig):
     assert axis.delay_s == pytest.approx(0.004)
 
 
-@pytest.mark.requirement("CFG-201", "CFG-203")
+@pytest.mark.requirement("CFG-201", "CFG-203", "CFG-012")
 @pytest.mark.parametrize("telegram", [1, 2, 111])
 def test_axis_on_a_telegram_without_encoder(telegram):
     """A positioning axis is not built on a drive telegram that brings no position, nor on one that it does not know."""

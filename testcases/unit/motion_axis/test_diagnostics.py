@@ -7,6 +7,7 @@ import json
 import pytest
 
 from motion.diagnostics import diagnose, pages
+from testcases.unit.motion_axis.conftest import TorquePort
 
 
 def raise_alarm(rig, number):
@@ -98,6 +99,17 @@ def positive_switch(rig):
     rig.cycles(2)
 
 
+def restarting(rig):
+    rig.axis.reset(restart=True)
+    rig.cycles(2)
+
+
+def homing(rig):
+    rig.enabled()
+    rig.axis.home(0.0, mode=3)
+    rig.run(0.3)
+
+
 SWITCHES = {"PositionLimits_HW.Active": True}
 SOFT = {
     "PositionLimits_SW.Active": True,
@@ -127,6 +139,15 @@ def alarm(number):
 TRUE_WHEN = [
     ("axis status", "enabled", ["DIA-002", "DIA-028"], resting, {}),
     ("axis status", "error", ["DIA-003", "DIA-031"], alarm(321), {}),
+    ("axis status", "restart active", ["DIA-004", "DIA-032"], restarting, {}),
+    ("motion status", "homing job", ["DIA-044"], homing, {}),
+    ("warnings", "configuration", ["DIA-016", "DIA-054"], alarm(110), {}),
+    ("warnings", "job rejected", ["DIA-017", "DIA-055"], alarm(322), {}),
+    ("warnings", "adaption", ["VAR-084"], alarm(111), {}),
+    ("warnings", "following error", ["MON-015"], alarm(522), {}),
+    ("errors", "system", ["DIA-019", "DIA-057"], alarm(201), {}),
+    ("errors", "I/O", ["DIA-024", "DIA-063"], alarm(401), {}),
+    ("errors", "adaption", ["DIA-071"], alarm(102), {}),
     ("axis status", "drive ready", ["DIA-006", "DIA-034"], resting, {}),
     ("axis status", "restart required", ["DIA-007", "DIA-038"], start_value_changed, {}),
     ("axis status", "position-controlled mode", ["DIA-029"], resting, {}),
@@ -176,6 +197,62 @@ def test_indication_is_true_when_it_should_be(make_rig, page, name, scenario, st
     assert before is (name in ("done", "standstill", "constant velocity"))
     scenario(rig)
     assert diagnose(rig.axis.object).pages[page][name] is True
+
+
+@pytest.mark.parametrize(
+    ("speed", "mode"),
+    [
+        pytest.param(True, "Simulation.Mode", marks=pytest.mark.requirement("DIA-001")),
+        pytest.param(False, "Simulation.Mode", marks=pytest.mark.requirement("DIA-027")),
+        pytest.param(True, "VirtualAxis.Mode", marks=pytest.mark.requirement("DIA-001")),
+        pytest.param(False, "VirtualAxis.Mode", marks=pytest.mark.requirement("DIA-027")),
+    ],
+)
+def test_simulation(make_rig, speed, mode):
+    """X25 of a simulated and of a virtual axis, whether enabled or not; nothing goes to the drive."""
+    rig = make_rig(speed=speed, variables={mode: 1})
+    rig.cycles(2)
+    assert diagnose(rig.axis.object).pages["axis status"]["simulation active"] is True
+    rig.enabled()
+    rig.axis.move_velocity(100.0)
+    rig.run(0.5)
+    assert diagnose(rig.axis.object).words["StatusWord"] >> 25 & 1
+    assert rig.port._setpoint == 0.0
+
+
+@pytest.mark.parametrize(
+    "speed",
+    [
+        pytest.param(True, marks=pytest.mark.requirement("DIA-014")),
+        pytest.param(False, marks=pytest.mark.requirement("DIA-051")),
+    ],
+)
+def test_torque_limit(make_rig, speed):
+    """X27 while a limit is commanded and the drive says that it is reached."""
+    rig = make_rig(speed=speed, port=TorquePort()).enabled()
+    rig.axis.torque_limiting(0.5)
+    rig.cycles(3)
+    assert diagnose(rig.axis.object).pages["motion status"]["torque limit active"] is False
+    rig.port.torque_limit_reached = True
+    rig.cycles(3)
+    found = diagnose(rig.axis.object)
+    assert found.pages["motion status"]["torque limit active"] is True
+    assert found.words["StatusWord"] >> 27 & 1
+
+
+@pytest.mark.requirement("DIA-035", "DIA-037")
+def test_encoder(rig):
+    """`State` is 2 with a value and 0 without; `Adjusted` tells of an adjustment, not of a position that was set."""
+    rig.enabled()
+    status = diagnose(rig.axis.object).pages["axis status"]
+    assert (status["encoder values valid"], status["encoder homed"]) == (2, 0)
+    rig.until(rig.axis.home(5.0).done)
+    assert diagnose(rig.axis.object).pages["axis status"]["encoder homed"] == 0
+    rig.until(rig.axis.home(5.0, mode=13).done)
+    assert diagnose(rig.axis.object).pages["axis status"]["encoder homed"] == 1
+    rig.port.link = False
+    rig.cycles(2)
+    assert diagnose(rig.axis.object).pages["axis status"]["encoder values valid"] == 0
 
 
 @pytest.mark.requirement("DIA-106")

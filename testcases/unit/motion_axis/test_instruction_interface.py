@@ -44,6 +44,17 @@ INPUTS = [
     ("MC_SetAxisSTW", "MC-435", "Execute", False), ("MC_SetAxisSTW", "MC-436", "STW1", 0),
     ("MC_SetAxisSTW", "MC-437", "STW1BitMask", 0), ("MC_SetAxisSTW", "MC-438", "STW2", 0),
     ("MC_SetAxisSTW", "MC-439", "STW2BitMask", 0),
+    ("MC_SetSensor", "MC-379", "Execute", False), ("MC_SetSensor", "MC-380", "Sensor", 1), ("MC_SetSensor", "MC-381", "Mode", 0),
+    ("MC_SetSensor", "MC-382", "ReferenceSensor", 1),
+    ("MC_WriteParameter", "MC-449", "Execute", False), ("MC_WriteParameter", "MC-450", "ParameterNumber", 0),
+    ("MC_WriteParameter", "MC-451", "Value", 0),
+    ("MC_MotionInVelocity", "MC-483", "Enable", False), ("MC_MotionInVelocity", "MC-484", "Velocity", 0.0),
+    ("MC_MotionInVelocity", "MC-485", "Acceleration", 0.0), ("MC_MotionInVelocity", "MC-486", "PositionControlled", True),
+    ("MC_MotionInPosition", "MC-493", "Enable", False), ("MC_MotionInPosition", "MC-494", "Position", 0.0),
+    ("MC_MotionInPosition", "MC-495", "Velocity", 0.0), ("MC_MotionInPosition", "MC-496", "Acceleration", 0.0),
+    ("MC_MotionInSuperimposed", "MC-503", "Enable", False), ("MC_MotionInSuperimposed", "MC-504", "Distance", 0.0),
+    ("MC_MotionInSuperimposed", "MC-505", "VelocityDiff", 0.0),
+    ("MC_MotionInSuperimposed", "MC-506", "AccelerationDiff", 0.0),
     ("MC_TorqueAdditive", "MC-514", "Enable", False), ("MC_TorqueAdditive", "MC-515", "Value", 0.0),
     ("MC_TorqueRange", "MC-524", "Enable", False), ("MC_TorqueRange", "MC-525", "UpperLimit", 1.0e12),
     ("MC_TorqueRange", "MC-526", "LowerLimit", -1.0e12),
@@ -65,6 +76,11 @@ OUTPUTS = {
     "MC_HaltSuperimposed": (["MC-367", "MC-368"], ["Done", "Busy", "CommandAborted"]),
     "MC_Stop": (["MC-400", "MC-401", "MC-402", "MC-403"], ["Done", "Busy", "CommandAborted"]),
     "MC_SetAxisSTW": (["MC-440", "MC-441"], ["Done", "Busy", "CommandAborted"]),
+    "MC_SetSensor": (["MC-383", "MC-384"], ["Done", "Busy", "CommandAborted"]),
+    "MC_WriteParameter": (["MC-452", "MC-453"], ["Done", "Busy", "CommandAborted"]),
+    "MC_MotionInVelocity": (["MC-487"], ["Busy", "CommandAborted"]),
+    "MC_MotionInPosition": (["MC-497"], ["Busy", "CommandAborted"]),
+    "MC_MotionInSuperimposed": (["MC-507"], ["Busy", "CommandAborted"]),
     "MC_TorqueAdditive": (["MC-516"], ["Busy"]),
     "MC_TorqueRange": (["MC-527"], ["Busy"]),
     "MC_TorqueLimiting": (["MC-546", "MC-547", "MC-548"], ["InClamping", "InLimitation", "Busy"]),
@@ -108,7 +124,7 @@ def test_outputs_are_false_before_the_first_call(rig, name, outputs):
 def test_the_tables_name_every_instruction():
     """What the package offers is in the tables above."""
     offered = {name for name in instructions.__all__ if name.startswith("MC_")}
-    assert offered - {"MC_WriteParameter", "MC_SetSensor", "MC_SaveAbsoluteEncoderData"} == set(OUTPUTS)
+    assert offered - {"MC_SaveAbsoluteEncoderData"} == set(OUTPUTS)
 
 
 # -- what dynamic inputs make of the motion ----------------------------------------------------------------------------------

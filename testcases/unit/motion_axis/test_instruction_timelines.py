@@ -230,7 +230,7 @@ def test_halt_with_abort_acceleration(rig):
     rig.until(halt.done)
 
 
-@pytest.mark.requirement("MC-240", "MC-241", "MC-242", "MC-228")
+@pytest.mark.requirement("MC-234", "MC-240", "MC-241", "MC-242", "MC-228")
 def test_halt_mode_1_stops_the_basic_motion(rig):
     """150 in total, then 50: Done although the axis still moves; the superimposed motion ends by itself."""
     rig.enabled()
@@ -248,7 +248,7 @@ def test_halt_mode_1_stops_the_basic_motion(rig):
     rig.until(top.done)
 
 
-@pytest.mark.requirement("MC-243", "MC-228")
+@pytest.mark.requirement("MC-234", "MC-243", "MC-228")
 def test_halt_mode_0_stops_the_whole_motion(rig):
     """Both are aborted, and the deceleration of 100 acts on all of the 150: 1.5 s."""
     rig.enabled()
@@ -404,8 +404,8 @@ def test_target_that_is_reached_already(rig):
 @pytest.mark.parametrize("kind", ["absolute", "relative", "superimposed"])
 def test_positioning_forces_position_control(rig, kind):
     """Started without position control, it is on and stays on."""
-    rig.enabled(start_mode=0)
     rig.until(rig.axis.home(0.0).done)
+    rig.enabled(start_mode=0)
     assert bits(rig, 28) == [1]
     job = {
         "absolute": lambda: rig.axis.move_absolute(20.0),

@@ -375,7 +375,8 @@ def test_on_is_not_given_to_an_inhibited_drive(rig):
 
 @pytest.mark.requirement("STP-019", "STP-018", "MC-133")
 def test_enable_waits_for_communication(rig):
-    """Enable before the drive has joined: Busy, no Status, and enabling by itself afterwards."""
+    """Enable while the drive is away: Busy, no Status, and enabling by itself afterwards."""
+    rig.cycles(2)
     rig.port.link = False
     power = rig.axis.power()
     rig.run(0.3)
@@ -496,7 +497,18 @@ def test_restart_takes_start_values(rig):
 
 
 @pytest.mark.requirement(
-    "HOM-139", "HOM-140", "HOM-142", "MC-199", "MC-200", "MC-211", "MC-212", "HOM-146", "HOM-147"
+    "HOM-139",
+    "HOM-140",
+    "HOM-142",
+    "MC-199",
+    "MC-200",
+    "MC-211",
+    "MC-212",
+    "HOM-146",
+    "HOM-147",
+    "HOM-012",
+    "HOM-013",
+    "HOM-145",
 )
 @pytest.mark.parametrize(
     ("mode", "position", "expected"), [(0, 100.0, 100.0), (1, 5.0, None), (11, 7.0, None), (12, 5.0, None)]

@@ -200,3 +200,23 @@ def test_dynamic_value_too_small_to_plan_with(rig, name):
     job = rig.axis.move_relative(100.0, **{name: 1e-320})
     rig.cycles(2)
     assert job.Error
+
+
+@pytest.mark.requirement("STP-072", "MC-171", "STP-513")
+@pytest.mark.parametrize("number", [431, 421])
+def test_acknowledging_a_lasting_cause_leaves_no_gap(rig, number):
+    """MC_Reset while the link is down, or the drive has its fault: the alarm comes again at once, X1 never falls."""
+    rig.travelling()
+    if number == 431:
+        rig.port.link = False
+    else:
+        rig.port.fault = True
+    rig.run(1.0)
+    seen = len(rig.rows)
+    reset = rig.axis.reset()
+    rig.until(reset.done)
+    rig.cycles(5)
+    assert [event.data["number"] for event in rig.events("alarm.raised")] == [number, number]
+    assert all(int(word) & 2 for word in rig.column("status_word")[seen:])
+    assert set(rig.column("alarm_number")[seen:]) == {number}
+    assert not rig.axis.power_instance.Status

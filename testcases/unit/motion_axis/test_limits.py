@@ -24,7 +24,9 @@ def homed(make_rig, **variables):
     return rig
 
 
-@pytest.mark.requirement("LIM-075", "LIM-076", "LIM-077", "LIM-079", "LIM-081", "LIM-082", "STP-590")
+@pytest.mark.requirement(
+    "LIM-075", "LIM-076", "LIM-077", "LIM-079", "LIM-081", "LIM-082", "STP-590", "VAR-170"
+)
 def test_software_limit_with_current_dynamics(make_rig):
     """LimitReachedBehavior 1: braking starts at 87.5 and ends at 100.0 exactly; 533, job 16#8001, still enabled."""
     rig = homed(make_rig, **SOFT, **{"PositionLimits_SW.LimitReachedBehavior": 1})
@@ -42,7 +44,7 @@ def test_software_limit_with_current_dynamics(make_rig):
     assert rig.axis.power_instance.Status
 
 
-@pytest.mark.requirement("LIM-080")
+@pytest.mark.requirement("LIM-080", "VAR-170")
 def test_software_limit_with_maximum_dynamics(make_rig):
     """LimitReachedBehavior 0 with MaxDeceleration 500: braking starts at 97.5."""
     rig = homed(make_rig, **SOFT, **{"DynamicLimits.MaxDeceleration": 500.0, "DynamicLimits.MaxJerk": 1.0e9})
@@ -58,7 +60,7 @@ def test_software_limit_with_maximum_dynamics(make_rig):
     assert rig.axis.var("ErrorDetail.Reaction") == 2
 
 
-@pytest.mark.requirement("LIM-073")
+@pytest.mark.requirement("LIM-073", "VAR-170")
 def test_software_limit_needs_homing(make_rig):
     """Without homing the software limits do not act."""
     rig = make_rig(variables=SOFT)
@@ -93,7 +95,7 @@ def test_retracting_from_a_software_limit(make_rig):
     assert rig.axis.var("Position") == pytest.approx(100.0, abs=1e-6)
 
 
-@pytest.mark.requirement("LIM-095")
+@pytest.mark.requirement("LIM-095", "VAR-172")
 def test_position_outside_is_the_limit(make_rig):
     """Homed beyond the limit, the present position is the limit: outwards refused, inwards allowed."""
     rig = homed(make_rig, **SOFT)
@@ -131,7 +133,7 @@ def test_software_limit_is_never_passed(make_rig, velocity, jerk, behaviour, dec
     assert rig.axis.var("ErrorDetail.Number") == 533
 
 
-@pytest.mark.requirement("LIM-031", "LIM-034", "LIM-037", "LIM-039", "STP-589")
+@pytest.mark.requirement("LIM-031", "LIM-034", "LIM-037", "LIM-039", "STP-589", "VAR-173")
 def test_hardware_limit_with_emergency_ramp(make_rig):
     """Mode 0, ApproachBehavior 1: 531 with reaction 3, emergency ramp, axis stays enabled, X18 at once."""
     rig = homed(make_rig, **HARD, **{"PositionLimits_HW.ApproachBehavior": 1})
@@ -151,7 +153,7 @@ def test_hardware_limit_with_emergency_ramp(make_rig):
     assert job.ErrorID == 0x8001
 
 
-@pytest.mark.requirement("LIM-032", "LIM-033", "LIM-038")
+@pytest.mark.requirement("LIM-032", "LIM-033", "LIM-038", "VAR-173")
 @pytest.mark.parametrize("mode", [0, 1])
 def test_hardware_limit_removes_the_enable(make_rig, mode):
     """Mode 1, and Mode 0 with ApproachBehavior 0: 531 with reaction 4; MC_Power stays Busy."""
@@ -317,3 +319,23 @@ def test_done_waits_for_the_dwell_time(make_rig, dwell):
     start = rig.scheduler.now
     rig.until(move.done)
     assert (rig.scheduler.now - start) / 1e9 == pytest.approx(dwell, abs=0.008)
+
+
+@pytest.mark.requirement("TA-013", "LIM-049")
+@pytest.mark.parametrize("case", ["further out", "both"])
+def test_the_cause_of_a_repeated_alarm(make_rig, case):
+    """Acknowledged at the switch: a motion further out is 531 with cause 3, the other switch beside it with cause 5."""
+    rig = make_rig(variables={"PositionLimits_HW.Active": True}).travelling(100.0)
+    rig.port.switches = 2
+    rig.run(1.0)
+    assert rig.axis.alarms.engine.highest.info == 1
+    rig.until(rig.axis.reset().done)
+    rig.run(0.2)
+    assert rig.axis.alarms.engine.pending == ()
+    if case == "both":
+        rig.port.switches = 3
+    else:
+        rig.axis.move_velocity(10.0)
+    rig.run(0.1)
+    shown = rig.axis.alarms.engine.highest
+    assert (shown.number, shown.info) == (531, 5 if case == "both" else 3)

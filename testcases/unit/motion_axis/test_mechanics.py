@@ -10,10 +10,11 @@ from motion.axis import PositioningAxis
 from motion.axis.configuration import derive_units
 from motion.axis.feedback import Feedback
 from motion.axis.mechanics import Mechanics
-from motion.axis.units import decimals, farthest_position, travel_time_s
 from motion.drives.simulated import SimulatedDrivePort
-from motion.runtime import AxisHandle
+from motion.handles import AxisHandle
+from motion.units import decimals, farthest_position, travel_time_s
 from motion.variables import Cell, VariableStore
+from testcases.unit.motion_axis.conftest import Rig
 
 ROTARY = {"Properties.MotionType": 1}
 LOAD_SIDE = {"Sensor[1].MountingMode": 1}
@@ -43,12 +44,6 @@ class TestRatios:
         """Ten motor revolutions per load revolution: 100 rpm of the load are 1000 rpm of the motor."""
         ratios = mechanics({"LoadGear.Numerator": 10}, kind="SpeedAxis")
         assert 100.0 * ratios.rpm_per_unit == pytest.approx(1000.0)
-
-    @pytest.mark.requirement("CFG-075")
-    @pytest.mark.parametrize(("unit", "rpm"), [(1082, 60.0), (1083, 1.0), (1528, 1.0 / 60.0)])
-    def test_units_of_a_speed_axis(self, unit, rpm):
-        """One unit of velocity is a revolution per second, minute or hour."""
-        assert mechanics({"Units.VelocityUnit": unit}, kind="SpeedAxis").rpm_per_unit == pytest.approx(rpm)
 
     @pytest.mark.requirement("CFG-509", "CFG-501", "CFG-502", "CFG-503")
     def test_encoder_at_the_load(self):
@@ -186,6 +181,34 @@ COARSE = {"Parameter__StepsPerRevolution": 1000, "Parameter__FineResolutionXist1
 SINGLE_TURN = {**COARSE, "Parameter__DeterminableRevolutions": 1}
 
 
+class NarrowPort(SimulatedDrivePort):
+    """A drive whose encoder has a counter of 16 bits."""
+
+    def read(self):
+        super().read()
+        self.encoder_increments &= 0xFFFF
+
+
+@pytest.mark.requirement("CFG-312", "CFG-601", "CTL-110")
+@pytest.mark.parametrize("behavior", [0, 1])
+def test_a_narrow_counter_of_an_axis(behavior):
+    """With BehaviorGx_XIST1 = 0 the axis passes the end of the counter; with 1 it sees a jump of a turn: alarm 521, warning 504."""
+    narrow = {
+        "Sensor[1].Parameter.BehaviorGx_XIST1": behavior,
+        "Sensor[1].Parameter.StepsPerRevolution": 65536,
+    }
+    rig = Rig(port=NarrowPort(cycle_s=0.004, increments_per_revolution=65536), variables=narrow).enabled()
+    rig.axis.move_velocity(20.0)
+    rig.run(1.0)
+    if behavior:
+        numbers = {event.data["number"] for event in rig.events("alarm.raised")}
+        assert 521 in numbers
+        assert numbers <= {504, 521, 412}
+    else:
+        assert rig.axis.alarms.engine.pending == ()
+        assert rig.axis.var("ActualPosition") > 15.0
+
+
 class TestCounts:
     """Widths of the count and types of encoders."""
 
@@ -240,7 +263,7 @@ class TestCounts:
         encoder.power_cycle()
         assert encoder.show(12500) == 0.0
 
-    @pytest.mark.requirement("CFG-291", "CFG-296", "CFG-299")
+    @pytest.mark.requirement("CFG-291", "CFG-296", "CFG-299", "HOM-154")
     def test_absolute_beyond_its_range(self):
         """A single-turn encoder of 10 mm that was moved from 2 to 27 mm shows 7 mm after power-on."""
         encoder = Encoder(Type=1, **SINGLE_TURN)
@@ -263,7 +286,7 @@ class TestCounts:
         encoder.power_cycle()
         assert encoder.show(700 - 400) == pytest.approx(23.0)
 
-    @pytest.mark.requirement("CFG-298", "VAR-225")
+    @pytest.mark.requirement("CFG-298", "VAR-225", "HOM-156")
     def test_moved_too_far_while_off(self):
         """Moved by more than half a range while off, the position is wrong by whole ranges."""
         encoder = Encoder(Type=2, **SINGLE_TURN)
@@ -345,6 +368,7 @@ def test_groups_of_an_object(path, types):
     kinds = {"S": "SpeedAxis", "P": "PositioningAxis", "E": "ExternalEncoder"}
     found = "".join(letter for letter, kind in kinds.items() if path in set(VariableStore(kind).paths()))
     assert found == types
+    assert (path in set(VariableStore("SynchronousAxis").paths())) is ("P" in types)
 
 
 NUMBERS = {"LoadGear.Numerator": 2, "Mechanics.LeadScrew": 8.0, "Sensor[1].MeasuringGear.Numerator": 3,

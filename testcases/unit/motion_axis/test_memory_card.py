@@ -114,6 +114,7 @@ def test_another_name_or_number_of_objects_gets_nothing(card):
     assert path.exists()
 
 
+@pytest.mark.requirement("MC-607")
 @pytest.mark.parametrize(
     "damage",
     [
@@ -136,7 +137,7 @@ def test_damaged_data_are_not_used(card, damage):
     assert not rig.axis.var("StatusWord.X5")
 
 
-@pytest.mark.requirement("MC-465", "MC-469", "MC-470", "MC-626", "HOM-204")
+@pytest.mark.requirement("MC-607", "MC-465", "MC-469", "MC-470", "MC-626", "HOM-204")
 @pytest.mark.parametrize(
     ("number", "error"),
     [(28, 0x80EB), (30, 0x80EF), (13, 0x80EF), (5, 0x80EC)],

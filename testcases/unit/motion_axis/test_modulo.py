@@ -89,6 +89,14 @@ class TestRange:
         assert modulo().limits(low, high, 400.0) == expected
 
 
+FAST = {
+    "DynamicLimits.MaxVelocity": 120000.0, "DynamicLimits.Velocity": 120000.0, "DynamicLimits.MaxAcceleration": 1e6,
+    "DynamicLimits.MaxDeceleration": 1e6, "DynamicDefaults.EmergencyDeceleration": 1e6, "Modulo.Length": 360.0,
+    "Actor.DriveParameter.ReferenceSpeed": 20000.0, "Actor.DriveParameter.MaxSpeed": 30000.0,
+    "FollowingError.EnableMonitoring": False,
+}  # fmt: skip
+
+
 class TestAxis:
     """A rotary axis that turns for ever."""
 
@@ -167,7 +175,7 @@ class TestAxis:
         assert rig.axis.var("ActualModuloCycle") == cycle
         assert rig.axis.var("StatusWord.X5") is homed
 
-    @pytest.mark.requirement("MC-255")
+    @pytest.mark.requirement("MC-255", "STP-219")
     @pytest.mark.parametrize(("direction", "way"), [(1, 350.0), (2, -10.0), (3, -10.0)])
     def test_absolute_positioning(self, make_rig, direction, way):
         """`MC_MoveAbsolute` goes in the direction that it is told, and shows the target in the range."""
@@ -223,6 +231,38 @@ class TestAxis:
         rig.run(1.0)
         assert (rig.axis.var("ErrorDetail.Number"), rig.axis.var("ErrorDetail.Reaction")) == (412, 4)
         assert rig.axis.var("ErrorWord.X5") is True
+
+    @pytest.mark.requirement("STP-112")
+    @pytest.mark.parametrize(
+        ("limit", "velocity", "number", "warned"),
+        [(120000.0, 89000.0, 0, False), (120000.0, 91000.0, 412, False), (90000.0, 91000.0, 0, True)],
+    )
+    def test_limit_of_the_velocity(self, make_rig, limit, velocity, number, warned):
+        """360 degrees and 4 ms: 90 000 deg/s. MaxVelocity set to it keeps the axis enabled, with 501 alone."""
+        rig = self.rig(make_rig, **(FAST | {"DynamicLimits.MaxVelocity": limit}))
+        rig.axis.move_velocity(velocity, Acceleration=1e6, Deceleration=1e6, Jerk=0.0)
+        rig.run(0.5)
+        assert [event.data["number"] for event in rig.events("alarm.raised")] == [number or 501] * (
+            number > 0 or warned
+        )
+        assert rig.axis.var("StatusWord.X0") is (number == 0)
+        if number:
+            assert rig.axis.var("ErrorDetail.Reaction") == 4
+        else:
+            assert rig.column("velocity_setpoint")[-1] == min(velocity, limit)
+
+    @pytest.mark.requirement("STP-113")
+    def test_limit_of_the_velocity_of_a_leading_axis(self, make_rig):
+        """Configured to give a leading value: 360 / (2 * 4 ms) = 45 000 deg/s, and 501 where it limits."""
+        leading = {"CrossPlcSynchronousOperation.Interface[3].EnableLeadingValueOutput": True}
+        rig = self.rig(make_rig, **FAST, **leading)
+        job = rig.axis.move_velocity(44000.0, Acceleration=1e6, Jerk=0.0)
+        rig.until(job.in_velocity)
+        assert rig.events("alarm.raised") == []
+        rig.axis.move_velocity(60000.0, Acceleration=1e6, Jerk=0.0)
+        rig.run(0.2)
+        assert rig.column("velocity_setpoint")[-1] == 45000.0
+        assert [event.data["number"] for event in rig.events("alarm.raised")] == [501]
 
     @pytest.mark.requirement("CFG-108", "CFG-113", "CFG-114", "VAR-111", "VAR-112")
     @pytest.mark.parametrize(("kind", "offset", "cycle"), [(0, 0.0, 0), (1, 0.0, 2), (1, 400.0, 3)])

@@ -10,8 +10,9 @@ from fieldbus.history import History
 from motion.axis import PositioningAxis
 from motion.drives.encoder import EncoderPort
 from motion.drives.simulated import SimulatedDrivePort
+from motion.handles import AxisHandle
 from motion.instructions import MC_SetSensor
-from motion.runtime import AxisHandle, Runtime
+from motion.runtime import Runtime
 from testcases.unit.motion_axis.conftest import REFERENCE
 
 MS = 1_000_000
@@ -33,6 +34,22 @@ class Coupled(EncoderPort):
     def read(self):
         self.link_ok = not self.dead
         self.encoder_increments = self._motor.encoder_increments + self.ahead
+
+
+@pytest.mark.requirement("DIA-036", "DIA-095")
+def test_the_page_shows_the_operative_encoder():
+    """Its number changes with `MC_SetSensor`; the diagnosis lists it among the values."""
+    rig = Rig()
+    rig.axis.power()
+    rig.cycles(20)
+    shown = []
+    for sensor in (1, 2, 1):
+        rig.axis.set_sensor(sensor)
+        rig.cycles(3)
+        shown.append(
+            (rig.axis.var("OperativeSensor"), rig.axis.diagnosis().pages["values"]["operative encoder"])
+        )
+    assert shown == [(1, 1), (2, 2), (1, 1)]
 
 
 class Rig:
@@ -154,22 +171,22 @@ class TestModes:
 
     @pytest.mark.requirement("CFG-332", "CFG-333", "MC-389")
     def test_correction_of_an_absolute_encoder(self):
-        """What was transferred to an absolute encoder is discarded when it is left: 50.0 again, the offset untouched."""
+        """What was transferred to an absolute encoder is discarded when it is left: 110.0 again, the offset untouched."""
         rig = Rig(ahead=(50.0,)).enabled()
         rig.until(rig.axis.home(60.0).done)
-        assert rig.shown(2) == pytest.approx(50.0, abs=0.001)
+        assert rig.shown(2) == pytest.approx(110.0, abs=0.001)
         rig.switch(2, mode=2)
         assert rig.shown(2) == pytest.approx(60.0)
         rig.switch(2, mode=1)
         rig.switch(1, mode=1)
-        assert rig.shown(2) == pytest.approx(50.0, abs=0.001)
+        assert rig.shown(2) == pytest.approx(110.0, abs=0.001)
         assert rig.axis.var("StatusSensor[2].AbsEncoderOffset") == 0.0
 
 
 class TestConditions:
     """When it is possible, and what it answers otherwise."""
 
-    @pytest.mark.requirement("CFG-322", "CFG-617", "MC-377", "MC-392")
+    @pytest.mark.requirement("OVR-106", "CFG-322", "CFG-617", "MC-377", "MC-392")
     def test_disabled_and_in_motion(self):
         """It works on a disabled axis and in motion, where the running job goes on."""
         rig = Rig()
@@ -227,10 +244,10 @@ class TestConditions:
 
     @pytest.mark.requirement("CFG-320")
     def test_homing_takes_the_operative_one(self):
-        """Homing sets the position of the encoder in control and leaves the other one alone."""
+        """Adjusting an incremental encoder without a number sets the one in control and leaves the other one alone."""
         rig = Rig(types=(0, 0))
         rig.switch(2)
-        rig.until(rig.axis.home(33.0).done)
+        rig.until(rig.axis.home(33.0, mode=13).done)
         rig.cycles(1)
         assert (rig.shown(1), rig.shown(2)) == (pytest.approx(0.0), pytest.approx(33.0))
 

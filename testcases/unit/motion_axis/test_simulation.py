@@ -35,7 +35,7 @@ class TestBoth:
         assert rig.axis.var("StatusWord.X25") is True
 
     @BOTH
-    @pytest.mark.requirement("CFG-132", "CFG-164", "VAR-126")
+    @pytest.mark.requirement("CFG-132", "CFG-164", "VAR-126", "STP-036")
     def test_enabled_at_once(self, make_rig, mode):
         """`MC_Power.Status` comes one servo cycle after `Enable` at the latest."""
         rig = make_rig(variables=mode)
@@ -98,15 +98,14 @@ class TestBoth:
     @BOTH
     def test_without_position_control(self, make_rig, mode):
         """A motion without position control moves such an axis too, and positioning goes on from where it is."""
-        rig = make_rig(variables=mode).enabled(start_mode=0)
+        rig = make_rig(variables=mode).enabled()
+        rig.until(rig.axis.home(0.0).done)
         job = rig.axis.move_velocity(100.0, PositionControlled=False)
         rig.until(job.in_velocity)
         rig.run(1.0)
         place = rig.axis.var("ActualPosition")
         assert place > 100.0
         assert rig.axis.var("ActualVelocity") == pytest.approx(100.0)
-        rig.axis.home(0.0)
-        rig.cycles(2)
         move = rig.axis.move_absolute(50.0)
         rig.until(move.done, 10.0)
         assert rig.axis.var("ActualPosition") == pytest.approx(50.0, abs=0.01)

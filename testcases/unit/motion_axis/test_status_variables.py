@@ -169,7 +169,7 @@ class TestReactions:
         [(110, 0, None), (533, 1, 1000.0), (104, 2, 2000.0), (321, 3, 4000.0), (550, 5, None)],
     )
     def test_effect(self, rig, number, reaction, deceleration):
-        """0 nothing; 1 the deceleration of the job, 2 the largest, 3 the emergency ramp; 5 setpoint zero, following the drive."""
+        """0 nothing; 1 the deceleration of the job, 2 the largest, 3 the emergency ramp; 5 puts zero out and follows the drive."""
         rig.travelling(300.0)
         rig.axis.alarms.raise_alarm(number, reaction=reaction if number == 533 else None)
         shown = 0 if number == 110 else reaction
@@ -180,7 +180,8 @@ class TestReactions:
             return
         if reaction == 5:
             rig.cycles(2)
-            assert rig.axis.var("Velocity") == 0.0
+            assert rig.axis.var("VelocitySetpoint") == 0.0
+            assert rig.axis.var("Velocity") == rig.axis.var("ActualVelocity") > 100.0
             assert rig.axis.var("Position") == pytest.approx(rig.axis.var("ActualPosition"))
             return
         slopes = []
@@ -252,6 +253,7 @@ class TestDrive:
     @pytest.mark.requirement("VAR-107")
     def test_state_of_the_sensor(self, rig):
         """0 without a valid value, 2 with one; `MC_Power` waits for it and `MC_Home` needs it."""
+        rig.cycles(2)
         rig.port.link = False
         power = rig.axis.power()
         rig.run(0.1)

@@ -16,7 +16,8 @@ from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 from motion.axis import PositioningAxis
 from motion.drives.tm_pto import PtoWords, TmPtoConfig, TmPtoPort
-from motion.runtime import AxisHandle, Runtime
+from motion.handles import AxisHandle
+from motion.runtime import Runtime
 from testcases.unit.motion_axis.conftest import REFERENCE
 
 CYCLE_NS = 4 * MS

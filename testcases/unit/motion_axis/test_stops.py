@@ -279,7 +279,7 @@ def test_weaker_mc_stop_is_turned_away(rig):
     assert (late.CommandAborted, late.Error, strong.CommandAborted) == (True, False, False)
 
 
-@pytest.mark.requirement("STP-384")
+@pytest.mark.requirement("STP-384", "VAR-137")
 def test_disabling_during_remove_enable_coasts(make_rig):
     """RemoveEnableReaction other than 16#7: Enable = FALSE during the ramp leads to OFF2 whatever StopMode says."""
     rig = make_rig(variables={"Actor.RemoveEnableReaction": 1})
@@ -292,7 +292,7 @@ def test_disabling_during_remove_enable_coasts(make_rig):
     assert words(rig, start)[-1] == 0x047C
 
 
-@pytest.mark.requirement("STP-385", "MC-155")
+@pytest.mark.requirement("STP-385", "MC-155", "VAR-137")
 def test_disabling_during_off3_waits_for_standstill(rig):
     """RemoveEnableReaction 16#7: OFF2 is not withdrawn before standstill; then the axis is disabled."""
     rig.travelling()

@@ -32,6 +32,20 @@ def bench() -> Bench:
     return Bench()
 
 
+@pytest.mark.requirement("TA-011")
+def test_the_end_of_a_cause_is_told(bench):
+    """`alarm.gone` comes once, while the alarm is pending; after an acknowledgement nobody has to know."""
+    bench.engine.set_cause(421, True)
+    bench.engine.set_cause(421, False)
+    bench.engine.set_cause(421, False)
+    bench.engine.acknowledge()
+    bench.engine.set_cause(431, True)
+    bench.engine.acknowledge()
+    bench.engine.set_cause(431, False)
+    assert [kind for kind, _ in bench.kinds()].count("alarm.gone") == 1
+    assert bench.kinds()[:2] == [("alarm.raised", 421), ("alarm.gone", 421)]
+
+
 class TestRaising:
     """What an alarm does at the moment of raising."""
 

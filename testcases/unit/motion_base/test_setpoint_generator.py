@@ -251,3 +251,22 @@ def test_remaining_time():
     assert generator.remaining_time == pytest.approx(total - 0.05)
     run(generator)
     assert generator.remaining_time == 0.0
+
+
+def test_shift_and_takeover_at_rest():
+    """A setpoint that rests goes on resting, wherever it is moved to, until a motion starts."""
+    generator = SetpointGenerator(1.0)
+    generator.start_position(5.0, 100.0, 1000.0, 1000.0, 0.0)
+    run(generator)
+    for _ in range(3):
+        generator.advance(CYCLE)
+    generator.shift(2.0)
+    generator.advance(CYCLE)
+    assert (generator.s, generator.v, generator.target, generator.remaining_time) == (7.0, 0.0, 7.0, 0.0)
+    generator.set_state(3.0, 0.0, 50.0)
+    generator.advance(CYCLE)
+    assert (generator.s, generator.a) == (3.0, 0.0)
+    generator.start_velocity(10.0, 1000.0, 1000.0, 0.0)
+    generator.advance(0.1)
+    assert generator.v == 10.0
+    assert generator.s > 3.5

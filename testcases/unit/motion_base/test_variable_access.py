@@ -57,10 +57,10 @@ class TestDirect:
         value = other_value(store, path)
 
         store.write(path, value)
-        assert (cell.value, store.read(path)) == (before, value)
+        assert (cell.given, store.read(path)) == (before, value)
         store.latch()
 
-        assert (cell.value, store.read(path), store.start_value(path)) == (value, value, before)
+        assert (cell.given, store.read(path), store.start_value(path)) == (value, value, before)
 
     def test_last_assignment_counts(self, store):
         """Of several assignments before one MC_Servo the last one takes effect; later cycles keep it."""
@@ -178,7 +178,7 @@ class TestOnCall:
 
         store.write(path, value)
 
-        assert (cell.value, store.read(path), store.start_value(path)) == (value, value, before)
+        assert (cell.given, store.read(path), store.start_value(path)) == (value, value, before)
 
 
 class TestRestartRelevant:

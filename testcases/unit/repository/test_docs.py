@@ -218,7 +218,7 @@ def test_every_command_is_documented(name):
         if option.startswith("-")
     ]
 
-    assert "--json" in options or name in ("emulate", "eds")
+    assert "--json" in options or name in ("emulate", "eds", "panel")
     assert [option for option in options if f"`{option}`" not in own + common] == []
     assert [
         option for option in options if option.startswith("--") and not re.search(rf"{option}\b", own)

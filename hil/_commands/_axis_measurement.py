@@ -1,0 +1,138 @@
+"""What one axis costs the controller in one cycle: inputs, monitoring, setpoint, control, outputs, its instructions.
+
+No bus and no drive take part: the port of the axis returns its own setpoint as actual value, and nothing is recorded.
+"""
+
+from __future__ import annotations
+
+import gc
+import statistics
+import time
+from typing import Any, Final
+
+from fieldbus.clock import VirtualScheduler
+from hil._commands._measurements import Figure
+from hil.errors import CannotRunError
+from motion.axis import PositioningAxis
+from motion.drives.port import STW1_OPERATE, DrivePort
+from motion.instructions import MC_Home, MC_MoveAbsolute, MC_MoveVelocity, MC_Power
+from motion.runtime import Runtime
+
+CYCLE_NS: Final = 1_000_000
+STATES: Final = ("standstill", "velocity", "positioning")
+AXES: Final = 4
+
+_STEPS: Final = 131072
+_VELOCITY: Final = 300.0
+_VARIABLES: Final = {
+    "Mechanics.LeadScrew": 10.0,
+    "Sensor[1].Parameter.StepsPerRevolution": _STEPS,
+    "Sensor[1].Parameter.FineResolutionXist1": 0,
+    "DynamicLimits.MaxAcceleration": 10000.0,
+    "DynamicLimits.MaxDeceleration": 10000.0,
+    "DynamicDefaults.Acceleration": 2000.0,
+    "DynamicDefaults.Deceleration": 2000.0,
+    "DynamicDefaults.Jerk": 20000.0,
+    "PositionControl.Kv": 20.0,
+}
+
+
+class EchoPort(DrivePort):
+    """A drive that turns with the setpoint at once, and costs next to nothing."""
+
+    __slots__ = ("_angle", "_increments_per_rpm")
+
+    def __init__(self, cycle_s: float) -> None:
+        super().__init__()
+        self._angle = 0.0
+        self._increments_per_rpm = cycle_s / 60.0 * _STEPS
+        self.link_ok = True
+        self.zsw1 = 0x0231
+
+    def read(self) -> None:
+        """See `DrivePort.read`."""
+        self._angle += self.actual_speed_rpm * self._increments_per_rpm
+        self.encoder_increments = int(self._angle)
+
+    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:  # noqa: ARG002 - needs no torque
+        """See `DrivePort.write`."""
+        self.actual_speed_rpm = speed_rpm
+        self.zsw1 = 0x0237 if stw1 == STW1_OPERATE else 0x0231
+
+
+class RunningAxes:
+    """A controller with axes in one state of motion; `run` is what is timed.
+
+    Args:
+        state: One of `STATES`.
+        count: Number of axes.
+
+    Raises:
+        CannotRunError: The axes do not come into that state.
+
+    """
+
+    def __init__(self, state: str, count: int = 1) -> None:
+        self.runtime = Runtime(VirtualScheduler(), cycle_ns=CYCLE_NS)
+        self.axes: list[PositioningAxis] = []
+        self._moves: list[MC_MoveAbsolute] = []
+        for number in range(1, count + 1):
+            port = EchoPort(CYCLE_NS * 1e-9)
+            axis = PositioningAxis(f"axis{number}", port, cycle_ns=CYCLE_NS, variables=_VARIABLES)
+            self.axes.append(axis)
+            self.runtime.add(axis)
+            self._call(MC_Power(axis, Enable=True, StartMode=1))
+        self.run(50)
+        self._each(MC_Home, Execute=True)
+        self.run(20)
+        if state == "velocity":
+            self._each(MC_MoveVelocity, Execute=True, Velocity=_VELOCITY)
+        elif state == "positioning":
+            self._moves = self._each(MC_MoveAbsolute, Velocity=_VELOCITY)
+        self.run(1000)
+        if not all(axis.facts.enabled and axis.homed for axis in self.axes):
+            raise CannotRunError("the axes of the benchmark could not be enabled")
+        if (state != "standstill") is not any(axis.actual_velocity for axis in self.axes):
+            raise CannotRunError(f"the axes of the benchmark are not in the state {state}")
+
+    def _call(self, instance: Any) -> Any:
+        self.runtime.call(instance)
+        return instance
+
+    def _each(self, instruction: Any, **inputs: Any) -> list[Any]:
+        return [self._call(instruction(axis, **inputs)) for axis in self.axes]
+
+    def run(self, cycles: int) -> None:
+        """Let `cycles` application cycles pass; positionings that have ended begin again in the other direction."""
+        cycle = self.runtime.cycle
+        if not self._moves:
+            for _ in range(cycles):
+                cycle()
+            return
+        moves = self._moves
+        for number in range(cycles):
+            if number % 8 == 0:
+                for move in moves:
+                    if move.Execute and move.Done:
+                        move.Execute = False
+                    elif not move.Execute:
+                        move.Position = 0.0 if move.Position else 100.0
+                        move.Execute = True
+            cycle()
+
+
+def axis_cycles(cycles: int = 4000, rounds: int = 7) -> list[Figure]:
+    """Return microseconds per axis and cycle: one axis in each state, and several positioning."""
+    figures = []
+    cases = [(state, 1) for state in STATES] + [("positioning", AXES)]
+    for state, count in cases:
+        running = RunningAxes(state, count)
+        times = []
+        gc.collect()
+        for _ in range(rounds):
+            started = time.perf_counter()
+            running.run(cycles // count)
+            times.append((time.perf_counter() - started) / (cycles // count * count))
+        name = f"axis_cycle_{state}" if count == 1 else f"axis_cycle_{count}axes_{state}"
+        figures.append(Figure(name, statistics.median(times) * 1e6, "us/axis"))
+    return figures

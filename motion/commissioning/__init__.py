@@ -1,0 +1,14 @@
+"""Commissioning by hand: the axis control panel and the optimisation of the position controller (section 5 of the instruction specification)."""
+
+from motion.commissioning.optimisation import Attempt, Optimisation, Recommendation, TestStep, tuned_by_drive
+from motion.commissioning.panel import CommissioningError, ControlPanel
+
+__all__ = [
+    "Attempt",
+    "CommissioningError",
+    "ControlPanel",
+    "Optimisation",
+    "Recommendation",
+    "TestStep",
+    "tuned_by_drive",
+]

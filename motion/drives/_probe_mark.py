@@ -1,0 +1,93 @@
+"""Zero mark of a CiA 402 drive: touch probe 1 on the index, over SDO (60B8h to 60BAh).
+
+The drive latches the position, so it does not matter that the transfers take a few cycles.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from motion.drives.mark import MarkSearch
+
+if TYPE_CHECKING:
+    from fieldbus.canopen.master import CanopenMaster
+    from fieldbus.canopen.sdo_client import SdoJob
+
+_FUNCTION: Final = 0x60B8
+_STATUS: Final = 0x60B9
+_POSITION: Final = 0x60BA
+_OFF: Final = bytes(2)
+_ON_INDEX: Final = (0x0015).to_bytes(2, "little")
+"""Probe 1 on, first event, source index, positive edge."""
+_STORED: Final = 0x0002
+
+
+class ProbeMarkSearch(MarkSearch):
+    """See the module. The port calls `ask` once per cycle while `waiting`.
+
+    Args:
+        master: The controller's CANopen services on the segment of the drive.
+        node_id: The drive.
+
+    """
+
+    __slots__ = ("_generation", "_master", "_node_id", "waiting")
+
+    def __init__(self, master: CanopenMaster, node_id: int) -> None:
+        super().__init__()
+        self._master = master
+        self._node_id = node_id
+        self._generation = 0
+        self.waiting = False
+        """The probe is on, and no answer is on its way."""
+
+    def _begin(self) -> None:
+        self._generation += 1
+        self.waiting = False
+        mine = self._generation
+
+        def switched_on(job: SdoJob) -> None:
+            if mine != self._generation:
+                return
+            if job.ok:
+                self.waiting = True
+            else:
+                self.supported = job.timed_out  # an answer that refuses it says that there is no touch probe
+                self._fail()
+
+        client = self._master.sdo(self._node_id)
+        client.download(_FUNCTION, 0, _OFF)
+        client.download(_FUNCTION, 0, _ON_INDEX, switched_on)
+
+    def _end(self) -> None:
+        self._generation += 1
+        self.waiting = False
+        self._master.sdo(self._node_id).download(_FUNCTION, 0, _OFF)
+
+    def ask(self) -> None:
+        """Ask whether the index has been passed."""
+        self.waiting = False
+        mine = self._generation
+        client = self._master.sdo(self._node_id)
+
+        def told(job: SdoJob) -> None:
+            if mine != self._generation:
+                return
+            if not job.ok:
+                self._fail()
+            elif job.value & _STORED:
+                client.upload(_POSITION, 0, read)
+            else:
+                self.waiting = True
+
+        def read(job: SdoJob) -> None:
+            if mine != self._generation:
+                return
+            client.download(_FUNCTION, 0, _OFF)
+            if job.ok:
+                value = job.value
+                self._finish(value - (1 << 32) if value >> 31 else value)
+            else:
+                self._fail()
+
+        client.upload(_STATUS, 0, told)

@@ -1,0 +1,156 @@
+"""`hil panel` with a script, and the commissioning sequence of an axis on a bench with an emulated drive (§6.1)."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+
+from hil._commands.panel import run_panel
+from hil.cli import main
+from motion.controller import OperatingState
+from testcases.unit.hil.test_hil_profidrive import bench
+
+NO_GAIN = 1e-6
+"""As good as none: the axis does not take 0 (VAR-178)."""
+KV, KPC = "PositionControl.Kv", "PositionControl.Kpc"
+
+
+def script(capsys, tmp_path, text, name="profidrive", **options):
+    code = run_panel(
+        name, axis="", monitoring_s=2.0, plot=tmp_path / "plot.html", stdin=io.StringIO(text), **options
+    )
+    captured = capsys.readouterr()
+    return code, captured.out.splitlines(), captured.err
+
+
+@pytest.mark.requirement("COM-073", "COM-009", "COM-010", "COM-011", "COM-036")
+def test_a_script(capsys, tmp_path):
+    """Take, enable, jog, release the slider, give back; every line is answered with the state."""
+    code, lines, _ = script(
+        capsys, tmp_path,
+        "take\nenable\nwait 0.5\nvelocity 40\njog 50\nwait 1.0\nslide 0\nwait 0.5\nrel -5\nwait 1\nrelease\nwait 1\n",
+    )  # fmt: skip
+    assert code == 0
+    assert "panel  standstill" in lines[2]
+    assert "velocity 20" in lines[5]
+    assert "velocity 20" not in lines[7]
+    assert float(lines[9].split("position ")[1].split()[0]) == pytest.approx(
+        float(lines[7].split("position ")[1].split()[0]) - 5.0, abs=0.01
+    )
+    assert "program  disabled" in lines[-1]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("enable\n", "does not have master control"),
+        ("fly\n", "one of take, release"),
+        ("take\nvelocity fast\n", "numbers: V"),
+        ("take\nrel\n", "values of rel"),
+        ("take\nenable\nwait 0.5\nslide 130\n", "-100 to 100 %"),
+    ],
+)
+def test_a_line_that_cannot_be_carried_out(capsys, tmp_path, text, told):
+    """The script ends with exit code 1, and says why."""
+    code, _, err = script(capsys, tmp_path, text)
+    assert code == 1
+    assert told in " ".join(err.split())
+
+
+def test_the_end_of_the_input_gives_the_axis_back(capsys, tmp_path, monkeypatch):
+    """A script that ends in the middle of a motion stops the axis; the command itself reads standard input."""
+    monkeypatch.setattr(
+        "sys.stdin", io.StringIO("take\nenable\nwait 0.5\njog\nwait 0.5\nhelp\nstatus\nquit\n")
+    )
+    assert main(["panel", "profidrive", "--plot", str(tmp_path / "plot.html")]) == 0
+    out = capsys.readouterr().out
+    assert "optimise D V A [TOL]" in out
+    assert "[x] communication with the drive" in out
+
+
+@pytest.mark.requirement("COM-055", "COM-058", "COM-067")
+def test_optimisation_with_a_plot(capsys, tmp_path):
+    """A recommended gain and a page with every attempt, on a drive with inertia, filters and quantised words."""
+    code, lines, err = script(
+        capsys, tmp_path, "take\nenable\nwait 0.5\noptimise 5 60 1000 0.05\nrelease\nwait 1\n"
+    )
+    assert code == 0, err
+    recommended = next(line for line in lines if line.startswith("recommended"))
+    assert float(recommended.split("Kv = ")[1].split(",")[0]) > 10.0
+    page = (tmp_path / "plot.html").read_text(encoding="utf-8")
+    assert "Position controller of" in page
+    assert "plotly" in page
+
+
+@pytest.mark.requirement(
+    "COM-001", "COM-002", "COM-003", "COM-004", "COM-005", "COM-006", "COM-007", "COM-009", "COM-010", "COM-012", "COM-015",
+    "COM-016", "COM-019",
+)  # fmt: skip
+def test_the_commissioning_sequence():
+    """The steps of §6.1 on a good machine: without gain the axis is held by precontrol alone, moves true to scale, and is handed over."""
+    with bench() as machine:
+        axis, controller = machine.axis(), machine.controller
+        controller.stop()
+        machine.run_until(lambda: controller.state is OperatingState.STOP, timeout=2.0)
+        machine.run_for(0.5)
+        controller.download(axis.name, {KV: NO_GAIN, KPC: 100.0})
+        controller.run()
+        machine.run_until(lambda: controller.state is OperatingState.RUN, timeout=5.0)
+        machine.run_for(0.5)
+        assert axis.alarms.engine.number == 0
+        panel = axis.control_panel()
+        panel.take_control()
+        panel.enable()
+        machine.run_until(lambda: panel.enabled, timeout=2.0)
+        start, true_start = axis.var("ActualPosition"), 1000.0 * machine.drive().mechanics.position
+        panel.velocity = 20.0
+        panel.jog()
+        machine.run_for(2.0)
+        assert axis.var("Velocity") == pytest.approx(20.0)
+        assert axis.var("ActualVelocity") == pytest.approx(20.0, rel=0.02)  # the reference speed is right
+        assert axis.speed_output_rpm == pytest.approx(20.0 * 60.0 / 10.0)  # precontrol alone
+        panel.slide(0.0)
+        machine.run_for(0.5)
+        moved = axis.var("ActualPosition") - start
+        assert moved > 0.0
+        assert moved == pytest.approx(1000.0 * machine.drive().mechanics.position - true_start, abs=0.01)
+        panel.set_position(0.0)
+        machine.run_for(0.1)
+        assert axis.var("StatusWord.X5")
+        panel.release()
+        machine.run_until(lambda: not panel.active, timeout=5.0)
+        power = axis.power()
+        machine.run_until(power.status, timeout=2.0)
+
+
+@pytest.mark.requirement("COM-012", "COM-015", "COM-077", "COM-010")
+@pytest.mark.parametrize(
+    ("variables", "direction", "scale", "velocity"),
+    [
+        ({}, 1.0, 1.0, 1.0),
+        ({"Sensor[1].InverseDirection": True}, -1.0, 1.0, -1.0),
+        ({"Mechanics.LeadScrew": 20.0}, 1.0, 2.0, 1.0),
+        ({"Actor.DriveParameter.ReferenceSpeed": 6000.0}, 1.0, 1.0, 0.5),
+    ],
+)
+def test_what_is_wrong_shows(variables, direction, scale, velocity):
+    """An inverted encoder, a wrong pitch, a wrong reference speed: direction, scale, or velocity do not fit."""
+    own = {KV: NO_GAIN, "FollowingError.EnableMonitoring": False, "PositioningMonitoring.Window": 1000.0}
+    with bench(variables=own | variables) as machine:
+        axis = machine.axis()
+        panel = axis.control_panel()
+        panel.take_control()
+        panel.enable()
+        machine.run_until(lambda: panel.enabled, timeout=2.0)
+        start, true_start = axis.var("ActualPosition"), 1000.0 * machine.drive().mechanics.position
+        panel.velocity = 20.0
+        panel.jog()
+        machine.run_for(2.0)
+        seen = axis.var("ActualPosition") - start
+        true = 1000.0 * machine.drive().mechanics.position - true_start
+        assert seen * direction > 0.0
+        assert abs(seen / true) == pytest.approx(scale, rel=0.01)
+        assert axis.var("ActualVelocity") == pytest.approx(20.0 * velocity, rel=0.03)
+        panel.release()
+        machine.run_until(lambda: not panel.active, timeout=5.0)

@@ -1,0 +1,201 @@
+"""How every job of the overriding tables is brought about, which cells that makes testable, and the page that says so.
+
+`python -m testcases.unit.motion_axis.override_cells` writes `docs/overriding.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import motion.instructions as instructions
+from motion.axis.override_tables import CELLS, FATES, TABLES, UNDER_INTERPRETER, Cell, OverrideTable
+from testcases.unit.motion_axis.conftest import Rig
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "overriding.md"
+NO_SUCH_MODE = 0x800A
+
+Make = Callable[[Rig], Any]
+
+
+class Start(NamedTuple):
+    """How a job is started, and what shows that it has got what it wants."""
+
+    make: Make
+    reached: str
+    """Output that becomes TRUE; `busy` where being in control is all."""
+
+
+def _motion_in_position(rig: Rig) -> Any:
+    return rig.axis.motion_in_position(rig.axis.var("Position"))
+
+
+NEW: dict[str, Start] = {
+    "MC_Home Mode 2": Start(lambda rig: rig.axis.home(5.0, mode=2), "busy"),
+    "MC_Home Mode 3": Start(lambda rig: rig.axis.home(5.0, mode=3), "busy"),
+    "MC_Home Mode 5": Start(lambda rig: rig.axis.home(mode=5), "busy"),
+    "MC_Home Mode 8": Start(lambda rig: rig.axis.home(5.0, mode=8), "busy"),
+    "MC_Home Mode 9": Start(lambda rig: rig.axis.home(mode=9), "Done"),
+    "MC_Home Mode 10": Start(lambda rig: rig.axis.home(mode=10), "busy"),
+    "MC_Halt Mode 0": Start(lambda rig: rig.axis.halt(Mode=0), "Done"),
+    "MC_Halt Mode 1": Start(lambda rig: rig.axis.halt(Mode=1), "Done"),
+    "MC_MoveAbsolute": Start(lambda rig: rig.axis.move_absolute(-20.0), "Done"),
+    "MC_MoveRelative": Start(lambda rig: rig.axis.move_relative(20.0), "Done"),
+    "MC_MoveAbsolute BufferMode 1": Start(lambda rig: rig.axis.move_absolute(-20.0, BufferMode=1), "Done"),
+    "MC_MoveRelative BufferMode 1": Start(lambda rig: rig.axis.move_relative(20.0, BufferMode=1), "Done"),
+    "MC_MoveVelocity": Start(lambda rig: rig.axis.move_velocity(50.0), "InVelocity"),
+    "MC_MoveJog": Start(lambda rig: rig.axis.jog(30.0, backward=True), "InVelocity"),
+    "MC_Stop": Start(lambda rig: rig.axis.stop(0), "Done"),
+    "MC_MoveSuperimposed": Start(lambda rig: rig.axis.move_superimposed(20.0), "Done"),
+    "MC_HaltSuperimposed": Start(lambda rig: rig.axis.halt_superimposed(Deceleration=100.0), "Done"),
+    "MC_MotionInVelocity": Start(lambda rig: rig.axis.motion_in_velocity(rig.axis.var("Velocity")), "busy"),
+    "MC_MotionInPosition": Start(_motion_in_position, "busy"),
+    "MC_MotionInSuperimposed": Start(lambda rig: rig.axis.motion_in_superimposed(0.0), "busy"),
+}
+"""New jobs, by their name in the tables."""
+
+
+def _braking(make: Make) -> Make:
+    """Let there be something to brake: the job must still be on its way when the next one comes."""
+
+    def prepared(rig: Rig) -> Any:
+        rig.axis.move_velocity(200.0)
+        rig.run(0.5)
+        return make(rig)
+
+    return prepared
+
+
+def _waiting(make: Make) -> Make:
+    def prepared(rig: Rig) -> Any:
+        rig.axis.move_relative(300.0)
+        rig.run(0.1)
+        return make(rig)
+
+    return prepared
+
+
+def _halts_superimposed(rig: Rig) -> Any:
+    rig.axis.move_superimposed(300.0)
+    rig.run(0.5)
+    return rig.axis.halt_superimposed(Deceleration=50.0)
+
+
+ACTIVE: dict[str, Make] = {
+    "MC_Home Mode 2": lambda rig: rig.axis.home(5.0, mode=2),
+    "MC_Home Mode 3": lambda rig: rig.axis.home(5.0, mode=3),
+    "MC_Home Mode 5": lambda rig: rig.axis.home(mode=5),
+    "MC_Home Mode 8": lambda rig: rig.axis.home(5.0, mode=8),
+    "MC_Home Mode 10": lambda rig: rig.axis.home(mode=10),
+    "MC_Halt Mode 0": _braking(lambda rig: rig.axis.halt(Mode=0, Deceleration=50.0)),
+    "MC_Halt Mode 1": _braking(lambda rig: rig.axis.halt(Mode=1, Deceleration=50.0)),
+    "MC_MoveAbsolute": lambda rig: rig.axis.move_absolute(300.0),
+    "MC_MoveRelative": lambda rig: rig.axis.move_relative(300.0),
+    "MC_MoveAbsolute BufferMode 1": lambda rig: rig.axis.move_absolute(300.0, BufferMode=1),
+    "MC_MoveRelative BufferMode 1": lambda rig: rig.axis.move_relative(300.0, BufferMode=1),
+    "MC_MoveAbsolute waiting": _waiting(lambda rig: rig.axis.move_absolute(100.0, BufferMode=1)),
+    "MC_MoveRelative waiting": _waiting(lambda rig: rig.axis.move_relative(100.0, BufferMode=1)),
+    "MC_MoveVelocity": lambda rig: rig.axis.move_velocity(100.0),
+    "MC_MoveJog": lambda rig: rig.axis.jog(100.0),
+    "MC_Stop": _braking(lambda rig: rig.axis.stop(3, Deceleration=50.0)),
+    "MC_MoveSuperimposed": lambda rig: rig.axis.move_superimposed(300.0),
+    "MC_HaltSuperimposed": _halts_superimposed,
+    "MC_MotionInVelocity": lambda rig: rig.axis.motion_in_velocity(20.0),
+    "MC_MotionInPosition": _motion_in_position,
+    "MC_MotionInSuperimposed": lambda rig: rig.axis.motion_in_superimposed(0.0),
+}
+"""Running jobs, by their name in the tables."""
+
+
+@cache
+def _homing_mode_exists(mode: int) -> bool:
+    rig = Rig().enabled()
+    job = rig.axis.home(0.0, mode=mode)
+    rig.cycles(2)
+    return bool(job.ErrorID != NO_SUCH_MODE)
+
+
+def exists(job: str) -> bool:
+    """Return whether the product has the instruction of a job of the tables."""
+    name, _, which = job.partition(" ")
+    if not hasattr(instructions, name):
+        return False
+    return not which.startswith("Mode") or name != "MC_Home" or _homing_mode_exists(int(which[5:]))
+
+
+def missing(cell: Cell) -> tuple[str, ...]:
+    """Return the jobs of a cell that cannot be brought about, because their instruction does not exist yet."""
+    return tuple(dict.fromkeys(job for job in (cell.new, cell.active) if not exists(job)))
+
+
+def cells() -> list[Cell]:
+    """Return all cells of all tables."""
+    return [cell for table in TABLES for cell in table.cells()]
+
+
+# -- the page ----------------------------------------------------------------------------------------------------------------
+
+_HEAD = """# Overriding
+
+What a new job does to a running one, and what becomes of itself. Rows are new jobs, columns running ones; the first letter of a
+cell speaks of the running job, the second of the new one. The data are `motion/axis/override_tables.py`; a test starts every
+running job under every new one, for all instructions that there are. This page is written by
+`python -m testcases.unit.motion_axis.override_cells`.
+
+| letter | running job |
+|---|---|
+"""
+
+
+def _table(table: OverrideTable) -> list[str]:
+    everything = list(table.cells())
+    lines = [f"## {table.section} {table.title}", "", "| column | running job |", "|---|---|"]
+    lines += [f"| {column} | {_code(jobs)} |" for column, jobs in table.columns.items()]
+    lines += [
+        "", f"| | new job | {' | '.join(table.columns)} |", "|---|---|" + "---|" * len(table.columns)
+    ]  # fmt: skip
+    for row in table.rows:
+        shown = []
+        for column in table.columns:
+            there = [one for one in everything if (one.identifier, one.column) == (row.identifier, column)]
+            open_ones = any(missing(one) for one in there)
+            shown.append(f"{there[0].letter} {there[0].fate}{' *' if open_ones else ''}")
+        lines.append(f"| {row.identifier} | {_code(row.jobs)} | {' | '.join(shown)} |")
+    for letter, meaning in table.notes.items():
+        lines += ["", f"{letter}: {meaning}."]
+    done = sum(not missing(one) for one in everything)
+    lines += ["", f"{done} of {len(everything)} pairs of jobs are tested."]
+    absent = sorted({job for one in everything for job in missing(one)})
+    if absent:
+        lines[-1] += f" \\* is a cell some of whose jobs do not exist yet: {_code(absent)}."
+    return [*lines, ""]
+
+
+def _code(jobs: Any) -> str:
+    return ", ".join(f"`{job}`" for job in jobs)
+
+
+def page() -> str:
+    """Return the text of the page."""
+    lines = [_HEAD + "\n".join(f"| {letter} | {meaning} |" for letter, meaning in CELLS.items()), ""]
+    lines += ["| letter | new job |", "|---|---|"]
+    lines += [f"| {letter} | {meaning} |" for letter, meaning in FATES.items()]
+    lines.append("")
+    for table in TABLES:
+        lines += _table(table)
+    lines += [
+        "## Jobs on an object that the interpreter controls", "",
+        "There is no interpreter yet, so none of this is tested.", "",
+        "| | new job | executed | aborts the program of the interpreter |", "|---|---|---|---|",
+    ]  # fmt: skip
+    lines += [
+        f"| {row.identifier} | {_code(row.jobs)} | {'yes' if row.executed else 'no'} | {row.aborts} |"
+        for row in UNDER_INTERPRETER
+    ]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
