@@ -29,13 +29,25 @@ class Browser:
         self.keys = Keys
 
     def open(self, address: str = "", report: Path | None = None) -> None:
-        """Load the report anew at an address such as `#/case/name`."""
+        """Load the report anew at an address such as `#/case/name` and wait until the page shows it."""
         self.driver.get("about:blank")
         self.driver.get((report or self.report).as_uri() + address)
+        self.shown(address)
 
     def go(self, address: str) -> None:
         """Follow a link inside the loaded report: the plot library stays."""
         self.js("location.hash = arguments[0]", address)
+        self.shown(address)
+
+    def shown(self, address: str) -> None:
+        """Wait until the page has turned to an address: the event that tells it of a new one comes later."""
+        self.until(
+            lambda: self.js(
+                "return document.readyState === 'complete' && document.documentElement.dataset.shown === arguments[0]",
+                address,
+            ),
+            f"the page does not show {address or 'its first view'}",
+        )
 
     def all(self, selector: str) -> list:
         return self.driver.find_elements("css selector", selector)

@@ -4,6 +4,7 @@ let present = null;
 let listScroll = 0;
 
 function route() {
+  const asked = location.hash;
   let { view, argument, query } = readHash();
   if (!$("#view-" + view)) [view, argument, query] = ["cases", "", new URLSearchParams()];
   if (present?.view === "cases" && view !== "cases") listScroll = scrollY;
@@ -24,6 +25,7 @@ function route() {
   if (view === "requirements") showRequirements(query);
   present = { view, argument };
   document.title = (view === "case" ? argument + " – " : "") + TITLE;
+  document.documentElement.dataset.shown = asked;
 }
 
 const TITLE = document.title;
