@@ -12,6 +12,7 @@ __all__ = [
     "ConfigurationError",
     "ExpectationFailedError",
     "HilError",
+    "NotRecordedError",
     "RecordingError",
     "TokenError",
     "UnsupportedFaultError",
@@ -54,6 +55,10 @@ class CaseTimeoutError(HilError):
 
 class RecordingError(HilError):
     """Misuse of a recorder or trace, such as a column that was not recorded."""
+
+
+class NotRecordedError(RecordingError):
+    """A recording of this sort cannot hold what is asked for: a bus log knows no jobs of the controller."""
 
 
 class ExpectationFailedError(HilError, AssertionError):

@@ -34,7 +34,8 @@ from hil.bench.axis_config import (
 )
 from hil.bench.config import BenchConfig
 from hil.bench.io_devices import axis_inputs, build_analog_port, wired_variables
-from hil.record import Recorder, Trace
+from hil.bench.vocabulary import bench_vocabulary
+from hil.record import Recorder, Trace, Vocabulary
 from motion.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis, TechnologyAxis
 from motion.drives.port import SWITCHES
 from motion.handles import AxisHandle, EncoderHandle
@@ -496,9 +497,14 @@ class Bench(BenchParts):
 
     # -- evidence ---------------------------------------------------------------------------------------------
 
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """What its recording can hold: names of components and jobs, states, alarms."""
+        return bench_vocabulary(self)
+
     def trace(self) -> Trace:
         """Return everything recorded so far; on a live bench the drives' own records are fetched."""
-        trace = self.recorder.trace()
+        trace = self.recorder.trace(self.vocabulary)
         remote = self._remote
         if remote is None:
             return trace
@@ -509,6 +515,7 @@ class Bench(BenchParts):
             frames={bus: trace.raw_frames(bus) for bus in trace.buses},
             constants=trace.constants,
             end_ns=trace.end_ns,
+            vocabulary=trace.vocabulary,
         )
 
     def close(self) -> None:

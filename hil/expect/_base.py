@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
-from hil.errors import RecordingError
-from hil.record import EventSelector, Trace
+from hil.errors import NotRecordedError, RecordingError
+from hil.record import EventSelector, Trace, check_selector
 from reports.model import Check, Verdict
 
 Reference = float | EventSelector
@@ -80,12 +80,37 @@ class Expectation(ABC):
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace; may raise `ReferenceMissingError`, which `evaluate` turns into a failed check."""
 
+    def events_named(self) -> Iterator[EventSelector]:
+        """Return the events that this expectation names."""
+        for item in fields(self):
+            value = getattr(self, item.name)
+            for one in value if isinstance(value, tuple) else (value,):
+                if isinstance(one, EventSelector):
+                    yield one
+
+    def verify(self, trace: Trace) -> None:
+        """Refuse names that cannot be in the trace: an expectation with a slip of the pen must not pass.
+
+        Raises:
+            RecordingError: There is no such kind of event, component, state, job, ...; the message names what there is.
+
+        """
+        for selector in self.events_named():
+            check_selector(trace, selector)
+
     def evaluate(self, trace: Trace) -> list[Check]:
-        """Return the outcome on `trace`: at least one check, each with expected, observed and when."""
+        """Return the outcome on `trace`: at least one check, each with expected, observed and when.
+
+        A check is an *error* when it names what does not exist, and *blocked* when a recording like this one cannot
+        answer it.
+        """
         try:
+            self.verify(trace)
             return self.judge(trace)
         except ReferenceMissingError as missing:
             return [self.outcome(passed=False, observed=str(missing), time_s=trace.end_s)]
+        except NotRecordedError as error:
+            return [self.check(Verdict.BLOCKED, str(error), None)]
         except RecordingError as error:
             return [self.check(Verdict.ERROR, str(error), None)]
 

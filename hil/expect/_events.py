@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import Event
 from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of, words_of_span
-from hil.record import EventSelector, Trace
+from hil.record import EventSelector, Trace, check_state
 from hil.record import event as select_event
 from reports.model import Check
 
@@ -63,6 +63,11 @@ class AlarmExpectation(Expectation):
         bound = "" if self.within_s is None else f" within {self.within_s:g} s"
         return f"alarm {self.number}{reaction}{bound} after {words_of(self.since)}"
 
+    def events_named(self) -> Iterator[EventSelector]:
+        """See `Expectation`: the alarm, and the reference."""
+        yield select_event("alarm.raised", self.axis, number=self.number)
+        yield from super(AlarmExpectation, self).events_named()
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         since_s = instant(trace, self.since)
@@ -102,6 +107,12 @@ class NoAlarmExpectation(Expectation):
     def wanted(self) -> str:
         """What is expected, in words."""
         return f"{self.title} {words_of_span(self.since, self.until)}"
+
+    def events_named(self) -> Iterator[EventSelector]:
+        """See `Expectation`: any alarm, the excepted ones, and the references."""
+        yield select_event("alarm.raised", self.axis)
+        yield from (select_event("alarm.raised", number=number) for number in self.besides)
+        yield from super(NoAlarmExpectation, self).events_named()
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
@@ -150,7 +161,7 @@ class HappensExpectation(Expectation):
                     passed=not inside, observed=observed, time_s=inside[0].time_ns * 1e-9 if inside else None
                 )
             ]
-        index = self.selector.number - 1 if self.selector.number > 0 else self.selector.number
+        index = self.selector.nth - 1 if self.selector.nth > 0 else self.selector.nth
         if not -len(inside) <= index < len(inside):
             seen = self._seen_instead(trace, since_s)
             return [self.outcome(passed=False, observed=f"it did not happen{seen}", time_s=since_s)]
@@ -248,6 +259,11 @@ class StateExpectation(Expectation):
     def wanted(self) -> str:
         """What is expected, in words."""
         return f"{self.component} in state {self.text} at {words_of(self.at)}"
+
+    def verify(self, trace: Trace) -> None:
+        """See `Expectation`: the component has to have this state."""
+        super(StateExpectation, self).verify(trace)
+        check_state(trace, self.component, self.text, self.kind)
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace: of every state machine of the component, the last event not later than the instant."""

@@ -17,7 +17,7 @@ from hil.faults._parameters import Scalar
 from hil.faults._segment import segment_action
 from hil.faults._telegram import TelegramAction
 from hil.faults._trigger import Immediately, OnFrame, Trigger, as_trigger
-from hil.faults._watch import Stop, check_kind, watch
+from hil.faults._watch import Stop, check_names, watch
 from hil.protocols import Bench
 from hil.record import EventSelector
 
@@ -76,7 +76,7 @@ class ArmedFault:
         """Begin to watch the trigger."""
         trigger = as_trigger(self.fault.trigger)
         if self.fault.until is not None:
-            check_kind(self._bench, as_trigger(self.fault.until), "until")
+            check_names(self._bench, as_trigger(self.fault.until), "until")
         self._emit("fault.armed", trigger=str(trigger), **self.fault.parameters)
         if isinstance(self._action, FrameAction) and isinstance(trigger, OnFrame):
             # The n-th frame must itself be hit, so the hook of the fault counts.

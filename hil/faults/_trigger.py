@@ -107,9 +107,9 @@ class OnEvent:
     selector: EventSelector
 
     def __post_init__(self) -> None:
-        if self.selector.number < 1:
+        if self.selector.nth < 1:
             raise ConfigurationError(
-                "trigger.number", self.selector.number, "1, 2, ...: the last event is not known yet"
+                "trigger.nth", self.selector.nth, "1, 2, ...: the last event is not known yet"
             )
         if self.selector.offset_s < 0:
             raise ConfigurationError("trigger.offset_s", self.selector.offset_s, "a number >= 0 s")
@@ -120,8 +120,8 @@ class OnEvent:
         result: dict[str, Any] = {"when": "event", "kind": selector.kind}
         if selector.source is not None:
             result["source"] = selector.source
-        if selector.number != 1:
-            result["number"] = selector.number
+        if selector.nth != 1:
+            result["nth"] = selector.nth
         if selector.offset_s:
             result["offset_s"] = selector.offset_s
         if selector.data:
@@ -230,10 +230,10 @@ def state(component: str, text: str, *, kind: str = "") -> InState:
 
 
 def on_event(
-    kind: str, source: str | None = None, *, number: int = 1, **data: str | float | bool | None
+    kind: str, source: str | None = None, *, nth: int = 1, **data: str | float | bool | None
 ) -> OnEvent:
-    """At the `number`-th event of `kind` after arming; see `hil.record.event`."""
-    return OnEvent(select_event(kind, source, number=number, **data))
+    """At the `nth` event of `kind` after arming; see `hil.record.event`."""
+    return OnEvent(select_event(kind, source, nth=nth, **data))
 
 
 def frame(
@@ -263,7 +263,7 @@ _FORMS: dict[str, _Form] = {
     "position": _Form({"axis": str, "value": _NUMBER, "direction": str}, ("value",)),
     "velocity": _Form({"axis": str, "value": _NUMBER, "direction": str}, ("value",)),
     "state": _Form({"component": str, "state": str, "kind": str}, ("component", "state")),
-    "event": _Form({"kind": str, "source": str, "number": int, "offset_s": _NUMBER, "data": dict}, ("kind",)),
+    "event": _Form({"kind": str, "source": str, "nth": int, "offset_s": _NUMBER, "data": dict}, ("kind",)),
     "frame": _Form({"can_id": int, "message": str, "drive": str, "number": int, "segment": str}),
 }
 
@@ -311,7 +311,7 @@ def trigger_from_dict(content: Any, where: str = "trigger") -> Trigger:
             return InState(values["component"], values["state"], values.get("kind", ""))
         case "event":
             selector = select_event(
-                values["kind"], values.get("source"), number=values.get("number", 1), **values.get("data", {})
+                values["kind"], values.get("source"), nth=values.get("nth", 1), **values.get("data", {})
             )
             return OnEvent(selector.plus(float(values.get("offset_s", 0.0))))
         case _:

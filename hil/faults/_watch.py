@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import Event
+from hil.errors import RecordingError
 from hil.faults._trigger import (
     AtTime,
     Immediately,
@@ -18,7 +19,7 @@ from hil.faults._trigger import (
     Trigger,
 )
 from hil.protocols import Bench
-from hil.record import check_event_kind
+from hil.record import EventSelector, Vocabulary, check_event_kind, check_selector, check_state
 
 Stop = Callable[[], None]
 
@@ -66,6 +67,39 @@ def check_kind(bench: Bench, trigger: Trigger, where: str = "trigger") -> None:
         return
     heard = {entry.kind for entry in bench.history.events}
     check_event_kind(f"{where}.kind", kind, others=heard | bench.history.declared)
+
+
+def check_names(bench: Bench, trigger: Trigger, where: str = "trigger") -> None:
+    """Refuse a trigger on an event or state that cannot come: it would never fire.
+
+    Jobs are not looked at, because their instance may be made later.
+
+    Raises:
+        ConfigurationError: There is no such kind, component, state or detail; the message names what there is.
+
+    """
+    check_kind(bench, trigger, where)
+    vocabulary = getattr(bench, "vocabulary", None)
+    if vocabulary is None:
+        return
+    words = _BenchWords(bench.history.events, bench.recorder.groups, vocabulary)
+    try:
+        if isinstance(trigger, OnEvent):
+            selector = trigger.selector
+            data = {key: value for key, value in selector.data.items() if key != "job"}
+            check_selector(words, EventSelector(selector.kind, selector.source, data=data))
+        elif isinstance(trigger, InState):
+            check_state(words, trigger.component, trigger.state, trigger.kind)
+    except RecordingError as error:
+        raise ConfigurationError(where, str(trigger), f"what the bench can tell: {error}") from None
+
+
+class _BenchWords(NamedTuple):
+    """A bench that still runs, as the place where names are looked up."""
+
+    events: Sequence[Event]
+    groups: Sequence[Any]
+    vocabulary: Vocabulary | None
 
 
 def _watch_time(bench: Bench, trigger: AtTime, fire: Callable[[], None]) -> Stop:
@@ -120,6 +154,7 @@ def _watch_state(bench: Bench, trigger: InState, fire: Callable[[], None]) -> St
         ):
             fire()
 
+    check_names(bench, trigger)
     stop = bench.history.listen(look)
     seen: set[str] = set()
     for entry in reversed(bench.history.events):
@@ -133,7 +168,7 @@ def _watch_state(bench: Bench, trigger: InState, fire: Callable[[], None]) -> St
 
 def _watch_event(bench: Bench, trigger: OnEvent, fire: Callable[[], None]) -> Stop:
     selector = trigger.selector
-    check_kind(bench, trigger)
+    check_names(bench, trigger)
     delay_ns = seconds_to_ns(selector.offset_s)
     seen = 0
     timers: list[Any] = []
@@ -143,7 +178,7 @@ def _watch_event(bench: Bench, trigger: OnEvent, fire: Callable[[], None]) -> St
         if not selector.matches(entry):
             return
         seen += 1
-        if seen < selector.number:
+        if seen < selector.nth:
             return
         if delay_ns:
             timers.append(bench.scheduler.after(delay_ns, fire))

@@ -12,8 +12,17 @@ from hil.record._recorder import Group, Recorder
 from hil.record._select import EventSelector, event, kind_matches
 from hil.record._signal import Direction, Signal
 from hil.record._trace import Trace, TraceFrame, TraceGroup
+from hil.record._vocabulary import (
+    EVENT_DETAILS,
+    Vocabulary,
+    check_component,
+    check_selector,
+    check_state,
+    check_word,
+)
 
 __all__ = [
+    "EVENT_DETAILS",
     "EVENT_KINDS",
     "Difference",
     "Direction",
@@ -24,7 +33,12 @@ __all__ = [
     "Trace",
     "TraceFrame",
     "TraceGroup",
+    "Vocabulary",
+    "check_component",
     "check_event_kind",
+    "check_selector",
+    "check_state",
+    "check_word",
     "event",
     "first_difference",
     "kind_matches",

@@ -14,6 +14,7 @@ from hil.errors import RecordingError
 
 if TYPE_CHECKING:
     from hil.record._trace import Trace
+    from hil.record._vocabulary import Vocabulary
 
 FrameLog = Sequence[tuple[int, str, Any, str]]
 
@@ -183,8 +184,13 @@ class Recorder:
         group = self._groups.get(name)
         return group is not None and any(column == known for known, _ in group.columns)
 
-    def trace(self) -> Trace:
-        """Return an immutable copy of everything recorded so far."""
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """The groups in the order in which they were added."""
+        return tuple(self._groups.values())
+
+    def trace(self, vocabulary: Vocabulary | None = None) -> Trace:
+        """Return an immutable copy of everything recorded so far, with what could be in it."""
         from hil.record._trace import Trace, TraceGroup
 
         groups = [
@@ -197,6 +203,7 @@ class Recorder:
             frames={name: log() for name, log in self._buses.items()},
             constants=self._constants,
             end_ns=self._scheduler.now,
+            vocabulary=vocabulary,
         )
 
     def _group(self, name: str) -> Group:

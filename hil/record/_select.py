@@ -23,16 +23,16 @@ class EventSelector:
 
     kind: str
     source: str | None = None
-    number: int = 1
+    nth: int = 1
     """1 = the first match; negative counts from the last (only for finished traces)."""
     offset_s: float = 0.0
     data: Mapping[str, Scalar] = field(default_factory=dict)
 
     def __hash__(self) -> int:
-        return hash((self.kind, self.source, self.number, self.offset_s, tuple(sorted(self.data))))
+        return hash((self.kind, self.source, self.nth, self.offset_s, tuple(sorted(self.data))))
 
     def matches(self, entry: Event) -> bool:
-        """Whether the event is of this kind, source and details (whatever its number)."""
+        """Whether the event is of this kind, source and details (whatever its place in the order)."""
         if self.source is not None and entry.source != self.source:
             return False
         if not kind_matches(self.kind, entry.kind):
@@ -44,14 +44,14 @@ class EventSelector:
         return (entry for entry in events if self.matches(entry))
 
     def find(self, events: Iterable[Event], *, not_before_ns: int = 0) -> Event | None:
-        """Return the `number`-th match at or after `not_before_ns`, or None."""
+        """Return the `nth` match at or after `not_before_ns`, or None."""
         found = [entry for entry in self.select(events) if entry.time_ns >= not_before_ns]
-        index = self.number - 1 if self.number > 0 else self.number
+        index = self.nth - 1 if self.nth > 0 else self.nth
         return found[index] if -len(found) <= index < len(found) else None
 
     def plus(self, seconds: float) -> EventSelector:
         """Return the instant `seconds` after this event (negative: before it)."""
-        return EventSelector(self.kind, self.source, self.number, self.offset_s + seconds, self.data)
+        return EventSelector(self.kind, self.source, self.nth, self.offset_s + seconds, self.data)
 
     def __str__(self) -> str:
         parts = [self.kind]
@@ -59,30 +59,30 @@ class EventSelector:
             parts.append(f"of {self.source}")
         if self.data:
             parts.append("with " + ", ".join(f"{key}={value}" for key, value in self.data.items()))
-        if self.number != 1:
-            parts.append(f"(number {self.number})")
+        if self.nth != 1:
+            parts.append(f"(match {self.nth})")
         if self.offset_s:
             parts.append(f"{self.offset_s:+g} s")
         return " ".join(parts)
 
 
-def event(kind: str, source: str | None = None, *, number: int = 1, **data: Scalar) -> EventSelector:
-    """Select the `number`-th event of `kind`.
+def event(kind: str, source: str | None = None, *, nth: int = 1, **data: Scalar) -> EventSelector:
+    """Select the `nth` event of `kind` among those that fit.
+
+    `event("alarm.raised", "axis1", number=421, nth=2)` is the second alarm 421 of the axis.
 
     Args:
         kind: Dotted kind, `fault.applied`; with a trailing dot a family, `alarm.`.
         source: Component that emitted it; None for any.
-        number: 1 for the first, -1 for the last.
+        nth: 1 for the first match, -1 for the last.
         data: Details that must be present with these values.
 
     Raises:
-        ConfigurationError: `kind` is empty or `number` is 0.
+        ConfigurationError: `kind` is empty or `nth` is no whole number or 0.
 
     """
     if not kind:
         raise ConfigurationError("event kind", kind, "a dotted kind such as 'alarm.raised'")
-    if number == 0:
-        raise ConfigurationError(
-            "event number", number, "1, 2, ... from the start or -1, -2, ... from the end"
-        )
-    return EventSelector(kind, source, number, 0.0, dict(data))
+    if not isinstance(nth, int) or isinstance(nth, bool) or nth == 0:
+        raise ConfigurationError("event nth", nth, "1, 2, ... from the start or -1, -2, ... from the end")
+    return EventSelector(kind, source, nth, 0.0, dict(data))

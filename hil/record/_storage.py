@@ -13,6 +13,7 @@ from fieldbus.can.frame import CanFrame
 from fieldbus.history import Event
 from hil.errors import RecordingError
 from hil.record._trace import Trace, TraceGroup
+from hil.record._vocabulary import Vocabulary
 
 FORMAT = 1
 
@@ -43,6 +44,7 @@ def save_trace(trace: Trace, path: Path) -> tuple[Path, Path]:
         "groups": groups,
         "events": [list(entry) for entry in trace.events],
         "frames": {bus: [_row(*entry) for entry in trace.raw_frames(bus)] for bus in trace.buses},
+        "vocabulary": None if trace.vocabulary is None else trace.vocabulary.as_dict(),
     }
     archive.parent.mkdir(parents=True, exist_ok=True)
     with archive.open("wb") as stream:
@@ -96,12 +98,14 @@ def load_trace(path: Path) -> Trace:
                     TraceGroup(entry["name"], columns, enums, arrays[f"t{index}"], arrays[f"v{index}"])
                 )
         frames = {bus: [_entry(row) for row in log] for bus, log in content["frames"].items()}
+        vocabulary = content.get("vocabulary")
         trace = Trace(
             groups,
             events=[Event(*entry) for entry in content["events"]],
             frames=frames,
             constants=content["constants"],
             end_ns=content["end_ns"],
+            vocabulary=Vocabulary.from_dict(vocabulary) if vocabulary else None,
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
         raise RecordingError(f"no readable trace at {document} and {archive.name}: {error}") from error

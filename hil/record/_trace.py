@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldbus.history import Event
-from hil.errors import RecordingError
+from hil.errors import NotRecordedError, RecordingError
 from hil.record._select import EventSelector, kind_matches
 from hil.record._signal import Signal
+from hil.record._vocabulary import Vocabulary
 
 _FRAME_HEAD: Final = Struct("<qIBBB").pack
 _OTHER_HEAD: Final = Struct("<qIH").pack
@@ -115,6 +116,7 @@ class Trace:
         frames: Frame logs by bus: (time_ns, sender, CanFrame, error).
         constants: Facts of the bench for judges of the trace.
         end_ns: Time at which the trace was taken.
+        vocabulary: What can be in it, told by the bench; None where nobody knows.
 
     """
 
@@ -126,6 +128,7 @@ class Trace:
         frames: Mapping[str, Sequence[tuple[int, str, Any, str]]] | None = None,
         constants: Mapping[str, float] | None = None,
         end_ns: int = 0,
+        vocabulary: Vocabulary | None = None,
     ) -> None:
         self._groups = {group.name: group for group in groups}
         self.events: tuple[Event, ...] = tuple(events)
@@ -135,12 +138,14 @@ class Trace:
         self._digest = ""
         self.constants: dict[str, float] = dict(constants or {})
         self.end_ns = end_ns
+        self.vocabulary = vocabulary
 
     def __getitem__(self, name: str) -> Signal:
         """Return the signal `component.column`.
 
         Raises:
             RecordingError: It was not recorded; the message lists what was.
+            NotRecordedError: There is such a signal, but a recording like this one does not hold it.
 
         """
         signal = self._signals.get(name)
@@ -156,6 +161,8 @@ class Trace:
                     signal = Signal(name, unit, time_s, group.values[:, index], enum)
                     self._signals[name] = signal
                     return signal
+        if self.vocabulary is not None and name in self.vocabulary.absent:
+            raise NotRecordedError(f"{self.vocabulary.origin} does not tell of the signal {name}")
         known_names = [n for n in self.names() if group is None or n.startswith(component + ".")]
         raise RecordingError(
             f"no signal {name!r} was recorded; recorded are: {', '.join(known_names) or 'none'}"
@@ -249,6 +256,7 @@ class Trace:
             frames={bus: [e for e in log if start <= e[0] <= end] for bus, log in self._raw_frames.items()},
             constants=self.constants,
             end_ns=min(self.end_ns, end),
+            vocabulary=self.vocabulary,
         )
 
     def digest(self) -> str:

@@ -136,9 +136,9 @@ def test_job_outputs():
 def test_events_happen_or_never_do():
     """`happens` counts matches after the reference; `never_happens` fails at the first one."""
     trace = make()
-    assert passed(happens(event("alarm.raised", number=2), since=FAULT, within_s=0.3), trace)
-    assert not passed(happens(event("alarm.raised", number=2), since=FAULT, within_s=0.299), trace)
-    assert not passed(happens(event("alarm.raised", number=2), until=0.35), trace)
+    assert passed(happens(event("alarm.raised", nth=2), since=FAULT, within_s=0.3), trace)
+    assert not passed(happens(event("alarm.raised", nth=2), since=FAULT, within_s=0.299), trace)
+    assert not passed(happens(event("alarm.raised", nth=2), until=0.35), trace)
     assert passed(never_happens(event("alarm.raised"), until=0.1), trace)
     assert one(never_happens(event("alarm.raised")), trace).time_s == pytest.approx(0.108)
 
@@ -152,7 +152,7 @@ def test_the_order_of_events_is_that_of_the_log():
         event("axis.state", to="ALARM_DISABLED"),
     )
     assert passed(event_order([fault, event("alarm.raised"), error, stopped], since=FAULT), trace)
-    early = one(event_order([error, event("alarm.raised", number=1), fault]), trace)
+    early = one(event_order([error, event("alarm.raised", nth=1), fault]), trace)
     assert early.verdict is Verdict.FAILED
     assert "came too early, at 0.104000 s" in early.observed
     missing = one(event_order([fault, event("alarm.cleared")]), trace)

@@ -35,7 +35,7 @@ TRIGGERS = [
     signal("drive1.torque", 2.0, direction="falling"),
     state("axis1", "MOTION"),
     state("drive1", "OPERATIONAL", kind="nmt.state"),
-    on_event("job.active", "axis1", number=3, job="move1"),
+    on_event("job.active", "axis1", nth=3, job="move1"),
     frame(0x181, number=10),
     frame(message="tpdo1", drive="drive1", segment="can0"),
 ]
@@ -78,8 +78,8 @@ def test_triggers_come_back_from_their_file_form(trigger):
 
 def test_an_event_selector_is_a_trigger_too():
     """`event(...)` may stand where a trigger is wanted."""
-    fault = Fault("drive.sto", trigger=event("alarm.raised", number=2))
-    assert fault == Fault("drive.sto", trigger=on_event("alarm.raised", number=2))
+    fault = Fault("drive.sto", trigger=event("alarm.raised", nth=2))
+    assert fault == Fault("drive.sto", trigger=on_event("alarm.raised", nth=2))
 
 
 @given(
@@ -174,7 +174,7 @@ def test_a_fault_that_is_over_at_once_has_no_end():
         ),
         ({"kind": "drive.sto", "trigger": {"when": "at", "time_s": -1.0}}, ">= 0 s"),
         (
-            {"kind": "drive.sto", "trigger": {"when": "event", "kind": "x", "number": -1}},
+            {"kind": "drive.sto", "trigger": {"when": "event", "kind": "x", "nth": -1}},
             "last event is not known",
         ),
         ({"kind": "drive.sto", "trigger": {"when": "frame"}}, "either an identifier or a message"),

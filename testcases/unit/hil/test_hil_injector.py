@@ -107,7 +107,7 @@ def test_an_event_trigger_counts_its_events(bench, faults):
     """The n-th event after arming fires, at its own instant, and details must match."""
     enable(bench)
     armed = faults.inject(
-        "mechanics.jam", trigger=on_event("job.started", number=2, instruction="MC_MoveVelocity")
+        "mechanics.jam", trigger=on_event("job.started", nth=2, instruction="MC_MoveVelocity")
     )
     bench.axis().move_absolute(1.0)
     bench.axis().move_velocity(10.0)

@@ -108,8 +108,8 @@ def test_selectors_choose_by_kind_source_details_and_number():
     """The n-th match counts from the start or, negative, from the end; an offset moves the instant."""
     trace = make_trace()
     assert trace.instant(event("alarm.raised")) == pytest.approx(0.001)
-    assert trace.instant(event("alarm.raised", number=-1)) == pytest.approx(0.002)
-    assert trace.instant(event("alarm.", "axis1", number=2).plus(0.5)) == pytest.approx(0.502)
+    assert trace.instant(event("alarm.raised", nth=-1)) == pytest.approx(0.002)
+    assert trace.instant(event("alarm.", "axis1", nth=2).plus(0.5)) == pytest.approx(0.502)
     assert trace.instant(event("axis.state", to="ENABLING")) == 0.0
     assert trace.instant(event("axis.state", to="MOTION")) is None
     assert trace.instant(event("alarm.raised", "axis2")) is None
@@ -117,9 +117,12 @@ def test_selectors_choose_by_kind_source_details_and_number():
     assert trace.instant(0.25) == 0.25
 
 
-@pytest.mark.parametrize("arguments", [{"kind": ""}, {"kind": "x", "number": 0}])
+@pytest.mark.parametrize(
+    "arguments",
+    [{"kind": ""}, {"kind": "x", "nth": 0}, {"kind": "x", "nth": True}, {"kind": "x", "nth": 1.5}],
+)
 def test_impossible_selectors_are_refused(arguments):
-    """An empty kind and the number 0 select nothing and are mistakes."""
+    """An empty kind and a place 0 in the order select nothing and are mistakes."""
     with pytest.raises(ConfigurationError):
         event(**arguments)
 

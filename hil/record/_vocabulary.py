@@ -1,0 +1,267 @@
+"""What can be in a recording at all, so that a question with a slip of the pen is refused and not answered with "never"."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Protocol
+
+from fieldbus.errors import ConfigurationError
+from fieldbus.history import Event, Scalar
+from hil.errors import NotRecordedError, RecordingError
+from hil.record._kinds import EVENT_KINDS, check_event_kind
+from hil.record._select import EventSelector, kind_matches
+
+
+class Worded(Protocol):
+    """What questions are checked against: a trace, or a bench that still runs."""
+
+    @property
+    def events(self) -> Sequence[Event]:
+        """The log so far."""
+
+    @property
+    def groups(self) -> Sequence[Any]:
+        """Recorded groups with `name` and `enums`."""
+
+    @property
+    def vocabulary(self) -> Vocabulary | None:
+        """What can be in it; None where nobody knows."""
+
+
+_JOB: Final = ("job", "instruction", "error_id")
+EVENT_DETAILS: Final[Mapping[str, tuple[str, ...]]] = {
+    "alarm.acknowledged": ("pending", "cleared"),
+    "alarm.cleared": ("number",),
+    "alarm.gone": ("number",),
+    "alarm.raised": ("number", "reaction", "alarm_class", "info", "text"),
+    "axis.homed": ("mode", "offset"),
+    "axis.state": ("from", "to"),
+    "controller.state": ("from", "to", "reason"),
+    "drive.fault": ("code", "number", "persistent", "text"),
+    "drive.inputs": ("inputs",),
+    "drive.nmt": ("from", "to"),
+    "drive.outputs": ("outputs",),
+    "drive.state": ("from", "to", "transition"),
+    "drive.warning": ("warnings", "text"),
+    "emcy.cleared": ("code", "register"),
+    "emcy.raised": ("code", "register", "data"),
+    "emcy.received": ("node", "name", "code", "register", "text"),
+    "homing.phase": ("phase", "direction"),
+    "job.aborted": _JOB,
+    "job.active": _JOB,
+    "job.done": _JOB,
+    "job.error": _JOB,
+    "job.in_velocity": _JOB,
+    "job.leaves_velocity": _JOB,
+    "job.started": _JOB,
+    "nmt.state": ("from", "to"),
+    "power.status": ("value",),
+}
+"""Details of the kinds that have always the same ones; what a source does not know of them it leaves out."""
+
+_NMT: Final = frozenset({"drive.nmt", "nmt.state"})
+_STATES: Final = frozenset({"from", "to"})
+
+
+@dataclass(frozen=True, slots=True)
+class Vocabulary:
+    """Names and words that a recording may hold; made by the bench, and kept with the trace."""
+
+    components: tuple[str, ...]
+    """Everything that can be the source of an event."""
+    values: Mapping[str, tuple[Scalar, ...]] = field(default_factory=dict)
+    """Words of a detail, by `kind:detail`, the kind also as a family: `job.:job`, `controller.state:to`."""
+    declared: tuple[str, ...] = ()
+    """Kinds of events of parts of one's own."""
+    kinds: tuple[str, ...] = ()
+    """Kinds, or families with a trailing dot, that this recording can hold; none: every one."""
+    absent: tuple[str, ...] = ()
+    """Signals of the bench that this recording cannot hold."""
+    origin: str = "a bench"
+    """What was recorded, for messages."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values; `from_dict` reads them back."""
+        return {
+            "components": list(self.components),
+            "values": {key: list(words) for key, words in self.values.items()},
+            "declared": list(self.declared),
+            "kinds": list(self.kinds),
+            "absent": list(self.absent),
+            "origin": self.origin,
+        }
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Vocabulary:
+        """Build it from what `as_dict` gave."""
+        return cls(
+            tuple(content["components"]),
+            {key: tuple(words) for key, words in content["values"].items()},
+            tuple(content["declared"]),
+            tuple(content["kinds"]),
+            tuple(content["absent"]),
+            content["origin"],
+        )
+
+
+def check_selector(trace: Worded, selector: EventSelector) -> None:
+    """Refuse a question for an event that cannot be in this trace.
+
+    Kinds and details are known of every trace; components, jobs and other words of those that a bench has made.
+
+    Raises:
+        RecordingError: There is no such kind, component, detail, state, job or other word; the message names what there is.
+        NotRecordedError: There is, but a recording like this one does not hold it.
+
+    """
+    kind = selector.kind
+    alike = [entry for entry in trace.events if kind_matches(kind, entry.kind)]
+    _check_kind(trace, kind, alike)
+    if selector.source is not None:
+        check_component(trace, selector.source, f"event {kind}")
+    _check_details(kind, selector.data, alike)
+    for key, value in selector.data.items():
+        known = _words(trace, kind, key, selector.source, alike)
+        if known and value not in known:
+            raise RecordingError(f"event {kind}: no {key} {value!r}; there is: {_near(value, known)}")
+
+
+def check_component(trace: Worded, name: str, where: str) -> None:
+    """Refuse the name of a component that the bench of this trace does not have.
+
+    Raises:
+        RecordingError: There is none; the message names those that there are.
+
+    """
+    if trace.vocabulary is None or name in trace.vocabulary.components:
+        return
+    if any(entry.source == name for entry in trace.events) or any(g.name == name for g in trace.groups):
+        return
+    raise RecordingError(
+        f"{where}: no component {name!r}; there is: {', '.join(trace.vocabulary.components)}"
+    )
+
+
+def check_word(trace: Worded, kind: str, detail: str, value: Scalar, where: str) -> None:
+    """Refuse a word that a detail of an event never has, as far as the bench of this trace has told its words.
+
+    Raises:
+        RecordingError: It is none of the known words.
+
+    """
+    known = _words(trace, kind, detail, None, ())
+    if known and value not in known:
+        raise RecordingError(f"{where}: no {detail} {value!r}; there is: {_near(value, known)}")
+
+
+def check_state(trace: Worded, component: str, text: str, kind: str = "") -> None:
+    """Refuse a component, or a state that none of its state machines has.
+
+    Raises:
+        RecordingError: There is none; the message names those that there are.
+
+    """
+    check_component(trace, component, f"state of {component}")
+    alike = [
+        entry
+        for entry in trace.events
+        if entry.source == component and (entry.kind == kind if kind else _tells_state(entry.kind))
+    ]
+    if kind:
+        _check_kind(trace, kind, alike)
+    known = _state_texts(trace, kind, component, alike)
+    if known and text not in known:
+        raise RecordingError(f"{component} has no state {text!r}; it has: {_near(text, known)}")
+
+
+def _check_kind(trace: Worded, kind: str, alike: list[Event]) -> None:
+    if alike:
+        return
+    vocabulary = trace.vocabulary
+    declared = () if vocabulary is None else vocabulary.declared
+    seen = {entry.kind for entry in trace.events}
+    try:
+        check_event_kind("event kind", kind, others=seen.union(declared))
+    except ConfigurationError as error:
+        raise RecordingError(str(error)) from None
+    if vocabulary is None or not vocabulary.kinds or kind in declared:
+        return
+    if not any(kind_matches(one, kind) or kind_matches(kind, one) for one in vocabulary.kinds):
+        raise NotRecordedError(
+            f"{vocabulary.origin} does not tell of {kind}; it tells of: {', '.join(vocabulary.kinds)}"
+        )
+
+
+def _check_details(kind: str, details: Mapping[str, Scalar], alike: list[Event]) -> None:
+    kinds = [one for one in EVENT_KINDS if kind_matches(kind, one)]
+    if not kinds or any(one not in EVENT_DETAILS for one in kinds):
+        return
+    known = {key for one in kinds for key in EVENT_DETAILS[one]}.union(*(entry.data for entry in alike))
+    for key in details:
+        if key not in known:
+            raise RecordingError(
+                f"event {kind}: no detail {key!r}; it has: {', '.join(sorted(known))} (the n-th event is nth=n)"
+            )
+
+
+def _words(
+    trace: Worded, kind: str, detail: str, source: str | None, alike: Iterable[Event]
+) -> tuple[Scalar, ...]:
+    """Return the known words of a detail; none where anything may stand."""
+    vocabulary = trace.vocabulary
+    if vocabulary is None:
+        return ()
+    if detail in _STATES and (_tells_state(kind) or kind == "drive.nmt"):
+        return _state_texts(trace, kind, source, alike)
+    known: dict[Scalar, None] = {}
+    for key, words in vocabulary.values.items():
+        family, _, name = key.partition(":")
+        if name == detail and kind_matches(family, kind):
+            known.update(dict.fromkeys(words))
+    if known:
+        known.update(dict.fromkeys(entry.data[detail] for entry in alike if detail in entry.data))
+    return tuple(known)
+
+
+def _tells_state(kind: str) -> bool:
+    return kind.endswith(".state")
+
+
+def _state_texts(
+    trace: Worded, kind: str, component: str | None, alike: Iterable[Event]
+) -> tuple[Scalar, ...]:
+    """Return the texts of state machines: of the columns of their components, or as the bench tells them."""
+    vocabulary = trace.vocabulary
+    if vocabulary is None:
+        return ()
+    if kind in _NMT:
+        columns: tuple[str, ...] = ("nmt_state",)
+    else:
+        columns = ("state",) if kind else ("state", "nmt_state")
+    known: dict[Scalar, None] = {}
+    for key, words in vocabulary.values.items():
+        owner, _, name = key.partition(":")
+        if name == "to" and (owner == kind or (component == owner.split(".")[0] and not kind)):
+            known.update(dict.fromkeys(words))
+    groups = () if known else trace.groups
+    for group in groups:
+        is_axis = any(column == "alarm_number" for column, _ in group.columns)
+        if component == group.name or (component is None and is_axis == kind.startswith("axis.")):
+            for column in columns:
+                known.update(dict.fromkeys(group.enums.get(column, {}).values()))
+    if not known:
+        return ()
+    for entry in alike:
+        known.update(dict.fromkeys(entry.data[key] for key in ("from", "to") if key in entry.data))
+    return tuple(known)
+
+
+def _near(value: Scalar, known: Iterable[Scalar]) -> str:
+    """Return the known words, the nearest ones where there are many."""
+    texts = [str(one) for one in known]
+    if len(texts) > 24:
+        texts = difflib.get_close_matches(str(value), texts, n=8, cutoff=0.4) or texts[:8]
+        return f"{', '.join(texts)}, ..."
+    return ", ".join(texts)
