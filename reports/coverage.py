@@ -6,7 +6,8 @@ is known (the fault catalogue, every state of a state signal), not only what hap
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import re
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from reports.model import CaseResult, FaultRecord, RunResult, Verdict
@@ -15,6 +16,12 @@ from reports.words import reaction_name
 NO_ALARM: Final = "no alarm"
 NOT_INJECTED: Final = "not injected"
 UNKNOWN_STATE: Final = "unknown"
+NO_FAULT: Final = "no fault"
+NO_STOP: Final = "not told to stop"
+_STOPPED: Final = re.compile(
+    r"MC_Power Enable = FALSE(, StopMode (?P<power>\d+))?|MC_Stop( Mode (?P<stop>\d+))?\b|MC_Halt\b"
+)
+"""The instructions that end a motion, as stories tell them."""
 
 _GRAVITY: Final = (Verdict.FAILED, Verdict.ERROR, Verdict.BLOCKED, Verdict.PASSED)
 
@@ -35,8 +42,8 @@ class Cell:
     """Alarm numbers seen, each once, ascending."""
 
     def add(self, case: CaseResult, notes: list[str]) -> None:
-        """Count a case once, with its verdict."""
-        if case.identifier not in self.cases:
+        """Count a case once, with its verdict; a case is added before the next one begins."""
+        if self.cases[-1:] != [case.identifier]:
             self.cases.append(case.identifier)
             self.verdicts.append(case.verdict)
         self.notes = sorted({*self.notes, *notes}, key=lambda note: (len(note), note))
@@ -102,6 +109,29 @@ def state_of(fault: FaultRecord) -> str:
     return fault.axis_state or UNKNOWN_STATE
 
 
+def stop_modes(case: CaseResult) -> list[str]:
+    """Return how the axes were told to stop, from the instructions in the story of a case, each once.
+
+    Returns:
+        `MC_Power StopMode 2`, `MC_Stop Mode 3`, `MC_Halt` and the like; `NO_STOP` alone where nobody told them.
+
+    """
+    found: dict[str, None] = {}
+    for step in case.story:
+        if step.kind != "do":
+            continue
+        if match := _STOPPED.search(step.text):
+            power, stop = match["power"], match["stop"]
+            found.setdefault(
+                f"MC_Power StopMode {power}"
+                if power
+                else f"MC_Stop Mode {stop}"
+                if stop
+                else match[0].split()[0]
+            )
+    return list(found) or [NO_STOP]
+
+
 def fault_kinds(run: RunResult) -> list[str]:
     """Return all fault kinds of the catalogue and of the run, sorted."""
     return sorted({*run.fault_catalogue, *(fault.kind for case in run.cases for fault in case.faults)})
@@ -147,6 +177,29 @@ def fault_state_matrix(run: RunResult) -> Matrix:
     ordered.update(dict.fromkeys(sorted(named - set(ordered))))
     columns = [*ordered, *(name for name in (UNKNOWN_STATE, NOT_INJECTED) if name in seen)]
     return Matrix(fault_kinds(run), columns, cells)
+
+
+def fault_stop_matrix(run: RunResult) -> Matrix:
+    """Return fault kind (`NO_FAULT` for cases without one) against the way in which the axes were told to stop."""
+    cells: dict[tuple[str, str], Cell] = {}
+    columns: set[str] = set()
+    for case in run.cases:
+        for mode in stop_modes(case):
+            columns.add(mode)
+            for kind in dict.fromkeys(fault.kind for fault in case.faults) or [NO_FAULT]:
+                notes = [str(alarm.number) for alarm in case.alarms]
+                cells.setdefault((kind, mode), Cell()).add(case, notes)
+    always = [
+        *(f"MC_Power StopMode {mode}" for mode in range(4)),
+        *(f"MC_Stop Mode {mode}" for mode in (0, 2, 3)),
+    ]
+    ordered = sorted({*always, "MC_Halt", *(columns - {NO_STOP})}) + [NO_STOP] * (NO_STOP in columns)
+    return Matrix([NO_FAULT, *fault_kinds(run)], ordered, cells)
+
+
+def with_stop(run: RunResult, mode: str) -> RunResult:
+    """Return a run with just those cases in which the axes were told to stop in this way."""
+    return replace(run, cases=[case for case in run.cases if mode in stop_modes(case)])
 
 
 @dataclass(slots=True)

@@ -18,22 +18,25 @@ class ReportPaths(NamedTuple):
     summary: Path
 
 
-def render_html(run: RunResult, path: str | Path, *, points: int = 2000) -> Path:
-    """Write the self-contained HTML report and return its path.
+def render_html(run: RunResult, path: str | Path, *, points: int = 2000, embedded: int | None = None) -> Path:
+    """Write the HTML report, which needs neither a network nor a server, and return its path.
 
     Args:
         run: The run.
         path: File to write; evidence links count from its folder.
         points: About how many samples of a signal stay in the plot (at least 100). Extremes and the surroundings of
             faults, alarms and failed checks always stay.
+        embedded: Characters of case data up to which it is one file (24 million by default, about 500 cases); beyond
+            them the cases go into a folder beside it, `report-data` of `report.html`.
 
     Raises:
         ValueError: `points` is below 100.
 
     """
-    from reports.html import render_html as render  # templates and their engine, on demand
+    from reports.html import EMBEDDED_LIMIT  # templates and their engine, on demand
+    from reports.html import render_html as render
 
-    return render(run, path, points=points)
+    return render(run, path, points=points, embedded=EMBEDDED_LIMIT if embedded is None else embedded)
 
 
 def write_report(run: RunResult, directory: str | Path, *, points: int = 2000) -> ReportPaths:

@@ -1,5 +1,6 @@
 """The HTML report."""
 
-from reports.html.page import html_text, render_html
+from reports.html.bundle import EMBEDDED_LIMIT
+from reports.html.page import render_html
 
-__all__ = ["html_text", "render_html"]
+__all__ = ["EMBEDDED_LIMIT", "render_html"]

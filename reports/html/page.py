@@ -1,7 +1,8 @@
-"""The whole page: one self-contained HTML file that works from `file://` without a network.
+"""The whole page: a self-contained HTML file that works from `file://` without a network.
 
 Its content security policy allows nothing but the scripts of the page itself, named by their hashes: text of a run that
-slipped through the escaping could still not run, and no library can load anything.
+slipped through the escaping could still not run, and no library can load anything. The page of a large run has its cases
+beside it (`reports.html.bundle`) and may load scripts of its own place too.
 """
 
 from __future__ import annotations
@@ -18,23 +19,31 @@ from typing import Any, Final
 from urllib.parse import quote, urlencode
 
 from reports.coverage import (
+    NO_FAULT,
     Matrix,
     fault_reaction_matrix,
     fault_state_matrix,
+    fault_stop_matrix,
     prefix_totals,
     requirement_matrix,
+    stop_modes,
+    with_stop,
 )
-from reports.html.payload import case_payload, index_entry, script_json
+from reports.html.bundle import EMBEDDED_LIMIT, Bundle, pack
+from reports.html.payload import index_entry, script_json
 from reports.model import CaseResult, RunResult, Verdict
 from reports.summary import run_digest
-from reports.words import headline, reaction_name, run_state
+from reports.words import headline, run_state
 
 _STYLES: Final = ("style.css", "case.css")
 _SCRIPTS: Final = ("core.js", "list.js", "requirements.js", "overlay.js", "plot.js", "case.js", "main.js")
+_PLAIN_ROWS: Final = 500
 _ORDER: Final = (Verdict.FAILED, Verdict.ERROR, Verdict.BLOCKED, Verdict.PASSED)
 
 
-def render_html(run: RunResult, path: str | Path, *, points: int = 2000) -> Path:
+def render_html(
+    run: RunResult, path: str | Path, *, points: int = 2000, embedded: int = EMBEDDED_LIMIT
+) -> Path:
     """Write the report and return its path.
 
     Args:
@@ -42,6 +51,8 @@ def render_html(run: RunResult, path: str | Path, *, points: int = 2000) -> Path
         path: File to write; evidence links count from its folder.
         points: About how many samples of a signal stay in the plot (at least 100). Extremes and the surroundings of
             faults, alarms and failed checks always stay.
+        embedded: Characters of case data up to which the page is one file; beyond them the cases go into a folder
+            beside it, `report-data` of `report.html`.
 
     Raises:
         ValueError: `points` is below 100.
@@ -51,19 +62,20 @@ def render_html(run: RunResult, path: str | Path, *, points: int = 2000) -> Path
         raise ValueError(f"points: {points} is not allowed; allowed: 100 and more")
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_bytes(html_text(run, points=points).encode("utf-8", "replace"))
+    plotly = _plotly()
+    bundle = pack(run, target, points=points, library=plotly, limit=embedded)
+    target.write_bytes(_page(run, bundle, plotly).encode("utf-8", "replace"))
     return target
 
 
-def html_text(run: RunResult, *, points: int = 2000) -> str:
-    """Return the report as text; lone surrogates in it become question marks when it is written."""
+def _page(run: RunResult, bundle: Bundle, plotly: str) -> str:
+    """Return the page as text; lone surrogates in it become question marks when it is written."""
     import jinja2
     from markupsafe import Markup
 
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(_resource), autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )  # fmt: skip
-    plotly = _plotly()
     program = '(() => {\n"use strict";\n' + "\n".join(_resource(name) for name in _SCRIPTS) + "})();"
     requirement_rows = requirement_matrix(run)
     place = {case.identifier: index for index, case in enumerate(run.cases)}
@@ -78,9 +90,10 @@ def html_text(run: RunResult, *, points: int = 2000) -> str:
         "totals": [(verdict.value, run.count(verdict)) for verdict in _ORDER],
         "simulated": _duration(sum(case.simulated_s for case in run.cases)),
         "wall": _duration(sum(case.wall_s for case in run.cases)),
-        "rows": [_list_row(index, case) for index, case in sorted(enumerate(run.cases), key=_gravity)],
+        "rows": _plain_rows(run),
         "selections": _selections(run),
         "matrices": _matrices(run),
+        "stop_matrices": _stop_matrices(run),
         "prefix_rows": [
             {
                 "prefix": total.prefix,
@@ -93,10 +106,13 @@ def html_text(run: RunResult, *, points: int = 2000) -> str:
             for total in prefix_totals(requirement_rows)
         ],
         "facts": _facts(run),
+        "bundle": bundle,
         "style": Markup("".join(_resource(name) for name in _STYLES)),  # noqa: S704 (a file of this package)
-        "script_hashes": Markup(f"{_hash(program)} {_hash(plotly)}"),  # noqa: S704 (base 64)
+        "script_sources": Markup(  # noqa: S704 (base 64 and constants)
+            f"{_hash(program)} 'self' file:" if bundle.folder else f"{_hash(program)} {_hash(plotly)}"
+        ),
         "program": Markup(program),  # noqa: S704 (files of this package)
-        "plotly": Markup(plotly),  # noqa: S704 (a file of the installed plotly package)
+        "plotly": Markup("" if bundle.folder else plotly),  # noqa: S704 (a file of the installed plotly package)
         "index": _json([index_entry(case) for case in run.cases]),
         "requirements": _json(
             [
@@ -107,7 +123,7 @@ def html_text(run: RunResult, *, points: int = 2000) -> str:
                 for row in requirement_rows
             ]
         ),
-        "payloads": (_json(case_payload(case, points=points)) for case in run.cases),
+        "payloads": (Markup(text) for text in bundle.texts),  # noqa: S704 (escaped by script_json)
     }  # fmt: skip
     return environment.get_template("report.html.j2").render(context)
 
@@ -180,23 +196,19 @@ def _verdict_words(run: RunResult, state: str) -> tuple[str, str]:
     return title, "; ".join(rest) + "."
 
 
-def _list_row(index: int, case: CaseResult) -> dict[str, Any]:
-    return {
-        "index": index,
-        "identifier": case.identifier,
-        "link": quote(case.identifier, safe="/", errors="replace"),
-        "title": case.title,
-        "verdict": case.verdict.value,
-        "headline": headline(case),
-        "faults": list(dict.fromkeys(f"{fault.kind} → {fault.target}" for fault in case.faults))[:3],
-        "alarms": list(
-            dict.fromkeys(f"{alarm.number} {reaction_name(alarm.reaction)}" for alarm in case.alarms)
-        )[:3],
-        "simulated": _duration(case.simulated_s),
-        "wall": _duration(case.wall_s),
-        "simulated_s": case.simulated_s,
-        "wall_s": case.wall_s,
-    }
+def _plain_rows(run: RunResult) -> list[dict[str, Any]]:
+    """Return the list for a reader without JavaScript, bad cases first: all, or as many as anybody reads."""
+    ordered = sorted(enumerate(run.cases), key=_gravity)[:_PLAIN_ROWS]
+    return [
+        {
+            "identifier": case.identifier,
+            "link": quote(case.identifier, safe="/", errors="replace"),
+            "title": case.title,
+            "verdict": case.verdict.value,
+            "headline": headline(case),
+        }
+        for _index, case in ordered
+    ]
 
 
 def _selections(run: RunResult) -> list[tuple[str, str, list[str]]]:
@@ -207,6 +219,7 @@ def _selections(run: RunResult) -> list[tuple[str, str, list[str]]]:
         ("g", "Group", several(case.group for case in run.cases)),
         ("tag", "Tag", several(tag for case in run.cases for tag in case.tags)),
         ("f", "Fault", several(fault.kind for case in run.cases for fault in case.faults)),
+        ("m", "Stop", several(mode for case in run.cases for mode in stop_modes(case))),
     ]
 
 
@@ -214,10 +227,26 @@ def _matrices(run: RunResult) -> list[dict[str, Any]]:
     return [
         _matrix("Fault against reaction", fault_reaction_matrix(run), "r"),
         _matrix("Fault against axis state", fault_state_matrix(run), "s"),
+        _matrix("Fault against way to stop", fault_stop_matrix(run), "m"),
     ]
 
 
-def _matrix(title: str, matrix: Matrix, key: str) -> dict[str, Any]:
+def _stop_matrices(run: RunResult) -> list[tuple[str, dict[str, Any]]]:
+    """Return fault against reaction for every way in which an axis was told to stop, without the rows never tried."""
+    modes = dict.fromkeys(mode for case in run.cases for mode in stop_modes(case))
+    found = []
+    for mode in sorted(modes):
+        matrix = fault_reaction_matrix(with_stop(run, mode))
+        matrix.rows = [
+            row for row in matrix.rows if any((row, column) in matrix.cells for column in matrix.columns)
+        ]
+        if matrix.rows:
+            found.append((mode, _matrix("Fault against reaction", matrix, "r", m=mode)))
+    return found
+
+
+def _matrix(title: str, matrix: Matrix, key: str, **also: str) -> dict[str, Any]:
+    """Return a matrix for the template; `also` is what its links filter by in any case."""
     rows = []
     for name in matrix.rows:
         cells: list[dict[str, Any] | None] = []
@@ -239,7 +268,7 @@ def _matrix(title: str, matrix: Matrix, key: str) -> dict[str, Any]:
                     ],
                     "notes": " ".join(cell.notes[:3]) + (" …" if len(cell.notes) > 3 else ""),
                     "hint": f"{name}, {column}: {counts}",
-                    "link": "#/cases?" + urlencode({"f": name, key: column}, errors="replace"),
+                    "link": _filter(name, **{key: column}, **also),
                 }
             )
         rows.append(
@@ -247,7 +276,7 @@ def _matrix(title: str, matrix: Matrix, key: str) -> dict[str, Any]:
                 "name": name,
                 "cells": cells,
                 "total": len(found),
-                "link": "#/cases?" + urlencode({"f": name}, errors="replace"),
+                "link": _filter(name, **also),
             }
         )
     return {
@@ -257,6 +286,11 @@ def _matrix(title: str, matrix: Matrix, key: str) -> dict[str, Any]:
         "tried": matrix.tried,
         "possible": matrix.possible,
     }
+
+
+def _filter(fault: str, **values: str) -> str:
+    """Return the address of the list with just the cases of a cell."""
+    return "#/cases?" + urlencode({"f": "-" if fault == NO_FAULT else fault, **values}, errors="replace")
 
 
 def _facts(run: RunResult) -> list[tuple[str, str]]:

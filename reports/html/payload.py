@@ -14,7 +14,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from reports.coverage import reactions_to, state_of
+from reports.coverage import reactions_to, state_of, stop_modes
 from reports.html.numbers import encode, thin
 from reports.html.signals import Lane, Panel, arrange, bands, component, is_setpoint
 from reports.model import CaseResult, Check, Message, Scalar, Signal, Step, Verdict
@@ -31,6 +31,10 @@ from reports.words import (
 
 MAX_MESSAGES: Final = 400
 """Messages shown of a case; of a passed one half of them, since nobody hunts a defect there."""
+_IN_LIST: Final = 3
+"""Faults and alarms of a case that the list shows."""
+_SEARCHED: Final = 2000
+"""Characters of a message that a search looks through."""
 _TIME_QUANTUM_S: Final = 1e-6
 _TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 
@@ -58,27 +62,39 @@ def file_link(path: str) -> str:
 
 
 def index_entry(case: CaseResult) -> dict[str, Any]:
-    """Return what the case list needs to search and filter."""
+    """Return what the case list needs to show, search and filter; what is empty is left out."""
     faults = [
         [fault.kind, reaction, state_of(fault)]
         for fault in case.faults
         for reaction in reactions_to(case, fault)
     ]
-    named = dict.fromkeys(
-        [*case.requirements, *(identifier for check in case.checks for identifier in check.requirements)]
+    named = list(
+        dict.fromkeys(
+            [*case.requirements, *(identifier for check in case.checks for identifier in check.requirements)]
+        )
     )
-    words = [case.identifier, case.title, headline(case), case.message, case.token, *case.tags, *named]
+    injected = list(dict.fromkeys(f"{fault.kind} → {fault.target}" for fault in case.faults))
+    alarms = list(dict.fromkeys(f"{alarm.number} {reaction_name(alarm.reaction)}" for alarm in case.alarms))
+    words = [case.message[:_SEARCHED], case.token, *case.tags, *named]
     words += [f"{fault.kind} {fault.target}" for fault in case.faults]
     words += [f"{alarm.number} {alarm.text}" for alarm in case.alarms]
-    return {
+    entry = {
         "id": case.identifier,
         "v": case.verdict.value,
+        "t": case.title if case.title != case.identifier else "",
+        "h": headline(case),
         "g": case.group,
         "tags": case.tags,
         "f": faults,
-        "r": list(named),
+        "fl": injected[:_IN_LIST],
+        "al": alarms[:_IN_LIST],
+        "r": named,
+        "m": stop_modes(case),
+        "s": _time(case.simulated_s),
+        "w": _time(case.wall_s),
         "q": " ".join(dict.fromkeys(words)).lower(),
     }
+    return {name: value for name, value in entry.items() if value not in ("", [])}
 
 
 def case_payload(case: CaseResult, *, points: int) -> dict[str, Any]:

@@ -128,7 +128,20 @@ function openCase(identifier, query) {
     view.replaceChildren(h("p.empty", null, "This run has no case ", h("code", null, identifier), ". ", h("a", { href: "#/cases" }, "All cases")));
     return;
   }
-  const data = readJson("data-case-" + place);
+  const data = caseData(place);
+  if (!(data instanceof Promise)) {
+    showCase(identifier, place, data, query);
+    return;
+  }
+  const waiting = h("p.empty", { role: "status" }, "Loading the case …");
+  view.replaceChildren(waiting);
+  data.then((value) => waiting.isConnected && showCase(identifier, place, value, query), (error) => {
+    waiting.replaceChildren(`The data of this case cannot be read: ${error.message}. The folder ${FOLDER} of the same run has to be beside the page. `, h("a", { href: "#/cases" }, "All cases"));
+  });
+}
+
+function showCase(identifier, place, data, query) {
+  const view = $("#view-case");
   const order = visibleOrder.includes(place) ? visibleOrder : INDEX.map((_entry, i) => i);
   const here = order.indexOf(place);
   const step = (offset, name, key) => {
@@ -203,11 +216,10 @@ function openCase(identifier, query) {
     const note = h("p.no-plot", { role: "status" }, "Loading the plot …");
     pane.append(note);
     const mine = opened;
-    requestAnimationFrame(() => setTimeout(() => {
-      loadPlotly();
+    requestAnimationFrame(() => setTimeout(() => loadPlotly().then(() => {
       note.remove();
       if (opened === mine) addPlot(data, pane, query);
-    }));
+    }, (error) => { note.textContent = `No plot: ${error.message}`; })));
   }
 }
 

@@ -160,5 +160,35 @@ function rewriteQuery(change) {
 }
 
 const INDEX = readJson("data-index");
+for (const entry of INDEX) {
+  for (const name of ["t", "h", "g", "q"]) entry[name] ??= "";
+  for (const name of ["tags", "f", "fl", "al", "r", "m"]) entry[name] ??= [];
+  entry.text = [entry.id, entry.t, entry.h, entry.q].join(" ").toLowerCase();
+}
 const PLACE = new Map(INDEX.map((entry, i) => [entry.id, i]));
 const caseLink = (identifier) => makeHash("case", identifier, []);
+
+// Cases of a large run are scripts beside the page: a page of a file system may fetch nothing, but add script elements.
+const { folder: FOLDER, key: KEY } = document.documentElement.dataset;
+const arriving = new Map(); // place -> what takes its case
+
+window.hilData = (key, place, value) => {
+  if (key === KEY) arriving.get(place)?.(value);
+};
+
+/** Load a script beside the page; the promise fails when it is not there. */
+const loadScript = (name) => new Promise((done, fail) => {
+  const script = h("script", { src: `${FOLDER}/${name}`, onload: () => { script.remove(); done(); }, onerror: () => { script.remove(); fail(new Error(`${FOLDER}/${name} is missing`)); } });
+  document.head.append(script);
+});
+
+/** The data of a case: at once where it stands in the page, else a promise. */
+function caseData(place) {
+  if (!FOLDER) return readJson("data-case-" + place);
+  let found = null;
+  arriving.set(place, (value) => { found = value; });
+  return loadScript(`${place}.js`).then(() => {
+    if (!found) throw new Error(`${FOLDER}/${place}.js belongs to another report`);
+    return found;
+  }).finally(() => arriving.delete(place));
+}

@@ -1,44 +1,95 @@
-// The case list: filter, search, sort, keyboard. Rows come with the page; here they are only hidden and ordered.
+// The case list: filter, search and sort work on the index; the table holds only the rows that were scrolled to.
 const GRAVITY = { failed: 0, error: 1, blocked: 2, passed: 3 };
-const listRows = $$("#cases tbody tr").map((row) => ({ row, i: Number(row.dataset.i), entry: INDEX[Number(row.dataset.i)] }));
-const selects = { g: "#f-g", tag: "#f-tag", f: "#f-f" };
+const ROWS = 200;
+const selects = { g: "#f-g", tag: "#f-tag", f: "#f-f", m: "#f-m", c: "#f-c" };
 let visibleOrder = INDEX.map((_entry, i) => i);
+let rowCount = 0;
+let listShown = null; // the query that the table answers
 
 function listFilter(query) {
   const verdicts = new Set((query.get("v") || "").split(",").filter(Boolean));
   const words = (query.get("q") || "").toLowerCase().split(/\s+/).filter(Boolean);
   const group = query.get("g");
   const tag = query.get("tag");
+  const [stop, change] = [query.get("m"), query.get("c")];
   const [fault, reaction, state] = [query.get("f"), query.get("r"), query.get("s")];
   return (entry) =>
     (!verdicts.size || verdicts.has(entry.v)) &&
     (!group || entry.g === group) &&
     (!tag || entry.tags.includes(tag)) &&
-    (!(fault || reaction || state) || entry.f.some(([f, r, st]) => (!fault || f === fault) && (!reaction || r === reaction) && (!state || st === state))) &&
-    words.every((word) => entry.q.includes(word));
+    (!stop || entry.m.includes(stop)) &&
+    (!change || entry.c === change) &&
+    (fault === "-" ? !entry.f.length && !reaction && !state :
+      !(fault || reaction || state) || entry.f.some(([f, r, st]) => (!fault || f === fault) && (!reaction || r === reaction) && (!state || st === state))) &&
+    words.every((word) => entry.text.includes(word));
+}
+
+const collator = new Intl.Collator("en", { numeric: true });
+const COMPARE = {
+  v: (a, b) => GRAVITY[a.v] - GRAVITY[b.v],
+  n: (a, b) => collator.compare(a.id, b.id),
+  s: (a, b) => (a.s ?? 0) - (b.s ?? 0),
+  w: (a, b) => (a.w ?? 0) - (b.w ?? 0),
+};
+
+function duration(value) {
+  if (value === null || value === undefined) return "unknown";
+  if (value >= 120) {
+    const minutes = Math.floor(Math.round(value) / 60);
+    const two = (number) => String(number).padStart(2, "0");
+    return minutes >= 60 ? `${Math.floor(minutes / 60)} h ${two(minutes % 60)} min` : `${minutes} min ${two(Math.round(value) % 60)} s`;
+  }
+  return value >= 1 ? value.toFixed(2) + " s" : value ? (value * 1000).toFixed(0) + " ms" : "0 s";
+}
+
+function listRow(place, position) {
+  const entry = INDEX[place];
+  const several = (values) => values.map((value) => h("span", { title: value }, value));
+  return h("tr.row-" + entry.v, { "data-i": place, "aria-rowindex": position + 2 },
+    h("td.c-v", null, verdictTag(entry.v)),
+    h("td.c-case", null,
+      h("div.line", null, h("a.id", { href: caseLink(entry.id) }, entry.id), entry.c && h("span.change", null, entry.c), entry.t && h("span.title", { title: entry.t }, entry.t)),
+      entry.h && h("span.head", null, entry.h)),
+    h("td.c-fault", null, several(entry.fl)), h("td.c-alarm", null, several(entry.al)),
+    h("td.num.c-time", null, duration(entry.s)), h("td.num.c-time", null, duration(entry.w)));
+}
+
+/** Put more rows into the table: up to a number of them, by default one step more. */
+function growList(wanted = rowCount + ROWS) {
+  const body = $("#cases tbody");
+  const end = Math.min(wanted, visibleOrder.length);
+  const rows = document.createDocumentFragment();
+  for (; rowCount < end; rowCount++) rows.append(listRow(visibleOrder[rowCount], rowCount));
+  body.append(rows);
+  const left = visibleOrder.length - rowCount;
+  $("#c-more").hidden = !left;
+  $("#c-more").textContent = `Show more (${left} left)`;
+}
+
+/** The link of a case in the table, whose row is made if it has to be; nothing for a case that the filter hides. */
+function linkInList(place) {
+  const position = visibleOrder.indexOf(place);
+  if (position < 0) return null;
+  if (position >= rowCount) growList(position + 1);
+  return $(`#cases tbody tr[data-i="${place}"] a.id`);
 }
 
 function showList(query) {
+  const signature = query.toString();
+  if (signature === listShown) return;
+  listShown = signature;
   const matches = listFilter(query);
   const sort = query.get("o") || "v";
   const down = sort.startsWith("-");
   const key = sort.replace("-", "");
-  const numbers = (item) => Number(item.row.cells[key === "s" ? 4 : 5].dataset.value ?? 0);
-  const compare = {
-    v: (a, b) => GRAVITY[a.entry.v] - GRAVITY[b.entry.v],
-    n: (a, b) => a.entry.id.localeCompare(b.entry.id, "en", { numeric: true }),
-    s: (a, b) => numbers(a) - numbers(b),
-    w: (a, b) => numbers(a) - numbers(b),
-  }[key] || (() => 0);
-  listRows.sort((a, b) => (compare(a, b) * (down ? -1 : 1)) || a.i - b.i);
-  const body = $("#cases tbody");
+  const compare = COMPARE[key] || (() => 0);
   visibleOrder = [];
-  for (const item of listRows) {
-    const show = matches(item.entry);
-    item.row.hidden = !show;
-    if (show) visibleOrder.push(item.i);
-    body.append(item.row);
-  }
+  INDEX.forEach((entry, i) => matches(entry) && visibleOrder.push(i));
+  visibleOrder.sort((a, b) => compare(INDEX[a], INDEX[b]) * (down ? -1 : 1) || a - b);
+  rowCount = 0;
+  $("#cases tbody").replaceChildren();
+  $("#cases").setAttribute("aria-rowcount", visibleOrder.length + 1);
+  growList();
   for (const th of $$("#cases thead th")) {
     const button = $("button", th);
     if (button && button.dataset.sort === key) th.setAttribute("aria-sort", down ? "descending" : "ascending");
@@ -65,8 +116,21 @@ function changeList(change) {
   showList(readHash().query);
 }
 
+function walkList(step) {
+  const row = document.activeElement?.closest?.("#cases tbody tr");
+  if (!row) {
+    const first = visibleOrder.length ? linkInList(visibleOrder[0]) : null;
+    first?.focus();
+    return Boolean(first);
+  }
+  const there = visibleOrder.indexOf(Number(row.dataset.i)) + step;
+  if (there < 0) $("#f-q").focus();
+  else if (there < visibleOrder.length) linkInList(visibleOrder[there]).focus();
+  return true;
+}
+
 function setUpList() {
-  const clear = () => changeList({ q: "", v: "", g: "", tag: "", f: "", r: "", s: "" });
+  const clear = () => changeList({ q: "", v: "", g: "", tag: "", f: "", r: "", s: "", m: "", c: "" });
   $("#f-clear").addEventListener("click", clear);
   $("#f-clear2").addEventListener("click", clear);
   $("#filters").addEventListener("submit", (event) => event.preventDefault());
@@ -85,6 +149,8 @@ function setUpList() {
       changeList({ o: now === button.dataset.sort ? "-" + now : button.dataset.sort });
     });
   }
+  $("#c-more").addEventListener("click", () => growList());
+  new IntersectionObserver((seen) => seen.some((one) => one.isIntersecting) && growList(), { rootMargin: "800px" }).observe($("#c-more"));
   $("#cases tbody").addEventListener("click", (event) => {
     const row = event.target.closest("tr");
     if (row && !event.target.closest("a") && !String(getSelection())) location.hash = caseLink(INDEX[row.dataset.i].id);
@@ -99,13 +165,7 @@ function setUpList() {
       changeList({ q: "" });
     } else if (event.key === "ArrowDown" || event.key === "ArrowUp" || (!typing && (event.key === "j" || event.key === "k"))) {
       if (event.target.matches("select")) return;
-      const links = $$("#cases tbody tr:not([hidden]) a.id");
-      const here = links.indexOf(document.activeElement);
-      const there = here < 0 ? 0 : here + (event.key === "ArrowDown" || event.key === "j" ? 1 : -1);
-      if (links[there]) {
-        event.preventDefault();
-        links[there].focus();
-      } else if (there < 0) $("#f-q").focus();
+      if (walkList(event.key === "ArrowDown" || event.key === "j" ? 1 : -1)) event.preventDefault();
     }
   });
 }

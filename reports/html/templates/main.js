@@ -17,20 +17,31 @@ function route() {
     listHash = location.hash || "#/cases";
     showList(query);
     scrollTo(0, present?.view === "case" ? listScroll : 0);
-    if (present?.view === "case") $(`#cases tbody tr[data-i="${PLACE.get(present.argument)}"]:not([hidden]) a`)?.focus({ preventScroll: true });
+    if (present?.view === "case") linkInList(PLACE.get(present.argument))?.focus({ preventScroll: true });
   } else scrollTo(0, 0);
   if (view === "case") {
     openCase(argument, query);
   } else closeCase();
   if (view === "requirements") showRequirements(query);
+  if (view === "coverage") showCoverage(query);
   present = { view, argument };
   document.title = (view === "case" ? argument + " – " : "") + TITLE;
   document.documentElement.dataset.shown = asked;
 }
 
+function showCoverage(query) {
+  const stop = $$("#view-coverage [data-stop]").some((part) => part.dataset.stop === query.get("m")) ? query.get("m") : "";
+  for (const part of $$("#view-coverage [data-stop]")) part.hidden = part.dataset.stop !== stop;
+  if ($("#m-stop")) $("#m-stop").value = stop;
+}
+
 const TITLE = document.title;
 setUpList();
 setUpRequirements();
+$("#m-stop")?.addEventListener("change", (event) => {
+  rewriteQuery({ m: event.target.value });
+  showCoverage(readHash().query);
+});
 addEventListener("hashchange", route);
 document.addEventListener("keydown", (event) => {
   if (readHash().view !== "case" || event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, select, textarea")) return;
@@ -51,6 +62,7 @@ const print = (on) => {
   printing = on;
   document.documentElement.classList.toggle("printing", on);
   if (on) opened?.buildAll();
+  if (on && present?.view === "cases") growList(Infinity);
   opened?.plot?.render();
 };
 addEventListener("beforeprint", () => print(true));

@@ -6,9 +6,11 @@ const hiddenTraces = new Set();
 let fitY = true;
 let printing = false;
 
-function loadPlotly() {
-  if (!window.Plotly) document.head.append(append(document.createElement("script"), [$("#plotly-source").textContent]));
-  return window.Plotly;
+/** Make the plot library ready: read it from the page, or from beside it. */
+async function loadPlotly() {
+  if (window.Plotly) return;
+  if (FOLDER) await loadScript("plotly.js");
+  else document.head.append(append(document.createElement("script"), [$("#plotly-source").textContent]));
 }
 
 const traceColours = (panel) => {

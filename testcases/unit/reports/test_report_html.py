@@ -99,7 +99,9 @@ def test_verdict_and_reasons_are_readable_without_script(page):
     words = " ".join(page.words)
     assert "4 failed and 1 error" in words
     assert "Alarm 521 expected within 20 ms, came after 48 ms" in words
-    rows = [attributes for attributes in page.elements_of("tr") if "data-i" in attributes]
+    rows = [
+        attributes for attributes in page.elements_of("tr") if attributes.get("class", "").startswith("row-")
+    ]
     assert len(rows) == 45
     assert [row["class"] for row in rows[:5]] == ["row-failed"] * 4 + ["row-error"]
 
@@ -114,6 +116,40 @@ def test_every_case_is_embedded_in_order(run, page):
             case.verdict.value,
             len(case.checks),
         )
+
+
+def test_large_run_has_its_cases_beside_the_page(run, page, tmp_path):
+    """Beyond the limit every case is a script of one call with the data that a small page embeds; the page is whole else."""
+    path = render_html(run, tmp_path / "report.html", embedded=100_000)
+    large = Page(path.read_text("utf-8"))
+    folder = tmp_path / "report-data"
+    (head,) = large.elements_of("html")
+    assert (head["data-folder"], len(large.scripts)) == ("report-data", 3)
+    assert "plotly.js v" not in path.read_text("utf-8")
+    assert {file.name for file in folder.iterdir()} == {
+        "plotly.js",
+        *(f"{n}.js" for n in range(len(run.cases))),
+    }
+    for number in range(len(run.cases)):
+        start, _, rest = (folder / f"{number}.js").read_text("utf-8").partition(f",{number},")
+        assert start == f'hilData("{head["data-key"]}"'
+        assert json.loads(rest.removesuffix(");\n")) == page.json(f"data-case-{number}")
+    assert large.json("data-index") == page.json("data-index")
+
+
+def test_folder_of_an_earlier_run_goes_and_foreign_files_stay(run, tmp_path):
+    """A report that is written anew leaves no case of the one before; what is not ours is not touched."""
+    path = render_html(run, tmp_path / "report.html", embedded=0)
+    other = render_html(dataclasses.replace(run, title="other"), tmp_path / "other.html", embedded=0)
+    keys = [Page(one.read_text("utf-8")).elements_of("html")[0]["data-key"] for one in (path, other)]
+    assert keys[0] != keys[1]
+    notes = tmp_path / "report-data" / "notes.txt"
+    notes.write_text("mine")
+    render_html(dataclasses.replace(run, cases=run.cases[:2]), path, embedded=0)
+    assert {file.name for file in notes.parent.iterdir()} == {"notes.txt", "plotly.js", "0.js", "1.js"}
+    notes.unlink()
+    render_html(run, path)
+    assert not notes.parent.exists()
 
 
 def test_hostile_texts_stay_texts(hostile, tmp_path):

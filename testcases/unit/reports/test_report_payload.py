@@ -150,5 +150,5 @@ def test_search_finds_what_a_person_would_type():
         "can.drop can0:0x181",
         "431 communication lost",
     ):
-        assert word in entry["q"]
+        assert word in " ".join([entry["id"], entry["t"], entry["h"], entry["q"]]).lower()
     assert entry["f"] == [["can.drop", "remove enable", "MOTION"]]

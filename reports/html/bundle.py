@@ -1,0 +1,88 @@
+"""Where the data of the cases is: inside the page while that stays bearable, else beside it, a file for each case.
+
+A page opened from a file system may fetch nothing, but it may add script elements. So a case beside the page is a script
+of one call, `hilData(key, place, case)`. The key is that of the run: a folder that belongs to another page is noticed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from reports.html.payload import case_payload, script_json
+from reports.model import RunResult
+from reports.summary import run_digest
+
+EMBEDDED_LIMIT: Final = 24_000_000
+"""Characters of case data up to which a report is one file: about 500 cases."""
+PLOT_LIBRARY: Final = "plotly.js"
+_OURS: Final = re.compile(r"(\d+|plotly)\.js")
+
+
+class Bundle(NamedTuple):
+    """The packed cases of a run."""
+
+    texts: list[str]
+    """JSON of every case in order; empty where they are beside the page."""
+    folder: str
+    """Name of the folder beside the page; empty where there is none."""
+    key: str
+    """What page and folder have in common."""
+
+
+def data_folder(page: Path) -> Path:
+    """Return the folder that holds the cases of a page: `report-data` of `report.html`."""
+    return page.with_name(f"{page.stem}-data")
+
+
+def pack(run: RunResult, page: Path, *, points: int, library: str, limit: int = EMBEDDED_LIMIT) -> Bundle:
+    """Pack the cases for a page; write the folder beside it when they are too many.
+
+    Args:
+        run: The run.
+        page: Path of the page.
+        points: See `reports.html.render_html`.
+        library: Source of the plot library, which goes where the cases go.
+        limit: Characters of case data that may stand in the page.
+
+    """
+    folder = data_folder(page)
+    _clear(folder)
+    key = hashlib.sha256(
+        f"{run.title}:{run.started}:{run_digest(run)}".encode("utf-8", "replace")
+    ).hexdigest()[:16]
+    held: list[str] = []
+    size = 0
+    texts = _texts(run, points)
+    for text in texts:
+        held.append(text)
+        size += len(text)
+        if size > limit:
+            break
+    else:
+        return Bundle(held, "", key)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / PLOT_LIBRARY).write_bytes(library.encode("utf-8", "replace"))
+    for place, text in enumerate(chain(held, texts)):
+        (folder / f"{place}.js").write_bytes(f'hilData("{key}",{place},{text});\n'.encode("utf-8", "replace"))
+    return Bundle([], folder.name, key)
+
+
+def _texts(run: RunResult, points: int) -> Iterator[str]:
+    for case in run.cases:
+        yield script_json(case_payload(case, points=points))
+
+
+def _clear(folder: Path) -> None:
+    """Take away what an earlier page of the same name has left; other files stay."""
+    if not folder.is_dir():
+        return
+    for file in folder.iterdir():
+        if _OURS.fullmatch(file.name):
+            file.unlink()
+    if not any(folder.iterdir()):
+        folder.rmdir()
