@@ -108,10 +108,10 @@ def encode(values: Floats, quantum: float | None = None) -> dict[str, Any]:
     whole = np.rint(scaled).astype(np.int64)
     first = np.diff(whole)
     second = np.diff(first)
-    one, two = _digits(first), _digits(second)
-    if size > 2 and len(two) < len(one):
-        return {"n": size, "q": exponent, "b": [int(whole[0]), int(first[0])], "o": 2, "d": two}
-    return {"n": size, "q": exponent, "b": [int(whole[0])], "o": 1, "d": one}
+    one, two = _fold(first), _fold(second)
+    if size > 2 and _length(two) < _length(one):
+        return {"n": size, "q": exponent, "b": [int(whole[0]), int(first[0])], "o": 2, "d": _digits(two)}
+    return {"n": size, "q": exponent, "b": [int(whole[0])], "o": 1, "d": _digits(one)}
 
 
 def decode(plain: dict[str, Any]) -> Floats:
@@ -138,18 +138,32 @@ def decode(plain: dict[str, Any]) -> Floats:
     return samples / 10.0**-exponent if exponent < 0 else samples * 10.0**exponent
 
 
-def _digits(numbers: NDArray[np.int64]) -> str:
-    if len(numbers) == 0:
-        return ""
+def _fold(numbers: NDArray[np.int64]) -> NDArray[np.unsignedinteger]:
+    """Return the numbers with their signs as lowest bits, as narrow as they may be."""
     folded = (np.abs(numbers).astype(np.uint64) << np.uint64(1)) | (numbers < 0).astype(np.uint64)
-    width = max(1, -(-int(folded.max()).bit_length() // 5))
-    shifts = (np.arange(width, dtype=np.uint64) * np.uint64(5))[None, :]
-    parts = folded[:, None] >> shifts
-    more = (parts >> np.uint64(5)) > 0
-    codes = (parts & np.uint64(31)) | (more.astype(np.uint64) << np.uint64(5))
+    return folded.astype(np.uint32) if len(folded) == 0 or folded.max() < 2**32 else folded
+
+
+def _width(folded: NDArray[np.unsignedinteger]) -> int:
+    return max(1, -(-int(folded.max()).bit_length() // 5)) if len(folded) else 0
+
+
+def _length(folded: NDArray[np.unsignedinteger]) -> int:
+    """Return the number of digits that the numbers take."""
+    return sum(int(np.count_nonzero(folded >= 32**place)) for place in range(1, _width(folded))) + len(folded)
+
+
+def _digits(folded: NDArray[np.unsignedinteger]) -> str:
+    width = _width(folded)
+    if width == 0:
+        return ""
+    kind = folded.dtype.type
+    parts = folded[:, None] >> (np.arange(width, dtype=folded.dtype) * kind(5))[None, :]
+    more = parts > kind(31)
+    codes = (parts & kind(31)).astype(np.uint8) | (more.astype(np.uint8) << np.uint8(5))
     used = np.ones_like(more)
     used[:, 1:] = more[:, :-1]
-    return _DIGITS[codes[used].astype(np.intp)].tobytes().decode("ascii")
+    return str(_DIGITS[codes[used]].tobytes(), "ascii")
 
 
 def _floats(values: Floats) -> dict[str, Any]:
