@@ -15,6 +15,7 @@ from testcases.campaigns import (
     fault_reactions,
     homing,
     modbus_faults,
+    motion_in,
     stop_modes,
     telegram_faults,
 )
@@ -25,6 +26,7 @@ ON_CANOPEN = (
     drive_faults.CAMPAIGN,
     axis_faults.CAMPAIGN,
     homing.CAMPAIGN,
+    motion_in.CAMPAIGN,
 )
 ON_PROFIDRIVE = (
     fault_reactions.CAMPAIGN,
@@ -32,6 +34,7 @@ ON_PROFIDRIVE = (
     telegram_faults.CAMPAIGN,
     axis_faults.CAMPAIGN,
     homing.CAMPAIGN,
+    motion_in.CAMPAIGN,
 )
 BLOCKED = {
     ("profidrive", "drive-faults/withdrawn/constant"): "offers no fall_to_switch_on_disabled",
@@ -39,6 +42,10 @@ BLOCKED = {
     **{
         ("reference", f"homing/search-fails/{code}"): "an encoder with a PROFIdrive interface"
         for code in ("0001", "0002", "0004", "0005")
+    },
+    **{
+        ("reference", f"motion-in/telegram/{kind}"): "a drive with a PROFIdrive telegram"
+        for kind in ("freeze", "late", "sign_of_life")
     },
 }
 """Cases that a bench cannot have, and why: a PROFIdrive axis has no such state to fall to without fault or safety input, a CiA 402
