@@ -39,7 +39,10 @@ SeedOption = Annotated[int, typer.Option("--seed", "-s", help="Seed of the run."
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Result as JSON on standard output, with nothing else on it.")
 ]
-JobsOption = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
+JobsOption = Annotated[
+    str,
+    typer.Option("--jobs", "-j", metavar="N", help="Worker processes; 0 or auto: one for every processor."),
+]
 TwiceOption = Annotated[bool, typer.Option("--twice", help="Run every case twice and compare the traces.")]
 EvidenceOption = Annotated[
     str, typer.Option("--evidence", help="Keep traces and bus logs of: failed, all or none of the cases.")
@@ -51,16 +54,22 @@ def demo(
     *,
     report: ReportOption = Path("hil-report"),
     seed: SeedOption = 0,
-    jobs: JobsOption = 1,
+    jobs: JobsOption = "1",
     twice: TwiceOption = False,
     evidence: EvidenceOption = "failed",
     as_json: JsonOption = False,
 ) -> None:
     """Run the main campaign on the embedded bench and write the report."""
-    from hil._commands.run import RunRequest, run_campaigns
+    from hil._commands.run import RunRequest, parse_jobs, run_campaigns
 
     request = RunRequest(
-        report=report, seed=seed, jobs=jobs, twice=twice, evidence=evidence, as_json=as_json, demo=True
+        report=report,
+        seed=seed,
+        jobs=parse_jobs(jobs),
+        twice=twice,
+        evidence=evidence,
+        as_json=as_json,
+        demo=True,
     )
     raise typer.Exit(run_campaigns(request))
 
@@ -68,13 +77,14 @@ def demo(
 @app.command()
 def run(
     paths: Annotated[
-        list[str], typer.Argument(metavar="PATHS...", help="Python files, directories or modules.")
+        list[str],
+        typer.Argument(metavar="PATHS...", help="Python files, matrix files, directories or modules."),
     ],
     *,
     bench: BenchOption = "",
     report: ReportOption = Path("hil-report"),
     seed: SeedOption = 0,
-    jobs: JobsOption = 1,
+    jobs: JobsOption = "1",
     twice: TwiceOption = False,
     select: Annotated[
         str, typer.Option("--select", "-k", help="Only cases with this text in name or title.")
@@ -85,17 +95,51 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the run that is in the report folder.")
     ] = False,
+    last_failed: Annotated[
+        bool,
+        typer.Option(
+            "--last-failed",
+            help="Only cases that failed or broke in the report folder; with --resume: these again.",
+        ),
+    ] = False,
+    shard: Annotated[
+        str,
+        typer.Option("--shard", metavar="I/N", help="Only the I-th of N parts; the parts make the whole."),
+    ] = "",
+    time_limit: Annotated[
+        float, typer.Option("--time-limit", metavar="S", min=0.0, help="Wall time of every case; 0: its own.")
+    ] = 0.0,
+    cluster: Annotated[
+        str, typer.Option("--cluster", metavar="ADDRESS", help="Run on the workers of this dask scheduler.")
+    ] = "",
+    list_only: Annotated[bool, typer.Option("--list", help="Show the cases and run nothing.")] = False,
     evidence: EvidenceOption = "failed",
     as_json: JsonOption = False,
 ) -> None:
     """Run campaigns and write the report."""
-    from hil._commands.run import RunRequest, run_campaigns
+    from hil._commands.run import RunRequest, list_cases, parse_jobs, run_campaigns
 
     request = RunRequest(
-        paths=tuple(paths), bench=bench, report=report, seed=seed, jobs=jobs, twice=twice, select=select,
-        tags=tuple(tag or ()), resume=resume, evidence=evidence, as_json=as_json,
+        paths=tuple(paths), bench=bench, report=report, seed=seed, jobs=parse_jobs(jobs), twice=twice, select=select,
+        tags=tuple(tag or ()), resume=resume, last_failed=last_failed, shard=shard, wall_limit_s=time_limit,
+        cluster=cluster, evidence=evidence, as_json=as_json,
     )  # fmt: skip
-    raise typer.Exit(run_campaigns(request))
+    raise typer.Exit(list_cases(request) if list_only else run_campaigns(request))
+
+
+@app.command()
+def report(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Report folders of runs, shards for example.")
+    ],
+    *,
+    report: ReportOption = Path("hil-report"),
+    as_json: JsonOption = False,
+) -> None:
+    """Write one report of runs that are there already; several are merged."""
+    from hil._commands.report import report_runs
+
+    raise typer.Exit(report_runs(runs, report, as_json=as_json))
 
 
 @app.command()

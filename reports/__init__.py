@@ -18,6 +18,7 @@ from reports.coverage import (
 from reports.errors import ReportError, StoreError
 from reports.files import ReportPaths, render_html, write_report
 from reports.junit import junit_tree, write_junit
+from reports.merge import merge_runs
 from reports.model import (
     AlarmRecord,
     CaseResult,
@@ -72,6 +73,7 @@ __all__ = [
     "load_run",
     "margin",
     "margin_text",
+    "merge_runs",
     "prefix_totals",
     "reaction_name",
     "render_html",

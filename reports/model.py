@@ -185,6 +185,10 @@ class RunResult:
     interrupted: bool = False
     fault_catalogue: list[str] = field(default_factory=list)
     """Fault kinds that the product knows, so that the coverage shows those never injected; may be empty."""
+    planned: list[str] = field(default_factory=list)
+    """Identifiers of all cases of the whole campaign, in order; of a shard also those of the others; may be empty."""
+    shard: str = ""
+    """`2/4`: this run is the second of four parts of the campaign; empty: it is all of it."""
 
     def count(self, verdict: Verdict) -> int:
         """Return the number of cases with `verdict`."""

@@ -10,9 +10,11 @@ from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdo
 from hil._requirements import complete
 from hil.campaign import Runner, RunOptions, Selected, find_campaigns, load_bench_file, select_cases
 from hil.campaign._files import Keep
+from hil.campaign._runner import shard
 from hil.errors import CannotRunError
 from reports import ReportPaths, replay_command, summary, write_report
 from reports.model import RunResult, Verdict
+from reports.store import load_run
 
 DEMO: Final = (
     "testcases.campaigns.stop_modes",
@@ -38,6 +40,11 @@ class RunRequest:
     select: str = ""
     tags: tuple[str, ...] = ()
     resume: bool = False
+    last_failed: bool = False
+    shard: str = ""
+    """`2/4`: the second of four parts; empty: all."""
+    wall_limit_s: float = 0.0
+    cluster: str = ""
     evidence: str = "failed"
     as_json: bool = False
     demo: bool = False
@@ -47,10 +54,89 @@ def run_campaigns(request: RunRequest) -> int:
     """Run, report, and return the exit code."""
     if request.evidence not in _KEEP:
         raise CannotRunError(f"--evidence {request.evidence!r} is not allowed; allowed: {', '.join(_KEEP)}")
+    return run_selected(selected(request), request)
+
+
+def selected(request: RunRequest) -> list[Selected]:
+    """Return the cases that the user asked for."""
     with quiet_stdout(request.as_json):
         found = find_campaigns(DEMO if request.demo else request.paths)
         cases = select_cases(found, pattern=request.select, tags=request.tags)
-    return run_selected(cases, request)
+    if not request.last_failed or request.resume:
+        return cases
+    wanted = failed_before(request.report)
+    again = [item for item in cases if item.case.identifier in wanted]
+    if not again:
+        raise CannotRunError(
+            f"none of the {len(wanted)} cases that failed in {request.report} is among the {len(cases)} selected ones"
+            if wanted
+            else f"no case failed in {request.report}: there is nothing to repeat"
+        )
+    return again
+
+
+def failed_before(directory: Path) -> set[str]:
+    """Return the cases that failed or broke in the run in a folder."""
+    return {
+        case.identifier
+        for case in load_run(directory).cases
+        if case.verdict in {Verdict.FAILED, Verdict.ERROR}
+    }
+
+
+def list_cases(request: RunRequest) -> int:
+    """Print the cases that would run, and run nothing; returns the exit code."""
+    part = parse_shard(request.shard)
+    cases = shard(selected(request), part)
+    if request.as_json:
+        print_json(
+            [
+                {
+                    "identifier": item.case.identifier, "title": item.case.title, "tags": list(item.case.tags),
+                    "bench": request.bench or item.case.bench, "campaign": item.campaign,
+                    "requirements": list(item.case.requirements),
+                }
+                for item in cases
+            ]
+        )  # fmt: skip
+        return 0
+    for item in cases:
+        print(f"{item.case.identifier}  {item.case.title}")  # noqa: T201 - the answer
+    console().print(f"{len(cases)} cases", markup=False)
+    return 0
+
+
+def parse_shard(text: str) -> tuple[int, int] | None:
+    """Read `2/4`.
+
+    Raises:
+        CannotRunError: It is not of this form, or there is no such part.
+
+    """
+    if not text:
+        return None
+    number, slash, count = text.partition("/")
+    if not (slash and number.isdecimal() and count.isdecimal()) or not 1 <= int(number) <= int(count):
+        raise CannotRunError(
+            f"--shard {text!r} is not allowed; allowed: I/N with I from 1 to N, for example 2/4"
+        )
+    return int(number), int(count)
+
+
+def parse_jobs(text: str) -> int:
+    """Read a number of worker processes; `auto` is 0, one for every processor.
+
+    Raises:
+        CannotRunError: It is neither.
+
+    """
+    if text == "auto":
+        return 0
+    if not text.isdecimal():
+        raise CannotRunError(
+            f"--jobs {text!r} is not allowed; allowed: a whole number from 1, or 0 or auto for all processors"
+        )
+    return int(text)
 
 
 def run_selected(cases: list[Selected], request: RunRequest) -> int:
@@ -60,9 +146,11 @@ def run_selected(cases: list[Selected], request: RunRequest) -> int:
     options = RunOptions(
         bench=request.bench, seed=request.seed, jobs=request.jobs, twice=request.twice,
         evidence=cast("Keep", request.evidence), directory=request.report, resume=request.resume,
+        repeat_failed=request.last_failed, shard=parse_shard(request.shard), wall_limit_s=request.wall_limit_s,
+        cluster=request.cluster,
     )  # fmt: skip
     with quiet_stdout(request.as_json):
-        with CaseProgress(len(cases)) as progress:
+        with CaseProgress(len(shard(cases, options.shard))) as progress:
             run = Runner(cases, options, on_result=progress.case_done).run()
         paths = finish(run, request.report)
     if request.as_json:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
+import time
 from collections.abc import Iterator
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TextIO
@@ -45,6 +46,23 @@ def quiet_stdout(active: bool) -> Iterator[None]:
         sys.stdout = old
 
 
+def time_left(elapsed_s: float, finished: int, remaining: int) -> str:
+    """Return how long the rest takes at the pace so far, in words; empty while nothing can be said.
+
+    Args:
+        elapsed_s: Time since the beginning, s.
+        finished: Cases that have ended in it.
+        remaining: Cases that are left.
+
+    """
+    if not finished or not remaining:
+        return ""
+    seconds = round(elapsed_s / finished * remaining)
+    hours, rest = divmod(seconds, 3600)
+    clock = f"{hours}:{rest // 60:02}:{rest % 60:02}" if hours else f"{rest // 60}:{rest % 60:02}"
+    return f"about {clock} left"
+
+
 class CaseProgress:
     """Progress of long work: a bar on a terminal, a line per case elsewhere."""
 
@@ -55,6 +73,9 @@ class CaseProgress:
         self._bar: Progress | None = None
         self._task: Any = None
         self._counts = dict.fromkeys(Verdict, 0)
+        # Wall time, for the person who waits; it controls nothing.
+        self._began = time.monotonic()
+        self._finished = 0
 
     def __enter__(self) -> Self:
         if self._console.is_terminal:
@@ -77,17 +98,21 @@ class CaseProgress:
     def case_done(self, result: CaseResult, done: int, total: int) -> None:
         """Show a finished case."""
         self._counts[result.verdict] += 1
+        self._finished += 1
         width = len(str(total))
+        left = time_left(time.monotonic() - self._began, self._finished, total - done)
         line = (
             f"[{done:{width}}/{total}] {result.verdict.value:7} {result.identifier} ({result.wall_s:.2f} s)"
         )
+        if self._bar is None and left:
+            line += f" {left}"
         if self._bar is None or result.verdict is not Verdict.PASSED:
             self._console.print(line, style=_STYLE[result.verdict], markup=False)
         if result.verdict is not Verdict.PASSED and result.message:
             self._console.print(f"    {result.message}", style="dim", markup=False)
         if self._bar is not None:
             counts = ", ".join(f"{count} {verdict.value}" for verdict, count in self._counts.items() if count)
-            self._bar.update(self._task, completed=done, last=counts)
+            self._bar.update(self._task, completed=done, last=f"{left}  {counts}")
 
     def step(self, done: int, text: str = "") -> None:
         """Show progress of work that has no cases."""

@@ -1,29 +1,32 @@
-"""Running many cases: one after the other or on several processes, with a journal that survives."""
+"""Running many cases: one after the other, on several processes or machines, with a journal that survives."""
 
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
+import os
 import platform
-import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
+from typing import Any, Final
 
-from hil._interrupt import held
 from hil.campaign._discover import Selected
+from hil.campaign._execute import LIVE_REPETITIONS, make_token
+from hil.campaign._executor import Executor, Finished, InProcess, LocalProcesses
 from hil.campaign._files import FOLDER, Keep
-from hil.campaign._worker import Order, bench_of, prepare_worker, run_order
+from hil.campaign._worker import Order, bench_of
 from hil.errors import CannotRunError
 from reports.model import CaseResult, RunResult, Verdict
 from reports.store import JOURNAL_FILE, RUN_FILE, SIGNAL_FOLDER, finish_run, load_run, start_run, write_case
 
 OnResult = Callable[[CaseResult, int, int], None]
 """Called with a result, the number of finished cases and the number of all."""
+
+PATIENCE_S: Final = 60.0
+"""What a worker process has on top of all limits of wall time of its case before it is taken for hanging."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,14 +37,24 @@ class RunOptions:
     """Bench reference given by the user; empty: what the case wants, else the embedded default."""
     seed: int = 0
     jobs: int = 1
-    """Worker processes; 1 = in this process."""
+    """Worker processes; 1 = in this process, 0 = as many as there are processors for this process."""
     twice: bool = False
     evidence: Keep = "failed"
     directory: Path | None = None
     """Folder of journal and evidence; None: nothing is written."""
     resume: bool = False
     """Go on with the run that is in `directory`."""
+    repeat_failed: bool = False
+    """With `resume`: run those cases again that failed or broke."""
     title: str = ""
+    wall_limit_s: float = 0.0
+    """Limit of wall time of every case, s; 0: that of the case itself."""
+    cluster: str = ""
+    """Address of a dask scheduler whose workers run the cases; empty: this machine."""
+    shard: tuple[int, int] | None = None
+    """`(2, 4)`: run the second of four parts of the cases; None: all of them."""
+    executor: Executor | None = None
+    """Another executor in place of those that `jobs` and `cluster` choose."""
 
 
 def case_seed(run_seed: int, identifier: str) -> int:
@@ -66,7 +79,6 @@ def environment_facts() -> dict[str, str]:
 
 def clear_run(directory: Path) -> None:
     """Take away the journal and evidence of an earlier run; whatever else lies in the folder stays."""
-    (directory / RUN_FILE).unlink()
     (directory / JOURNAL_FILE).unlink(missing_ok=True)
     for archive in (directory / SIGNAL_FOLDER).glob("*.npz"):
         archive.unlink()
@@ -76,6 +88,38 @@ def clear_run(directory: Path) -> None:
     for folder in [*(directory / FOLDER).glob("*"), directory / FOLDER]:
         if folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
+    # Last: while this file is there, the folder is known to hold a run, if a broken one.
+    (directory / RUN_FILE).unlink(missing_ok=True)
+
+
+def processors() -> int:
+    """Return the number of processors that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on every system
+        return os.cpu_count() or 1
+
+
+def shard(cases: Sequence[Selected], part: tuple[int, int] | None) -> Sequence[Selected]:
+    """Return a part of the cases, `(number, count)` with numbers from 1; the parts have no case in common and are all together.
+
+    Neighbours, which often take about the same time, go to different parts.
+
+    Raises:
+        CannotRunError: There is no such part, or no case is left for it.
+
+    """
+    if part is None:
+        return cases
+    number, count = part
+    if not 1 <= number <= count:
+        raise CannotRunError(
+            f"there is no shard {number}/{count}; allowed: 1/{max(count, 1)} to {max(count, 1)}/{max(count, 1)}"
+        )
+    found = cases[number - 1 :: count]
+    if not found:
+        raise CannotRunError(f"no case is left for shard {number}/{count}: there are {len(cases)}")
+    return found
 
 
 class Runner:
@@ -87,44 +131,50 @@ class Runner:
         on_result: Called after every case.
 
     Raises:
-        CannotRunError: A worker count below 1, `twice` on a live bench, or a folder that does not fit `resume`.
+        CannotRunError: A negative worker count, `twice` on a live bench, or a folder that does not fit `resume`.
 
     """
 
     def __init__(
         self, cases: Sequence[Selected], options: RunOptions, *, on_result: OnResult | None = None
     ) -> None:
-        if options.jobs < 1:
-            raise CannotRunError(f"{options.jobs} worker processes are not possible; give 1 or more")
-        self._cases = list(cases)
+        if options.jobs < 0:
+            raise CannotRunError(
+                f"{options.jobs} worker processes are not possible; give 1 or more, or 0 for all processors"
+            )
+        if options.wall_limit_s < 0:
+            raise CannotRunError(f"{options.wall_limit_s:g} s are no limit; give more than 0 s")
+        planned = [selected.case.identifier for selected in cases]
+        self._cases = {selected.case.identifier: selected for selected in shard(cases, options.shard)}
         self._options = options
         self._on_result = on_result
         self._results: dict[str, CaseResult] = {}
         self._run = RunResult(
-            title=options.title or _title(self._cases),
+            title=options.title or _title(cases),
             seed=options.seed,
             bench_name="",
             bench_text="",
             environment=environment_facts(),
             # The wall clock dates the run; nothing in it is controlled by it.
             started=datetime.now(UTC).isoformat(timespec="seconds"),
+            planned=planned,
+            shard="/".join(map(str, options.shard)) if options.shard else "",
         )
 
     def run(self) -> RunResult:
         """Run everything that is left to run; Ctrl-C ends early, with the results so far and `interrupted` set."""
-        benches = list(dict.fromkeys(self._bench_for(selected) for selected in self._cases))
+        benches = list(dict.fromkeys(self._bench_for(selected) for selected in self._cases.values()))
         files = [bench_of(reference) for reference in benches]
         self._run.bench_name = ", ".join(file.name for file in files)
         self._run.bench_text = "\n\n".join(file.text for file in files)
         self._open_journal()
-        orders = [self._order(item) for item in self._cases if item.case.identifier not in self._results]
+        orders = [self._order(item) for name, item in self._cases.items() if name not in self._results]
         try:
             for result in self._execute(orders):
                 self._keep(result)
         except KeyboardInterrupt:
             self._run.interrupted = True
-        wanted = [item.case.identifier for item in self._cases]
-        self._run.cases = [self._results[name] for name in wanted if name in self._results]
+        self._run.cases = [self._results[name] for name in self._cases if name in self._results]
         if self._options.directory is not None:
             finish_run(self._options.directory, interrupted=self._run.interrupted)
         return self._run
@@ -134,14 +184,22 @@ class Runner:
 
     def _order(self, selected: Selected) -> Order:
         options = self._options
+        bench = self._bench_for(selected)
+        file: Any = bench_of(bench)
+        limit_s = options.wall_limit_s or selected.case.wall_limit_s
+        live = getattr(file, "kind", "virtual") != "virtual"
+        runs = 1 + LIVE_REPETITIONS if live else 1 + options.twice
         return Order(
             identifier=selected.case.identifier,
             campaign=selected.campaign,
-            bench=self._bench_for(selected),
+            bench=bench,
             seed=case_seed(options.seed, selected.case.identifier),
             twice=options.twice,
             evidence=options.evidence,
             directory="" if options.directory is None else str(options.directory),
+            bench_digest=file.digest,
+            wall_limit_s=options.wall_limit_s,
+            patience_s=runs * limit_s + PATIENCE_S,
         )
 
     def _open_journal(self) -> None:
@@ -156,12 +214,20 @@ class Runner:
                     f"{directory} holds a run with seed {old.seed} on {old.bench_name!r}; it can only be resumed with "
                     "the same seed and bench"
                 )
-            self._results = {result.identifier: result for result in old.cases}
+            again = {Verdict.FAILED, Verdict.ERROR} if self._options.repeat_failed else set()
+            self._results = {result.identifier: result for result in old.cases if result.verdict not in again}
             self._run.started = old.started
+            self._check_shard(old)
             return
-        if exists:
+        if exists or (directory / JOURNAL_FILE).exists():
             clear_run(directory)
         start_run(directory, self._run)
+
+    def _check_shard(self, old: RunResult) -> None:
+        if old.shard != self._run.shard:
+            raise CannotRunError(
+                f"{self._options.directory} holds {_part(old.shard)}; it cannot be resumed with {_part(self._run.shard)}"
+            )
 
     def _keep(self, result: CaseResult) -> None:
         self._results[result.identifier] = result
@@ -171,19 +237,38 @@ class Runner:
             self._on_result(result, len(self._results), len(self._cases))
 
     def _execute(self, orders: list[Order]) -> Iterator[CaseResult]:
-        if self._options.jobs == 1 or len(orders) < 2:
-            cases = {selected.case.identifier: selected.case for selected in self._cases}
-            for order in orders:
-                yield run_order(order, cases[order.identifier])
-        else:
-            yield from _run_pool(orders, min(self._options.jobs, len(orders)), self._lost)
+        if not orders:
+            return
+        with closing(self._executor(len(orders)).execute(orders)) as finished:
+            for one in finished:
+                yield self._result_of(one)
 
-    def _lost(self, order: Order) -> CaseResult:
-        """Return the result of a case whose process died."""
-        case = next(item.case for item in self._cases if item.case.identifier == order.identifier)
+    def _executor(self, number: int) -> Executor:
+        options = self._options
+        if options.executor is not None:
+            return options.executor
+        if options.cluster:
+            from hil.campaign._cluster import Cluster
+
+            return Cluster(options.cluster)
+        jobs = min(options.jobs or processors(), number)
+        if jobs == 1:
+            return InProcess({name: selected.case for name, selected in self._cases.items()})
+        return LocalProcesses(jobs)
+
+    def _result_of(self, finished: Finished) -> CaseResult:
+        order, parcel = finished.order, finished.parcel
+        if parcel is not None:
+            if self._options.directory is not None:
+                parcel.unpack(self._options.directory)
+            return parcel.result
+        case = self._cases[order.identifier].case
         return CaseResult(
             identifier=case.identifier, title=case.title, verdict=Verdict.ERROR, group=case.group, tags=list(case.tags),
-            message="the process that ran this case died", requirements=list(case.requirements), seed=order.seed,
+            message=finished.reason, requirements=list(case.requirements), seed=order.seed,
+            token=make_token(
+                case, seed=order.seed, campaign=order.campaign, bench=order.bench, bench_digest=order.bench_digest
+            ),
         )  # fmt: skip
 
 
@@ -192,60 +277,5 @@ def _title(cases: Sequence[Selected]) -> str:
     return ", ".join(groups[:3]) + (" and others" if len(groups) > 3 else "")
 
 
-def _new_pool(jobs: int) -> ProcessPoolExecutor:
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(
-        jobs, mp_context=context, initializer=prepare_worker, initargs=(list(sys.path),)
-    )
-
-
-def _run_pool(orders: list[Order], jobs: int, lost: Callable[[Order], CaseResult]) -> Iterator[CaseResult]:
-    """Run orders on worker processes.
-
-    A process that dies takes the pool with it. Those cases that were under way are then run again one by one, so that
-    only the one that kills its process is lost.
-    """
-    waiting = list(reversed(orders))
-    others = set(multiprocessing.active_children())
-    pool = _new_pool(jobs)
-    running: dict[Future[CaseResult], Order] = {}
-    try:
-        while waiting or running:
-            suspects: list[Order] = []
-            try:
-                while waiting and len(running) < jobs:
-                    order = waiting.pop()
-                    suspects = [order]
-                    with held():  # submitting may start a worker, for which Ctrl-C is not meant
-                        running[pool.submit(run_order, order)] = order
-                    suspects = []
-                done, _ = wait(running, return_when=FIRST_COMPLETED)
-                for future in sorted(done, key=lambda one: orders.index(running[one])):
-                    order = running.pop(future)
-                    suspects.append(order)
-                    result = future.result()
-                    suspects.pop()
-                    yield result
-            except BrokenProcessPool:
-                suspects += running.values()
-                running = {}
-                pool.shutdown(wait=True)
-                for order in sorted(suspects, key=orders.index):
-                    yield _run_alone(order, lost)
-                pool = _new_pool(jobs)
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        if running:
-            for process in multiprocessing.active_children():
-                if process not in others:
-                    process.terminate()
-
-
-def _run_alone(order: Order, lost: Callable[[Order], CaseResult]) -> CaseResult:
-    with _new_pool(1) as pool:
-        try:
-            with held():
-                future = pool.submit(run_order, order)
-            return future.result()
-        except BrokenProcessPool:
-            return lost(order)
+def _part(shard_text: str) -> str:
+    return f"shard {shard_text}" if shard_text else "a whole run"

@@ -1,13 +1,9 @@
-"""Running a case in a worker process: everything is found again by reference, nothing but plain data travels."""
+"""Running a case away from the command: everything is found again by reference, nothing but plain data travels."""
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import sys
-import threading
-from dataclasses import dataclass
+import tempfile
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +12,7 @@ from hil.campaign._case import Case
 from hil.campaign._discover import load_campaign
 from hil.campaign._execute import CaseSettings, execute_case, make_token
 from hil.campaign._files import Keep, write_evidence
+from hil.errors import CannotRunError
 from reports.model import CaseResult
 
 
@@ -34,6 +31,30 @@ class Order:
     evidence: Keep
     directory: str
     """Folder of the report; empty: no evidence files."""
+    bench_digest: str = ""
+    """SHA-256 of the bench file that the run was started with; empty: not compared."""
+    wall_limit_s: float = 0.0
+    """Limit of wall time in place of that of the case, s; 0: that of the case."""
+    patience_s: float = 0.0
+    """Time after which a worker that has not answered is taken for hanging, s; 0: never."""
+    packed: bool = False
+    """Evidence files come back with the result: the worker does not share the folder of the report."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parcel:
+    """A result on its way back."""
+
+    result: CaseResult
+    files: dict[str, bytes] = field(default_factory=dict)
+    """Evidence files by their path below the folder of the report."""
+
+    def unpack(self, directory: Path) -> None:
+        """Write the evidence files below the folder of the report."""
+        for name, content in self.files.items():
+            path = directory / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
 
 
 _benches: dict[str, Any] = {}
@@ -46,24 +67,6 @@ def bench_of(reference: str) -> Any:
     return _benches[reference]
 
 
-def prepare_worker(path: list[str]) -> None:
-    """Set up a fresh worker process: it leaves Ctrl-C to the parent, ends with it, and finds modules where it does."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, name="parent's death", daemon=True).start()
-    sys.path[:] = path
-
-
-def _end_with_parent() -> None:
-    """End this process when its parent is gone, killed perhaps.
-
-    The pool's own queues do not tell: every worker holds both of their ends.
-    """
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
 def run_order(order: Order, case: Case | None = None) -> CaseResult:
     """Run a case and return its result; evidence files are written on the way.
 
@@ -71,10 +74,24 @@ def run_order(order: Order, case: Case | None = None) -> CaseResult:
         order: What to run.
         case: The case, where it is at hand already.
 
+    Raises:
+        CannotRunError: The campaign here has no such case, or the bench file here is another one.
+
     """
     if case is None:
-        case = load_campaign(order.campaign)[order.identifier]
+        campaign = load_campaign(order.campaign)
+        if order.identifier not in campaign:
+            raise CannotRunError(
+                f"{order.campaign} has no case {order.identifier!r} here: is it an older one?"
+            )
+        case = campaign[order.identifier]
+    if order.wall_limit_s:
+        case = replace(case, wall_limit_s=order.wall_limit_s)
     bench_file = bench_of(order.bench)
+    if order.bench_digest and bench_file.digest != order.bench_digest:
+        raise CannotRunError(
+            f"the bench {order.bench or bench_file.name!r} is another one here: its text differs"
+        )
     token = make_token(
         case, seed=order.seed, campaign=order.campaign, bench=order.bench, bench_digest=bench_file.digest
     )
@@ -82,3 +99,12 @@ def run_order(order: Order, case: Case | None = None) -> CaseResult:
     if order.directory:
         write_evidence(execution, Path(order.directory), order.evidence)
     return execution.result
+
+
+def run_parcel(order: Order) -> Parcel:
+    """Run a case and return its result, with the evidence files where the order wants them packed."""
+    if not order.packed:
+        return Parcel(run_order(order))
+    with tempfile.TemporaryDirectory(prefix="hil-") as folder:
+        result = run_order(replace(order, directory=folder))
+        return Parcel(result, {name: (Path(folder) / name).read_bytes() for name in result.files.values()})

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from hil._commands.terminal import time_left
 from hil._plugin_results import RequirementLog, write_results
 from hil._requirements import requirements
 from hil.cli import main
@@ -75,6 +76,10 @@ def test_exit_codes_of_run(capsys, select, code):
         (["run", "no.such.module"], "no such file, directory or module"),
         (["run", TOY, "-k", "move", "--bench", "nowhere.toml"], "nowhere.toml"),
         (["run", TOY, "--evidence", "some"], "failed, all, none"),
+        (["run", TOY, "--jobs", "many"], "0 or auto for all processors"),
+        (["run", TOY, "--shard", "3/2"], "I/N with I from 1 to N"),
+        (["run", TOY, "--last-failed"], "no run here"),
+        (["report", "nowhere"], "no run here"),
         (["replay", "HIL1-xyz"], "damaged"),
         (["replay", "hello"], "no replay token"),
         (["check", "nowhere.toml"], "nowhere.toml"),
@@ -248,3 +253,53 @@ def test_help_loads_nothing_heavy():
     ):
         assert f"  {command} " in done.stdout
     assert done.stdout.splitlines()[-1] == "0 []"
+
+
+def test_cases_are_listed_without_being_run(capsys, tmp_path):
+    """`--list` names the cases that would run, for people and for machines, and makes no report."""
+    code, out, err = call(capsys, "run", TOY, "-t", "toy", "--list", "--shard", "1/3")
+    assert code == 0
+    assert [line.split()[0] for line in out.splitlines()] == ["toy/move-50", "toy/wrong", "toy/chance"]
+    assert "3 cases" in err
+    code, out, _ = call(capsys, "run", TOY, "-k", "chance", "--list", "--json")
+    assert [entry["identifier"] for entry in json.loads(out)] == ["toy/chance"]
+    assert not (tmp_path / "hil-report").exists()
+
+
+def test_failed_cases_are_repeated(capsys):
+    """`--last-failed` runs what failed or broke in the report folder; when nothing did, it says so."""
+    call(capsys, "run", TOY, "-t", "toy")
+    code, out, _ = call(capsys, "run", TOY, "--last-failed", "--json")
+    assert (code, json.loads(out)["failed"], json.loads(out)["errors"]) == (1, 1, 1)
+    assert [case.identifier for case in load_run("hil-report").cases] == ["toy/wrong", "toy/broken"]
+    code, _, err = call(capsys, "run", TOY, "-k", "move", "--last-failed")
+    assert (code, "none of the 2 cases that failed" in err) == (2, True)
+    call(capsys, "run", TOY, "-k", "move")
+    code, _, err = call(capsys, "run", TOY, "--last-failed")
+    assert (code, "there is nothing to repeat" in err) == (2, True)
+
+
+def test_shards_make_one_report(capsys):
+    """`hil report` merges shards into what the whole run would have been, again and again into the same folder."""
+    for number in (1, 2):
+        call(capsys, "run", TOY, "-t", "toy", "--shard", f"{number}/2", "--report", f"part{number}")
+    _, out, _ = call(capsys, "run", TOY, "-t", "toy", "--report", "whole", "--json")
+    whole = json.loads(out)
+    for _ in range(2):
+        code, out, _ = call(capsys, "report", "part2", "part1", "--report", "all", "--json")
+        assert code == 1
+        assert {**json.loads(out), "report": "", "junit": ""} == {**whole, "report": "", "junit": ""}
+    code, out, _ = call(capsys, "report", "all", "--report", "all", "--json")
+    assert json.loads(out)["trace_digest"] == whole["trace_digest"]
+    code, _, err = call(capsys, "report", "part1", "all", "--report", "all")
+    assert (code, "merged into itself" in err) == (2, True)
+    code, _, err = call(capsys, "report", "part1", "--report", "half")
+    assert (code, "interrupted" in err) == (2, True)  # the other half is missing
+
+
+def test_the_rest_of_the_time_is_estimated():
+    """At the pace so far; nothing is said before anything has ended, or when nothing is left."""
+    assert time_left(10.0, 5, 15) == "about 0:30 left"
+    assert time_left(100.0, 1, 61) == "about 1:41:40 left"
+    assert time_left(10.0, 0, 20) == ""
+    assert time_left(10.0, 20, 0) == ""

@@ -6,8 +6,10 @@ import pytest
 
 from hil.campaign import Runner, RunOptions, case_seed, find_campaigns, select_cases
 from hil.campaign._discover import Selected, load_campaign
+from hil.campaign._runner import shard
 from hil.errors import CampaignNotFoundError, CannotRunError
 from hil.record import Trace
+from reports import StoreError, merge_runs, run_digest
 from reports.model import Verdict
 from reports.store import load_run, stored_cases
 
@@ -223,9 +225,10 @@ def test_bus_logs_are_read_by_the_readers_of_others(tmp_path):
 
 
 def test_no_worker_is_no_run():
-    """A run without workers is refused."""
-    with pytest.raises(CannotRunError, match="1 or more"):
-        run(toy_cases(), jobs=0)
+    """A run with less than no workers is refused; none means one for every processor."""
+    with pytest.raises(CannotRunError, match="1 or more, or 0 for all processors"):
+        run(toy_cases(), jobs=-1)
+    assert {case.identifier: case.verdict.value for case in run(toy_cases(), jobs=0).cases} == EXPECTED
 
 
 def test_every_result_has_a_token_that_leads_back():
@@ -237,3 +240,80 @@ def test_every_result_has_a_token_that_leads_back():
     assert (token.case, token.campaign) == ("toy/chance", f"{TOY}:CAMPAIGN")
     assert token.seed == case_seed(9, "toy/chance") == result.seed
     assert token.bench == "testcases.unit.hil.toybench:BENCH"
+
+
+# -- parts of a run -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", range(1, 8))
+def test_shards_have_no_case_in_common_and_are_the_whole_together(count):
+    """Every case is in one shard, whatever the number of shards, and always in the same one."""
+    cases = toy_cases()
+    parts = [shard(cases, (number, count)) for number in range(1, count + 1)]
+
+    assert sorted(item.case.identifier for part in parts for item in part) == sorted(EXPECTED)
+    assert parts == [shard(toy_cases(), (number, count)) for number in range(1, count + 1)]
+    assert max(map(len, parts)) - min(map(len, parts)) <= 1
+
+
+@pytest.mark.parametrize("part", [(0, 4), (5, 4), (8, 8)])
+def test_a_shard_that_is_not_there_is_told(part):
+    """A number out of range, and more shards than cases, are refused."""
+    with pytest.raises(CannotRunError, match=rf"shard {part[0]}/{part[1]}"):
+        shard(toy_cases(), part)
+
+
+def test_merged_shards_are_the_whole_run(tmp_path):
+    """The merged run has the digest, the order and the evidence of a run in one piece; until then it is unfinished."""
+    cases = toy_cases()
+    whole = run(cases, directory=tmp_path / "whole", seed=6)
+    for number in (1, 2, 3):
+        run(cases, directory=tmp_path / f"part{number}", seed=6, shard=(number, 3), jobs=number)
+    parts = [tmp_path / "part3", tmp_path / "part1", tmp_path / "part2"]
+
+    assert merge_runs(parts[:2], tmp_path / "some").interrupted
+    merged = merge_runs(parts, tmp_path / "all")
+    assert not merged.interrupted
+    assert [c.identifier for c in merged.cases] == list(EXPECTED)
+    assert run_digest(merged) == run_digest(whole)
+    assert merged.bench_text == whole.bench_text
+    for name in next(c for c in merged.cases if c.identifier == "toy/wrong").files.values():
+        assert (tmp_path / "all" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_only_what_belongs_together_is_merged(tmp_path):
+    """Runs of different seeds, no runs, and a run into itself are refused."""
+    for seed in (1, 2):
+        run(toy_cases(pattern="chance"), directory=tmp_path / str(seed), seed=seed)
+    for sources, words in [
+        (["1", "2"], "seed 2"),
+        (["1", "none"], "no run here"),
+        (["1", "out"], "merged into itself"),
+        ([], "nothing to merge"),
+    ]:
+        with pytest.raises(StoreError, match=words):
+            merge_runs([tmp_path / name for name in sources], tmp_path / "out")
+
+
+def test_a_resumed_run_is_of_the_same_part(tmp_path):
+    """A shard is resumed as that shard; failed cases are run again where that is asked for."""
+    cases = toy_cases()
+    run(cases, directory=tmp_path, shard=(1, 2))
+    with pytest.raises(CannotRunError, match="holds shard 1/2; it cannot be resumed with a whole run"):
+        run(cases, directory=tmp_path, resume=True)
+
+    run(cases, directory=tmp_path)
+    ran = []
+    options = RunOptions(directory=tmp_path, resume=True, repeat_failed=True)
+    again = Runner(cases, options, on_result=lambda result, *_: ran.append(result.identifier)).run()
+    assert ran == ["toy/wrong", "toy/broken"]
+    assert {case.identifier: case.verdict.value for case in again.cases} == EXPECTED
+
+
+@pytest.mark.parametrize("left", ["cases.jsonl", "run.json"])
+def test_a_folder_that_was_left_half_cleared_is_used_again(tmp_path, left):
+    """A run that was killed while it replaced another one does not block the folder."""
+    run(toy_cases(pattern="chance"), directory=tmp_path)
+    for name in {"cases.jsonl", "run.json"} - {left}:
+        (tmp_path / name).unlink()
+    assert run(toy_cases(pattern="chance"), directory=tmp_path).count(Verdict.PASSED) == 1

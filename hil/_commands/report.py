@@ -1,0 +1,34 @@
+"""`hil report`: the report of runs that are there already, of one or of several in one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from hil._commands.run import exit_code, finish, tell
+from hil._commands.terminal import print_json
+from hil.campaign._runner import clear_run
+from reports import load_run, merge_runs, summary
+from reports.merge import in_order
+from reports.store import JOURNAL_FILE, RUN_FILE
+
+
+def report_runs(sources: Sequence[Path], directory: Path, *, as_json: bool) -> int:
+    """Merge the runs in `sources` into `directory`, write the report, and return the exit code of `hil run`.
+
+    A single source that is the folder itself gets its report anew.
+    """
+    if [source.resolve() for source in sources] == [directory.resolve()]:
+        run = load_run(directory)
+        run.cases = in_order(run.cases, run.planned)
+    else:
+        if directory.resolve() not in {source.resolve() for source in sources} and (
+            (directory / RUN_FILE).exists() or (directory / JOURNAL_FILE).exists()
+        ):
+            clear_run(directory)
+        run = merge_runs(sources, directory)
+    paths = finish(run, directory)
+    if as_json:
+        print_json(summary(run, report=str(paths.report), junit=str(paths.junit)))
+    tell(run, paths)
+    return exit_code(run)
