@@ -57,6 +57,9 @@ class ServoState:
         "_model",
         "_model_share",
         "_next_position",
+        "_offset_left",
+        "_offset_step",
+        "_offset_target",
         "_period",
         "_position_target",
         "_predicted",
@@ -165,6 +168,8 @@ class ServoState:
         self._speed_limit = math.inf
         self._catching_up_limit = math.inf
         self._profile = PositionProfile(step_s=period_s)
+        self._offset_left = 0
+        self._offset_step = self._offset_target = 0.0
         self._source = VELOCITY
         self._feedforward = self._middle = self._integral = 0.0
         self._model = self._predicted = 0.0
@@ -177,6 +182,23 @@ class ServoState:
         self._tracks_position = False
         self._stop_pending = False
         self._standing_steps = self._stop_steps = 0
+
+    # -- additive torque -----------------------------------------------------------------------------------------------
+
+    def add_torque(self, torque_Nm: float, steps: int = 1) -> None:
+        """Add a torque to what the velocity controller wants, Nm, reached linearly within servo steps; 1 = at once."""
+        if steps == 1:
+            self.torque_offset = torque_Nm
+            self._offset_left = 0
+            return
+        self._offset_target = torque_Nm
+        self._offset_step = (torque_Nm - self.torque_offset) / steps
+        self._offset_left = steps
+
+    def take_torque_offset(self, torque_Nm: float) -> None:
+        """Replace the additive torque without changing the torque: the integral part takes the difference, Nm."""
+        self._integral += self.torque_offset - torque_Nm
+        self.add_torque(torque_Nm)
 
     # -- what the face may ask ---------------------------------------------------------------------------------
 

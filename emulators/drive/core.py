@@ -187,11 +187,6 @@ class ServoCore(ServoState):
         """Return a torque within the torque limits, Nm."""
         return min(max(torque_Nm, self._limit_low), self._limit_high)
 
-    def take_torque_offset(self, torque_Nm: float) -> None:
-        """Replace the additive torque without changing the torque: the integral part takes the difference, Nm."""
-        self._integral += self.torque_offset - torque_Nm
-        self.torque_offset = torque_Nm
-
     def ramp(
         self,
         target: float,
@@ -260,6 +255,9 @@ class ServoCore(ServoState):
             return
         old = self._feedforward
         source = self._source
+        if self._offset_left:
+            self._offset_left = left = self._offset_left - 1
+            self.torque_offset = self.torque_offset + self._offset_step if left else self._offset_target
         if source == VELOCITY:
             left = self._left
             if left:
@@ -466,5 +464,5 @@ class ServoCore(ServoState):
         self._integral = self._feedforward = self._middle = self._model = self._predicted = 0.0
         self._velocity_target = self.velocity_demand = self._ramped_velocity = self._torque = 0.0
         self.position_demand = self._next_position = self.position
-        self.torque_offset = 0.0
+        self.add_torque(0.0)
         self.torque_limited = self.speed_limited = False

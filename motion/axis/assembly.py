@@ -274,6 +274,7 @@ class AxisAssembly:
                 cycle_s=self.cycle_s,
                 delay_s=self.delay_s,
                 dynamic_filter=dynamic_filter,
+                in_drive=self._dsc,
             )
         self.monitoring = Monitoring(self._axis, self.interpolator_s)
         self.limits = TravelLimits(self._axis)

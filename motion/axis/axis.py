@@ -24,6 +24,7 @@ from motion.axis.reset import ALARM_RESTART_REFUSED, Reset
 from motion.axis.servo import ServoCycle
 from motion.axis.state import FACTS, AxisState
 from motion.axis.status import status_word, status_word2
+from motion.axis.trace import TRACE_COLUMNS, trace_row
 from motion.drives.port import INPUT_HOME
 from motion.variables import VariableStore
 
@@ -60,30 +61,7 @@ class TechnologyAxis(ServoCycle):
 
     """
 
-    trace_columns: tuple[tuple[str, str], ...] = (
-        ("position_setpoint", "mm"),
-        ("velocity_setpoint", "mm/s"),
-        ("acceleration_setpoint", "mm/s2"),
-        ("actual_position", "mm"),
-        ("actual_velocity", "mm/s"),
-        ("following_error", "mm"),
-        ("actual_speed", "rpm"),
-        ("speed_output", "rpm"),
-        ("actual_torque", "Nm"),
-        ("status_word", ""),
-        ("status_word2", ""),
-        ("error_word", ""),
-        ("warning_word", ""),
-        ("alarm_number", ""),
-        ("alarm_reaction", ""),
-        ("state", ""),
-        ("stw1", ""),
-        ("zsw1", ""),
-        ("power_status", ""),
-        ("power_busy", ""),
-        ("in_operation", ""),
-        ("communication_ok", ""),
-    )
+    trace_columns: tuple[tuple[str, str], ...] = TRACE_COLUMNS
     trace_enums: ClassVar[dict[str, dict[int, str]]] = {"state": {int(s): s.name for s in AxisState}}
 
     def __init__(
@@ -155,7 +133,8 @@ class TechnologyAxis(ServoCycle):
         self.status_word2 = 0
         self._error_word_shown = 0
         self.stw1_sent = 0
-        self._status = False
+        self.power_status_shown = False
+        """Status as the history knows it (`power.status`)."""
         self._setpoint_due = False
         self._resets: list[Reset] = []
         self.station_inputs: Callable[[DrivePort], bool] | None = None
@@ -204,8 +183,8 @@ class TechnologyAxis(ServoCycle):
         if history is not None:
             history.emit(self.name, "axis.state", **{"from": old.name, "to": state.name})
         status = self.facts.enabled
-        if status is not self._status:
-            self._status = status
+        if status is not self.power_status_shown:
+            self.power_status_shown = status
             if history is not None:
                 history.emit(self.name, "power.status", value=status)
 
@@ -335,38 +314,11 @@ class TechnologyAxis(ServoCycle):
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the values of `trace_columns` for the present cycle."""
-        gen = self.motion.total if self.fine is None or not self.facts.controlled else self.fine
-        port = self.port
-        engine = self.alarms.engine
-        feedback = self.feedback
-        if engine.error_word != self._error_word_shown:
+        if self.alarms.engine.error_word != self._error_word_shown:
             # An instruction has raised an alarm after the cycle: the words of one row belong together (DIA-110).
             self.status_word = status_word(self)
-            self._error_word_shown = engine.error_word
-        return (
-            gen.s,
-            gen.v,
-            gen.a,
-            feedback.position,
-            self.actual_velocity,
-            self.controller.following_error if self.has_position else 0.0,
-            port.actual_speed_rpm,
-            self.speed_output_rpm,
-            port.actual_torque_nm,
-            self.status_word,
-            self.status_word2,
-            engine.error_word,
-            engine.warning_word,
-            engine.number,
-            engine.reaction,
-            self.state,
-            self.stw1_sent,
-            port.zsw1,
-            self._status,
-            self.enabling.busy,
-            self.in_operation,
-            self.communication_ok,
-        )
+            self._error_word_shown = self.alarms.engine.error_word
+        return trace_row(self)
 
     # -- variables under their original paths -----------------------------------------------------------------
 

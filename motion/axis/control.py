@@ -17,13 +17,25 @@ _WHOLE: Final = 1e-9
 _FADED: Final = 1e-9
 """Rest of a step, axis unit, that is none any more."""
 
+LONGEST_DELAY: Final = 16384
+"""Servo cycles that a setpoint is kept for the following error; an additional delay beyond that acts with these."""
+
+
+def _cycles(delay: float) -> tuple[int, float]:
+    """Return a delay in cycles as whole ones and the rest."""
+    whole = int(delay + 1e-9)
+    return whole, max(0.0, delay - whole)
+
 
 class PositionController:
     """Proportional controller with velocity pre-control and balancing filter.
 
     `e = delay(x_b, T) - s_act`, `v_out = Kv * e + Kpc / 100 * v_set`; x_b is the position setpoint behind the
     balancing filter, T the transport delay `T_i + T_o + T_DC + T_servo`, a whole number of cycles with a linearly
-    interpolated rest (MON-032).
+    interpolated rest (MON-032). A controller in the drive closes the loop around what it has measured since, so that for it
+    `e = x_b - s_act` (CTL-030).
+
+    The following error is `delay(s_set, T + T_additional) - s_act`, wherever the controller is (MON-030, MON-033).
 
     Args:
         kv: Cell of `PositionControl.Kv`, 1/s.
@@ -36,12 +48,14 @@ class PositionController:
             (`PositionControl.ControlDifferenceQuantization`, CFG-383).
         smoothing: Cell of `PositionControl.SmoothingTimeByChangeDifference`, s; None = a step acts at once.
         dynamic_filter: What the setpoints pass before, None = nothing.
+        in_drive: The drive closes the loop (DSC): the control difference is what it gets as XERR.
 
     """
 
     __slots__ = (
-        "_additional_delay", "_balanced", "_balanced_history", "_cycle", "_decay", "_delay_cycles", "_delay_rest",
-        "_kpc", "_kv", "_last_constant", "_setpoint_history", "_smoothing", "_step", "_step_decay", "_time_constant",
+        "_additional_delay", "_balanced", "_balanced_history", "_cycle", "_decay", "_delay_s", "_error_additional",
+        "_error_cycles", "_error_rest", "_in_drive", "_kpc", "_kv", "_last_constant", "_loop_cycles", "_loop_rest", "_setpoint_history",
+        "_smoothing", "_step", "_step_decay", "_time_constant",
         "balanced_position", "control_difference", "filter", "following_error", "gain", "given", "precontrol", "quantum",
     )  # fmt: skip
 
@@ -57,6 +71,7 @@ class PositionController:
         quantum: float = 0.0,
         smoothing: Cell | None = None,
         dynamic_filter: DynamicFilter | None = None,
+        in_drive: bool = False,
     ) -> None:
         self.filter = dynamic_filter
         self._kv = kv
@@ -68,15 +83,17 @@ class PositionController:
         self._cycle = cycle_s
         self.quantum = quantum
         """See the argument; another encoder may have another one (CFG-384)."""
-        cycles = delay_s / cycle_s
-        self._delay_cycles = whole = int(cycles + 1e-9)
-        self._delay_rest = max(0.0, cycles - whole)
+        self._delay_s = delay_s
+        self._loop_cycles, self._loop_rest = _cycles(delay_s / cycle_s)
+        self._in_drive = in_drive
         self._balanced = 0.0
         self._last_constant = -1.0
         self._decay = 0.0
-        depth = whole + 2
-        self._setpoint_history: deque[float] = deque([0.0] * depth, maxlen=depth)
+        depth = self._loop_cycles + 2
         self._balanced_history: deque[float] = deque([0.0] * depth, maxlen=depth)
+        self._setpoint_history: deque[float] = deque([0.0] * 2, maxlen=2)
+        self._error_additional, self._error_cycles, self._error_rest = -1.0, 0, 0.0
+        self._take_delay()
         self.balanced_position = 0.0
         self.control_difference = 0.0
         self.following_error = 0.0
@@ -89,17 +106,17 @@ class PositionController:
 
     def reset(self, position: float, velocity: float = 0.0) -> None:
         """Start from a setpoint that has been moving with `velocity` up to `position`, without a step."""
-        depth = len(self._setpoint_history)
         lag = velocity * self.precontrolled_lag_s
         behind = 0.0
         if self.filter is not None:
             self.filter.reset(position, velocity)
             behind = velocity * self.filter.delay_s
         self._balanced = position - behind - velocity * self._time_constant.value
-        for index in range(depth):
-            past = position - velocity * self._cycle * (depth - 1 - index)
-            self._setpoint_history.append(past)
-            self._balanced_history.append(past - behind - lag)
+        step = velocity * self._cycle
+        setpoints, balanced = self._setpoint_history, self._balanced_history
+        setpoints.extend([position - step * at for at in range(len(setpoints) - 1, -1, -1)])
+        latest = position - behind - lag
+        balanced.extend([latest - step * at for at in range(len(balanced) - 1, -1, -1)])
         self.balanced_position = position - behind - lag
         self.control_difference = 0.0
         self.following_error = 0.0
@@ -109,6 +126,19 @@ class PositionController:
         """Share of the drive's time constant that the balancing filter takes into account, s."""
         lag: float = self._time_constant.value * min(self._kpc.value, 100.0) / 100.0
         return lag
+
+    def _take_delay(self) -> None:
+        """Take the additional delay of the following error over; setpoints that are not known any more go back in a straight line."""
+        additional: float = self._additional_delay.value
+        self._error_additional = additional
+        cycles = min((self._delay_s + additional) / self._cycle, float(LONGEST_DELAY))
+        self._error_cycles, self._error_rest = _cycles(cycles)
+        known = self._setpoint_history
+        missing = self._error_cycles + 2 - len(known)
+        if missing > 0:
+            step = known[1] - known[0]
+            before = [known[0] - step * at for at in range(missing, 0, -1)]
+            self._setpoint_history = deque([*before, *known], maxlen=missing + len(known))
 
     def absorb(self, step: float) -> None:
         """Let a step of the actual value, from a switch of encoders, reach the output with a time constant (CFG-329)."""
@@ -138,7 +168,9 @@ class PositionController:
 
     def step(self, position: float, velocity: float, actual: float) -> float:
         """Return the velocity to output for the setpoint (`position`, `velocity`) of this cycle."""
-        commanded, commanded_velocity = position, velocity
+        commanded = position
+        if self._additional_delay.value != self._error_additional:
+            self._take_delay()
         setpoints = self._setpoint_history
         before = setpoints[-1]
         if self.filter is not None:
@@ -167,16 +199,17 @@ class PositionController:
         balanced_history = self._balanced_history
         setpoints.append(commanded)
         balanced_history.append(balanced)
-        rest = self._delay_rest
-        newest = len(setpoints) - 1 - self._delay_cycles
+        rest = self._loop_rest
+        newest = -1 - self._loop_cycles
         delayed = balanced_history[newest]
         if rest:
             delayed += (balanced_history[newest - 1] - delayed) * rest
-        difference = delayed - actual
+        difference = (balanced if self._in_drive else delayed) - actual
         kv: float = self._kv.value
         if kv != self.gain and self._smoothing is not None and self.gain > 0.0 < kv:
-            # The output goes on as with the former gain, and then over to the new one (CTL-007).
-            self.absorb((self.gain / kv - 1.0) * difference + self._step * self.gain / kv)
+            # The output goes on as with the former gain, and then over to the new one (CTL-007). What the drive has to correct
+            # is without the way of the transport, too.
+            self.absorb((self.gain / kv - 1.0) * (delayed - actual) + self._step * self.gain / kv)
         elif self._step:
             self._step *= self._step_decay
             if abs(self._step) < _FADED:
@@ -188,11 +221,13 @@ class PositionController:
             # What rounding may have taken from a whole multiple is no step.
             difference = quantum * int(difference / quantum + copysign(_WHOLE, difference))
         self.control_difference = difference
+        newest = -1 - self._error_cycles
+        rest = self._error_rest
         delayed_setpoint = setpoints[newest]
         if rest:
             delayed_setpoint += (setpoints[newest - 1] - delayed_setpoint) * rest
         # Of the filter's delay only what the user has set counts (MON-037).
-        self.following_error = delayed_setpoint - actual - commanded_velocity * self._additional_delay.value
+        self.following_error = delayed_setpoint - actual
         precontrol = kpc * 0.01 * velocity
         self.gain = kv
         self.precontrol = precontrol

@@ -31,7 +31,7 @@ class Monitoring:
 
     __slots__ = ("_axis", "_cycle", "_dwell", "_enable_fe", "_entered", "_farthest", "_fastest", "_fe_level", "_fe_max", "_fe_min",
                  "_fe_min_velocity", "_max_velocity", "_min_dwell", "_positioned", "_standstill_dwell",
-                 "_standstill_time", "_threshold", "_tolerance", "_tolerance_left", "_watching", "_window",
+                 "_standstill_time", "_threshold", "_tolerance", "_waited", "_watching", "_window",
                  "standstill")  # fmt: skip
 
     def __init__(self, axis: TechnologyAxis, cycle_s: float) -> None:
@@ -60,7 +60,7 @@ class Monitoring:
         self._watching = False
         self._positioned = False
         self._entered = False
-        self._tolerance_left = 0.0
+        self._waited = 0.0
         self._dwell = 0.0
 
     # -- positioning ------------------------------------------------------------------------------------------
@@ -70,7 +70,7 @@ class Monitoring:
         self._watching = True
         self._positioned = False
         self._entered = False
-        self._tolerance_left = self._tolerance.value
+        self._waited = 0.0
         self._dwell = 0.0
         self._watch(first=True)
 
@@ -103,8 +103,8 @@ class Monitoring:
             axis.alarms.raise_alarm(ALARM_POSITIONING, info=2)
         else:
             if not first:
-                self._tolerance_left -= self._cycle
-            if self._tolerance_left <= 0.0:
+                self._waited += self._cycle
+            if self._waited >= self._tolerance.value - 1e-9:
                 self._watching = False
                 axis.alarms.raise_alarm(ALARM_POSITIONING, info=1)
 
@@ -151,7 +151,9 @@ class Monitoring:
             if speed > threshold * _RELEASE_FACTOR:
                 self.standstill = False
                 self._standstill_time = 0.0
-        elif speed < threshold:
+        elif (
+            speed < threshold or speed == 0.0
+        ):  # with a threshold of 0 an axis that does not move stands, too
             self._standstill_time += self._cycle
             if self._standstill_time >= self._standstill_dwell.value - 1e-9:
                 self.standstill = True
@@ -161,15 +163,20 @@ class Monitoring:
             self._watching = False
             return
         if self._enable_fe.value and not axis.torque.relaxes_monitoring:
-            error = abs(axis.controller.following_error)
-            minimum = self._fe_min.value
-            level = self._fe_level.value * 0.01
-            if error >= minimum * level:
-                permitted = self.permitted_following_error(axis.motion.total.v)
-                if error > permitted:
-                    axis.alarms.raise_alarm(ALARM_FOLLOWING_ERROR)
-                    return
-                if error >= permitted * level:
-                    axis.alarms.warn(ALARM_FOLLOWING_ERROR_WARNING)
-        if self._watching:
+            self._watch_following_error()
+        if self._watching and axis.facts.controlled:
             self._watch()
+
+    def _watch_following_error(self) -> None:
+        """Compare the following error with what is permitted at this velocity setpoint (MON-040 to MON-042)."""
+        axis = self._axis
+        error = abs(axis.controller.following_error)
+        low, high = self._fe_min.value, self._fe_max.value
+        level = self._fe_level.value * 0.01
+        if not error or error < min(low, high) * level:
+            return
+        permitted = self.permitted_following_error(axis.motion.total.v)
+        if error > permitted:
+            axis.alarms.raise_alarm(ALARM_FOLLOWING_ERROR)
+        elif error >= permitted * level:
+            axis.alarms.warn(ALARM_FOLLOWING_ERROR_WARNING)

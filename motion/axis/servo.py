@@ -89,7 +89,7 @@ class ServoCycle(AxisAssembly):
             # The drive closes the loop around what it has measured since (CFG-194).
             output = controller.precontrol
             self.port.control_position(
-                (controller.balanced_position - position) / self.mechanics.increment, controller.gain
+                controller.control_difference / self.mechanics.increment, controller.gain
             )
         return output
 

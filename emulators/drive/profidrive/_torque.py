@@ -11,6 +11,8 @@ from fieldbus.profidrive.words import STW2
 if TYPE_CHECKING:
     from emulators.drive.profidrive.device import ProfidriveDrive
 
+_INTERPOLATES: Final = 1
+"""Bit of p1409 with which the additive torque goes in a straight line from telegram to telegram (CTL-058)."""
 _FIXED_STOP: Final = int(STW2.TRAVEL_TO_FIXED_STOP)
 
 
@@ -23,12 +25,13 @@ class TorqueLimits:
     """
 
     __slots__ = (
-        "_add_at", "_drive", "_high_at", "_low_at", "_momred_at", "_words", "clamping_Nm", "current_Nm", "follows_telegram",
+        "_add_at", "_drive", "_high_at", "_low_at", "_momred_at", "_steps", "_words", "clamping_Nm", "current_Nm", "follows_telegram",
         "injected_Nm", "lower_Nm", "protection_Nm", "upper_Nm",
     )  # fmt: skip
 
     def __init__(self, drive: ProfidriveDrive) -> None:
         self._drive = drive
+        self._steps = drive.config.cycle_ns // drive.config.servo_period_ns
         self.upper_Nm = math.inf
         """Upper torque limit in force, Nm."""
         self.lower_Nm = math.inf
@@ -54,7 +57,11 @@ class TorqueLimits:
         """Let the words of the telegram act; in every bus cycle while there are pulses."""
         if self._add_at >= 0:
             drive = self._drive
-            drive.core.torque_offset = from_n2(drive.row[self._add_at]) * drive.settings.reference_torque_Nm
+            settings = drive.settings
+            torque = from_n2(drive.row[self._add_at]) * settings.reference_torque_Nm
+            drive.core.add_torque(
+                torque, self._steps if settings.speed_control_extended & _INTERPOLATES else 1
+            )
         self.apply()
 
     def renew(self) -> None:

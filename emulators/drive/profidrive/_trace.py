@@ -10,6 +10,8 @@ from emulators.drive.profidrive.statemachine import AxisState
 if TYPE_CHECKING:
     from emulators.drive.profidrive.device import ProfidriveDrive
 
+_SETPOINTS: Final = ("nsoll", "xerr", "kpc", "m_add")
+"""Setpoints of the telegram as they came, whole numbers: N4 or N2, increments of G1_XIST1, 0.001 1/s, N2; 0 without such a word."""
 _SECOND: Final = (("g2_zsw", ""), ("g2_xist1", "inc"), ("g2_xist2", ""))
 
 
@@ -37,6 +39,7 @@ def trace_columns(
         ("fault_number", ""),
         ("warning_number", ""),
         ("safety", ""),
+        *((name, "") for name in _SETPOINTS),
         *(_SECOND if second else ()),
     )
 
@@ -54,6 +57,8 @@ def trace_row(drive: ProfidriveDrive, *bus: float) -> tuple[float, ...]:
     core = drive.core
     mechanics = drive.mechanics
     faults = drive.faults
+    row = drive.row
+    nsoll, xerr, kpc, m_add = drive.control_places
     return (
         mechanics.position,
         mechanics.velocity,
@@ -74,5 +79,9 @@ def trace_row(drive: ProfidriveDrive, *bus: float) -> tuple[float, ...]:
         faults.number,
         faults.warning_number,
         drive.safety.s_zsw1b(),
+        row[nsoll],
+        row[xerr],
+        row[kpc],
+        row[m_add],
         *(() if drive.second is None else drive.second.words),
     )

@@ -73,6 +73,7 @@ class DriveSettings:
         speed_threshold_2_rpm: MELDW bit 3.
         speed_threshold_3_rpm: MELDW bit 2.
         torque_threshold_percent: MELDW bit 1, percent of the torque limit (p2194).
+        speed_control_extended: p1409: with bit 0 the additive torque is reached linearly within the bus cycle, without it at once.
         dsc_encoder: Encoder whose increments XERR counts, 1 or 2 (p1192).
         dsc_factor: Increments of encoder 1 per increment of encoder 2 (p1193).
         variable_signal: MELDW bit 5 watches `torque`, `speed`, or nothing: `none`.
@@ -106,6 +107,7 @@ class DriveSettings:
     speed_threshold_2_rpm: float = 900.0
     speed_threshold_3_rpm: float = 5.0
     torque_threshold_percent: float = 90.0
+    speed_control_extended: int = 0
     dsc_encoder: int = 1
     dsc_factor: float = 1.0
     variable_signal: Literal["none", "torque", "speed"] = "none"

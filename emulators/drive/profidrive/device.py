@@ -76,8 +76,8 @@ class ProfidriveDrive:
     """
 
     __slots__ = (
-        "_frame", "_g1_at", "_g2_at", "_history", "_places", "_stw2_at", "config", "controlled_cyclically", "core", "cycle_at_ns",
-        "data_at_ns", "data_sets", "digital_inputs", "encoder", "encoder_words", "faults", "g1_stw", "g1_words", "isochronous", "mechanics",
+        "_frame", "_g1_at", "_g2_at", "_history", "_places", "_stw2_at", "config", "control_places", "controlled_cyclically",
+        "core", "cycle_at_ns", "data_at_ns", "data_sets", "digital_inputs", "encoder", "encoder_words", "faults", "g1_stw", "g1_words", "isochronous", "mechanics",
         "mode", "monitors", "name", "on_fault", "on_inputs", "on_warning", "operation", "power", "powered", "probe_latch", "rejected", "row",
         "safety", "scheduler", "second", "settings", "sign_of_life", "stw1", "stw2", "switches", "telegram", "torque",
         "watched_by_transport", "words",
@@ -121,6 +121,9 @@ class ProfidriveDrive:
         self._g1_at = self.setpoint_place("G1_STW")
         self.row = (0,) * (len(self.telegram.setpoint.names) + 1)
         """Signals of the last telegram that was taken over, and a 0 for those that it has not."""
+        nsoll = "NSOLL_B" if "NSOLL_B" in self._places else "NSOLL_A"
+        self.control_places = tuple(map(self.setpoint_place, (nsoll, "XERR", "KPC", "M_ADD1")))
+        """Places of speed setpoint, position deviation, gain and additive torque in `row`."""
         self.operation = Operation(self)
         self.faults = FaultState(scheduler)
         self.faults.on_fault = self._on_fault

@@ -39,6 +39,7 @@ _SETTINGS: Final = {
     1121: "ramp_down_s",
     1135: "quick_stop_s",
     1047: "motor_potentiometer_s",
+    1409: "speed_control_extended",
     1544: "momred_evaluation_percent",
     2000: "reference_speed_rpm",
     2003: "reference_torque_Nm",
@@ -56,7 +57,7 @@ _SWITCHES: Final = {
     1113: ("inverted_by_bit", 0x082AFC0B), 1134: ("rounding_breaks_off", 1),
 }  # fmt: skip
 """Parameters that switch something on, with the value that does."""
-_WHOLE: Final = frozenset({925, 930})
+_WHOLE: Final = frozenset({925, 930, 1409})
 _LIMIT_SOURCES: Final = {1522: (0, 0x05F0FC00, 1.0), 1523: (1, 0x05F1FC00, -1.0)}
 """Connectors of the torque limits: which limit, the connection to p1520 or p1521, sign of the values that fit."""
 _FIXED_VALUES: Final = 0x0B56FC00
@@ -198,7 +199,9 @@ class DriveParameters:
         # What the machine is made of is no setting.
         store.set(418, self.drive.config.fine_xist1)
         store.set(419, self.drive.config.fine_xist2)
-        store.locked.update((418, 419))
+        store.locked.update((418, 419, 115))
+        for at in range(2):
+            store.set(115, self.drive.config.servo_period_ns / 1e3, at)
 
     def _reader(self, name: str) -> Reader:
         settings = self.drive.settings

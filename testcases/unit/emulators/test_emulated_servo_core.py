@@ -249,6 +249,7 @@ def test_change_of_source_is_bumpless():
     assert max(abs(torque - steady) for torque in torques) < 0.05
 
 
+@pytest.mark.requirement("CTL-100")
 def test_current_loop_lag():
     """A first-order current loop delays the torque by its time constant."""
     core = build(tuning=ServoTuning(current_time_constant_s=0.001))

@@ -448,7 +448,7 @@ def test_g1_xist1_counts_with_fine_resolution():
 # -- dynamic servo control ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.requirement("PD-195", "PD-196", "PD-041", "PD-042")
+@pytest.mark.requirement("CTL-031", "PD-195", "PD-196", "PD-041", "PD-042")
 @pytest.mark.parametrize("kpc", [10_000, 50_000])
 def test_dsc_closes_the_position_loop_in_the_drive(kpc):
     """With a fixed XERR the axis goes that far from where it was: the drive subtracts what it has moved since."""
@@ -464,7 +464,7 @@ def test_dsc_closes_the_position_loop_in_the_drive(kpc):
     assert abs(rig.actual["G1_XIST1"] - goal) < 2**22 / 2000
 
 
-@pytest.mark.requirement("PD-195")
+@pytest.mark.requirement("CTL-031", "PD-195")
 def test_dsc_demand_is_that_of_the_formula():
     """In the servo step after the take-over n = NSOLL_B + KPC * (XERR - (XIST now - XIST sent))."""
     config = replace(ProfidriveConfig.reference(), interpolation=False)

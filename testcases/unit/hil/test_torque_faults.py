@@ -209,13 +209,16 @@ def test_detection_with_and_without_a_torque_limit(telegram):
         assert limiting.InClamping
 
 
-@pytest.mark.requirement("STP-163", "STP-582")
-@pytest.mark.parametrize(("deviation", "clamped"), [(5.0, True), (20.0, False), (25.0, False)])
-def test_following_error_monitoring_that_comes_first(deviation, clamped):
-    """With a permitted following error of 20 mm at most, a deviation from 20 mm on is never reached: 521 in place of clamping."""
+@pytest.mark.requirement("STP-163", "STP-582", "MON-045")
+@pytest.mark.parametrize(
+    ("deviation", "permitted", "clamped"),
+    [(5.0, 20.0, True), (20.0, 20.0, False), (25.0, 20.0, False), (5.0, 3.0, False), (5.0, 5.5, True)],
+)
+def test_following_error_monitoring_that_comes_first(deviation, permitted, clamped):
+    """A deviation from the permitted following error on is never reached: 521 in place of clamping."""
     variables = {
         "Clamping.FollowingErrorDeviation": deviation, "TorqueLimiting.PositionBasedMonitorings": 1,
-        "FollowingError.MinValue": 20.0, "FollowingError.MaxValue": 20.0,
+        "FollowingError.MinValue": permitted, "FollowingError.MaxValue": permitted, "FollowingError.WarningLevel": 100.0,
     }  # fmt: skip
     with stop_bench(**variables) as machine:
         axis = enabled(machine)

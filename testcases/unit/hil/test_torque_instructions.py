@@ -189,7 +189,7 @@ def test_range_limits_the_drive_and_the_reference_does_without():
         assert (word(machine, HIGH_WORD), word(machine, LOW_WORD)) == (0x4000, -0x4000)
 
 
-@pytest.mark.requirement("MC-530", "STP-184")
+@pytest.mark.requirement("MON-029", "MC-530", "STP-184")
 @pytest.mark.parametrize("monitored", [0, 1])
 def test_range_suspends_following_error_monitoring(monitored):
     """A torque that does not suffice raises 521 only where position-related monitoring is left enabled."""
@@ -293,7 +293,7 @@ def test_limiting_needs_no_enabled_axis_but_detection_does():
         assert other.ErrorID == 0x800F
 
 
-@pytest.mark.requirement("STP-144", "MC-551")
+@pytest.mark.requirement("MON-029", "MON-044", "STP-144", "MC-551")
 @pytest.mark.parametrize("monitored", [0, 1])
 def test_limiting_suspends_following_error_monitoring(monitored):
     """As the torque range does."""

@@ -257,7 +257,7 @@ def test_a_speed_axis_does_not_look_at_the_encoder_of_its_telegram():
                 assert axis.var("ErrorDetail.Number") == 411
 
 
-@pytest.mark.requirement("CFG-317", "CFG-221")
+@pytest.mark.requirement("CTL-010", "CTL-028", "CFG-317", "CFG-221")
 def test_dsc_needs_the_motor_encoder_first():
     """With the scale as `Sensor[1]` in place of the motor encoder dynamic servo control is refused, and without it is not."""
     scale = """

@@ -152,7 +152,7 @@ class TestTelegrams:
 class TestSetpoint:
     """Normalisation and limit of the speed setpoint."""
 
-    @pytest.mark.requirement("CFG-629", "CFG-247", "VAR-131", "CFG-622")
+    @pytest.mark.requirement("CTL-109", "CFG-629", "CFG-247", "VAR-131", "CFG-622")
     @pytest.mark.parametrize(
         ("kind", "reference", "maximum", "limit", "adjusted"),
         [(0, 3000.0, 4000.0, 3510.0, True), (1, 3000.0, 7000.0, 6000.0, True), (1, 3000.0, 6000.0, 6000.0, False),
@@ -206,10 +206,13 @@ class TestSetpoint:
         assert (found.reference, found.maximum, found.torque) == (120.0, 240.0, 800.0)
 
 
-@pytest.mark.requirement("VAR-015", "VAR-087", "VAR-018", "CFG-618", "VAR-006", "CFG-073")
+@pytest.mark.requirement(
+    "VAR-015", "VAR-087", "VAR-018", "CFG-618", "VAR-006", "CFG-073", "CTL-010", "CTL-028"
+)
 @pytest.mark.parametrize(
     ("path", "value", "text"),
-    [("Sensor[1].System", 0, "Sensor[1].MountingMode = 0"), ("Mechanics.LeadScrew", 0.0, "Mechanics.LeadScrew = 0")],
+    [("Sensor[1].System", 0, "Sensor[1].MountingMode = 0"), ("Mechanics.LeadScrew", 0.0, "Mechanics.LeadScrew = 0"),
+     ("PositionControl.EnableDSC", True, "EnableDSC")],
 )  # fmt: skip
 def test_alarm_101_at_a_restart(make_rig, path, value, text):
     """A restart with start values that do not fit leaves the old ones in force: alarm 101, until a restart with good ones."""

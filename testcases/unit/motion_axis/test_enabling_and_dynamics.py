@@ -167,7 +167,7 @@ def test_monitoring_works_while_a_moving_axis_is_enabled(make_rig):
     assert 521 in raised(rig)
 
 
-@pytest.mark.requirement("STP-051", "STP-056", "MC-146", "MC-147", "VAR-184")
+@pytest.mark.requirement("CTL-014", "CTL-095", "STP-051", "STP-056", "MC-146", "MC-147", "VAR-184")
 @pytest.mark.parametrize("velocity_mode", [False, True])
 def test_enabling_without_ramp_ignores_limits_and_monitoring(make_rig, velocity_mode):
     """StartMode 0, or VelocityModePowerOn 1: setpoint 0 as a step, steeper than MaxDeceleration, and no alarm."""

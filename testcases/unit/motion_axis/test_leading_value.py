@@ -129,7 +129,7 @@ def test_delayed_leading_value(make_rig, delay):
     assert rig.axis.var(f"{GIVEN}Position") == rig.axis.var("Position")
 
 
-@pytest.mark.requirement("SYN-061", "SYN-063", "VAR-115")
+@pytest.mark.requirement("CTL-025", "SYN-061", "SYN-063", "VAR-115")
 def test_setpoint_execution_time(make_rig):
     """T_ipo 4 ms, T_o 1 ms, T_DC 2 ms, and 3 ms of T_vtc or 1 / Kv = 100 ms: 10 and 107 ms."""
     rig = make_rig(

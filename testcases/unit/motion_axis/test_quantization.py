@@ -40,7 +40,7 @@ def test_difference_is_rounded_towards_zero(difference, quantum, corrected):
     assert output(difference, quantum) == pytest.approx(10.0 * corrected, abs=1e-9)
 
 
-@pytest.mark.requirement("PTO-268", "CFG-379", "CFG-380", "CFG-381", "CTL-012")
+@pytest.mark.requirement("CTL-013", "PTO-268", "CFG-379", "CFG-380", "CFG-381", "CTL-012")
 @pytest.mark.parametrize(("mode", "quantum"), [(0, 0.0), (1, 10.0 / 131072), (2, 0.05)])
 def test_the_mode_chooses_the_quantum(mode, quantum):
     """0 none, 1 the resolution of the encoder, 2 the value; it acts after a restart of the object."""

@@ -172,7 +172,9 @@ class TestVirtual:
 class TestSimulated:
     """Simulation by the control loop and a simplified drive."""
 
-    @pytest.mark.requirement("CFG-166", "CFG-167", "CFG-168", "CFG-170", "CFG-171", "VAR-127", "CFG-137")
+    @pytest.mark.requirement(
+        "CTL-016", "CFG-166", "CFG-167", "CFG-168", "CFG-170", "CFG-171", "VAR-127", "CFG-137"
+    )
     @pytest.mark.parametrize(
         ("settings", "delay_s"),
         [

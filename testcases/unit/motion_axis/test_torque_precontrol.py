@@ -59,7 +59,7 @@ class TestPrecontrol:
         rising = [value for value in torques if value > 1e-9]
         assert rising[:8] == pytest.approx([0.6 * step / 7 for step in range(1, 8)] + [0.6])
 
-    @pytest.mark.requirement("CTL-055")
+    @pytest.mark.requirement("CTL-017", "CTL-055")
     def test_position_and_velocity_wait_for_the_current_loop(self):
         """With pre-control they reach the drive later by `CurrentTimeConstant`, the torque does not, and nothing else moves."""
         behind = []

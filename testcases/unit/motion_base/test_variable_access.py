@@ -117,7 +117,7 @@ class TestDirect:
                 store.latch()
                 assert low <= store.read(path) <= high
 
-    @pytest.mark.requirement("VAR-015")
+    @pytest.mark.requirement("CTL-105", "VAR-015")
     @pytest.mark.parametrize(
         ("path", "value"),
         [
