@@ -287,6 +287,37 @@ def replay(
 
 
 @app.command()
+def judge(
+    log: Annotated[
+        Path,
+        typer.Argument(
+            metavar="LOG", help="Bus log (candump .log, .asc, .blf, ...), or trace.npz of a case."
+        ),
+    ],
+    *,
+    expect: Annotated[
+        Path, typer.Option("--expect", "-e", metavar="FILE", help="Python file with the expectations.")
+    ],
+    bench: BenchOption = "",
+    report: ReportOption = Path("hil-report-judge"),
+    channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--channel", "-c", metavar="SEGMENT=CHANNEL", help="Channel of the log; may be repeated."
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Judge a recording of a machine, or a saved trace, by the expectations of a file."""
+    from hil._commands.judge import JudgeRequest, judge_log
+
+    request = JudgeRequest(
+        log=log, expect=expect, bench=bench, report=report, channels=tuple(channel or ()), as_json=as_json
+    )
+    raise typer.Exit(judge_log(request))
+
+
+@app.command()
 def fuzz(
     *,
     cases: Annotated[int, typer.Option("--cases", "-n", min=1, help="Number of programs.")] = 100,

@@ -115,6 +115,47 @@ class FrameDecoder:
         ):
             self.decode(frame)
 
+    def mapped(self, frame: CanFrame) -> tuple[int, list[tuple[int, int]]] | None:
+        """Return node-ID and values of a PDO by the mapping in force: pairs of index << 8 | sub-index and number.
+
+        Signed where the dictionary says so; what a short frame does not hold is left out. None: the frame is no PDO.
+        """
+        if frame.remote or frame.extended:
+            return None
+        pdo = self._pdos.get(frame.can_id)
+        if pdo is None:
+            return None
+        node, _, mapping = pdo
+        word, offset, found = int.from_bytes(frame.data, "little"), 0, []
+        for raw in mapping:
+            bits = raw & 0xFF
+            if offset + bits > 8 * len(frame.data):
+                break
+            number = word >> offset & (1 << bits) - 1
+            offset += bits
+            entry = node.entries.get(raw >> 8)
+            if entry is not None and entry.integer and entry.signed and number >> (bits - 1):
+                number -= 1 << bits
+            found.append((raw >> 8, number))
+        return node.node_id, found
+
+    def emcy_node(self, can_id: int) -> int:
+        """Return the node-ID to which the identifier of an EMCY belongs; 0 when it is none."""
+        node = self._emcy.get(can_id)
+        if node is not None:
+            return node.node_id
+        return can_id - COB_EMCY if COB_EMCY < can_id < COB_EMCY + 0x80 and can_id != self._sync else 0
+
+    @property
+    def sync_id(self) -> int:
+        """Identifier of SYNC."""
+        return self._sync
+
+    @property
+    def pdo_ids(self) -> dict[int, int]:
+        """Identifiers of PDOs in force, with the node-ID that each belongs to."""
+        return {can_id: node.node_id for can_id, (node, _, _) in self._pdos.items()}
+
     def decode(self, frame: CanFrame) -> str:
         """Describe a frame, and learn from it; frames of no known service are given in hexadecimal."""
         if frame.extended:

@@ -200,6 +200,6 @@ def tell(run: RunResult, paths: ReportPaths) -> None:
         markup=False,
     )
     bad = [case for case in run.cases if case.verdict in {Verdict.FAILED, Verdict.ERROR}]
-    for case in bad[:5]:
+    for case in [case for case in bad if case.token][:5]:
         out.print(f"repeat {case.identifier} with: {replay_command(case.token)}", markup=False)
     out.print(f"report: {paths.report}", markup=False)

@@ -76,6 +76,9 @@ _TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
     "drive.fault": (
         "observe", lambda entry: f"Fault of {entry.source}: {entry.data.get('text') or entry.data.get('code')}"
     ),
+    "emcy.received": (
+        "observe", lambda entry: f"EMCY of {entry.data.get('name')}: {entry.data.get('code') or 0:04X}h {entry.data.get('text')}"
+    ),
     "encoder.alarm": ("observe", lambda entry: f"Alarms of {entry.source}: {entry.data.get('text')}"),
     "encoder.warning": ("observe", lambda entry: f"Warnings of {entry.source}: {entry.data.get('text')}"),
     "encoder.preset": ("observe", lambda entry: f"{entry.source}: preset {entry.data.get('value')}"),
@@ -167,13 +170,16 @@ def build_faults(trace: Trace, armed: Iterable[ArmedFault]) -> list[FaultRecord]
     ]
 
 
-def build_messages(trace: Trace, decode: Callable[[Any], str], window: int = MESSAGE_WINDOW) -> list[Message]:
-    """Return the frames around faults and alarms, decoded."""
+def build_messages(
+    trace: Trace, decode: Callable[[Any], str], window: int = MESSAGE_WINDOW, *, times_s: Iterable[float] = ()
+) -> list[Message]:
+    """Return the frames around faults, alarms and further times, decoded."""
     marks = [
         entry.time_ns
         for entry in trace.events
         if entry.kind in {"fault.applied", "fault.removed", "alarm.raised", "drive.fault"}
     ]
+    marks += [round(time_s * 1e9) for time_s in times_s]
     if not marks or window <= 0:
         return []
     found: list[tuple[int, Message]] = []

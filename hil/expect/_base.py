@@ -25,6 +25,15 @@ class ReferenceMissingError(Exception):
         super().__init__(f"the reference event '{reference}' did not happen")
 
 
+_BEGINS = ("since", "at", "by", "after")
+"""Fields that say from when on something is judged."""
+
+
+def _is_log(trace: Trace) -> bool:
+    """Whether the trace is of a recording that could have ended earlier than what is asked about."""
+    return trace.vocabulary is not None and bool(trace.vocabulary.kinds)
+
+
 def instant(trace: Trace, reference: Reference) -> float:
     """Return a reference in seconds, or raise `ReferenceMissingError`."""
     time_s = trace.instant(reference)
@@ -106,6 +115,14 @@ class Expectation(ABC):
         """
         try:
             self.verify(trace)
+            late = self._begins_after(trace)
+            if late:
+                verdict = Verdict.BLOCKED if _is_log(trace) else Verdict.FAILED
+                return [
+                    self.check(
+                        verdict, f"the recording ends at {trace.end_s:.6f} s, before {late}", trace.end_s
+                    )
+                ]
             return self.judge(trace)
         except ReferenceMissingError as missing:
             return [self.outcome(passed=False, observed=str(missing), time_s=trace.end_s)]
@@ -113,6 +130,16 @@ class Expectation(ABC):
             return [self.check(Verdict.BLOCKED, str(error), None)]
         except RecordingError as error:
             return [self.check(Verdict.ERROR, str(error), None)]
+
+    def _begins_after(self, trace: Trace) -> str:
+        """Return the reference that lies behind the end of the recording, in words; empty when there is none."""
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name not in _BEGINS or value is None:
+                continue
+            if instant(trace, value) > trace.end_s + SLACK_S:
+                return words_of(value)
+        return ""
 
     def outcome(
         self,

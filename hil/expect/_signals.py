@@ -187,8 +187,10 @@ class SequenceExpectation(Expectation):
         if len(signal) == 0:
             return [self.outcome(passed=False, observed="no samples", time_s=since_s)]
         part = signal.between(since_s, until_s)
-        values = np.concatenate(([signal.at(since_s)], part.values)).astype(np.int64) & self.mask
-        times = np.concatenate(([since_s], part.time_s))
+        times, numbers = _words_from(signal, part, since_s)
+        if len(numbers) == 0:
+            return [self.outcome(passed=False, observed="no value yet", time_s=since_s)]
+        values = numbers & self.mask
         changes = np.flatnonzero(np.concatenate(([True], np.diff(values) != 0)))
         seen = [(float(times[i]), int(values[i])) for i in changes]
         words = [word for _, word in seen]
@@ -205,6 +207,16 @@ class SequenceExpectation(Expectation):
         shown = words if len(words) <= 12 else words[:12]
         more = "" if len(words) <= 12 else f" ... ({len(words)} values)"
         return [self.outcome(passed=good, observed=_chain(shown) + more, time_s=when)]
+
+
+def _words_from(
+    signal: Signal, part: Signal, since_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return times and words: the one in force at `since_s`, then those of `part`; what is no number yet is left out."""
+    values = np.concatenate(([signal.at(since_s)], part.values))
+    times = np.concatenate(([since_s], part.time_s))
+    known = ~np.isnan(values)
+    return times[known], values[known].astype(np.int64)
 
 
 def _chain(words: Sequence[int]) -> str:
@@ -326,8 +338,7 @@ class BitExpectation(Expectation):
         if len(signal) == 0:
             return [self.outcome(passed=False, observed="no samples", time_s=since_s)]
         part = signal.between(since_s, since_s + self.within_s)
-        values = np.concatenate(([signal.at(since_s)], part.values)).astype(np.int64)
-        times = np.concatenate(([since_s], part.time_s))
+        times, values = _words_from(signal, part, since_s)
         good = np.flatnonzero(((values >> self.bit) & 1) == int(self.state))
         if len(good) == 0:
             return [

@@ -1,0 +1,189 @@
+"""From a log to a trace: frames are decoded by the mapping in force, which writes of SDOs in the log itself may change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Final
+
+from fieldbus.canopen.nmt import COB_ERROR_CONTROL, COB_SDO_SERVER
+from fieldbus.clock import S
+from fieldbus.history import Event, Scalar
+from hil.errors import CannotRunError
+from hil.logs._facts import BenchFacts, facts_of
+from hil.logs._files import BusLog, Entry
+from hil.logs._nodes import LogNode, node_of
+from hil.record import Trace, TraceGroup
+
+if TYPE_CHECKING:
+    from fieldbus.can.frame import CanFrame
+
+LOG_KINDS: Final = (
+    "drive.state", "drive.fault", "drive.fault_cleared", "drive.inputs", "drive.nmt", "nmt.state", "node.bootup", "emcy.", "heartbeat.lost",
+    "can.bus_error",
+)  # fmt: skip
+"""Events that frames tell of."""
+_SHORTEST_NS: Final = S // 100
+_CONTROLLER: Final = 127
+_FROM_NODES: Final = (0x180, 0x280, 0x380, 0x480, COB_SDO_SERVER, COB_ERROR_CONTROL)
+"""Services whose frames come from nodes."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogTrace:
+    """A decoded log."""
+
+    trace: Trace
+    decode: Callable[[CanFrame], str]
+    notes: list[str] = field(default_factory=list)
+    """What a reader of the verdict should know: nodes that nobody knows, frames left out."""
+    bench_name: str = ""
+    bench_text: str = ""
+
+
+def trace_of_log(log: BusLog, bench_file: Any, *, channels: Mapping[str, str] | None = None) -> LogTrace:
+    """Return the trace of a log, with the signals, words, states and faults that its frames show.
+
+    Args:
+        log: The log.
+        bench_file: The bench that was recorded; of a live one only its nodes count.
+        channels: Segment of the bench -> channel of the log, where the names do not tell it.
+
+    Raises:
+        CannotRunError: No channel of the log belongs to the bench, none of its nodes sends, or the log is too short.
+
+    """
+    facts = facts_of(bench_file)
+    pairs = _pair(log, facts, channels or {})
+    if log.end_ns - min(entries[0][0] for entries in log.channels.values()) < _SHORTEST_NS:
+        raise CannotRunError(
+            f"{log.path} is too short: {log.frames} frames within less than {_SHORTEST_NS / S:g} s"
+        )
+    events: list[Event] = []
+
+    def emit(time_ns: int, source: str, kind: str, /, **data: Scalar) -> None:
+        events.append(Event(time_ns, source, kind, data))
+
+    reading = _Reading(facts, emit)
+    notes = []
+    if log.left_out:
+        notes.append(f"{log.left_out} CAN FD frames are left out")
+    for segment, channel in pairs.items():
+        unknown = reading.read(segment, log.channels[channel])
+        if unknown:
+            listed = ", ".join(f"node {node} ({count} frames)" for node, count in sorted(unknown.items()))
+            notes.append(f"on {channel}, not in the bench file: {listed}")
+    silent = [node.facts for node in reading.nodes if not node.seen and node.facts.segment in pairs]
+    if len(silent) == sum(node.facts.segment in pairs for node in reading.nodes):
+        told = ", ".join(f"{one.name} (node {one.node_id})" for one in silent)
+        raise CannotRunError(
+            f"{log.path}: none of the nodes of bench {facts.name!r} sends in this log: {told}; "
+            f"{notes[-1] if notes else 'there is no other either'}"
+        )
+    notes += [f"{one.name} (node {one.node_id}) sends nothing in this log" for one in silent]
+    groups = reading.groups()
+    names = {f"{group.name}.{column}" for group in groups for column, _ in group.columns}
+    vocabulary = replace(
+        facts.vocabulary,
+        kinds=LOG_KINDS,
+        absent=tuple(name for name in facts.signals if name not in names),
+        origin=f"the log {log.path.name}",
+    )
+    events.sort(key=lambda event: event.time_ns)
+    trace = Trace(
+        groups,
+        events=events,
+        frames={segment: log.channels[channel] for segment, channel in pairs.items()},
+        constants=facts.constants,
+        end_ns=log.end_ns,
+        vocabulary=vocabulary,
+    )
+    return LogTrace(trace, reading.decode, notes, facts.name, facts.text)
+
+
+def _pair(log: BusLog, facts: BenchFacts, given: Mapping[str, str]) -> dict[str, str]:
+    """Return segment -> channel of the log."""
+    there = ", ".join(channel or "(unnamed)" for channel in log.channels)
+    pairs: dict[str, str] = {}
+    for segment, channel in given.items():
+        if segment not in facts.segments:
+            raise CannotRunError(
+                f"--channel {segment}={channel}: bench {facts.name!r} has no such CAN segment; it has: {', '.join(facts.segments)}"
+            )
+        if channel not in log.channels:
+            raise CannotRunError(
+                f"--channel {segment}={channel}: {log.path} has no such channel; it has: {there}"
+            )
+        pairs[segment] = channel
+    for segment, names in facts.segments.items():
+        if segment not in pairs:
+            found = next((name for name in names if name in log.channels), None)
+            if found is not None:
+                pairs[segment] = found
+    if not pairs and len(facts.segments) == len(log.channels) == 1:
+        pairs[next(iter(facts.segments))] = next(iter(log.channels))
+    if not pairs:
+        raise CannotRunError(
+            f"{log.path} has the channels {there}; bench {facts.name!r} has the CAN segments "
+            f"{', '.join(facts.segments)}: say which is which with --channel SEGMENT=CHANNEL"
+        )
+    return pairs
+
+
+class _Reading:
+    """Reads the frames of all segments of a bench."""
+
+    def __init__(self, facts: BenchFacts, emit: Callable[..., None]) -> None:
+        self._facts = facts
+        self._emit = emit
+        self.nodes: list[LogNode] = [node_of(one, emit) for one in facts.nodes]
+        self._words: dict[str, Any] = {}
+
+    def read(self, segment: str, log: list[Entry]) -> dict[int, int]:
+        """Read a channel; returns nodes that the bench does not have, with the number of their frames."""
+        decoder = self._facts.decoder(segment)
+        self._words[segment] = decoder
+        here = {node.facts.node_id: node for node in self.nodes if node.facts.segment == segment}
+        sync_ns: int | None = None
+        unknown: dict[int, int] = {}
+        for time_ns, _, frame, error in log:
+            if error:
+                self._emit(time_ns, segment, "can.bus_error", code=error)
+                continue
+            can_id = frame.can_id
+            if can_id == decoder.sync_id and not frame.extended:
+                sync_ns = time_ns
+                continue
+            found = decoder.mapped(frame)
+            if found is not None and found[0] in here:
+                service = can_id & 0x780
+                sent = service in (0x180, 0x280, 0x380, 0x480) or service not in (0x200, 0x300, 0x400, 0x500)
+                here[found[0]].process_data(time_ns, found[1], sync_ns=sync_ns, sent=sent)
+                continue
+            node_id = decoder.emcy_node(can_id)
+            if node_id in here:
+                here[node_id].emergency(time_ns, frame.data)
+                continue
+            service, node_id = can_id & 0x780, can_id & 0x7F
+            if service == COB_ERROR_CONTROL and node_id in here and not frame.remote:
+                here[node_id].error_control(time_ns, frame.data)
+            elif service == COB_SDO_SERVER and node_id in here:
+                here[node_id].seen = True
+            elif service in _FROM_NODES and node_id not in (0, _CONTROLLER, *here) and not frame.extended:
+                unknown[node_id] = unknown.get(node_id, 0) + 1
+            decoder.observe(frame)
+        if log:
+            for node in here.values():
+                node.silence(log[-1][0])
+        return unknown
+
+    def decode(self, frame: CanFrame) -> str:
+        """Return a frame in words, by the mapping at the end of the log."""
+        decoder = next(iter(self._words.values()))
+        return str(decoder.decode(frame))
+
+    def groups(self) -> list[TraceGroup]:
+        """Return the recorded rows of nodes and axes, the axes first."""
+        tables = [node.axis for node in self.nodes if node.axis is not None]
+        made = [table.group() for table in (*tables, *(node.table for node in self.nodes))]
+        return [group for group in made if group is not None]
