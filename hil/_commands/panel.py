@@ -20,8 +20,6 @@ _TICK_S: Final = 0.05
 """How often a panel on a terminal lets time pass."""
 _AFTER_COMMAND: Final = 4
 """Cycles that pass after a line of a script, so that it has acted when the next one is read."""
-_TOLERANCE: Final = 0.002
-"""Of the distance of a test step, where none is given."""
 
 
 class PanelSession:
@@ -140,9 +138,9 @@ class PanelSession:
         self.ended = True
 
     def _optimise(
-        self, distance: float, velocity: float, acceleration: float, tolerance: float | None = None
+        self, distance: float, velocity: float, acceleration: float, tolerance: float = 0.0
     ) -> None:
-        step = TestStep(distance, velocity, acceleration, tolerance or _TOLERANCE * distance)
+        step = TestStep(distance, velocity, acceleration, tolerance)
         routine = Optimisation(
             self.panel,
             self._bench.runtime,

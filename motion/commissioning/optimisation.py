@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import copysign, inf
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -32,10 +33,20 @@ _SHARE: Final = 0.9
 _TIME_STEP: Final = 0.001
 """Steps of the time constant, s (COM-063)."""
 _MOST_STEPS: Final = 100
+_LEAST_GAIN: Final = 0.5
+"""1/s; with less nobody controls a position."""
 _GREATEST_GAIN: Final = 1000.0
 """1/s; no drive follows more than that."""
 _LOOSE: Final = 4.0
-"""Following error that is permitted during the optimisation, as a multiple of v/Kv at the first gain (COM-017)."""
+"""Following error that is permitted during the optimisation, as a multiple of v/Kv at the first gain or a smaller one (COM-017)."""
+_RUNAWAY: Final = 0.05
+"""Overshoot at which a step is broken off, as a share of its distance: the axis oscillates."""
+_SMALLEST: Final = 1e-4
+"""Share of the distance that counts as no overshoot, where no tolerance is given."""
+_INCREMENTS: Final = 1.5
+"""The same in increments of the encoder: its last digit may tremble."""
+_CALM_S: Final = 5.0
+"""Time that the axis has to come to rest with a gain that is known to be good, s."""
 _PATIENCE: Final = 10.0
 """Time that the axis has to settle in after the end of a test step, as a multiple of 1/Kv."""
 _AFTERWARDS: Final = 0.2
@@ -50,7 +61,10 @@ class TestStep:
         distance: Axis unit, above 0.
         velocity: Axis unit per second.
         acceleration: Axis unit per second squared, for braking too; high enough that the axis has something to overshoot with.
-        tolerance: Deviation that is none, axis unit.
+        tolerance: Deviation that is none, axis unit; 0 = a ten-thousandth of the distance, at least 1.5 increments of the encoder.
+
+    Raises:
+        ConfigurationError: One of them is not as described.
 
     """
 
@@ -59,12 +73,16 @@ class TestStep:
     distance: float
     velocity: float
     acceleration: float
-    tolerance: float
+    tolerance: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("distance", "velocity", "acceleration", "tolerance"):
-            if not getattr(self, name) > 0.0:
+        for name in ("distance", "velocity", "acceleration"):
+            if not 0.0 < getattr(self, name) < inf:
                 raise ConfigurationError(f"test step: {name}", getattr(self, name), "a number above 0")
+        if not 0.0 <= self.tolerance < self.distance:
+            raise ConfigurationError(
+                "test step: tolerance", self.tolerance, "0 or more, and less than the distance"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,9 +175,33 @@ class Optimisation:
         self._axis = axis
         self._runtime = runtime
         self._wait = wait
-        self._step = step
+        self._step = self._resolved(step)
+        self._calm = _FIRST_GAIN
+        """A gain with which the axis is known to stand still, 1/s."""
         self.attempts: list[Attempt] = []
         """What has been tried so far."""
+
+    def _resolved(self, step: TestStep) -> TestStep:
+        """Return the step with a tolerance, and within what the axis can do (COM-056)."""
+        axis = self._axis
+        read = axis.variables.read
+        for name, most in (
+            ("velocity", min(read("DynamicLimits.MaxVelocity"), read("DynamicLimits.Velocity"))),
+            (
+                "acceleration",
+                min(read("DynamicLimits.MaxAcceleration"), read("DynamicLimits.MaxDeceleration")),
+            ),
+        ):
+            if getattr(step, name) > most:
+                raise ConfigurationError(
+                    f"test step: {name}",
+                    getattr(step, name),
+                    f"at most {most:g}, the dynamic limit of {axis.name}",
+                )
+        if step.tolerance:
+            return step
+        increment = abs(axis.feedback.scale.increment)
+        return replace(step, tolerance=max(_SMALLEST * step.distance, _INCREMENTS * increment))
 
     def run(self) -> Recommendation:
         """Try settings until the best is known; the axis moves forward and backward by the test step.
@@ -169,43 +211,50 @@ class Optimisation:
                 to change.
 
         """
-        panel, step = self._panel, self._step
-        panel.velocity = step.velocity
-        panel.acceleration = panel.deceleration = step.acceleration
-        panel.jerk = 0.0
-        panel.adjust = 100.0
-        loose = _LOOSE * step.velocity / _FIRST_GAIN
-        for path, value in (
-            ("FollowingError.MinValue", loose), ("FollowingError.MaxValue", loose),
-            ("PositioningMonitoring.Window", 2.0 * step.distance),
-        ):  # fmt: skip
-            panel.try_value(path, max(value, self._axis.variables.read(path)))
-        panel.try_value(
-            "PositioningMonitoring.MinDwellTime", 0.0
-        )  # this routine judges for itself how the axis settles
         gain = self._gain_without_precontrol()
         kv = _SHARE * gain
         time_constant = self._time_constant(kv)
         return Recommendation(kv, 100.0, time_constant, tuple(self.attempts))
 
+    def _prepare(self) -> None:
+        """Set the dynamics of the test step, and loosen what watches: this routine judges for itself how the axis settles."""
+        if self.attempts:
+            return
+        panel, step = self._panel, self._step
+        panel.velocity = step.velocity
+        panel.acceleration = panel.deceleration = step.acceleration
+        panel.jerk = 0.0
+        panel.adjust = 100.0
+        panel.try_value(
+            "PositioningMonitoring.Window",
+            max(2.0 * step.distance, self._axis.variables.read("PositioningMonitoring.Window")),
+        )
+        panel.try_value("PositioningMonitoring.MinDwellTime", 0.0)
+
     def _gain_without_precontrol(self) -> float:
-        """Raise the gain until the first overshoot, and return the last one without (COM-060, COM-065)."""
-        good, factor, gain = 0.0, _COARSE, _FIRST_GAIN
-        while gain <= _GREATEST_GAIN:
-            attempt = self.attempt(gain, 0.0, 0.0)
-            if attempt.good:
-                good = gain
-            elif not good:
+        """Raise the gain until the first overshoot, and return the last one without (COM-060, COM-065).
+
+        A bus or a speed loop that is too slow for the first gain gets a smaller one to begin with.
+        """
+        factor, good = _COARSE, _FIRST_GAIN
+        while not (attempt := self.attempt(good, 0.0, 0.0)).good:
+            factor = _FINE
+            good /= _COARSE
+            if good < _LEAST_GAIN:
                 raise CommissioningError(
-                    f"{self._axis.name}: it overshoots by {attempt.overshoot:.4g} with a gain of {gain:g} 1/s already; "
+                    f"{self._axis.name}: it overshoots by {attempt.overshoot:.4g} with a gain of {attempt.kv:.3g} 1/s still; "
                     "the speed controller of the drive has to be set first"
                 )
+            self._calm = good
+        gain = good * factor
+        while gain <= _GREATEST_GAIN:
+            if self.attempt(gain, 0.0, 0.0).good:
+                good = self._calm = gain
             elif factor == _FINE:
                 return good
             else:
                 factor = _FINE
-                gain = good
-            gain *= factor
+            gain = good * factor
         raise CommissioningError(
             f"{self._axis.name}: no overshoot up to a gain of {good:.4g} 1/s; the test step needs more acceleration "
             "or a smaller tolerance"
@@ -215,7 +264,8 @@ class Optimisation:
         """Raise the time constant until nothing overshoots with precontrol (COM-062, COM-063)."""
         for count in range(_MOST_STEPS):
             time_constant = count * _TIME_STEP
-            if self.attempt(kv, 100.0, time_constant).good:
+            # Friction may have held back once what overshoots otherwise, so that a good one has to be good twice.
+            if self.attempt(kv, 100.0, time_constant).good and self.attempt(kv, 100.0, time_constant).good:
                 return time_constant
         raise CommissioningError(
             f"{self._axis.name}: with precontrol it overshoots up to a time constant of {_MOST_STEPS - 1} ms; "
@@ -234,13 +284,21 @@ class Optimisation:
             CommissioningError: As `run`.
 
         """
+        self._prepare()
+        loose = _LOOSE * self._step.velocity / min(kv, _FIRST_GAIN)
+        for path in ("FollowingError.MinValue", "FollowingError.MaxValue"):
+            self._panel.try_value(path, max(loose, self._axis.variables.read(path)))
         for path, value in ((KV, kv), (KPC, kpc), (TIME_CONSTANT, time_constant)):
             self._panel.try_value(path, value)
         self._rest(2 * self._runtime.cycle_ns * 1e-9)
-        forward = self._move(self._step.distance)
-        backward = self._move(-self._step.distance)
+        forward, broken = self._move(self._step.distance)
+        backward, also_broken = self._move(-self._step.distance)
+        broken = broken or also_broken
         values = [self._judge(rows, way) for rows, way in ((forward, 1.0), (backward, -1.0))]
         overshoot, reversal, settling = (max(one) for one in zip(*values, strict=True))
+        if broken:
+            overshoot = max(overshoot, _RUNAWAY * self._step.distance)
+            self._come_to_rest()
         rows = np.vstack((forward, backward))
         attempt = Attempt(
             kv, kpc, time_constant, overshoot, reversal, settling, rows[:, 0] - rows[0, 0], rows[:, 1], rows[:, 2],
@@ -253,16 +311,52 @@ class Optimisation:
         end = self._runtime.scheduler.now + round(seconds * 1e9)
         self._wait(lambda: self._runtime.scheduler.now >= end, seconds + 1.0)
 
-    def _move(self, distance: float) -> NDArray[np.float64]:
-        """Return rows of time in s, position setpoint and actual position during one step and shortly after it."""
+    def _come_to_rest(self) -> None:
+        """Let the axis end its oscillation with a gain that is known to be good."""
+        self._calm_down()
+        axis = self._axis
+        since, low, high = self._runtime.scheduler.now, inf, -inf
+
+        def rests() -> bool:
+            nonlocal since, low, high
+            now, place = self._runtime.scheduler.now, axis.feedback.position
+            low, high = min(low, place), max(high, place)
+            if high - low > self._step.tolerance:
+                since, low, high = now, place, place
+            return now - since >= round(_AFTERWARDS * 1e9)
+
+        if not self._wait(rests, _CALM_S):
+            raise CommissioningError(
+                f"{axis.name}: it does not come to rest with a gain of {self._calm:.4g} 1/s; "
+                "the speed controller of the drive has to be set first"
+            )
+
+    def _calm_down(self) -> None:
+        for path, value in ((KV, self._calm), (KPC, 0.0)):
+            self._panel.try_value(path, value)
+
+    def _move(self, distance: float) -> tuple[NDArray[np.float64], bool]:
+        """Make one step.
+
+        Returns:
+            Rows of time in s, position setpoint and actual position during the step and shortly after it, and whether the axis
+            began to oscillate, so that the gain was taken back at once.
+
+        """
         axis, panel = self._axis, self._panel
         rows: list[tuple[float, float, float]] = []
         limited: list[float] = []
+        way = copysign(1.0, distance)
+        target = axis.motion.total.s + distance
+        broken = False
 
         def sample() -> None:
-            total = axis.motion.total
-            rows.append((self._runtime.scheduler.now * 1e-9, total.s, axis.feedback.position))
-            if axis.port.torque_limit_reached:
+            nonlocal broken
+            rows.append((self._runtime.scheduler.now * 1e-9, axis.motion.total.s, axis.feedback.position))
+            if not broken and (rows[-1][2] - target) * way > _RUNAWAY * abs(distance) + self._step.tolerance:
+                broken = True
+                self._calm_down()
+            if axis.port.torque_limit_reached and not broken:
                 limited.append(rows[-1][0])
 
         self._runtime.after_cycle.append(sample)
@@ -276,11 +370,11 @@ class Optimisation:
             number = axis.alarms.engine.number
             why = f"alarm {number}" if number else panel.message or "the step did not end in time"
             raise CommissioningError(f"{axis.name}: a test step failed: {why}")
-        if limited:
+        if limited and not broken:
             raise CommissioningError(
                 f"{axis.name}: the torque limit of the drive acted during a test step; it needs less acceleration (COM-059)"
             )
-        return np.array(rows)
+        return np.array(rows), broken
 
     def _longest(self) -> float:
         step = self._step
