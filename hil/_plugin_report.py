@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hil._history import kept
 from hil._requirements import complete
 from hil.campaign import environment_facts
 from hil.campaign._evidence import build_alarms, build_faults, build_messages, build_signals, build_story
@@ -139,7 +140,8 @@ def finish_report(config: pytest.Config, report: PluginReport | None, *, worker:
         return
     run = load_run(directory)
     complete(run)
-    written = write_report(run, directory)
+    background = kept(run, directory, str(config.getoption("--hil-history")))
+    written = write_report(run, directory, background=background)
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if reporter is not None:
         reporter.write_line(f"bench report: {written.report}")

@@ -39,17 +39,8 @@ def requirements() -> tuple[Requirement, ...]:
 
 def complete(run: RunResult) -> None:
     """Give a run the catalogues against which its report shows coverage: requirements and fault kinds."""
-    run.requirements = catalogue_for(run)
-    run.fault_catalogue = [entry.name for entry in CATALOGUE]
-
-
-def catalogue_for(run: RunResult) -> list[RequirementInfo]:
-    """Return the requirements of those prefixes that the cases of a run name."""
-    named = {identifier for case in run.cases for identifier in case.requirements}
-    named |= {identifier for case in run.cases for check in case.checks for identifier in check.requirements}
-    prefixes = {identifier.rpartition("-")[0] for identifier in named}
-    return [
+    run.requirements = [
         RequirementInfo(entry.identifier, entry.title, entry.section, entry.document)
         for entry in requirements()
-        if entry.prefix in prefixes
     ]
+    run.fault_catalogue = [entry.name for entry in CATALOGUE]

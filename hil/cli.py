@@ -47,6 +47,20 @@ TwiceOption = Annotated[bool, typer.Option("--twice", help="Run every case twice
 EvidenceOption = Annotated[
     str, typer.Option("--evidence", help="Keep traces and bus logs of: failed, all or none of the cases.")
 ]
+HistoryOption = Annotated[
+    str,
+    typer.Option(
+        "--history",
+        metavar="FILE",
+        help="History of runs; default: history.sqlite in the report folder; or none.",
+    ),
+]
+SummaryOption = Annotated[
+    str,
+    typer.Option(
+        "--summary", metavar="FILE", help="Summary in markdown; -: standard output; auto: for GitHub Actions."
+    ),
+]
 
 
 @app.command()
@@ -57,20 +71,17 @@ def demo(
     jobs: JobsOption = "1",
     twice: TwiceOption = False,
     evidence: EvidenceOption = "failed",
+    history: HistoryOption = "",
+    summary: SummaryOption = "",
     as_json: JsonOption = False,
 ) -> None:
     """Run the main campaign on the embedded bench and write the report."""
     from hil._commands.run import RunRequest, parse_jobs, run_campaigns
 
     request = RunRequest(
-        report=report,
-        seed=seed,
-        jobs=parse_jobs(jobs),
-        twice=twice,
-        evidence=evidence,
-        as_json=as_json,
-        demo=True,
-    )
+        report=report, seed=seed, jobs=parse_jobs(jobs), twice=twice, evidence=evidence, as_json=as_json, demo=True,
+        history=history, summary=summary,
+    )  # fmt: skip
     raise typer.Exit(run_campaigns(request))
 
 
@@ -114,6 +125,8 @@ def run(
     ] = "",
     list_only: Annotated[bool, typer.Option("--list", help="Show the cases and run nothing.")] = False,
     evidence: EvidenceOption = "failed",
+    history: HistoryOption = "",
+    summary: SummaryOption = "",
     as_json: JsonOption = False,
 ) -> None:
     """Run campaigns and write the report."""
@@ -123,6 +136,7 @@ def run(
         paths=tuple(paths), bench=bench, report=report, seed=seed, jobs=parse_jobs(jobs), twice=twice, select=select,
         tags=tuple(tag or ()), resume=resume, last_failed=last_failed, shard=shard, wall_limit_s=time_limit,
         cluster=cluster, evidence=evidence, as_json=as_json,
+        history=history, summary=summary,
     )  # fmt: skip
     raise typer.Exit(list_cases(request) if list_only else run_campaigns(request))
 
@@ -134,12 +148,36 @@ def report(
     ],
     *,
     report: ReportOption = Path("hil-report"),
+    history: HistoryOption = "",
+    summary: SummaryOption = "",
     as_json: JsonOption = False,
 ) -> None:
     """Write one report of runs that are there already; several are merged."""
     from hil._commands.report import report_runs
 
-    raise typer.Exit(report_runs(runs, report, as_json=as_json))
+    raise typer.Exit(report_runs(runs, report, history=history, digest=summary, as_json=as_json))
+
+
+@app.command()
+def history(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[list | compare [A] [B] | show CASE | prune]", help="What to do; default: list."
+        ),
+    ] = None,
+    *,
+    file: Annotated[Path, typer.Option("--history", metavar="FILE", help="The history.")] = Path(
+        "hil-report/history.sqlite"
+    ),
+    keep: Annotated[int, typer.Option("--keep", min=1, help="Runs that prune leaves.")] = 100,
+    every: Annotated[bool, typer.Option("--all", help="Show every line of a comparison.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Show earlier runs, compare two of them, follow a case through them."""
+    from hil._commands.history import show_history
+
+    raise typer.Exit(show_history(words or [], file=file, keep=keep, every=every, as_json=as_json))
 
 
 @app.command()
@@ -350,6 +388,16 @@ def benchmark(
 
 @app.command()
 def requirements(
+    folder: Annotated[
+        Path | None,
+        typer.Argument(metavar="[DIR]", help="Report folder of a run; default: what pytest recorded here."),
+    ] = None,
+    *,
+    prefix: Annotated[
+        list[str] | None,
+        typer.Option("--prefix", "-p", help="Only this family, STP of STP-303; may be repeated."),
+    ] = None,
+    missing: Annotated[bool, typer.Option("--missing", help="Also list what is not covered.")] = False,
     as_json: JsonOption = False,
     rerun: Annotated[
         bool, typer.Option("--rerun", help="Run the test-suite first, whatever is recorded.")
@@ -358,7 +406,9 @@ def requirements(
     """Show which requirements passing tests cover."""
     from hil._commands.requirements import show_requirements
 
-    raise typer.Exit(show_requirements(as_json=as_json, rerun=rerun))
+    raise typer.Exit(
+        show_requirements(folder, prefixes=prefix or [], missing=missing, as_json=as_json, rerun=rerun)
+    )
 
 
 @app.command()

@@ -29,6 +29,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--hil-report", metavar="DIR", default=None, help="write an HTML report of the tests that use a bench"
     )
+    group.addoption(
+        "--hil-history",
+        metavar="FILE",
+        default="",
+        help="history of runs (default history.sqlite in the report folder; or none)",
+    )
     group.addoption("--hil-seed", metavar="N", type=int, default=None, help="seed of the run (default 0)")
     parser.addini("hil_bench", "bench file used when --hil-bench is not given", default="")
     parser.addini("hil_seed", "seed used when --hil-seed is not given", default="0")

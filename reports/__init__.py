@@ -5,6 +5,7 @@ a `RunResult`, or written as it happens with `start_run`, `write_case` and `fini
 `write_report` makes all files of a run. Templates, plots and their libraries are loaded when they are first needed.
 """
 
+from reports.compare import Background, Comparison, Drift, Slower, compare_runs, remember
 from reports.coverage import (
     Cell,
     Matrix,
@@ -17,8 +18,11 @@ from reports.coverage import (
 )
 from reports.errors import ReportError, StoreError
 from reports.files import ReportPaths, render_html, write_report
+from reports.history import HISTORY_FILE, History, HistoryError, PastCase, PastRun
 from reports.junit import junit_tree, write_junit
 from reports.merge import merge_runs
+from reports.markdown import markdown_summary
+from reports.measures import Measure, measures
 from reports.model import (
     AlarmRecord,
     CaseResult,
@@ -32,8 +36,10 @@ from reports.model import (
     Step,
     Verdict,
 )
+from reports.seeding import Defect, Seeding, load_seeding
 from reports.store import finish_run, load_run, save_run, start_run, stored_cases, write_case
 from reports.summary import full_summary, run_digest, summary, write_summary
+from reports.tables import write_cases
 from reports.words import (
     check_sentence,
     headline,
@@ -45,13 +51,23 @@ from reports.words import (
 )
 
 __all__ = [
+    "HISTORY_FILE",
     "AlarmRecord",
+    "Background",
     "CaseResult",
     "Cell",
     "Check",
+    "Comparison",
+    "Defect",
+    "Drift",
     "FaultRecord",
+    "History",
+    "HistoryError",
     "Matrix",
+    "Measure",
     "Message",
+    "PastCase",
+    "PastRun",
     "PrefixTotal",
     "ReportError",
     "ReportPaths",
@@ -59,11 +75,14 @@ __all__ = [
     "RequirementRow",
     "RunResult",
     "Scalar",
+    "Seeding",
     "Signal",
+    "Slower",
     "Step",
     "StoreError",
     "Verdict",
     "check_sentence",
+    "compare_runs",
     "fault_reaction_matrix",
     "fault_state_matrix",
     "finish_run",
@@ -71,11 +90,15 @@ __all__ = [
     "headline",
     "junit_tree",
     "load_run",
+    "load_seeding",
     "margin",
     "margin_text",
     "merge_runs",
+    "markdown_summary",
+    "measures",
     "prefix_totals",
     "reaction_name",
+    "remember",
     "render_html",
     "replay_command",
     "requirement_matrix",
@@ -86,6 +109,7 @@ __all__ = [
     "stored_cases",
     "summary",
     "write_case",
+    "write_cases",
     "write_junit",
     "write_report",
     "write_summary",

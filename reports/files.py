@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
+from reports.compare import Background
 from reports.junit import write_junit
 from reports.model import RunResult
+from reports.seeding import Seeding, load_seeding
 from reports.summary import write_summary
+from reports.tables import write_cases
 
 
 class ReportPaths(NamedTuple):
@@ -16,9 +19,18 @@ class ReportPaths(NamedTuple):
     report: Path
     junit: Path
     summary: Path
+    cases: Path
 
 
-def render_html(run: RunResult, path: str | Path, *, points: int = 2000, embedded: int | None = None) -> Path:
+def render_html(
+    run: RunResult,
+    path: str | Path,
+    *,
+    points: int = 2000,
+    embedded: int | None = None,
+    background: Background | None = None,
+    seeding: Seeding | None = None,
+) -> Path:
     """Write the HTML report, which needs neither a network nor a server, and return its path.
 
     Args:
@@ -28,6 +40,8 @@ def render_html(run: RunResult, path: str | Path, *, points: int = 2000, embedde
             faults, alarms and failed checks always stay.
         embedded: Characters of case data up to which it is one file (24 million by default, about 500 cases); beyond
             them the cases go into a folder beside it, `report-data` of `report.html`.
+        background: Earlier runs, for trend and changes.
+        seeding: Defects seeded on purpose, for their table.
 
     Raises:
         ValueError: `points` is below 100.
@@ -36,17 +50,31 @@ def render_html(run: RunResult, path: str | Path, *, points: int = 2000, embedde
     from reports.html import EMBEDDED_LIMIT  # templates and their engine, on demand
     from reports.html import render_html as render
 
-    return render(run, path, points=points, embedded=EMBEDDED_LIMIT if embedded is None else embedded)
+    limit = EMBEDDED_LIMIT if embedded is None else embedded
+    return render(run, path, points=points, embedded=limit, background=background, seeding=seeding)
 
 
-def write_report(run: RunResult, directory: str | Path, *, points: int = 2000) -> ReportPaths:
-    """Write `report.html`, `junit.xml` and `summary.json` into a folder, which is created.
+def write_report(
+    run: RunResult, directory: str | Path, *, points: int = 2000, background: Background | None = None
+) -> ReportPaths:
+    """Write `report.html`, `junit.xml`, `summary.json` and `cases.csv` into a folder, which is created.
 
-    The paths in `summary.json` are those given here.
+    The paths in `summary.json` are those given here. A `mutants.json` in the folder becomes a table of the page.
+
+    Args:
+        run: The run.
+        directory: The folder.
+        points: See `render_html`.
+        background: Earlier runs, from `remember`; None: the report has neither trend nor changes.
+
     """
     folder = Path(directory)
-    paths = ReportPaths(folder / "report.html", folder / "junit.xml", folder / "summary.json")
-    render_html(run, paths.report, points=points)
+    paths = ReportPaths(
+        *(folder / name for name in ("report.html", "junit.xml", "summary.json", "cases.csv"))
+    )
+    render_html(run, paths.report, points=points, background=background, seeding=load_seeding(folder))
     write_junit(run, paths.junit)
-    write_summary(run, paths.summary, report=str(paths.report), junit=str(paths.junit))
+    changes = background.comparison.as_dict() if background else None
+    write_summary(run, paths.summary, report=str(paths.report), junit=str(paths.junit), changes=changes)
+    write_cases(run, paths.cases)
     return paths

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +48,18 @@ def summary(run: RunResult, *, report: str = "", junit: str = "") -> dict[str, A
     }
 
 
-def full_summary(run: RunResult, *, report: str = "", junit: str = "") -> dict[str, Any]:
-    """Return `summary` with, beside it, the state of the run, its environment and a line per case."""
+def full_summary(
+    run: RunResult, *, report: str = "", junit: str = "", changes: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return `summary` with, beside it, the state of the run, its environment and a line per case.
+
+    Args:
+        run: The run.
+        report: Path of the HTML report.
+        junit: Path of the JUnit file.
+        changes: What has changed since earlier runs, as plain data; left out where nothing is known of them.
+
+    """
     totals = prefix_totals(requirement_matrix(run))
     return {
         **summary(run, report=report, junit=junit),
@@ -58,6 +69,7 @@ def full_summary(run: RunResult, *, report: str = "", junit: str = "") -> dict[s
         "started": run.started,
         "interrupted": run.interrupted,
         "environment": run.environment,
+        **({} if changes is None else {"changes": dict(changes)}),
         "simulated_s": _finite(math.fsum(case.simulated_s for case in run.cases)),
         "wall_s": _finite(math.fsum(case.wall_s for case in run.cases)),
         "requirements": {
@@ -87,11 +99,18 @@ def full_summary(run: RunResult, *, report: str = "", junit: str = "") -> dict[s
     }
 
 
-def write_summary(run: RunResult, path: str | Path, *, report: str = "", junit: str = "") -> Path:
+def write_summary(
+    run: RunResult,
+    path: str | Path,
+    *,
+    report: str = "",
+    junit: str = "",
+    changes: Mapping[str, Any] | None = None,
+) -> Path:
     """Write `full_summary` as strict JSON and return the path."""
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
-    plain = full_summary(run, report=report, junit=junit)
+    plain = full_summary(run, report=report, junit=junit, changes=changes)
     target.write_text(json.dumps(plain, indent=1, allow_nan=False) + "\n", encoding="ascii")
     return target
 

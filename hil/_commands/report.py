@@ -7,17 +7,20 @@ from pathlib import Path
 
 from hil._commands.run import exit_code, finish, tell
 from hil._commands.terminal import print_json
+from hil._history import kept
+from hil._summary import check_summary, give_summary
 from hil.campaign._runner import clear_run
 from reports import load_run, merge_runs, summary
 from reports.merge import in_order
 from reports.store import JOURNAL_FILE, RUN_FILE
 
 
-def report_runs(sources: Sequence[Path], directory: Path, *, as_json: bool) -> int:
+def report_runs(sources: Sequence[Path], directory: Path, *, history: str, digest: str, as_json: bool) -> int:
     """Merge the runs in `sources` into `directory`, write the report, and return the exit code of `hil run`.
 
-    A single source that is the folder itself gets its report anew.
+    A single source that is the folder itself gets its report anew. A run that the history has already is not recorded again.
     """
+    check_summary(digest, as_json=as_json)
     if [source.resolve() for source in sources] == [directory.resolve()]:
         run = load_run(directory)
         run.cases = in_order(run.cases, run.planned)
@@ -27,8 +30,10 @@ def report_runs(sources: Sequence[Path], directory: Path, *, as_json: bool) -> i
         ):
             clear_run(directory)
         run = merge_runs(sources, directory)
-    paths = finish(run, directory)
+    background = kept(run, directory, history)
+    paths = finish(run, directory, background)
+    give_summary(digest, run, background, paths)
     if as_json:
         print_json(summary(run, report=str(paths.report), junit=str(paths.junit)))
-    tell(run, paths)
+    tell(run, paths, background)
     return exit_code(run)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import subprocess
 import sys
 import tomllib
+from collections.abc import Collection
 from pathlib import Path
 
 from hil._commands.terminal import console, print_json
 from hil._plugin_results import FOLDER, passed_requirements
 from hil._requirements import requirements
 from hil.errors import CannotRunError
+from reports import load_run, requirement_matrix
+from reports.model import Verdict
 
 
 def is_source_checkout(folder: Path) -> bool:
@@ -33,42 +36,82 @@ def run_own_tests(folder: Path) -> None:
         raise CannotRunError(f"the test-suite could not be run: pytest ended with {finished.returncode}")
 
 
-def coverage(covered: set[str]) -> dict[str, object]:
-    """Return totals by prefix and the identifiers that are not covered."""
-    prefixes: dict[str, dict[str, int]] = {}
+def coverage(covered: set[str], prefixes: Collection[str] = ()) -> dict[str, object]:
+    """Return totals by prefix and the identifiers that are not covered.
+
+    Args:
+        covered: Identifiers that are.
+        prefixes: Only these; all of them if empty.
+
+    Raises:
+        CannotRunError: A prefix that no requirement has.
+
+    """
+    known = {entry.prefix for entry in requirements()}
+    if wrong := [prefix for prefix in prefixes if prefix not in known]:
+        raise CannotRunError(
+            f"--prefix {wrong[0]!r}: no requirement has it; allowed: {', '.join(sorted(known))}"
+        )
+    totals: dict[str, dict[str, int]] = {}
     uncovered = []
     for entry in requirements():
-        counts = prefixes.setdefault(entry.prefix, {"total": 0, "covered": 0})
+        if prefixes and entry.prefix not in prefixes:
+            continue
+        counts = totals.setdefault(entry.prefix, {"total": 0, "covered": 0})
         counts["total"] += 1
         if entry.identifier in covered:
             counts["covered"] += 1
         else:
             uncovered.append(entry.identifier)
-    return {"prefixes": prefixes, "uncovered": uncovered}
+    return {"prefixes": totals, "uncovered": uncovered}
 
 
-def show_requirements(*, as_json: bool, rerun: bool) -> int:
-    """Print the coverage; returns the exit code."""
+def _covered_by_run(folder: Path) -> set[str]:
+    """Return the identifiers that the cases of a run name and none of them contradicts."""
+    rows = requirement_matrix(load_run(folder))
+    return {row.identifier for row in rows if row.verdict is Verdict.PASSED}
+
+
+def _covered_by_tests(*, rerun: bool) -> set[str]:
     root = Path.cwd()
     covered, known = passed_requirements(root)
     if rerun or not known:
         if not is_source_checkout(root):
             raise CannotRunError(
                 f"no test results in {root / FOLDER}: run pytest here first (the plugin records the results of tests that "
-                "carry @pytest.mark.requirement)"
+                "carry @pytest.mark.requirement), or name the report folder of a run"
             )
         run_own_tests(root)
         covered, known = passed_requirements(root)
+    return covered
+
+
+def show_requirements(
+    folder: Path | None, *, prefixes: Collection[str], missing: bool, as_json: bool, rerun: bool
+) -> int:
+    """Print the coverage; returns the exit code."""
+    if folder is not None and rerun:
+        raise CannotRunError("--rerun runs the test-suite, a folder holds a run: allowed is one of the two")
+    coverage(set(), prefixes)  # what is wrong with the prefixes is said before anything runs
+    covered = _covered_by_tests(rerun=rerun) if folder is None else _covered_by_run(folder)
     unknown = sorted(covered - {entry.identifier for entry in requirements()})
     if unknown:
         console().print(f"marks without a requirement: {', '.join(unknown)}", style="yellow", markup=False)
-    result = coverage(covered)
+    result = coverage(covered, prefixes)
     if as_json:
         print_json(result)
         return 0
-    prefixes = result["prefixes"]
-    assert isinstance(prefixes, dict)
-    for prefix, counts in sorted(prefixes.items()):
+    totals = result["prefixes"]
+    assert isinstance(totals, dict)
+    for prefix, counts in sorted(totals.items()):
         share = 100 * counts["covered"] / counts["total"]
         print(f"{prefix:6} {counts['covered']:5} of {counts['total']:5}  {share:5.1f} %")  # noqa: T201 - the answer
+    total, sum_covered = (sum(counts[name] for counts in totals.values()) for name in ("total", "covered"))
+    print(f"{'all':6} {sum_covered:5} of {total:5}  {100 * sum_covered / total:5.1f} %")  # noqa: T201 - the answer
+    if missing:
+        titles = {entry.identifier: entry.title for entry in requirements()}
+        uncovered = result["uncovered"]
+        assert isinstance(uncovered, list)
+        for identifier in uncovered:
+            print(f"{identifier:10} {titles[identifier]}")  # noqa: T201 - the answer
     return 0

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Final, cast
 
 from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdout
+from hil._history import kept
 from hil._requirements import complete
+from hil._summary import check_summary, give_summary
 from hil.campaign import Runner, RunOptions, Selected, find_campaigns, load_bench_file, select_cases
 from hil.campaign._files import Keep
 from hil.campaign._runner import shard
 from hil.errors import CannotRunError
-from reports import ReportPaths, replay_command, summary, write_report
+from reports import Background, ReportPaths, replay_command, summary, write_report
 from reports.model import RunResult, Verdict
 from reports.store import load_run
 
@@ -48,10 +50,15 @@ class RunRequest:
     evidence: str = "failed"
     as_json: bool = False
     demo: bool = False
+    history: str = ""
+    """File of the history; empty: in the report folder; `none`: no history."""
+    summary: str = ""
+    """Where the markdown summary goes; empty: nowhere."""
 
 
 def run_campaigns(request: RunRequest) -> int:
     """Run, report, and return the exit code."""
+    check_summary(request.summary, as_json=request.as_json)
     if request.evidence not in _KEEP:
         raise CannotRunError(f"--evidence {request.evidence!r} is not allowed; allowed: {', '.join(_KEEP)}")
     return run_selected(selected(request), request)
@@ -152,10 +159,12 @@ def run_selected(cases: list[Selected], request: RunRequest) -> int:
     with quiet_stdout(request.as_json):
         with CaseProgress(len(shard(cases, options.shard))) as progress:
             run = Runner(cases, options, on_result=progress.case_done).run()
-        paths = finish(run, request.report)
+        background = kept(run, request.report, request.history)
+        paths = finish(run, request.report, background)
+    give_summary(request.summary, run, background, paths)
     if request.as_json:
         print_json(summary(run, report=str(paths.report), junit=str(paths.junit)))
-    tell(run, paths)
+    tell(run, paths, background)
     return exit_code(run)
 
 
@@ -168,10 +177,10 @@ def _refuse_live(cases: list[Selected], bench: str) -> None:
             )
 
 
-def finish(run: RunResult, directory: Path) -> ReportPaths:
+def finish(run: RunResult, directory: Path, background: Background | None = None) -> ReportPaths:
     """Write the report of a run."""
     complete(run)
-    return write_report(run, directory)
+    return write_report(run, directory, background=background)
 
 
 def exit_code(run: RunResult) -> int:
@@ -186,7 +195,7 @@ def exit_code(run: RunResult) -> int:
     return 0
 
 
-def tell(run: RunResult, paths: ReportPaths) -> None:
+def tell(run: RunResult, paths: ReportPaths, background: Background | None = None) -> None:
     """Print the outcome for people."""
     out = console()
     counts = (
@@ -202,4 +211,7 @@ def tell(run: RunResult, paths: ReportPaths) -> None:
     bad = [case for case in run.cases if case.verdict in {Verdict.FAILED, Verdict.ERROR}]
     for case in [case for case in bad if case.token][:5]:
         out.print(f"repeat {case.identifier} with: {replay_command(case.token)}", markup=False)
+    if background is not None and background.comparison.common:
+        changed = [f"{len(cases)} {name}" for name, cases in background.comparison.changes().items() if cases]
+        out.print(f"since the last results: {', '.join(changed) or 'no verdict has changed'}", markup=False)
     out.print(f"report: {paths.report}", markup=False)

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import math
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote, urlencode
 
+from reports.compare import Background
 from reports.coverage import (
     NO_FAULT,
     Matrix,
@@ -30,19 +30,27 @@ from reports.coverage import (
     with_stop,
 )
 from reports.html.bundle import EMBEDDED_LIMIT, Bundle, pack
+from reports.html.overview import overview
 from reports.html.payload import index_entry, script_json
 from reports.model import CaseResult, RunResult, Verdict
+from reports.seeding import Seeding
 from reports.summary import run_digest
+from reports.texts import VERDICTS, duration
 from reports.words import headline, run_state
 
 _STYLES: Final = ("style.css", "case.css")
 _SCRIPTS: Final = ("core.js", "list.js", "requirements.js", "overlay.js", "plot.js", "case.js", "main.js")
 _PLAIN_ROWS: Final = 500
-_ORDER: Final = (Verdict.FAILED, Verdict.ERROR, Verdict.BLOCKED, Verdict.PASSED)
 
 
 def render_html(
-    run: RunResult, path: str | Path, *, points: int = 2000, embedded: int = EMBEDDED_LIMIT
+    run: RunResult,
+    path: str | Path,
+    *,
+    points: int = 2000,
+    embedded: int = EMBEDDED_LIMIT,
+    background: Background | None = None,
+    seeding: Seeding | None = None,
 ) -> Path:
     """Write the report and return its path.
 
@@ -53,6 +61,8 @@ def render_html(
             faults, alarms and failed checks always stay.
         embedded: Characters of case data up to which the page is one file; beyond them the cases go into a folder
             beside it, `report-data` of `report.html`.
+        background: Earlier runs, for trend and changes.
+        seeding: Defects seeded on purpose, for their table.
 
     Raises:
         ValueError: `points` is below 100.
@@ -64,11 +74,16 @@ def render_html(
     target.parent.mkdir(parents=True, exist_ok=True)
     plotly = _plotly()
     bundle = pack(run, target, points=points, library=plotly, limit=embedded)
-    target.write_bytes(_page(run, bundle, plotly).encode("utf-8", "replace"))
+    changes = background.comparison.by_case() if background else {}
+    target.write_bytes(
+        _page(run, bundle, plotly, overview(run, background, seeding), changes).encode("utf-8", "replace")
+    )
     return target
 
 
-def _page(run: RunResult, bundle: Bundle, plotly: str) -> str:
+def _page(
+    run: RunResult, bundle: Bundle, plotly: str, overview: dict[str, Any], changes: Mapping[str, str]
+) -> str:
     """Return the page as text; lone surrogates in it become question marks when it is written."""
     import jinja2
     from markupsafe import Markup
@@ -87,11 +102,11 @@ def _page(run: RunResult, bundle: Bundle, plotly: str) -> str:
         "state_icon": {"failed": "failed", "passed": "passed"}.get(state, "blocked"),
         "verdict_title": title,
         "verdict_text": text,
-        "totals": [(verdict.value, run.count(verdict)) for verdict in _ORDER],
-        "simulated": _duration(sum(case.simulated_s for case in run.cases)),
-        "wall": _duration(sum(case.wall_s for case in run.cases)),
+        "totals": [(verdict.value, run.count(verdict)) for verdict in VERDICTS],
+        "simulated": duration(sum(case.simulated_s for case in run.cases)),
+        "wall": duration(sum(case.wall_s for case in run.cases)),
         "rows": _plain_rows(run),
-        "selections": _selections(run),
+        "selections": _selections(run, changes),
         "matrices": _matrices(run),
         "stop_matrices": _stop_matrices(run),
         "prefix_rows": [
@@ -107,13 +122,14 @@ def _page(run: RunResult, bundle: Bundle, plotly: str) -> str:
         ],
         "facts": _facts(run),
         "bundle": bundle,
+        "overview": overview,
         "style": Markup("".join(_resource(name) for name in _STYLES)),  # noqa: S704 (a file of this package)
         "script_sources": Markup(  # noqa: S704 (base 64 and constants)
             f"{_hash(program)} 'self' file:" if bundle.folder else f"{_hash(program)} {_hash(plotly)}"
         ),
         "program": Markup(program),  # noqa: S704 (files of this package)
         "plotly": Markup("" if bundle.folder else plotly),  # noqa: S704 (a file of the installed plotly package)
-        "index": _json([index_entry(case) for case in run.cases]),
+        "index": _json([index_entry(case, changes.get(case.identifier, "")) for case in run.cases]),
         "requirements": _json(
             [
                 [
@@ -153,7 +169,7 @@ def _hash(script: str) -> str:
 
 
 def _gravity(item: tuple[int, CaseResult]) -> tuple[int, int]:
-    return _ORDER.index(item[1].verdict), item[0]
+    return VERDICTS.index(item[1].verdict), item[0]
 
 
 def _plural(count: int, word: str) -> str:
@@ -163,7 +179,7 @@ def _plural(count: int, word: str) -> str:
 def _verdict_words(run: RunResult, state: str) -> tuple[str, str]:
     """Return the headline of the run and the sentence below it."""
     total = len(run.cases)
-    failed, errors, blocked = (run.count(verdict) for verdict in _ORDER[:3])
+    failed, errors, blocked = (run.count(verdict) for verdict in VERDICTS[:3])
     rest = []
     if state == "failed":
         bad = [f"{failed} failed"] * bool(failed) + [_plural(errors, "error")] * bool(errors)
@@ -211,7 +227,7 @@ def _plain_rows(run: RunResult) -> list[dict[str, Any]]:
     ]
 
 
-def _selections(run: RunResult) -> list[tuple[str, str, list[str]]]:
+def _selections(run: RunResult, changes: Mapping[str, str]) -> list[tuple[str, str, list[str]]]:
     def several(values: Iterable[str]) -> list[str]:
         return sorted({value for value in values if value})
 
@@ -219,6 +235,7 @@ def _selections(run: RunResult) -> list[tuple[str, str, list[str]]]:
         ("g", "Group", several(case.group for case in run.cases)),
         ("tag", "Tag", several(tag for case in run.cases for tag in case.tags)),
         ("f", "Fault", several(fault.kind for case in run.cases for fault in case.faults)),
+        ("c", "Change", several(changes.get(case.identifier, "") for case in run.cases)),
         ("m", "Stop", several(mode for case in run.cases for mode in stop_modes(case))),
     ]
 
@@ -258,13 +275,13 @@ def _matrix(title: str, matrix: Matrix, key: str, **also: str) -> dict[str, Any]
                 cells.append(None)
                 continue
             counts = ", ".join(
-                f"{cell.count(verdict)} {verdict.value}" for verdict in _ORDER if cell.count(verdict)
+                f"{cell.count(verdict)} {verdict.value}" for verdict in VERDICTS if cell.count(verdict)
             )
             cells.append(
                 {
                     "verdict": cell.verdict.value,
                     "counts": [
-                        (verdict.value, cell.count(verdict)) for verdict in _ORDER if cell.count(verdict)
+                        (verdict.value, cell.count(verdict)) for verdict in VERDICTS if cell.count(verdict)
                     ],
                     "notes": " ".join(cell.notes[:3]) + (" …" if len(cell.notes) > 3 else ""),
                     "hint": f"{name}, {column}: {counts}",
@@ -303,14 +320,3 @@ def _facts(run: RunResult) -> list[tuple[str, str]]:
         ("Cases", str(len(run.cases))),
         ("Interrupted", "yes, cases are missing" if run.interrupted else "no"),
     ]
-
-
-def _duration(value: float) -> str:
-    if not math.isfinite(value):
-        return "unknown"
-    if value >= 120:
-        minutes, rest = divmod(round(value), 60)
-        return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min {rest:02d} s"
-    if value >= 1:
-        return f"{value:.2f} s"
-    return f"{value * 1000:.0f} ms" if value else "0 s"

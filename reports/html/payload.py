@@ -61,8 +61,14 @@ def file_link(path: str) -> str:
     return "./" + quote(plain, safe="/", errors="replace")
 
 
-def index_entry(case: CaseResult) -> dict[str, Any]:
-    """Return what the case list needs to show, search and filter; what is empty is left out."""
+def index_entry(case: CaseResult, change: str = "") -> dict[str, Any]:
+    """Return what the case list needs to show, search and filter; what is empty is left out.
+
+    Args:
+        case: The case.
+        change: What happened to it since the last run, in a word or two.
+
+    """
     faults = [
         [fault.kind, reaction, state_of(fault)]
         for fault in case.faults
@@ -90,6 +96,7 @@ def index_entry(case: CaseResult) -> dict[str, Any]:
         "al": alarms[:_IN_LIST],
         "r": named,
         "m": stop_modes(case),
+        "c": change,
         "s": _time(case.simulated_s),
         "w": _time(case.wall_s),
         "q": " ".join(dict.fromkeys(words)).lower(),

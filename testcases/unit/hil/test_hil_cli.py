@@ -87,6 +87,12 @@ def test_exit_codes_of_run(capsys, select, code):
         (["run"], "Missing argument"),
         (["fuzz", "--cases", "0"], "greater than or equal to 1"),
         (["requirements"], "no test results"),
+        (["requirements", "nowhere"], "no run here"),
+        (["requirements", "--prefix", "XYZ"], "no requirement has it; allowed: "),
+        (["history"], "no history here"),
+        (["history", "compare", "1", "2", "3"], "allowed: list; compare A B; show CASE; prune"),
+        (["report", "nowhere"], "no run here"),
+        (["run", TOY, "--summary", "-", "--json"], "both write to standard output"),
     ],
 )
 def test_what_cannot_run_ends_with_2_and_one_message(capsys, arguments, words):
@@ -96,6 +102,66 @@ def test_what_cannot_run_ends_with_2_and_one_message(capsys, arguments, words):
     assert words in err
     assert "Traceback" not in err
     assert out == ""
+
+
+def test_runs_leave_a_history_that_can_be_asked(capsys, tmp_path, monkeypatch):
+    """Every run is recorded; `hil history` lists, compares and follows a case; the summary says what is new."""
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(tmp_path / "steps.md"))
+    assert call(capsys, "run", TOY, "-k", "move-50", "--report", "rep", "--summary", "auto")[0] == 0
+    code, out, err = call(capsys, "run", TOY, "-k", "wrong", "--report", "rep", "--summary", "-")
+    assert code == 1
+    assert "**failed**: Alarm 999" in out
+    code, _, err = call(capsys, "run", TOY, "-t", "toy", "--report", "rep", "--summary", "auto")
+    assert "since the last results: 1 new failure, 1 still failing" in err, (
+        "broken is new, wrong failed before"
+    )
+    steps = (tmp_path / "steps.md").read_text("utf-8")
+    assert steps.count("## ") == 3, "two runs, one of them with a list of failed cases, one after the other"
+    file = tmp_path / "rep" / "history.sqlite"
+    runs = json.loads(call(capsys, "history", "--history", file, "--json")[1])
+    assert [run["number"] for run in runs] == [3, 2, 1]
+    code, out, _ = call(capsys, "history", "compare", "1", "--history", file, "--json")
+    assert code == 1
+    assert json.loads(out)["same_traces"] == 1, "the same case with the same seed leaves the same trace"
+    code, out, _ = call(capsys, "history", "compare", "2", "last", "--history", file)
+    assert "toy/broken" in out
+    code, out, _ = call(capsys, "history", "show", "toy/wrong", "--history", file)
+    assert (code, out.count("failed")) == (0, 4)
+    assert "repeat the last one with: hil replay HIL1-" in out
+    assert (
+        call(capsys, "history", "prune", "--keep", "1", "--history", file)[1]
+        == "2 runs deleted, the last 1 stay\n"
+    )
+    assert call(capsys, "report", "rep", "--summary", "again.md")[0] == 1
+    assert (tmp_path / "again.md").exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["again.md", "rep", "steps.md"]
+
+
+def test_history_can_be_elsewhere_or_nowhere(capsys, tmp_path):
+    """`--history` names the file or none at all; one that is none costs a warning, not the report."""
+    assert call(capsys, "run", TOY, "-k", "move-50", "--report", "rep", "--history", "none")[0] == 0
+    assert not (tmp_path / "rep" / "history.sqlite").exists()
+    assert call(capsys, "run", TOY, "-k", "move-50", "--report", "rep", "--history", "deep/h.sqlite")[0] == 0
+    assert (tmp_path / "deep" / "h.sqlite").exists()
+    (tmp_path / "notes").write_text("no database" * 100)
+    code, _, err = call(capsys, "run", TOY, "-k", "move-50", "--report", "other", "--history", "notes")
+    assert code == 0
+    assert "warning: the run is not in the history" in err
+    assert (tmp_path / "other" / "report.html").exists()
+
+
+def test_requirements_of_a_run(capsys, tmp_path):
+    """A report folder says what its cases cover, by family, with what is missing."""
+    call(capsys, "run", TOY, "-k", "move", "--report", "rep")
+    content = json.loads(call(capsys, "requirements", "rep", "--json")[1])
+    assert content["prefixes"]["STP"]["covered"] == 1
+    assert "STP-559" not in content["uncovered"]
+    assert len(content["uncovered"]) == len(requirements()) - 1
+    _, out, _ = call(capsys, "requirements", "rep", "--prefix", "STP", "--missing")
+    assert re.search(r"^STP +1 of +609", out, re.MULTILINE)
+    assert re.search(r"^STP-301 +\w", out, re.MULTILINE)
+    assert "STP-559" not in out
+    assert "HOM" not in out
 
 
 def test_a_case_is_replayed_from_its_token(capsys, tmp_path):

@@ -67,11 +67,11 @@ def test_times_that_are_no_numbers_become_null(tmp_path):
     assert (plain["simulated_s"], plain["cases"][0]["simulated_s"]) == (None, None)
 
 
-def test_write_report_makes_the_three_files(run, hostile, tmp_path):
-    """One call writes report, JUnit and summary, whatever the texts hold, and says where."""
+def test_write_report_makes_the_four_files(run, hostile, tmp_path):
+    """One call writes report, JUnit, summary and table, whatever the texts hold, and says where."""
     for folder, what in (("good", run), ("bad", hostile)):
         paths = write_report(what, tmp_path / folder)
-        assert [path.name for path in paths] == ["report.html", "junit.xml", "summary.json"]
+        assert [path.name for path in paths] == ["report.html", "junit.xml", "summary.json", "cases.csv"]
         assert all(path.parent == tmp_path / folder and path.stat().st_size > 1000 for path in paths)
         assert json.loads(paths.summary.read_text("ascii"))["report"] == str(paths.report)
 

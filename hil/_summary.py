@@ -1,0 +1,50 @@
+"""`--summary`: the run in markdown, where the user or the CI server wants it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from hil._commands.terminal import console
+from hil.errors import CannotRunError
+from reports import Background, ReportPaths, markdown_summary
+from reports.model import RunResult
+
+VARIABLE = "GITHUB_STEP_SUMMARY"
+AUTO = "auto"
+STANDARD_OUTPUT = "-"
+
+
+def check_summary(choice: str, *, as_json: bool) -> None:
+    """Refuse, before anything runs, what cannot go together.
+
+    Raises:
+        CannotRunError: Markdown and JSON would both go to standard output.
+
+    """
+    if choice == STANDARD_OUTPUT and as_json:
+        raise CannotRunError(
+            "--summary - and --json both write to standard output; allowed: --summary FILE, or one of the two"
+        )
+
+
+def give_summary(choice: str, run: RunResult, background: Background | None, paths: ReportPaths) -> None:
+    """Write the summary to a file, to standard output (`-`), or append it to what `GITHUB_STEP_SUMMARY` names (`auto`)."""
+    if not choice:
+        return
+    text = markdown_summary(run, background.comparison if background else None, report=str(paths.report))
+    if choice == STANDARD_OUTPUT:
+        sys.stdout.write(text)
+        return
+    if choice == AUTO:
+        target = os.environ.get(VARIABLE, "")
+        if not target:
+            console().print(f"no summary: {VARIABLE} is not set", style="dim", markup=False)
+            return
+        with Path(target).open("a", encoding="utf-8", errors="replace") as stream:
+            stream.write(text)
+        return
+    file = Path(choice)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(text, encoding="utf-8", errors="replace")
