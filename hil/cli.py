@@ -12,6 +12,17 @@ from typing import Annotated
 import typer
 
 from hil._interrupt import interruptible
+from hil._options import (
+    BenchOption,
+    EvidenceOption,
+    HistoryOption,
+    JobsOption,
+    JsonOption,
+    ReportOption,
+    SeedOption,
+    SummaryOption,
+    TwiceOption,
+)
 
 _CLICK_INTERRUPTED = 130
 """What the command framework makes of Ctrl-C."""
@@ -25,42 +36,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-BenchOption = Annotated[
-    str,
-    typer.Option(
-        "--bench", "-b", metavar="B", help="Bench file, embedded name or module:NAME; default: embedded."
-    ),
-]
-ReportOption = Annotated[
-    Path, typer.Option("--report", "-r", metavar="DIR", help="Folder for report and evidence.")
-]
-SeedOption = Annotated[int, typer.Option("--seed", "-s", help="Seed of the run.")]
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Result as JSON on standard output, with nothing else on it.")
-]
-JobsOption = Annotated[
-    str,
-    typer.Option("--jobs", "-j", metavar="N", help="Worker processes; 0 or auto: one for every processor."),
-]
-TwiceOption = Annotated[bool, typer.Option("--twice", help="Run every case twice and compare the traces.")]
-EvidenceOption = Annotated[
-    str, typer.Option("--evidence", help="Keep traces and bus logs of: failed, all or none of the cases.")
-]
-HistoryOption = Annotated[
-    str,
-    typer.Option(
-        "--history",
-        metavar="FILE",
-        help="History of runs; default: history.sqlite in the report folder; or none.",
-    ),
-]
-SummaryOption = Annotated[
-    str,
-    typer.Option(
-        "--summary", metavar="FILE", help="Summary in markdown; -: standard output; auto: for GitHub Actions."
-    ),
-]
 
 
 @app.command()

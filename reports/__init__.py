@@ -20,9 +20,9 @@ from reports.errors import ReportError, StoreError
 from reports.files import ReportPaths, render_html, write_report
 from reports.history import HISTORY_FILE, History, HistoryError, PastCase, PastRun
 from reports.junit import junit_tree, write_junit
-from reports.merge import merge_runs
 from reports.markdown import markdown_summary
 from reports.measures import Measure, measures
+from reports.merge import merge_runs
 from reports.model import (
     AlarmRecord,
     CaseResult,
@@ -93,9 +93,9 @@ __all__ = [
     "load_seeding",
     "margin",
     "margin_text",
-    "merge_runs",
     "markdown_summary",
     "measures",
+    "merge_runs",
     "prefix_totals",
     "reaction_name",
     "remember",

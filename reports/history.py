@@ -235,7 +235,15 @@ class History:
         row = self._base.execute(
             "SELECT max(number) FROM run WHERE started = ? AND seed = ? AND bench_digest = ? AND trace_digest = ?"
             " AND title = ? AND interrupted = ? AND passed + failed + blocked + errors = ?",
-            (run.started, str(run.seed), _digest(run.bench_text), run_digest(run), _text(run.title), run.interrupted, len(run.cases)),
+            (
+                run.started,
+                str(run.seed),
+                _digest(run.bench_text),
+                run_digest(run),
+                _text(run.title),
+                run.interrupted,
+                len(run.cases),
+            ),
         ).fetchone()
         return None if row[0] is None else int(row[0])
 

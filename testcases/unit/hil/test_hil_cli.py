@@ -91,7 +91,6 @@ def test_exit_codes_of_run(capsys, select, code):
         (["requirements", "--prefix", "XYZ"], "no requirement has it; allowed: "),
         (["history"], "no history here"),
         (["history", "compare", "1", "2", "3"], "allowed: list; compare A B; show CASE; prune"),
-        (["report", "nowhere"], "no run here"),
         (["run", TOY, "--summary", "-", "--json"], "both write to standard output"),
     ],
 )
@@ -132,8 +131,11 @@ def test_runs_leave_a_history_that_can_be_asked(capsys, tmp_path, monkeypatch):
         call(capsys, "history", "prune", "--keep", "1", "--history", file)[1]
         == "2 runs deleted, the last 1 stay\n"
     )
-    assert call(capsys, "report", "rep", "--summary", "again.md")[0] == 1
+    assert call(capsys, "report", "rep", "--report", "rep", "--summary", "again.md")[0] == 1
     assert (tmp_path / "again.md").exists()
+    assert len(json.loads(call(capsys, "history", "--history", file, "--json")[1])) == 1, (
+        "it is there already"
+    )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["again.md", "rep", "steps.md"]
 
 
