@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from motion.commissioning import ControlPanel
+from motion.data_blocks import BitAddress
 from motion.diagnostics import Diagnosis, diagnose, diagnose_encoder
 from motion.instructions import (
     Instruction,
@@ -123,6 +124,25 @@ class AxisHandle:
     def write_parameter(self, number: int, value: Any) -> MC_WriteParameter:
         """Start `MC_WriteParameter`."""
         return self.run(MC_WriteParameter(self.object, Execute=True, ParameterNumber=number, Value=value))
+
+    def set_limit_variables(
+        self, negative: BitAddress | None = None, positive: BitAddress | None = None
+    ) -> None:
+        """Let bits of a data block be the hardware limit switches, from the next restart of the object on (LIM-071).
+
+        The eight parts of both addresses are written in load memory; the monitoring has to be off there, and is switched on
+        by `write_parameter(1000, True)` (LIM-070).
+
+        Args:
+            negative: `BitAddress.of_bit(number, byte, bit)`; None = the input that the bench has wired.
+            positive: The same for the positive switch.
+
+        """
+        for name, address in (("Min", negative), ("Max", positive)):
+            given = address or BitAddress()
+            parts = zip(("RID", "Area", "DbNumber", "Offset"), given, strict=True)
+            for part, value in parts:
+                self.object.variables.write_start(f"PositionLimits_HW.{name}SwitchAddress.{part}", value)
 
     def move_absolute(self, position: float, **inputs: Any) -> MC_MoveAbsolute:
         """Start `MC_MoveAbsolute` to `position`, axis unit."""

@@ -10,6 +10,7 @@ from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 from motion.axis import ExternalEncoder, TechnologyAxis
 from motion.controller import Controller, ExecutionLevels
+from motion.data_blocks import DataBlocks
 from motion.instructions import Instruction, MC_SaveAbsoluteEncoderData
 from motion.memory_card import MemoryCard
 
@@ -58,6 +59,8 @@ class Runtime:
         self.after_cycle: list[Callable[[], object]] = []
         """Called at the end of every application cycle (recorder, triggers)."""
         self.cycles = 0
+        self.data_blocks = DataBlocks()
+        """Global data blocks of the user program."""
         self.card: MemoryCard | None = None
         """The memory card; None = there is none."""
         self.saver: MC_SaveAbsoluteEncoderData | None = None
@@ -74,6 +77,7 @@ class Runtime:
 
     def add(self, axis: TechnologyAxis) -> None:
         """Take an axis into the cycle."""
+        axis.data_blocks = self.data_blocks
         self.axes.append(axis)
 
     def add_encoder(self, encoder: ExternalEncoder) -> None:
@@ -184,6 +188,9 @@ class Runtime:
     def run_program(self) -> None:
         """Call every instance and function of the user program once."""
         self.program_calls += 1
+        for axis in self.axes:
+            if not axis.inputs_in_servo and axis.has_position:
+                axis.limits.update_image()  # type: ignore[attr-defined]
         if self._dormant:
             self._wake()
         for instance in self.program:

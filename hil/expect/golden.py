@@ -90,6 +90,30 @@ def drive_ramp(velocity: float, maximum_velocity: float, ramp_time_s: float) -> 
     return stop_ramp(velocity, maximum_velocity / ramp_time_s)
 
 
+def switch_clearance(
+    velocity: float, deceleration: float, *, filter_s: float = 0.0, cycle_s: float = 0.0, detection_s: float = 0.0
+) -> float:
+    """Return the way that a hardware limit switch needs in front of the mechanical stop (LIM-029).
+
+    Args:
+        velocity: Greatest velocity towards the switch, magnitude, >= 0.
+        deceleration: Magnitude of the deceleration without jerk limit, > 0.
+        filter_s: Filter time of the digital input, s.
+        cycle_s: Position-control cycle, in which a change is noticed at the latest, s.
+        detection_s: Further time until the ramp begins: acquisition and output of the values, s.
+
+    Raises:
+        ConfigurationError: A magnitude or time is negative or not finite, or the deceleration is zero.
+
+    """
+    delay_s = 0.0
+    for name, time_s in (("filter_s", filter_s), ("cycle_s", cycle_s), ("detection_s", detection_s)):
+        if not (math.isfinite(time_s) and time_s >= 0.0):
+            raise ConfigurationError(f"switch_clearance.{name}", time_s, "a time >= 0 s")
+        delay_s += time_s
+    return velocity * delay_s + stop_ramp(velocity, deceleration).distance
+
+
 @dataclass(frozen=True, slots=True)
 class ReferenceAxis:
     """The axis of the worked numbers: linear, lead screw 10 mm, position-controlled."""

@@ -117,6 +117,8 @@ class AxisAssembly:
         self.torque = TorqueControl(self._axis)
         self.control_words.release()
         self.derive(restart=True, powered_off=powered_off)
+        if self.has_position:
+            self.limits.check_addresses()
         self.homed = (
             self.has_position
             and not simulated

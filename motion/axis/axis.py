@@ -25,6 +25,7 @@ from motion.axis.servo import ServoCycle
 from motion.axis.state import FACTS, AxisState
 from motion.axis.status import status_word, status_word2
 from motion.axis.trace import TRACE_COLUMNS, trace_row
+from motion.data_blocks import DataBlocks
 from motion.drives.port import INPUT_HOME
 from motion.variables import VariableStore
 
@@ -139,6 +140,10 @@ class TechnologyAxis(ServoCycle):
         self._resets: list[Reset] = []
         self.station_inputs: Callable[[DrivePort], bool] | None = None
         """Puts the switches at an I/O station into the inputs of the port, once per cycle; returns whether it answers."""
+        self.inputs_in_servo = True
+        """Limit switches are read in the servo cycle (`PIP OB Servo`); else with the call of the program (LIM-025)."""
+        self.data_blocks = DataBlocks()
+        """Global data blocks of the controller, of which a bit can be a limit switch."""
         self.master: object | None = None
         """The control panel that has the axis; None = the user program (`StatusWord.X4`)."""
         self.power_owner: object | None = None

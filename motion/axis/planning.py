@@ -343,6 +343,12 @@ class SetpointPlanning:
         return job.mode if job is not None and job.job_class is _MOTION_IN else 0
 
     @property
+    def given(self) -> bool:
+        """Whether setpoints come from the user program, basic or superimposed ones."""
+        job, moving = self.job, self.superimposed
+        return (job is not None and job.job_class is _MOTION_IN) or (moving is not None and moving.given)
+
+    @property
     def motion_in_exceeds(self) -> bool:
         """`StatusMotionIn.StatusWord.X0`: the given velocity is above the configured maximum (MIN-005)."""
         return self.motion_in_state != 0 and abs(self.gen.v) > self._max_velocity.value

@@ -56,7 +56,7 @@ class Reset:
                 else:
                     axis.variables.restart()
                     axis.apply_configuration()
-                axis.set_state(AxisState.ALARM_DISABLED if problems else AxisState.DISABLED)
+                axis.set_state(AxisState.ALARM_DISABLED if axis.alarms.blocking else AxisState.DISABLED)
                 self.error_id = acknowledge_error(axis.alarms.engine)
                 self.done = True
             return

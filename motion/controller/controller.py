@@ -15,6 +15,7 @@ from motion.controller.states import OperatingState
 
 if TYPE_CHECKING:
     from motion.controller.objects import TechnologyObject
+    from motion.data_blocks import DataBlocks
     from motion.runtime import Runtime
 
 _SOURCE: Final = "controller"
@@ -66,6 +67,11 @@ class Controller:
         self._run_wanted = False
         self._startup_ends_ns = 0
         self._startup_limit_ns = 0
+
+    @property
+    def data_blocks(self) -> DataBlocks:
+        """Global data blocks of the user program; they lose their values with the supply and at a memory reset."""
+        return self._runtime.data_blocks
 
     def diagnosis(self, newest: int = 20) -> ControllerDiagnosis:
         """Return what the controller says about itself now: `print(bench.controller.diagnosis().text())`.
@@ -129,6 +135,7 @@ class Controller:
         self._run_wanted = False
         self._has_run = False
         self._stopping, self._restarts, self._initialising = [], [], []
+        self._runtime.data_blocks.clear()
         for one in self._runtime.objects:
             objects.power_down(one)
             objects.switch_outputs(one, False)
@@ -161,6 +168,7 @@ class Controller:
         """
         self._need_rest("memory reset")
         self._tell("memory reset")
+        self._runtime.data_blocks.clear()
         for one in self._runtime.objects:
             objects.power_down(one)
 
@@ -173,6 +181,7 @@ class Controller:
         """
         self._need_rest("factory reset")
         self._tell("reset to factory settings")
+        self._runtime.data_blocks.clear()
         for one in self._runtime.objects:
             objects.forget_adjustment(one)
             one.forget_encoders()

@@ -62,15 +62,36 @@ def _variable(entry: dict[str, Any]) -> list[Any]:
     return [*row, more] if more else row
 
 
+_ADDRESS_PARTS: Final = {
+    "RID": ("DWORD", (1 << 32) - 1),
+    "Area": ("BYTE", (1 << 8) - 1),
+    "DbNumber": ("UINT", (1 << 16) - 1),
+    "Offset": ("UDINT", (1 << 32) - 1),
+}
+"""Parts of a `VREF` that are written one by one (LIM-071), with their type and greatest value."""
+
+
+def _rows(entry: dict[str, Any]) -> list[list[Any]]:
+    """Return the rows of a variable: one, or those of its parts where it is an address that can be written."""
+    row = _variable(entry)
+    if entry["data_type"] != "VREF" or entry["access"] == "RON":
+        return [row]
+    return [
+        [f"{row[0]}.{part}", kind, row[2], row[3], 0, 0, high]
+        for part, (kind, high) in _ADDRESS_PARTS.items()
+    ]
+
+
 def variables(source: dict[str, Any]) -> dict[str, Any]:
     """Return the content of `to_variables.json`."""
     objects = {}
     for name, entry in source["objects"].items():
         rows = [
-            _variable(variable)
+            row
             for section in entry["sections"]
             for variable in section["variables"]
             if variable["kind"] != "struct"
+            for row in _rows(variable)
         ]
         objects[name] = {"inherits": entry["inherits"], "variables": rows}
     parameters = [

@@ -15,6 +15,8 @@ from motion.data import load
 _INTEGERS: Final = {
     "DINT": (-(1 << 31), (1 << 31) - 1),
     "UDINT": (0, (1 << 32) - 1),
+    "UINT": (0, (1 << 16) - 1),
+    "BYTE": (0, (1 << 8) - 1),
     "WORD": (0, (1 << 16) - 1),
     "DWORD": (0, (1 << 32) - 1),
     "VREF": (0, (1 << 16) - 1),
@@ -55,7 +57,7 @@ class Variable:
 
     path: str
     data_type: str
-    """`LREAL`, `BOOL`, `DINT`, `UDINT`, `WORD`, `DWORD`, `VREF` or `DB_ANY`."""
+    """`LREAL`, `BOOL`, `DINT`, `UDINT`, `UINT`, `BYTE`, `WORD`, `DWORD`, `VREF` or `DB_ANY`."""
     access: str
     """`DIR` direct, `CAL` on call of an instruction, `RES` restart, `RON` read only."""
     unit: str

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Final
 
-from motion.axis.jobs import ERROR_DIRECT_CONNECTION, ERROR_STATE, Job, JobClass
+from motion.axis.jobs import ERROR_DIRECT_CONNECTION, ERROR_LIMIT_SWITCH, ERROR_STATE, Job, JobClass
 from motion.axis.state import AxisState
 from motion.instructions.base import ExecuteInstruction
 from motion.variables import ERROR_PARAMETER_NUMBER, ParameterError
 
+LIMIT_SWITCHES: Final = 1000
+"""`PositionLimits_HW.Active`."""
 TIMES: Final = (1010, 1011, 1012)
 """T_i, T_o, T_DC."""
 
@@ -18,7 +20,8 @@ class MC_WriteParameter(ExecuteInstruction):
 
     Inputs: `Execute`; `ParameterNumber` 1000 `PositionLimits_HW.Active` and 1020 `Actor.RemoveEnableReaction`, which act at
     once; 1010, 1011, 1012 T_i, T_o, T_DC in s, which act after a restart and only where the connection goes through a data
-    block (CFG-272); `Value`. Outputs: the common ones.
+    block (CFG-272); `Value`. Outputs: the common ones. 1000 cannot become TRUE while a limit switch is a variable that does not
+    exist (16#805B, LIM-072).
     """
 
     instruction = "MC_WriteParameter"
@@ -35,6 +38,8 @@ class MC_WriteParameter(ExecuteInstruction):
             return ERROR_PARAMETER_NUMBER
         if self.ParameterNumber in TIMES and (axis.connection == "direct" or axis.simulated):
             return ERROR_DIRECT_CONNECTION
+        if self.ParameterNumber == LIMIT_SWITCHES and self.Value is True and axis.limits.address_problem():
+            return ERROR_LIMIT_SWITCH
         try:
             axis.variables.write_parameter(self.ParameterNumber, self.Value)
         except ParameterError as error:

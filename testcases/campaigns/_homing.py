@@ -13,7 +13,7 @@ from typing import Any, Final
 from hil.campaign import CaseContext
 from hil.expect import happens, job_output, no_alarm, status_word_bit, stays_within, value_at
 from hil.record import event
-from testcases.campaigns.support import axis_name, drive_name, enable, settle_s
+from testcases.campaigns.support import axis_name, drive_name, enable, restart, settle_s
 
 ZERO_MARK: Final = 0
 CAM: Final = 1
@@ -85,11 +85,8 @@ def machine(ctx: CaseContext) -> Machine:
 
 def configure(ctx: CaseContext, start: dict[str, Any], **now: Any) -> None:
     """Set variables of homing: those that need a restart, and by their last name those that act at once."""
+    restart(ctx, start)
     axis = ctx.axis
-    for path, value in start.items():
-        axis.variables.write_start(path, value)
-    ctx.do("MC_Reset Restart = TRUE: the configuration of homing takes effect")
-    ctx.wait_until(axis.reset(restart=True).done, 5.0, "the axis is restarted")
     axis.write("Homing.ApproachVelocity", APPROACH)
     axis.write("Homing.ReferencingVelocity", HOMING)
     axis.write("Sensor[1].ActiveHoming.HomePositionOffset", OFFSET)

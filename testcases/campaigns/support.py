@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -150,3 +151,17 @@ def acknowledge(ctx: CaseContext) -> None:
     ctx.do("MC_Reset")
     reset = ctx.axis.reset()
     ctx.wait_until(reset.done, 5.0, "the alarms are acknowledged")
+
+
+def acknowledge_and_enable(ctx: CaseContext) -> None:
+    """Acknowledge, and wait until the axis is enabled: an alarm that has disabled it lets `MC_Power` enable it again."""
+    acknowledge(ctx)
+    ctx.wait_until(ctx.axis.power_instance.status, 5.0, "the axis is enabled without a new edge")
+
+
+def restart(ctx: CaseContext, start: Mapping[str, Any]) -> None:
+    """Write start values in load memory and restart the axis, which has to be disabled."""
+    for path, value in start.items():
+        ctx.axis.variables.write_start(path, value)
+    ctx.do("MC_Reset Restart = TRUE: new start values take effect")
+    ctx.wait_until(ctx.axis.reset(restart=True).done, 5.0, "the axis is restarted")
