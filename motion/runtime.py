@@ -190,7 +190,7 @@ class Runtime:
         self.program_calls += 1
         for axis in self.axes:
             if not axis.inputs_in_servo and axis.has_position:
-                axis.limits.update_image()  # type: ignore[attr-defined]
+                axis.limits.update_image()
         if self._dormant:
             self._wake()
         for instance in self.program:

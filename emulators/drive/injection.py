@@ -61,7 +61,8 @@ class TravelFaults:
             UnsupportedFaultError: The machine has no such switch.
 
         """
-        self._switch(name).inverted = inverted
+        switch = self._switch(name)
+        switch.inverted = inverted is not switch.normally_closed
 
     def swap_limit_switches(self, swapped: bool) -> None:
         """Exchange the wires of the two limit switches, or put them right again.

@@ -35,6 +35,7 @@ class SwitchModel:
         "high",
         "hysteresis",
         "low",
+        "normally_closed",
         "on_change",
         "state",
     )
@@ -56,6 +57,8 @@ class SwitchModel:
         self.low = low
         self.high = high
         self.hysteresis = hysteresis
+        self.normally_closed = inverted
+        """How the contact is made, whatever is done to its polarity later."""
         self._inverted = inverted
         self._forced: bool | None = None
         self._actuated = False

@@ -319,6 +319,7 @@ class Bench(BenchParts):
             ramp_times=section.ramp_times,
         )  # fmt: skip
         axis.station_inputs = axis_inputs(self.config, name, self._links)
+        axis.inputs_in_servo = section.inputs_update == "servo"
         axis.homing_input = SWITCHES[section.homing_input]
         axis.enabling.timeout_s = section.enable_timeout_s
         self.runtime.add(axis)

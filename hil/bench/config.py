@@ -105,6 +105,8 @@ class AxisSection(Section):
     drive: str
     inputs: str | None = None
     """Station to which the switches of the drive are wired that count for this axis; None = those at the drive."""
+    inputs_update: Literal["servo", "program"] = "servo"
+    """When limit switches are read: in every servo cycle (`PIP OB Servo`), or with the process image of the program."""
     homing_input: Literal["home", "negative_limit", "positive_limit"] = "home"
     """Switch that is reference cam or homing mark (`DigitalInputAddress`)."""
     encoders: tuple[str, ...] | None = Field(default=None, max_length=4)

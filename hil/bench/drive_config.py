@@ -38,6 +38,10 @@ class SwitchSection(Section):
 
     negative_limit_mm: Finite | None = -550.0
     positive_limit_mm: Finite | None = 550.0
+    limit_width_mm: Positive | None = None
+    """Way on which a limit switch stays actuated; None: as far as the load can travel."""
+    normally_closed: bool = False
+    """The limit switches open when they are actuated, so that a broken wire looks like an actuated switch."""
     home_mm: Finite | None = -500.0
     """The home switch is active below this position; not together with the two following keys."""
     home_from_mm: Finite | None = None

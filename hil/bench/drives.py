@@ -72,14 +72,14 @@ def _machine(section: DriveSection) -> dict[str, Any]:
     mechanics, travel = section.mechanics, section.switches
     hysteresis = travel.hysteresis_mm / 1000.0
     switches = {}
+    width = math.inf if travel.limit_width_mm is None else travel.limit_width_mm / 1000.0
+    contact = {"hysteresis": hysteresis, "inverted": travel.normally_closed}
     if travel.negative_limit_mm is not None:
-        switches["negative_limit"] = SwitchConfig(
-            high=travel.negative_limit_mm / 1000.0, hysteresis=hysteresis
-        )
+        place = travel.negative_limit_mm / 1000.0
+        switches["negative_limit"] = SwitchConfig(low=place - width, high=place, **contact)
     if travel.positive_limit_mm is not None:
-        switches["positive_limit"] = SwitchConfig(
-            low=travel.positive_limit_mm / 1000.0, hysteresis=hysteresis
-        )
+        place = travel.positive_limit_mm / 1000.0
+        switches["positive_limit"] = SwitchConfig(low=place, high=place + width, **contact)
     for switch in ("home", "probe1", "probe2"):
         low, high = getattr(travel, f"{switch}_from_mm"), getattr(travel, f"{switch}_to_mm")
         if low is None and high is None:

@@ -91,7 +91,12 @@ def drive_ramp(velocity: float, maximum_velocity: float, ramp_time_s: float) -> 
 
 
 def switch_clearance(
-    velocity: float, deceleration: float, *, filter_s: float = 0.0, cycle_s: float = 0.0, detection_s: float = 0.0
+    velocity: float,
+    deceleration: float,
+    *,
+    filter_s: float = 0.0,
+    cycle_s: float = 0.0,
+    detection_s: float = 0.0,
 ) -> float:
     """Return the way that a hardware limit switch needs in front of the mechanical stop (LIM-029).
 

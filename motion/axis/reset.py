@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
 
 ALARM_CONFIGURATION: Final = 101
+_CONFIGURATION: Final = (ALARM_CONFIGURATION, 109)
+"""Alarms that stay until the configuration has been put right and the object restarted: as a whole, and of a limit switch."""
 ALARM_RESTART_REFUSED: Final = 322
 _PULSE_CYCLES: Final = 2
 """Cycles for which STW1.7 is shown at least."""
@@ -22,8 +24,8 @@ _RESTART_CYCLES: Final = 5
 
 
 def acknowledge_error(alarms: AlarmEngine) -> int:
-    """Return the `ErrorID` of an acknowledgement: 16#8015 while alarm 101 says that the configuration is wrong."""
-    return ERROR_CONFIGURATION if alarms.is_pending(ALARM_CONFIGURATION) else NO_ERROR
+    """Return the `ErrorID` of an acknowledgement: 16#8015 while alarm 101 or 109 says that the configuration is wrong."""
+    return ERROR_CONFIGURATION if any(map(alarms.is_pending, _CONFIGURATION)) else NO_ERROR
 
 
 class Reset:

@@ -19,7 +19,7 @@ from hil.expect import (
     status_word_bit,
     value_at,
 )
-from hil.record import EventSelector
+from hil.record import EventSelector, event
 from testcases.campaigns._reactions import cycles
 from testcases.campaigns.support import (
     MAXIMUM_VELOCITY,
@@ -74,7 +74,7 @@ DYNAMICS: Final = {"Acceleration": 1000.0, "Deceleration": 1000.0, "Jerk": 10_00
 
 def alarm_raised(ctx: CaseContext, number: int) -> EventSelector:
     """Select the first time that the axis raises an alarm."""
-    return EventSelector("alarm.raised", axis_name(ctx), 1, 0.0, {"number": number})
+    return event("alarm.raised", axis_name(ctx), number=number)
 
 
 def configure(ctx: CaseContext, kind: str, **start: Any) -> Kind:
@@ -121,6 +121,14 @@ def set_in_motion(ctx: CaseContext, motion: str, sign: int) -> list[Any]:
     ctx.wait_until(lambda: axis.motion.total.v * sign > VELOCITY - 1e-6, 5.0, f"the axis is in its {words}")
     ctx.run_for(0.05)
     return jobs
+
+
+def release(job: Any) -> None:
+    """Take the level inputs of an instruction back, so that it does not begin anew after the acknowledgement."""
+    if hasattr(job, "JogForward"):
+        job.set(JogForward=False, JogBackward=False)
+    elif hasattr(job, "Enable"):
+        job.set(Enable=False)
 
 
 def tell_stop(ctx: CaseContext, kind: Kind, side: str, jobs: list[Any], *, hit: EventSelector) -> None:

@@ -27,6 +27,7 @@ from testcases.campaigns._limits import (
     bit_at,
     configure,
     refused,
+    release,
     retracts,
     set_in_motion,
     stopped_on_ramp,
@@ -81,16 +82,8 @@ def approach(ctx: CaseContext, kind: str, side: str, motion: str) -> None:
         ctx, wanted, hit=hit, until=ended, moving=motion != "standstill", homing=motion == "homing"
     )
     for job in jobs:
-        _release(job)
+        release(job)
     _retract(ctx, kind, side, press, moved=motion != "standstill")
-
-
-def _release(job: Any) -> None:
-    """Take the level inputs of an instruction back, so that it does not begin anew after the acknowledgement."""
-    if hasattr(job, "JogForward"):
-        job.set(JogForward=False, JogBackward=False)
-    elif hasattr(job, "Enable"):
-        job.set(Enable=False)
 
 
 def _retract(ctx: CaseContext, kind: str, side: str, press: Any, *, moved: bool) -> None:

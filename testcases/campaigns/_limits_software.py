@@ -17,7 +17,7 @@ from hil.expect import (
     stays_within,
     value_at,
 )
-from hil.record import EventSelector
+from hil.record import EventSelector, event
 from testcases.campaigns._limits import (
     DYNAMICS,
     SIGN,
@@ -25,12 +25,14 @@ from testcases.campaigns._limits import (
     alarm_raised,
     bit_at,
     configure,
+    release,
     retracts,
     set_in_motion,
 )
 from testcases.campaigns._reactions import cycles
 from testcases.campaigns.support import (
     ACCELERATION,
+    JERK,
     VELOCITY,
     acknowledge,
     acknowledge_and_enable,
@@ -68,6 +70,11 @@ def _prepare(ctx: CaseContext, *, active: bool = True, homed: bool = True, **sta
     ctx.run_for(cycles(ctx, 2))
 
 
+def _braking(behaviour: str) -> tuple[float, float]:
+    """Return deceleration and jerk of the approach: those of the job, or the greatest ones."""
+    return (ACCELERATION, JERK) if CURRENT[behaviour] else (2000.0, 20_000.0)
+
+
 def _rests_on(ctx: CaseContext, side: str, limit: float, *, since: float | EventSelector) -> None:
     """Expect the setpoint exactly on the limit, never behind it, the bit of its side, and the axis enabled (LIM-075, LIM-082)."""
     axis, sign = axis_name(ctx), SIGN[side]
@@ -80,7 +87,7 @@ def _rests_on(ctx: CaseContext, side: str, limit: float, *, since: float | Event
         value_at(f"{axis}.power_status", now, 1.0, tolerance=0.0).covers("LIM-076"),
         bit_at(ctx, SOFTWARE_BIT[side], True).covers("LIM-082"),
         bit_at(ctx, SOFTWARE_BIT["negative" if sign > 0 else "positive"], False),
-        never_happens(EventSelector("alarm.raised", axis, 1, 0.0, {"number": EXCEEDED})),
+        never_happens(event("alarm.raised", axis, number=EXCEEDED)),
     )
 
 
@@ -104,7 +111,7 @@ def _leave(ctx: CaseContext, side: str) -> None:
 @CASES.product(
     "software/{side}/{motion}/{behaviour}",
     parameters={
-        "side": tuple(SIGN), "motion": ("constant", "accelerating", "jog", "positioning", "superimposed"),
+        "side": tuple(SIGN), "motion": ("constant", "accelerating", "jog", "positioning", "superimposed", "motion-in"),
         "behaviour": tuple(CURRENT),
     },
     title="{side} software limit from {motion}, {behaviour} dynamics",
@@ -118,11 +125,12 @@ def reached(ctx: CaseContext, side: str, motion: str, behaviour: str) -> None:
     began = ctx.now_s
     jobs = set_in_motion(ctx, motion, sign)
     if motion == "accelerating":
-        # So close that braking has to begin now.
-        room = golden.stop_distance(VELOCITY + 60.0, ACCELERATION if CURRENT[behaviour] else 2000.0, 10_000.0)
+        # So close that braking has to begin in a moment, while the axis still accelerates.
+        deceleration, jerk = _braking(behaviour)
+        room = golden.stop_ramp(VELOCITY, deceleration, jerk, acceleration=ACCELERATION).distance
         ctx.axis.write(
             f"PositionLimits_SW.{'Max' if sign > 0 else 'Min'}Position",
-            ctx.axis.var("Position") + sign * (room + 30.0),
+            ctx.axis.var("Position") + sign * (room + 10.0),
         )
         ctx.run_for(cycles(ctx, 1))
     limit = float(ctx.axis.variables.read(f"PositionLimits_SW.{'Max' if sign > 0 else 'Min'}Position"))
@@ -131,14 +139,13 @@ def reached(ctx: CaseContext, side: str, motion: str, behaviour: str) -> None:
     ctx.expect(alarm(REACHED, reaction=reaction, since=began, axis=axis).covers("LIM-077"))
     for job in jobs:
         ctx.expect(job_output(job.name, "Error", since=began, error_id=0x8001).covers("LIM-079"))
-        if hasattr(job, "JogForward"):
-            job.set(JogForward=False, JogBackward=False)
+        release(job)
     _rests_on(ctx, side, limit, since=began)
     since = state_change(ctx, "ALARM_RAMP")
     start = ctx.trace().instant(since)
-    if motion != "accelerating" and start is not None:
+    if motion not in ("accelerating", "motion-in") and start is not None:
         velocity = abs(ctx.trace()[f"{axis}.velocity_setpoint"].at(start))
-        deceleration, jerk = (1000.0, 10_000.0) if CURRENT[behaviour] else (2000.0, 20_000.0)
+        deceleration, jerk = _braking(behaviour)
         allowed = tolerance(ctx)
         ctx.expect(
             ramp(
@@ -162,11 +169,21 @@ def passed(ctx: CaseContext, side: str, how: str, leaves: str) -> None:
     sign, axis, drive = SIGN[side], axis_name(ctx), drive_name(ctx)
     behaviour, reaction = LEAVES[leaves]
     _prepare(ctx, LimitExceededBehavior=behaviour)
-    jobs = set_in_motion(ctx, "motion-in" if how == "motion-in" else "uncontrolled" if how == "uncontrolled" else "constant", sign)  # fmt: skip
+    jobs = set_in_motion(ctx, "uncontrolled" if how == "uncontrolled" else "constant", sign)
     began = ctx.now_s
+    name = f"PositionLimits_SW.{'Max' if sign > 0 else 'Min'}Position"
+    if how == "motion-in":
+        # Positions alone, without the velocity that a look-ahead would need.
+        place = ctx.axis.var("Position")
+        ctx.axis.write(name, place + 30.0 * sign)
+        ctx.do("MC_MotionInPosition: positions lead behind the limit")
+        jobs = [ctx.axis.motion_in_position(place)]
+        while not jobs[0].Error and abs(place - ctx.axis.var("Position")) < 60.0:
+            place += VELOCITY * sign * ctx.bench.cycle_ns * 1e-9
+            jobs[0].set(Position=place)
+            ctx.run_for(cycles(ctx, 1))
     if how == "moved":
         ctx.do("the limit is written to where the axis has been")
-        name = f"PositionLimits_SW.{'Max' if sign > 0 else 'Min'}Position"
         ctx.axis.write(name, ctx.axis.var("Position") - 10.0 * sign)
     ctx.wait_until(jobs[0].error if how != "motion-in" else lambda: jobs[0].Error, 3.0, "534 ends the job")
     ctx.run_for((0.3 if reaction == 3 else 0.6) + settle_s(ctx))
@@ -180,8 +197,7 @@ def passed(ctx: CaseContext, side: str, how: str, leaves: str) -> None:
     )
     if how == "moved":
         ctx.expect(alarm(EXCEEDED, since=began, within_s=cycles(ctx, 3), axis=axis).covers("LIM-087"))
-    if how == "motion-in":
-        jobs[0].set(Enable=False)
+    release(jobs[0])
     acknowledge_and_enable(ctx)
     retracts(ctx, -8.0 * sign)
 
@@ -197,7 +213,9 @@ def without_effect(ctx: CaseContext, side: str, why: str) -> None:
     sign, axis = SIGN[side], axis_name(ctx)
     _prepare(ctx, active=why != "switched-off", homed=why != "not-homed")
     began = ctx.now_s
-    job = ctx.axis.move_relative(300.0 * sign, Velocity=500.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0)
+    job = ctx.axis.move_relative(
+        300.0 * sign, Velocity=400.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0
+    )
     ctx.wait_until(job.ended, 5.0, "the motion ends")
     identifier = "LIM-073" if why == "not-homed" else "LIM-004"
     ctx.expect(

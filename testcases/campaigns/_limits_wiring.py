@@ -40,7 +40,7 @@ MONITORING: Final = 1000
 
 def _raised(ctx: CaseContext, info: int) -> EventSelector:
     """Select alarm 531 with a cause: 1 and 2 the switch, 3 the direction, 4 reversed, 5 both."""
-    return EventSelector("alarm.raised", axis_name(ctx), 1, 0.0, {"number": HARDWARE, "info": info})
+    return event("alarm.raised", axis_name(ctx), number=HARDWARE, info=info)
 
 
 def _monitor(ctx: CaseContext, on: bool) -> None:
@@ -203,7 +203,7 @@ def wire_break(ctx: CaseContext, side: str, contact: str) -> None:
     job = bring_into(ctx, "constant", direction=sign)
     since = ctx.now_s
     ctx.inject("switch.stuck", drive, input=f"{side}_limit", state=False)
-    hit = EventSelector("fault.applied", None, 3 if closed else 1)
+    hit = event("fault.applied", nth=3 if closed else 1)
     ctx.run_for(0.25 + settle_s(ctx))
     if closed:
         tell_stop(ctx, wanted, side, [job], hit=hit)
@@ -257,7 +257,7 @@ def swapped(ctx: CaseContext, side: str, kind: str) -> None:
     ctx.inject("switch.swapped", drive)
     job = bring_into(ctx, "constant", direction=sign)
     press = ctx.inject("switch.press", drive, input=f"{side}_limit")
-    hit = EventSelector("fault.applied", None, 2)
+    hit = event("fault.applied", nth=2)
     ctx.run_for(0.6 + settle_s(ctx))
     tell_stop(ctx, wanted, OTHER[side], [job], hit=hit)
     ctx.expect(happens(_raised(ctx, 4), since=hit).covers("LIM-062"))

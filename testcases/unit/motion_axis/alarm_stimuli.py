@@ -244,6 +244,17 @@ def short_of(distance: float, mm: float, *, before: float = 0.0) -> Callable[[Ri
     return act
 
 
+def start_value_later(path: str, value: object) -> Callable[[Rig], Undo]:
+    """Do nothing: the configuration is the cause, until `path` becomes `value` in load memory."""
+    return lambda rig: lambda: rig.axis.variables.write_start(path, value)
+
+
+def variable_as_switch(end: str) -> dict[str, Any]:
+    """Return start values with a bit of a data block as limit switch, `Min` or `Max`, that is watched from the start on."""
+    place = f"PositionLimits_HW.{end}SwitchAddress"
+    return HARD | {f"{place}.RID": 0x0200_0001, f"{place}.Area": 0x84, f"{place}.DbNumber": 7}
+
+
 NO_LIMIT = {"FollowingError.EnableMonitoring": False}
 SOFT = {
     "PositionLimits_SW.Active": True,
@@ -265,6 +276,8 @@ STIMULI = [
     Stimulus(104, homed(variable(PositionLimits_SW__MinPosition=20.0, PositionLimits_SW__MaxPosition=10.0)), variables=SOFT),
     Stimulus(106, before_start(link=False), info=2, fresh=True),
     Stimulus(108, before_start(sensor_fault=True), info=2, fresh=True),
+    Stimulus(109, start_value_later("PositionLimits_HW.Active", False), info=1, fresh=True, variables=variable_as_switch("Min")),
+    Stimulus(109, start_value_later("PositionLimits_HW.Active", False), info=2, fresh=True, variables=variable_as_switch("Max")),
     Stimulus(110, lambda _: nothing, info=1, fresh=True, variables={"Actor.DriveParameter.MaxSpeed": 7000.0}),
     Stimulus(204, lost_panel, info=1, fresh=True, within_s=4.0),
     Stimulus(304, standing_still, info=1, fresh=True, variables={"DynamicLimits.MaxVelocity": 0.0}),

@@ -146,6 +146,7 @@ TABLE: list[tuple[int, str, Provoke, bool, dict[str, Any], type[TorquePort] | No
     (0x8051, "MC-618", call("set_sensor", 1, mode=3, reference=4), True, {}, None),
     (0x8055, "MC-619", call("set_axis_stw", STW1=1, STW1BitMask=1), True, {}, TorquePort),
     (0x805A, "MC-620", call("write_parameter", 999, 0), True, {}, None),
+    (0x805B, "MC-621", call("write_parameter", 1000, True), True, {"PositionLimits_HW.MinSwitchAddress.DbNumber": 7}, None),
     (0x805C, "MC-620", call("write_parameter", 1000, "on"), True, {}, None),
     (0x805D, "MC-620", call("write_parameter", 1010, 0.001), True, {}, None),
     (0x8071, "MC-622", without_position_control, True, TORQUE, TorquePort),

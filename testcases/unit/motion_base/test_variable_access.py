@@ -380,5 +380,7 @@ def test_access_classes_are_complete():
 
 
 def keep(path):
-    """Return whether a path is no repetition of another array element."""
+    """Return whether a path is no repetition of another array element, and no further part of an address."""
+    if "SwitchAddress." in path and not path.endswith(".RID"):
+        return False
     return not any(f"[{number}]" in path for number in range(2, 33))
