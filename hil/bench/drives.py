@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -73,13 +74,13 @@ def _machine(section: DriveSection) -> dict[str, Any]:
     hysteresis = travel.hysteresis_mm / 1000.0
     switches = {}
     width = math.inf if travel.limit_width_mm is None else travel.limit_width_mm / 1000.0
-    contact = {"hysteresis": hysteresis, "inverted": travel.normally_closed}
+    limit = partial(SwitchConfig, hysteresis=hysteresis, inverted=travel.normally_closed)
     if travel.negative_limit_mm is not None:
         place = travel.negative_limit_mm / 1000.0
-        switches["negative_limit"] = SwitchConfig(low=place - width, high=place, **contact)
+        switches["negative_limit"] = limit(low=place - width, high=place)
     if travel.positive_limit_mm is not None:
         place = travel.positive_limit_mm / 1000.0
-        switches["positive_limit"] = SwitchConfig(low=place, high=place + width, **contact)
+        switches["positive_limit"] = limit(low=place, high=place + width)
     for switch in ("home", "probe1", "probe2"):
         low, high = getattr(travel, f"{switch}_from_mm"), getattr(travel, f"{switch}_to_mm")
         if low is None and high is None:
