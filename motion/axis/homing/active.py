@@ -232,6 +232,7 @@ class ActiveHoming:
         way = axis.modulo.shortest(self._offset)
         relate(axis, target - way - mark)
         take_relation(axis, mode=self._mode, offset=target - way - mark)
-        axis.limits.end_reversal()
-        self._show(Phase.HOME, 1 if target > axis.feedback.position else -1)
+        heading = 1 if target > axis.feedback.position else -1
+        axis.limits.mark_found(heading)
+        self._show(Phase.HOME, heading)
         axis.motion.travel_to(self._job, target, self._approach_velocity)

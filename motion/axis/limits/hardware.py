@@ -80,7 +80,7 @@ class HardwareLimits:
     The switches are inputs of the drive (60FDh) or of an I/O station, as the bench wires them, or bits in a data block.
     """
 
-    __slots__ = ("_axis", "_barred", "_behaviour", "_hw_active", "_image", "_mode", "_switches", "_variables",
+    __slots__ = ("_axis", "_barred", "_behaviour", "_hw_active", "_image", "_leaving", "_mode", "_switches", "_variables",
                  "negative", "positive", "reversing")  # fmt: skip
 
     def __init__(self, axis: TechnologyAxis) -> None:
@@ -102,6 +102,8 @@ class HardwareLimits:
         self._image: int | None = None
         self.reversing = False
         """Active homing turns round at the switches: they are shown, and there is no alarm (HOM-109)."""
+        self._leaving: HardwareSwitch | None = None
+        """What active homing leaves after it has found its mark beside it."""
         self._barred = 0
         """Cause of alarm 531 that allows no retraction, 0 without one."""
 
@@ -166,15 +168,33 @@ class HardwareLimits:
         inputs = self._inputs()
         for switch in self._switches:
             on = (inputs & switch.mask != 0) is (switch.level.value != 0)
-            if self.reversing:
+            if self.reversing or switch is self._leaving:
                 switch.active = on
+                if not on and switch is self._leaving:
+                    self._leaving = None
             elif on or switch.active:
                 self._evaluate(switch, on, inputs)
 
+    def mark_found(self, direction: int) -> None:
+        """Watch the switches again, but for one that is active still and from which the motion to the home position leads away.
+
+        Args:
+            direction: Of that motion, 1 or -1.
+
+        """
+        if not self.reversing:
+            return
+        leaving = next((one for one in self._switches if one.active and one.direction != direction), None)
+        self.end_reversal()
+        if leaving is not None:
+            leaving.active = True
+            self._leaving = leaving
+
     def end_reversal(self) -> None:
         """Watch the switches again from the next cycle on; one that is still active then raises its alarm (HOM-115)."""
-        if self.reversing:
+        if self.reversing or self._leaving is not None:
             self.reversing = False
+            self._leaving = None
             self.negative.active = self.positive.active = False
 
     def _evaluate(self, switch: HardwareSwitch, on: bool, inputs: int) -> None:

@@ -99,6 +99,22 @@ class TestReversal:
             assert run.phases() == ["search+", "back-", "search+"]
             assert run.alarms()[0] == 342
 
+    @pytest.mark.requirement("HOM-109", "HOM-115")
+    @pytest.mark.parametrize(("offset", "alarms"), [(40.0, []), (5.0, [531]), (-5.0, [531])])
+    def test_mark_on_the_switch(self, offset, alarms):
+        """Left with the way to the home position the switch is quiet; at rest on it, or back into it, monitoring acts."""
+        own = {"Sensor[1].ActiveHoming.HomePositionOffset": offset}
+        with machine(
+            ZERO_MARK, variables=REVERSAL | own, start=547.0, switches={"negative_limit_mm": 480.0}
+        ) as bench:
+            run = Machine(bench)
+            job = run.home()
+            run.run(0.1)
+            assert run.phases() == ["search+", "back-", "search+"]
+            assert run.bit(5)
+            assert run.alarms() == alarms
+            assert job.Done is (offset > 0.0)
+
     @pytest.mark.requirement("HOM-115", "HOM-195")
     def test_aborted_on_the_switch(self):
         """After a halt on the switch normal monitoring is back in the next cycle: 531."""
