@@ -12,6 +12,7 @@ from hil._requirements import complete
 from hil.campaign import environment_facts
 from hil.campaign._evidence import build_alarms, build_faults, build_messages, build_signals, build_story
 from hil.campaign._runner import clear_run
+from hil.record import homing_drawings
 from reports import write_report
 from reports.model import CaseResult, RunResult, Verdict
 from reports.store import RUN_FILE, finish_run, load_run, start_run, write_case
@@ -92,6 +93,7 @@ class PluginReport:
         result.faults = build_faults(trace, [armed for one in entry.injectors for armed in one.armed])
         result.messages = build_messages(trace, entry.bench.decode)
         result.signals = build_signals(trace)
+        result.homings = homing_drawings(trace)
 
     def note(self, item: pytest.Item, report: pytest.TestReport) -> None:
         """Take over the outcome of a phase; after the last one the case is written."""

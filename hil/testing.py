@@ -8,10 +8,10 @@ from typing import Any
 from hil.errors import ExpectationFailedError
 from hil.expect import Expectation, describe, evaluate, run_checkers
 from hil.protocols import Bench, BenchFile
-from hil.record import Signal, Trace, first_difference
+from hil.record import Signal, Trace, first_difference, homing_drawings
 from reports.model import Check, Verdict
 
-__all__ = ["CurrentTrace", "assert_repeatable", "assert_trace"]
+__all__ = ["CurrentTrace", "assert_repeatable", "assert_trace", "homing_drawings"]
 
 
 def _assert_all(checks: list[Check]) -> None:

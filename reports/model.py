@@ -12,6 +12,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from reports.homing import HomingDrawing
+
 Scalar = str | int | float | bool | None
 
 
@@ -152,6 +154,8 @@ class CaseResult:
     faults: list[FaultRecord] = field(default_factory=list)
     messages: list[Message] = field(default_factory=list)
     signals: list[Signal] = field(default_factory=list)
+    homings: list[HomingDrawing] = field(default_factory=list)
+    """Active and passive homings, each as a drawing."""
     files: dict[str, str] = field(default_factory=dict)
     """Evidence beside the report: bus logs and the like; name to path relative to the report."""
 

@@ -321,6 +321,11 @@ class Bench(BenchParts):
         axis.station_inputs = axis_inputs(self.config, name, self._links)
         axis.inputs_in_servo = section.inputs_update == "servo"
         axis.homing_input = SWITCHES[section.homing_input]
+        on_motor = encoders is None and axis.has_position and variables.get("Sensor[1].System", 1) == 1
+        self.history.emit(
+            name, "axis.wired", drive=section.drive, homing_input=section.homing_input,
+            zero_mark_pitch=60.0 / axis.mechanics.rpm_per_unit if on_motor else 0.0,
+        )  # fmt: skip
         axis.enabling.timeout_s = section.enable_timeout_s
         self.runtime.add(axis)
         self._ports[section.drive] = port

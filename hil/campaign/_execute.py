@@ -22,7 +22,7 @@ from hil.campaign._limits import limit_simulated, limit_wall
 from hil.campaign._token import Token
 from hil.errors import BlockedError, CaseTimeoutError, UnsupportedFaultError
 from hil.expect import describe, run_checkers
-from hil.record import Difference, Trace, first_difference
+from hil.record import Difference, Trace, first_difference, homing_drawings
 from reports.model import CaseResult, Check, Verdict
 
 REPEATABLE: Final = "repeatable"
@@ -225,6 +225,7 @@ def collect_evidence(
     result.faults = build_faults(trace, context.faults.armed)
     result.messages = build_messages(trace, context.bench.decode, window)
     result.signals = build_signals(trace, signals)
+    result.homings = homing_drawings(trace)
 
 
 def make_token(case: Case, *, seed: int, campaign: str, bench: str, bench_digest: str) -> str:

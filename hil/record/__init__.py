@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 from hil.record._compare import Difference, first_difference
+from hil.record._homing import homing_drawings
 from hil.record._kinds import EVENT_KINDS, check_event_kind
 from hil.record._recorder import Group, Recorder
 from hil.record._select import EventSelector, event, kind_matches
@@ -41,5 +42,6 @@ __all__ = [
     "check_word",
     "event",
     "first_difference",
+    "homing_drawings",
     "kind_matches",
 ]

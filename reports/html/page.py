@@ -38,8 +38,10 @@ from reports.summary import run_digest
 from reports.texts import VERDICTS, duration
 from reports.words import headline, run_state
 
-_STYLES: Final = ("style.css", "case.css")
-_SCRIPTS: Final = ("core.js", "list.js", "requirements.js", "overlay.js", "plot.js", "case.js", "main.js")
+_STYLES: Final = ("style.css", "case.css", "homing.css")
+_SCRIPTS: Final = (
+    "core.js", "list.js", "requirements.js", "overlay.js", "plot.js", "homing.js", "case.js", "main.js",
+)  # fmt: skip
 _PLAIN_ROWS: Final = 500
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reports.coverage import reactions_to, state_of, stop_modes
+from reports.html.homing import drawing_payload
 from reports.html.numbers import encode, thin
 from reports.html.signals import Lane, Panel, arrange, bands, component, is_setpoint
 from reports.model import CaseResult, Check, Message, Scalar, Signal, Step, Verdict
@@ -173,6 +174,7 @@ def case_payload(case: CaseResult, *, points: int) -> dict[str, Any]:
         "panels": [_panel(panel, times, points, focus) for panel in panels],
         "lanes": [_lane(lane) for lane in lanes],
         "times": times.encoded,
+        "homings": [drawing_payload(drawing) for drawing in case.homings],
         "files": [[name, path, file_link(path)] for name, path in case.files.items()],
     }
 

@@ -38,6 +38,7 @@ class ZeroMarkSource:
     def _choose(self, _: int, value: float) -> None:
         self._probe = int(value)
         self._drive.encoder_words.external_mark = bool(value)
+        self._drive.emit("drive.zero_mark", external=bool(value))
 
     def _on_edge(self, number: int, rising: bool, increments: int) -> None:
         if number != self._probe:

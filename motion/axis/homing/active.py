@@ -118,6 +118,11 @@ class ActiveHoming:
             positive_side=axis.variables.read(f"{self._path}.SideInput"),
             switch=on,
         )
+        if axis.history is not None:
+            axis.history.emit(
+                axis.name, "homing.started", job=self._job.name, mode=self._mode, mark=self._kind, direction=self._direction,
+                level=axis.variables.read(f"{self._path}.SwitchLevel"), approach=self._approach_velocity, homing=self._homing_velocity,
+            )  # fmt: skip
         if self._kind == ZERO_MARK:
             self._enter(Phase.SEARCH, self._direction)
         elif on:
@@ -231,7 +236,7 @@ class ActiveHoming:
         target = axis.modulo.homed(self._home)
         way = axis.modulo.shortest(self._offset)
         relate(axis, target - way - mark)
-        take_relation(axis, mode=self._mode, offset=target - way - mark)
+        take_relation(axis, mode=self._mode, offset=target - way - mark, mark=target - way)
         heading = 1 if target > axis.feedback.position else -1
         axis.limits.mark_found(heading)
         self._show(Phase.HOME, heading)

@@ -105,7 +105,8 @@ def home_directly(owner: HomingObject, mode: int, position: float, sensor: int =
         owner.variables.set_internal(f"Status{owner.sensor_path(number)}.Adjusted", 1)
     if mode in (6, 7):
         feedback.keep_offset()
-    _emit(owner, mode, offset)
+    if owner.history is not None:
+        owner.history.emit(owner.name, "axis.homed", mode=mode, offset=offset)
 
 
 def relate(owner: HomingObject, offset: float, *, all_sensors: bool = False) -> None:
@@ -123,14 +124,23 @@ def relate(owner: HomingObject, offset: float, *, all_sensors: bool = False) -> 
     owner.shift_setpoints(offset)
 
 
-def take_relation(owner: HomingObject, *, mode: int, offset: float) -> None:
-    """The homing mark has been evaluated: homed, adjusted, and kept for an absolute encoder without a kept offset (HOM-087)."""
+def take_relation(owner: HomingObject, *, mode: int, offset: float, mark: float) -> None:
+    """The homing mark has been evaluated: homed, adjusted, and kept for an absolute encoder without a kept offset (HOM-087).
+
+    Args:
+        owner: Axis or external encoder.
+        mode: `MC_Home.Mode`.
+        offset: By how much positions have grown, axis unit.
+        mark: Position of the mark since then, axis unit.
+
+    """
     owner.homed = True
     adjusted = f"Status{owner.sensor_path(owner.operative_sensor)}.Adjusted"
     if not owner.incremental and owner.variables.read(adjusted) == 0:
         owner.feedback.keep_offset()
     owner.variables.set_internal(adjusted, 1)
-    _emit(owner, mode, offset)
+    if owner.history is not None:
+        owner.history.emit(owner.name, "axis.homed", mode=mode, offset=offset, mark=mark)
 
 
 def shift_axis(axis: PositioningAxis, offset: float) -> None:
@@ -152,8 +162,3 @@ def shift_axis(axis: PositioningAxis, offset: float) -> None:
 
 def _setpoint(owner: Any) -> float:
     return float(owner.motion.total.s)
-
-
-def _emit(owner: HomingObject, mode: int, offset: float) -> None:
-    if owner.history is not None:
-        owner.history.emit(owner.name, "axis.homed", mode=mode, offset=offset)

@@ -57,6 +57,11 @@ class PassiveHoming:
             job.fail(ERROR_ALARM)
         else:
             owner.homings.append(self)
+            if owner.history is not None:
+                owner.history.emit(
+                    owner.name, "homing.started", job=job.name, mode=mode, mark=kind, direction=_DIRECTIONS[read(f"{path}.Direction")],
+                    level=read(f"{path}.SwitchLevel"), approach=0.0, homing=0.0,
+                )  # fmt: skip
 
     @property
     def busy(self) -> bool:
@@ -94,7 +99,7 @@ class PassiveHoming:
         owner = self._owner
         offset = owner.modulo.homed(self.reference) - mark
         relate(owner, offset)
-        take_relation(owner, mode=self._mode, offset=offset)
+        take_relation(owner, mode=self._mode, offset=offset, mark=mark + offset)
         self._job.finish()
 
 

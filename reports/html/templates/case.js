@@ -156,6 +156,7 @@ function showCase(identifier, place, data, query) {
   h("nav", { "aria-label": "Cases" }, step(-1, "Previous", "["), h("a", { href: listHash, title: "Key Escape" }, "All cases"), step(1, "Next", "]")));
 
   const pane = h("div.plot-pane");
+  if (data.homings.length) append(pane, [h("section.homings", { "aria-label": "Homing", tabindex: 0 }, data.homings.map((homing, i) => homingView(homing, i, (t) => jump(t))))]);
   const plotted = data.panels.length + data.lanes.length > 0;
   const jump = (t, since, check) => {
     opened.plot?.goTo(t, since);
