@@ -173,7 +173,7 @@ def _part_problem(velocity: Signal, position: Signal, entry: float | None) -> tu
     return None
 
 
-_STEADY_STATES = {
+STEADY_STATES = {
     "enable_ramp",
     "standstill",
     "motion",
@@ -205,14 +205,14 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
         if len(signal) < 3:
             continue
         state = trace[f"{axis}.state"]
-        steady_codes = [code for code, text in state.enum.items() if normal_state(text) in _STEADY_STATES]
+        steady_codes = [code for code, text in state.enum.items() if normal_state(text) in STEADY_STATES]
         steady = np.isin(np.round(state.values), steady_codes)
         # On a live bench late cycles are caught up in a burst; each of them is still one cycle of the setpoint.
         step_s = np.maximum(np.diff(signal.time_s), trace.constants.get(f"{axis}.cycle_s", 0.0))
         bound = max(known) * step_s * 1.001 + 1e-6
         jump = np.abs(np.diff(signal.values))
-        own = steady & ~_given(trace, axis)
-        judged = own[1:] & own[:-1] & _no_change(trace, axis, signal)
+        own = steady & ~given_by_program(trace, axis)
+        judged = own[1:] & own[:-1] & no_change(trace, axis, signal)
         broken = np.flatnonzero(judged & (jump > bound))
         worst = float((jump / step_s)[judged].max(initial=0.0))
         index = int(broken[0]) if len(broken) else None
@@ -236,7 +236,7 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
     return checks
 
 
-def _given(trace: Trace, axis: str) -> NDArray[np.bool_]:
+def given_by_program(trace: Trace, axis: str) -> NDArray[np.bool_]:
     """Return the samples in which the user program gives setpoints: StatusWord.X31, StatusWord2.X6 (MIN-013, MIN-014)."""
     given = _bit(trace[f"{axis}.status_word"], 31)
     name = f"{axis}.status_word2"
@@ -247,7 +247,7 @@ def _bit(word: Signal, number: int) -> NDArray[np.bool_]:
     return np.asarray(word.values.astype(np.int64) >> number & 1, dtype=bool)
 
 
-def _no_change(trace: Trace, axis: str, signal: Signal) -> NDArray[np.bool_]:
+def no_change(trace: Trace, axis: str, signal: Signal) -> NDArray[np.bool_]:
     """Return which intervals between samples hold no change of state and no start of a job, nor follow one directly."""
     free = np.ones(len(signal) - 1, dtype=bool)
     for kind in ("axis.state", "axis.homed", "alarm.raised", "program.write", "job.active"):

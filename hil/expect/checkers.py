@@ -20,6 +20,11 @@ from hil.expect._profidrive_rules import (
     check_profidrive_transitions,
     check_profidrive_words,
 )
+from hil.expect._setpoint_rules import (
+    check_acceleration_setpoint,
+    check_position_continuity,
+    check_stop_travel,
+)
 from hil.expect._words import cia402_state, normal_state
 from hil.record import Trace
 from reports.model import Check, Verdict
@@ -193,6 +198,16 @@ def check_status_words(trace: Trace) -> list[Check]:
             rules.append(
                 ("MC_Power outputs", "Status implies Busy", (status != 0) & (busy == 0), ["STP-507"])
             )
+            if f"{axis}.power_enable" in trace:
+                # In the cycle of an edge the outputs may still be those of the call before.
+                enable = _words(trace, f"{axis}.power_enable") != 0
+                held = enable.copy()
+                held[1:] &= enable[:-1]
+                free = (status == 0) & (busy == 0)
+                rules.append(
+                    ("MC_Power off", "neither Status nor Busy only without Enable", free & held, ["STP-508"])
+                )
+                rules.append(("MC_Power busy", "Enable implies Busy", held & (busy == 0), ["STP-509"]))
         for name, expected, broken, identifiers in rules:
             problems = [(float(times[index]), "not so") for index in np.flatnonzero(broken)]
             checks.append(
@@ -301,6 +316,9 @@ ALWAYS_ON: Final[tuple[Checker, ...]] = (
     check_jobs_and_alarms,
     check_motion_while_disabled,
     check_setpoint_continuity,
+    check_position_continuity,
+    check_acceleration_setpoint,
+    check_stop_travel,
     check_profidrive_transitions,
     check_profidrive_words,
     check_profidrive_stops,

@@ -37,7 +37,7 @@ def controller_action(bench: Bench, fault: Fault) -> Action:
         case "controller.stop":
             apply, remove = lambda: controller.stop("fault"), controller.run
         case "controller.breakpoint":
-            apply, remove = controller.breakpoint, controller.run
+            apply, remove = lambda: _break(controller), controller.run
         case "controller.overrun":
             return _overrun(fault, controller.levels)
         case "controller.stall":
@@ -45,6 +45,15 @@ def controller_action(bench: Bench, fault: Fault) -> Action:
         case _:
             apply, remove = controller.power_off, controller.power_on
     return Action(_NAME, apply, remove)
+
+
+def _break(controller: Any) -> None:
+    """Let the program meet a breakpoint, where it runs at that moment."""
+    if controller.state.value != "RUN":
+        raise UnsupportedFaultError(
+            f"controller.breakpoint cannot be injected: the controller is in {controller.state.value}, and no program runs"
+        )
+    controller.breakpoint()
 
 
 def _overrun(fault: Fault, levels: Any) -> Action:
