@@ -18,6 +18,7 @@ from hil.expect._events import (
     state_at,
 )
 from hil.expect._measure import StopMeasurement, measure_stop
+from hil.expect._settling import disabled, settles_within, telegram_bits
 from hil.expect._signals import (
     STW1_MASK,
     always,
@@ -28,6 +29,7 @@ from hil.expect._signals import (
     value_at,
     word_sequence,
 )
+from hil.expect._stop_mode import stop
 from hil.expect._stops import no_motion_after, ramp, standstill
 from hil.expect.checkers import ALWAYS_ON, Checker, run_checkers
 from hil.expect.golden import (
@@ -55,6 +57,7 @@ __all__ = [
     "alarm",
     "always",
     "describe",
+    "disabled",
     "drive_ramp",
     "evaluate",
     "event",
@@ -68,14 +71,17 @@ __all__ = [
     "no_motion_after",
     "ramp",
     "run_checkers",
+    "settles_within",
     "standstill",
     "state_at",
     "status_word_bit",
     "stays_within",
+    "stop",
     "stop_distance",
     "stop_ramp",
     "stop_time",
     "stw1_sequence",
+    "telegram_bits",
     "value_at",
     "word_sequence",
 ]

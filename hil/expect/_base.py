@@ -10,6 +10,7 @@ from typing import Self
 from hil.errors import NotRecordedError, RecordingError
 from hil.record import EventSelector, Trace, check_selector
 from reports.model import Check, Verdict
+from reports.words import margin_text
 
 Reference = float | EventSelector
 """An instant: seconds from the start of the case, or an event of the log (`event("fault.applied")`)."""
@@ -153,6 +154,8 @@ class Expectation(ABC):
         unit: str = "",
         low: float | None = None,
         high: float | None = None,
+        signal: str = "",
+        since_s: float | None = None,
     ) -> Check:
         """Return a passed or failed check of this expectation."""
         check = self.check(Verdict.PASSED if passed else Verdict.FAILED, observed, time_s)
@@ -161,6 +164,7 @@ class Expectation(ABC):
         if expected:
             check.expected = expected
         check.value, check.unit, check.low, check.high = value, unit, low, high
+        check.signal, check.since_s = signal, since_s
         return check
 
     def check(self, verdict: Verdict, observed: str, time_s: float | None) -> Check:
@@ -181,6 +185,8 @@ def evaluate(trace: Trace, expectations: Iterable[Expectation]) -> list[Check]:
 
 
 def describe(check: Check) -> str:
-    """Return a check as one readable text: name, verdict, expected, observed, when."""
+    """Return a check as one readable text: name, verdict, expected, observed, by how much, when."""
+    by = margin_text(check)
+    margin = f", {by}" if by else ""
     when = "" if check.time_s is None else f" (at {check.time_s:.6f} s)"
-    return f"{check.name}: {check.verdict.value}; expected {check.expected}; observed {check.observed}{when}"
+    return f"{check.name}: {check.verdict.value}; expected {check.expected}; observed {check.observed}{margin}{when}"

@@ -84,7 +84,7 @@ class AlarmExpectation(Expectation):
             self.outcome(
                 passed=good, observed=f"{_told(entry, 'number', 'reaction')}, {delay_s:.6f} s after",
                 time_s=entry.time_ns * 1e-9, value=delay_s, unit="s",
-                low=0.0 if self.within_s is not None else None, high=self.within_s,
+                low=0.0 if self.within_s is not None else None, high=self.within_s, since_s=since_s,
             )
         ]  # fmt: skip
 
@@ -172,7 +172,7 @@ class HappensExpectation(Expectation):
                 passed=self.within_s is None or delay_s <= self.within_s + SLACK_S,
                 observed=f"{entry.kind} of {entry.source} {delay_s:.6f} s after",
                 time_s=entry.time_ns * 1e-9, value=delay_s, unit="s",
-                low=0.0 if self.within_s is not None else None, high=self.within_s,
+                low=0.0 if self.within_s is not None else None, high=self.within_s, since_s=since_s,
             )
         ]  # fmt: skip
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fieldbus.errors import ConfigurationError
 from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of, words_of_span
+from hil.expect._words import word_samples
 from hil.record import Signal, Trace
 from reports.model import Check
 
@@ -68,6 +69,7 @@ class AlwaysExpectation(Expectation):
                 passed=False,
                 observed=f"{values}; {len(broken)} samples break it, this is the first",
                 time_s=when,
+                signal=self.signals[0],
             )
         ]
 
@@ -110,7 +112,7 @@ class ValueExpectation(Expectation):
         return [
             self.outcome(
                 passed=low <= value <= high, observed=f"{value:g} {signal.unit}".rstrip(), time_s=at_s,
-                value=value, unit=signal.unit, low=low, high=high,
+                value=value, unit=signal.unit, low=low, high=high, signal=self.signal,
             )
         ]  # fmt: skip
 
@@ -153,7 +155,7 @@ class RangeExpectation(Expectation):
         return [
             self.outcome(
                 passed=bool(over[index] <= 0), observed=f"extreme value {value:g} {part.unit}".rstrip(), time_s=when,
-                value=value, unit=part.unit, low=self.low, high=self.high,
+                value=value, unit=part.unit, low=self.low, high=self.high, signal=self.signal,
             )
         ]  # fmt: skip
 
@@ -186,8 +188,7 @@ class SequenceExpectation(Expectation):
         signal = trace[self.signal]
         if len(signal) == 0:
             return [self.outcome(passed=False, observed="no samples", time_s=since_s)]
-        part = signal.between(since_s, until_s)
-        times, numbers = _words_from(signal, part, since_s)
+        times, numbers = word_samples(signal, since_s, until_s)
         if len(numbers) == 0:
             return [self.outcome(passed=False, observed="no value yet", time_s=since_s)]
         values = numbers & self.mask
@@ -207,16 +208,6 @@ class SequenceExpectation(Expectation):
         shown = words if len(words) <= 12 else words[:12]
         more = "" if len(words) <= 12 else f" ... ({len(words)} values)"
         return [self.outcome(passed=good, observed=_chain(shown) + more, time_s=when)]
-
-
-def _words_from(
-    signal: Signal, part: Signal, since_s: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return times and words: the one in force at `since_s`, then those of `part`; what is no number yet is left out."""
-    values = np.concatenate(([signal.at(since_s)], part.values))
-    times = np.concatenate(([since_s], part.time_s))
-    known = ~np.isnan(values)
-    return times[known], values[known].astype(np.int64)
 
 
 def _chain(words: Sequence[int]) -> str:
@@ -337,8 +328,7 @@ class BitExpectation(Expectation):
         signal = trace[self.signal]
         if len(signal) == 0:
             return [self.outcome(passed=False, observed="no samples", time_s=since_s)]
-        part = signal.between(since_s, since_s + self.within_s)
-        times, values = _words_from(signal, part, since_s)
+        times, values = word_samples(signal, since_s, since_s + self.within_s)
         good = np.flatnonzero(((values >> self.bit) & 1) == int(self.state))
         if len(good) == 0:
             return [

@@ -72,7 +72,7 @@ class RampExpectation(Expectation):
                 self.outcome(
                     passed=good, observed=observed, time_s=stop.end_s, name=name,
                     expected=text or f"{(low + high) / 2:.6g} {unit} +- {half:.3g}",
-                    value=value, unit=unit, low=low, high=high,
+                    value=value, unit=unit, low=low, high=high, since_s=since_s,
                 )
             )  # fmt: skip
 
@@ -210,7 +210,7 @@ class StandstillExpectation(Expectation):
             self.outcome(
                 passed=len(moving) == 0, observed=f"{float(part.values[index]):.6g} {part.unit}",
                 time_s=float(part.time_s[index]), value=float(part.values[index]), unit=part.unit,
-                low=-self.tolerance, high=self.tolerance,
+                low=-self.tolerance, high=self.tolerance, signal=self.velocity, since_s=by_s,
             )
         ]  # fmt: skip
 
@@ -249,7 +249,7 @@ class NoMotionExpectation(Expectation):
             self.outcome(
                 passed=bool(distances[index] <= self.tolerance), observed=f"{value:.6g} {part.unit}",
                 time_s=float(part.time_s[index]), value=value, unit=part.unit,
-                low=-self.tolerance, high=self.tolerance,
+                low=-self.tolerance, high=self.tolerance, since_s=after_s,
             )
         ]  # fmt: skip
 

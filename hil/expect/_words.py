@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.record import Signal
+
 STATUS_PATTERNS: Final = (
     ("operation_enabled", 0x6F, 0x27),
     ("switched_on", 0x6F, 0x23),
@@ -40,3 +42,16 @@ def normal_state(text: str) -> str:
     """Return a state text in one spelling: `Operation enabled`, `OPERATION_ENABLED` become `operation_enabled`."""
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text.strip())
     return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
+
+
+def word_samples(
+    signal: Signal, since_s: float, until_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return times and words: the one in force at `since_s`, then those up to `until_s`; what is no number is left out."""
+    if len(signal) == 0:
+        return np.zeros(0), np.zeros(0, dtype=np.int64)
+    part = signal.between(since_s, until_s)
+    values = np.concatenate(([signal.at(since_s)], part.values))
+    times = np.concatenate(([since_s], part.time_s))
+    known = ~np.isnan(values)
+    return times[known], values[known].astype(np.int64)

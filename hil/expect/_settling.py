@@ -1,0 +1,251 @@
+"""Expectations about words and values at a time and from then on: bits of a telegram, settling, an axis that is disabled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldbus.errors import ConfigurationError
+from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of, words_of_span
+from hil.expect._words import has_torque, word_samples
+from hil.record import Signal, Trace
+from reports.model import Check
+
+
+@dataclass(frozen=True, slots=True)
+class TelegramBitsExpectation(Expectation):
+    """Bits of a word at a time, and for a while. Made by `telegram_bits`."""
+
+    word: str
+    ones: int
+    zeros: int
+    at: Reference
+    within_s: float
+    for_s: float
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"bits of {self.word}"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        parts = []
+        if self.ones:
+            parts.append(f"{_bits(self.ones)} = 1")
+        if self.zeros:
+            parts.append(f"{_bits(self.zeros)} = 0")
+        bound = f"within {self.within_s:g} s of" if self.within_s else "at"
+        stay = f", and for {self.for_s:g} s" if self.for_s else ""
+        return f"{', '.join(parts)} {bound} {words_of(self.at)}{stay}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace: the value in force at the reference counts, then every change."""
+        at_s = instant(trace, self.at)
+        times, words = word_samples(trace[self.word], at_s, at_s + self.within_s + self.for_s)
+        if len(words) == 0:
+            return [
+                self.outcome(passed=False, observed="no value at that time", time_s=at_s, signal=self.word)
+            ]
+        good = (words & self.ones == self.ones) & (words & self.zeros == 0)
+        hit = np.flatnonzero(good & (times <= at_s + self.within_s + SLACK_S))
+        if len(hit) == 0:
+            wrong = (words[0] & self.ones ^ self.ones) | (words[0] & self.zeros)
+            return [
+                self.outcome(
+                    passed=False, observed=f"16#{int(words[0]):04X}: wrong are {_bits(int(wrong))}",
+                    time_s=at_s + self.within_s, since_s=at_s,
+                )
+            ]  # fmt: skip
+        first = int(hit[0])
+        begin_s = float(times[first])
+        left = np.flatnonzero(~good[first:] & (times[first:] < begin_s + self.for_s - SLACK_S))
+        if len(left):
+            at = first + int(left[0])
+            held_s = float(times[at]) - begin_s
+            return [
+                self.outcome(
+                    passed=False, observed=f"16#{int(words[at]):04X} after {held_s:.6f} s", time_s=float(times[at]),
+                    value=held_s, unit="s", low=self.for_s, since_s=begin_s,
+                )
+            ]  # fmt: skip
+        return [
+            self.outcome(
+                passed=True, observed=f"16#{int(words[first]):04X} at {begin_s:.6f} s", time_s=begin_s,
+                value=begin_s - at_s, unit="s", low=0.0, high=self.within_s, since_s=at_s,
+            )
+        ]  # fmt: skip
+
+
+def _bits(mask: int) -> str:
+    return ", ".join(f"X{number}" for number in range(32) if mask >> number & 1)
+
+
+@dataclass(frozen=True, slots=True)
+class SettlesExpectation(Expectation):
+    """A signal comes into a band within a time and stays there. Made by `settles_within`."""
+
+    signal: str
+    target: float
+    tolerance: float
+    within_s: float
+    since: Reference
+    until: Reference | None
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"settling of {self.signal}"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        until = "" if self.until is None else f" until {words_of(self.until)}"
+        return f"{self.target:g} +- {self.tolerance:g} within {self.within_s:g} s of {words_of(self.since)}, and from then on{until}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace: the time of settling is that of the first sample from which on all are within the band."""
+        since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
+        part = trace[self.signal].between(since_s, until_s)
+        if len(part) == 0 or float(part.time_s[-1]) < since_s + self.within_s - SLACK_S:
+            seen = (
+                "no samples"
+                if len(part) == 0
+                else f"recorded is only up to {float(part.time_s[-1]) - since_s:.6f} s after"
+            )
+            return [self.outcome(passed=False, observed=seen, time_s=since_s, signal=self.signal)]
+        outside = np.flatnonzero(~(np.abs(part.values - self.target) <= self.tolerance))
+        low, high = self.target - self.tolerance, self.target + self.tolerance
+        if len(outside) and int(outside[-1]) == len(part) - 1:
+            value = float(part.values[-1])
+            return [
+                self.outcome(
+                    passed=False, observed=f"{value:g} {part.unit} at the end", time_s=float(part.time_s[-1]),
+                    value=value, unit=part.unit, signal=self.signal, low=low, high=high,
+                )
+            ]  # fmt: skip
+        settled_s = float(part.time_s[int(outside[-1]) + 1 if len(outside) else 0])
+        taken_s = settled_s - since_s
+        return [
+            self.outcome(
+                passed=taken_s <= self.within_s + SLACK_S, observed=f"settled after {taken_s:.6f} s", time_s=settled_s,
+                value=taken_s, unit="s", low=0.0, high=self.within_s, since_s=since_s,
+            )
+        ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class DisabledExpectation(Expectation):
+    """An axis without enable and its drive without torque. Made by `disabled`."""
+
+    axis: str
+    drive: str
+    by: Reference
+    until: Reference | None
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"{' and '.join(filter(None, (self.axis, self.drive)))} disabled"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        return f"no enable, no torque {words_of_span(self.by, self.until)}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace, a check for the axis and one for the drive."""
+        by_s, until_s = instant(trace, self.by), end_of(trace, self.until)
+        checks = []
+        if self.axis:
+            word = trace[f"{self.axis}.power_status"]
+            checks.append(self._check(word, word.values != 0, by_s, until_s, "MC_Power.Status is TRUE"))
+        if self.drive:
+            word, on = _torque_possible(trace, self.drive)
+            checks.append(self._check(word, on, by_s, until_s, "it shows torque"))
+        return checks
+
+    def _check(self, word: Signal, on: NDArray[np.bool_], by_s: float, until_s: float, text: str) -> Check:
+        inside = (word.time_s >= by_s - SLACK_S) & (word.time_s <= until_s + SLACK_S)
+        name = word.name.partition(".")[0]
+        if not inside.any():
+            return self.outcome(
+                passed=False, observed="nothing was recorded after that", time_s=by_s, name=name
+            )
+        broken = np.flatnonzero(inside & on)
+        when = float(word.time_s[broken[0]]) if len(broken) else None
+        last = float(word.time_s[broken[-1]]) if len(broken) else by_s
+        observed = (
+            f"{text}, the last time {last - by_s:.6f} s after"
+            if len(broken)
+            else f"so at all {int(inside.sum())} samples"
+        )
+        return self.outcome(passed=not len(broken), observed=observed, time_s=when, name=name, since_s=by_s)
+
+
+def _torque_possible(trace: Trace, drive: str) -> tuple[Signal, NDArray[np.bool_]]:
+    """Return a word of a drive of either profile, and where it says that the drive may give torque."""
+    if f"{drive}.drive_zsw2" in trace:
+        word = trace[f"{drive}.drive_zsw2"]
+        return word, np.nan_to_num(word.values).astype(np.int64) & 0x0400 != 0
+    if f"{drive}.drive_zsw1" in trace:
+        word = trace[f"{drive}.drive_zsw1"]
+        return word, np.nan_to_num(word.values).astype(np.int64) & 0x0004 != 0
+    word = trace[f"{drive}.statusword"]
+    return word, has_torque(np.nan_to_num(word.values).astype(np.int64))
+
+
+def telegram_bits(
+    word: str, *, at: Reference, ones: int = 0, zeros: int = 0, within_s: float = 0.0, for_s: float = 0.0
+) -> TelegramBitsExpectation:
+    """Expect bits of a word of a telegram.
+
+    Args:
+        word: Signal: `axis1.stw1`, `axis1.zsw1`, `drive1.statusword`, `drive1.drive_zsw2`, ...
+        at: Reference instant.
+        ones: Mask of the bits that have to be 1.
+        zeros: Mask of the bits that have to be 0.
+        within_s: Time for it to happen, s; 0: at the instant itself.
+        for_s: Time for which it has to stay so from then on, s.
+
+    Raises:
+        ConfigurationError: No bit is named, one in both masks, or a time is negative.
+
+    """
+    if not 0 < ones | zeros <= 0xFFFFFFFF or ones & zeros or ones < 0 or zeros < 0:
+        raise ConfigurationError(
+            "telegram_bits.ones/zeros", (ones, zeros), "masks of up to 32 bits without a bit in both"
+        )
+    for name, value in (("within_s", within_s), ("for_s", for_s)):
+        if not value >= 0:
+            raise ConfigurationError(f"telegram_bits.{name}", value, "a time >= 0 s")
+    return TelegramBitsExpectation(word, ones, zeros, at, within_s, for_s)
+
+
+def settles_within(
+    signal: str,
+    target: float,
+    *,
+    tolerance: float,
+    within_s: float,
+    since: Reference = 0.0,
+    until: Reference | None = None,
+) -> SettlesExpectation:
+    """Expect `signal` within `tolerance` of `target` (its unit) at most `within_s` after `since`, and to the end or `until`."""
+    if not tolerance >= 0:
+        raise ConfigurationError("settles_within.tolerance", tolerance, "a number >= 0")
+    if not within_s >= 0:
+        raise ConfigurationError("settles_within.within_s", within_s, "a time >= 0 s")
+    return SettlesExpectation(signal, target, tolerance, within_s, since, until)
+
+
+def disabled(
+    *, by: Reference, axis: str = "axis1", drive: str = "drive1", until: Reference | None = None
+) -> DisabledExpectation:
+    """Expect no enable of the axis and no torque of its drive from `by` on; with `axis=""` or `drive=""` of the other alone."""
+    if not axis and not drive:
+        raise ConfigurationError("disabled", (axis, drive), "an axis, a drive, or both")
+    return DisabledExpectation(axis, drive, by, until)

@@ -1,0 +1,107 @@
+"""Expectation of a stop by its mode: the ramp is calculated from the limits of the axis and its motion in the trace."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from fieldbus.errors import ConfigurationError
+from hil.expect._base import Expectation, Reference, instant, words_of
+from hil.expect._stops import ramp
+from hil.expect.golden import StopRamp, stop_ramp
+from hil.record import Trace
+from reports.model import Check, Verdict
+
+MODES: Final = {
+    "emergency": ("emergency_deceleration", ""),
+    "maximum": ("max_deceleration", "max_jerk"),
+    "default": ("deceleration", "jerk"),
+}
+"""Name of a ramp, and the constants of the axis that make it: deceleration and jerk."""
+
+
+@dataclass(frozen=True, slots=True)
+class StopExpectation(Expectation):
+    """A stop of the axis with the ramp of its mode. Made by `stop`."""
+
+    mode: str
+    axis: str
+    since: Reference
+    until: Reference | None
+    time_tolerance_s: float | None
+    distance_tolerance: float | None
+
+    @property
+    def title(self) -> str:
+        """Name made from the content."""
+        return f"stop of {self.axis} with the {self.mode} ramp"
+
+    @property
+    def wanted(self) -> str:
+        """What is expected, in words."""
+        return f"the {self.mode} ramp of {self.axis} after {words_of(self.since)}"
+
+    def judge(self, trace: Trace) -> list[Check]:
+        """Evaluate on a trace: time and travel by formula, from velocity and acceleration at the reference."""
+        constants = [f"{self.axis}.{name}" for name in (*MODES[self.mode], "cycle_s") if name]
+        missing = [name for name in constants if name not in trace.constants]
+        if missing:
+            return [self.check(Verdict.ERROR, f"the trace does not hold {', '.join(missing)}", None)]
+        since_s = instant(trace, self.since)
+        expected, speed = self._ramp(trace, since_s)
+        cycles_s = 2 * trace.constants[f"{self.axis}.cycle_s"]
+        judged = ramp(
+            self.since, expected, axis=self.axis, made_by="controller", until=self.until,
+            time_tolerance_s=cycles_s if self.time_tolerance_s is None else self.time_tolerance_s,
+            distance_tolerance=speed * cycles_s if self.distance_tolerance is None else self.distance_tolerance,
+        )  # fmt: skip
+        return replace(judged, label=self.label or self.title, requirements=self.requirements).judge(trace)
+
+    def _ramp(self, trace: Trace, since_s: float) -> tuple[StopRamp, float]:
+        """Return the ramp by formula and the speed with which it begins."""
+        deceleration, jerk = MODES[self.mode]
+        of = trace.constants
+        velocity = trace[f"{self.axis}.velocity_setpoint"].at(since_s)
+        acceleration = trace[f"{self.axis}.acceleration_setpoint"].at(since_s) * (
+            -1.0 if velocity < 0 else 1.0
+        )
+        limit = of[f"{self.axis}.{deceleration}"]
+        if not jerk:
+            speed = abs(
+                trace[f"{self.axis}.actual_velocity"].at(since_s)
+            )  # it begins with the actual velocity
+            return stop_ramp(speed, limit), speed
+        present = max(acceleration, -limit)
+        return stop_ramp(abs(velocity), limit, of[f"{self.axis}.{jerk}"], acceleration=present), abs(velocity)
+
+
+def stop(
+    since: Reference,
+    mode: str,
+    *,
+    axis: str = "axis1",
+    until: Reference | None = None,
+    time_tolerance_s: float | None = None,
+    distance_tolerance: float | None = None,
+) -> StopExpectation:
+    """Expect a stop of the axis whose time and travel are those of its mode, from the velocity that the axis has in the trace.
+
+    Args:
+        since: The falling edge of the enable, the alarm, the job.
+        mode: `emergency` (StopMode 0, reaction 3, `MC_Stop` 0), `maximum` (StopMode 2, reaction 2, `MC_Stop` 2) or `default`
+            (`MC_Halt`, reaction 1 with the default dynamics). For ramps of the drive see `ramp` with `made_by="drive"`.
+        axis: The axis.
+        until: End of the observation.
+        time_tolerance_s: Default two cycles.
+        distance_tolerance: Default two cycles at the start velocity.
+
+    Raises:
+        ConfigurationError: There is no such mode, or a tolerance is negative.
+
+    """
+    if mode not in MODES:
+        raise ConfigurationError("stop.mode", mode, ", ".join(MODES))
+    for name, value in (("time_tolerance_s", time_tolerance_s), ("distance_tolerance", distance_tolerance)):
+        if value is not None and not value >= 0:
+            raise ConfigurationError(f"stop.{name}", value, "a number >= 0")
+    return StopExpectation(mode, axis, since, until, time_tolerance_s, distance_tolerance)
