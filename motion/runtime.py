@@ -155,6 +155,8 @@ class Runtime:
             encoder.cycle()
         for axis in self.axes:
             axis.cycle()
+        for encoder in self.encoders:
+            encoder.finish_cycle()
 
     def end_cycle(self) -> None:
         """Call what looks on at the end of a cycle."""
@@ -175,6 +177,8 @@ class Runtime:
             encoder.cycle()
         for axis in self.axes:
             axis.cycle()
+        for encoder in self.encoders:
+            encoder.finish_cycle()
         if self.cycles % self.program_cycles == 0:
             self.run_program()
         for callback in self.after_cycle:

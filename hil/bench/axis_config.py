@@ -100,6 +100,11 @@ def check_external_encoders(config: BenchConfig) -> None:
             raise ValueError(
                 f"external_encoder.{name}.encoder: {section.encoder!r} is on a segment that somebody else leads"
             )
+        led = [axis.drive for axis in config.axis.values()]
+        if section.drive is not None and section.drive not in led:
+            raise ValueError(
+                f"external_encoder.{name}.drive: {section.drive!r} is not the drive of an axis; there are: {', '.join(led) or 'none'}"
+            )
 
 
 def from_drive(drive: DriveSection) -> dict[str, Any]:

@@ -357,6 +357,9 @@ class Bench(BenchParts):
             name, self._encoder_ports[section.encoder], cycle_ns=self.cycle_ns,
             variables={**variables, **section.variables}, history=self.history,
         )  # fmt: skip
+        if section.drive is not None:
+            drive, mask = section.drive, SWITCHES[section.homing_input]
+            encoder.digital_input = lambda: self._ports[drive].inputs & mask != 0
         self.runtime.add_encoder(encoder)
         self._external_encoders[name] = EncoderHandle(self.runtime, encoder)
         group = self.recorder.add_group(

@@ -125,6 +125,10 @@ class ExternalEncoderSection(Section):
     """`[external_encoder.NAME]`: a technology object that reads an encoder."""
 
     encoder: str
+    drive: str | None = None
+    """Drive of an axis, one of whose switches is wired to this object's digital input as well; None: it has none."""
+    homing_input: Literal["home", "negative_limit", "positive_limit"] = "home"
+    """That switch: reference cam or homing mark (`DigitalInputAddress`)."""
     variables: dict[str, bool | int | float] = {}
     """Start values by their original path; checked against the variable table when the bench is built."""
 

@@ -12,6 +12,7 @@ from motion.axis.data_block import frozen, in_its_units
 from motion.axis.encoder_enabling import EncoderEnabling
 from motion.axis.feedback import VALID, Feedback
 from motion.axis.homing import ActiveHoming, PassiveHoming, home_directly
+from motion.axis.homing.active import ALARM_NOT_FOUND, ALARM_NOT_SUPPORTED
 from motion.axis.jobs import ERROR_ALARM, NO_ERROR
 from motion.axis.leading_value import LeadingValue, live_leading_value
 from motion.axis.mechanics import INCREMENTAL, Mechanics
@@ -42,6 +43,9 @@ ALARM_COMMUNICATION: Final = 431
 ENCODER_SIGNALS_ALARM: Final = 1
 ENCODER_STATION_FAILED: Final = 3
 """Causes of 411 and 431, as the catalogue numbers them (TA-013)."""
+_ALARMS_OF_HOMING: Final = (ALARM_NOT_FOUND, ALARM_NOT_SUPPORTED)
+"""342 and 343 are alarms of axes only."""
+_NO_MARK: Final = "the encoder cannot search for a homing mark"
 _RESTART_CYCLES: Final = 5
 _HYSTERESIS: Final = 1.1
 
@@ -124,6 +128,8 @@ class ExternalEncoder:
         """The `MC_Power` instance that rules this object (MC-160)."""
         self.enabling = EncoderEnabling(self)
         self.homed = False
+        self.digital_input: Callable[[], bool] | None = None
+        """Level of the input that is reference cam or homing mark; None = none is wired."""
         self.homings: list[ActiveHoming | PassiveHoming] = []
         """Passive homing under way (StatusWord.X11)."""
         self.operative_sensor = 1
@@ -234,8 +240,6 @@ class ExternalEncoder:
         if port.link_ok:
             self._was_linked = True
         self.enabling.step()
-        for homing in self.homings[:] if self.homings else ():
-            homing.step()
         if not -self._farthest <= feedback.position <= self._farthest:
             engine.raise_alarm(ALARM_RANGE_EXCEEDED, info=2 if feedback.position > 0.0 else 1)
         self._watch_standstill(abs(feedback.velocity))
@@ -243,6 +247,11 @@ class ExternalEncoder:
             reset.step()
         if self._resets:
             self._resets = [reset for reset in self._resets if not reset.done]
+
+    def finish_cycle(self) -> None:
+        """Look for homing marks, after all axes have read their ports: a digital input is as old as the position then (HOM-067)."""
+        for homing in self.homings[:] if self.homings else ():
+            homing.step()
 
     def _watch_standstill(self, speed: float) -> None:
         threshold = self._threshold.value
@@ -330,10 +339,11 @@ class ExternalEncoder:
         """Return where the variables of the encoder begin."""
         return "Sensor"
 
-    @staticmethod
-    def homing_switch(path: str) -> bool:  # noqa: ARG004 - nothing is wired
-        """Return FALSE: an external encoder has no digital input here."""
-        return False
+    def homing_switch(self, path: str) -> bool:
+        """Return whether the digital input has the level of `path.SwitchLevel` (HOM-062); FALSE where none is wired."""
+        wired = self.digital_input
+        level: bool = self.variables.read(f"{path}.SwitchLevel")
+        return wired is not None and wired() is level
 
     def shift_setpoints(self, offset: float) -> None:
         """Let the leading value follow a shift of the coordinate system; there are no setpoints."""
@@ -346,8 +356,11 @@ class ExternalEncoder:
         return None if self.enabling.enabled else 0
 
     def alarm(self, number: int) -> None:
-        """Raise a technology alarm."""
-        self.engine.raise_alarm(number)
+        """Raise a technology alarm; of those of homing, which this object does not have, alarm 411 tells."""
+        if number in _ALARMS_OF_HOMING:
+            self.engine.raise_alarm(ALARM_ENCODER, info=ENCODER_SIGNALS_ALARM, text=_NO_MARK)
+        else:
+            self.engine.raise_alarm(number)
 
     # -- variables under their original paths -----------------------------------------------------------------
 

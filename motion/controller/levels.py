@@ -256,6 +256,8 @@ class ExecutionLevels:
             encoder.cycle()
         for axis in runtime.axes:
             axis.servo()
+        for encoder in runtime.encoders:
+            encoder.finish_cycle()
 
     # -- computing time ---------------------------------------------------------------------------------------
 

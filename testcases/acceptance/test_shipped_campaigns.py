@@ -6,12 +6,12 @@ from functools import cache
 
 import pytest
 
-from hil.bench import load_bench
-from hil.campaign import CaseSettings, execute_case, requirements_here
+from hil.campaign import CaseSettings, execute_case, load_bench_file, requirements_here
 from reports.model import Verdict
 from testcases.campaigns import (
     axis_faults,
     drive_faults,
+    external_encoder,
     fault_reactions,
     homing,
     limits,
@@ -39,6 +39,7 @@ ON_PROFIDRIVE = (
     limits.CAMPAIGN,
     motion_in.CAMPAIGN,
 )
+WITH_ENCODERS = "testcases.campaigns.external_encoder:{}"
 BLOCKED = {
     ("profidrive", "drive-faults/withdrawn/constant"): "offers no fall_to_switch_on_disabled",
     ("profidrive", "drive-faults/withdrawn/standstill"): "offers no fall_to_switch_on_disabled",
@@ -46,6 +47,10 @@ BLOCKED = {
         ("reference", f"homing/search-fails/{code}"): "an encoder with a PROFIdrive interface"
         for code in ("0001", "0002", "0004", "0005")
     },
+    (
+        "reference",
+        "external-encoder/follows/wheel/forward",
+    ): "external encoders, as the benches REFERENCE and PROFIDRIVE",
     **{
         ("reference", f"motion-in/telegram/{kind}"): "a drive with a PROFIdrive telegram"
         for kind in ("freeze", "late", "sign_of_life")
@@ -62,12 +67,14 @@ def cases(bench, profile, campaigns):
                 continue  # the other side runs on the reference bench
             if (bench, case.identifier) not in BLOCKED:
                 marks = pytest.mark.requirement(*requirements_here(case.requirements, [profile]))
-                yield pytest.param(bench, case, id=f"{bench}-{case.identifier}", marks=marks)
+                yield pytest.param(
+                    bench, case, id=f"{bench.rpartition(':')[2]}-{case.identifier}", marks=marks
+                )
 
 
 @cache
 def bench_file(name):
-    return load_bench(name)
+    return load_bench_file(name)
 
 
 @pytest.mark.parametrize(
@@ -77,6 +84,8 @@ def bench_file(name):
         *cases("profidrive", "profidrive", ON_PROFIDRIVE),
         *cases("profidrive_tcp", "profidrive", [modbus_faults.CAMPAIGN]),
         *cases("profidrive_rtu", "profidrive", [modbus_faults.LINE]),
+        *cases(WITH_ENCODERS.format("REFERENCE"), "cia402", [external_encoder.CAMPAIGN]),
+        *cases(WITH_ENCODERS.format("PROFIDRIVE"), "profidrive", [external_encoder.CAMPAIGN]),
     ],
 )
 def test_case_passes(bench, case):
@@ -89,7 +98,8 @@ def test_case_passes(bench, case):
 @pytest.mark.parametrize(("bench", "identifier"), BLOCKED)
 def test_what_a_profile_cannot_have_is_blocked_with_its_reason(bench, identifier):
     """A case whose fault the drive has no seam for is blocked, not passed, and says why."""
-    (case,) = [campaign[identifier] for campaign in ON_CANOPEN if identifier in campaign]
+    campaigns = (*ON_CANOPEN, external_encoder.CAMPAIGN)
+    (case,) = [campaign[identifier] for campaign in campaigns if identifier in campaign]
     result = execute_case(case, bench_file(bench), CaseSettings(seed=1)).result
 
     assert result.verdict is Verdict.BLOCKED

@@ -129,6 +129,8 @@ class TestExternalEncoder:
              "external_encoder.ext1.encoder: 'enc2' is not an encoder; there are: enc1"),
             (ENCODER.format(kind="multi_turn", place="", variables="").replace("external_encoder.ext1", "external_encoder.axis1"),
              "external_encoder.axis1: a axis has this name already"),
+            (ENCODER.format(kind="multi_turn", place="", variables="").replace('encoder = "enc1"', 'encoder = "enc1"\ndrive = "drive9"'),
+             "external_encoder.ext1.drive: 'drive9' is not the drive of an axis; there are: drive1"),
         ],
     )  # fmt: skip
     def test_mistakes(self, extra, message):
