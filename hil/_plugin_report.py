@@ -140,7 +140,7 @@ def finish_report(config: pytest.Config, report: PluginReport | None, *, worker:
     _gather(directory)
     if not (directory / RUN_FILE).exists():
         return
-    run = load_run(directory)
+    run = load_run(directory, lazy=True)
     complete(run)
     background = kept(run, directory, str(config.getoption("--hil-history")))
     written = write_report(run, directory, background=background)
@@ -154,7 +154,7 @@ def _gather(directory: Path) -> None:
     folder = directory / _WORKERS
     if not folder.is_dir():
         return
-    runs = [load_run(part) for part in sorted(folder.iterdir()) if (part / RUN_FILE).exists()]
+    runs = [load_run(part, lazy=True) for part in sorted(folder.iterdir()) if (part / RUN_FILE).exists()]
     if runs:
         if (directory / RUN_FILE).exists():
             clear_run(directory)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from reports.model import CaseResult, FaultRecord, RunResult, Verdict
+from reports.store import StoredSignals
 from reports.words import reaction_name
 
 NO_ALARM: Final = "no alarm"
@@ -171,12 +172,18 @@ def fault_state_matrix(run: RunResult) -> Matrix:
     named = set(seen) - special
     ordered: dict[str, None] = {}
     for case in run.cases:
-        for signal in case.signals:
-            if named and named.intersection(signal.enum.values()):
-                ordered.update(dict.fromkeys(text for _value, text in sorted(signal.enum.items())))
+        for texts in _texts(case) if named else []:
+            if named.intersection(texts.values()):
+                ordered.update(dict.fromkeys(text for _value, text in sorted(texts.items())))
     ordered.update(dict.fromkeys(sorted(named - set(ordered))))
     columns = [*ordered, *(name for name in (UNKNOWN_STATE, NOT_INJECTED) if name in seen)]
     return Matrix(fault_kinds(run), columns, cells)
+
+
+def _texts(case: CaseResult) -> list[dict[int, str]]:
+    """Return the texts of the states of a case without reading samples from the disk."""
+    signals = case.signals
+    return signals.texts if isinstance(signals, StoredSignals) else [signal.enum for signal in signals]
 
 
 def fault_stop_matrix(run: RunResult) -> Matrix:

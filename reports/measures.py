@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -38,8 +39,7 @@ def measures(case: CaseResult) -> list[Measure]:
     moment of standstill 5 ms. Signals without unit, setpoints and numbers that are not finite are left out.
     """
     found = [Measure("simulated time", case.simulated_s, "s", _tolerance(case.simulated_s))]
-    for signal in case.signals:
-        found += _of_signal(signal)
+    found += signal_measures(case.signals)
     for check in case.checks:
         if check.value is not None:
             limited = check.low is not None and check.high is not None
@@ -54,6 +54,14 @@ def measures(case: CaseResult) -> list[Measure]:
                 one if counts[one.name] == 1 else one._replace(name=f"{one.name} ({counts[one.name]})")
             )
     return unique
+
+
+def signal_measures(signals: Sequence[Signal]) -> list[Measure]:
+    """Return the numbers of signals; those of stored ones are in the journal, and no sample is read."""
+    stored = getattr(signals, "numbers", None)
+    if stored is not None:
+        return [Measure(*row) for row in stored]
+    return [one for signal in signals for one in _of_signal(signal)]
 
 
 def _tolerance(scale: float) -> float:

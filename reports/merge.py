@@ -35,7 +35,7 @@ def merge_runs(sources: Sequence[str | Path], directory: str | Path) -> RunResul
     target = Path(directory)
     if target.resolve() in {folder.resolve() for folder in folders}:
         raise StoreError(f"{target}: a run cannot be merged into itself; choose another folder")
-    runs = [load_run(folder) for folder in folders]
+    runs = [load_run(folder, lazy=True) for folder in folders]
     for folder, run in zip(folders, runs, strict=True):
         if run.seed != runs[0].seed:
             raise StoreError(

@@ -6,6 +6,7 @@ All times are seconds from the start of the case. Everything here is plain data:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -153,7 +154,7 @@ class CaseResult:
     alarms: list[AlarmRecord] = field(default_factory=list)
     faults: list[FaultRecord] = field(default_factory=list)
     messages: list[Message] = field(default_factory=list)
-    signals: list[Signal] = field(default_factory=list)
+    signals: Sequence[Signal] = field(default_factory=list)
     homings: list[HomingDrawing] = field(default_factory=list)
     """Active and passive homings, each as a drawing."""
     files: dict[str, str] = field(default_factory=dict)

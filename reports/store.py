@@ -12,18 +12,20 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import math
 import os
 import re
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reports.codec import case_from_plain, case_to_plain, plain_number, run_from_plain, run_to_plain
 from reports.errors import StoreError
+from reports.measures import signal_measures
 from reports.model import CaseResult, RunResult, Signal
 
 RUN_FILE = "run.json"
@@ -51,8 +53,12 @@ def start_run(directory: str | Path, run: RunResult) -> None:
     _write_header(folder, {**run_to_plain(run), "interrupted": True})
 
 
-def write_case(directory: str | Path, case: CaseResult) -> None:
+def write_case(directory: str | Path, case: CaseResult) -> Sequence[Signal]:
     """Append a finished case; on return it is on the disk.
+
+    Returns:
+        Its signals as they are on the disk, which are read when somebody asks for them: a run of thousands of cases keeps
+        these rather than the samples.
 
     Raises:
         StoreError: `directory` holds no run.
@@ -71,6 +77,7 @@ def write_case(directory: str | Path, case: CaseResult) -> None:
         file.flush()
         os.fsync(file.fileno())
     _sync_folder(folder)
+    return StoredSignals(folder, plain["signals"]) if plain["signals"] else []
 
 
 def finish_run(directory: str | Path, *, interrupted: bool = False) -> None:
@@ -97,11 +104,16 @@ def save_run(directory: str | Path, run: RunResult) -> None:
     finish_run(directory, interrupted=run.interrupted)
 
 
-def load_run(directory: str | Path) -> RunResult:
+def load_run(directory: str | Path, *, lazy: bool = False) -> RunResult:
     """Read a run back, equal to what was written.
 
     A case that was written twice counts as written last, at the place of the first. A run that never got to
     `finish_run` is `interrupted`.
+
+    Args:
+        directory: Folder of the run.
+        lazy: Read the signals of a case when somebody asks for them, each time anew. What is wrong with them is then
+            raised there.
 
     Raises:
         StoreError: `directory` holds no run, or a file of it is damaged.
@@ -117,10 +129,15 @@ def load_run(directory: str | Path) -> RunResult:
         try:
             signals = plain.pop("signals", None)
             case = case_from_plain(plain)
+            stored = (
+                None
+                if signals is None
+                else StoredSignals(folder, {**signals, "columns": [*signals["columns"]]})
+            )
         except (TypeError, ValueError, KeyError, AttributeError) as error:
             raise StoreError(f"{folder / JOURNAL_FILE}, line {number}: not a case: {error}") from error
-        if signals is not None:
-            case.signals = _read_signals(folder, signals)
+        if stored is not None:
+            case.signals = stored if lazy else list(stored)
         cases[case.identifier] = case
     run.cases = list(cases.values())
     return run
@@ -134,6 +151,59 @@ def stored_cases(directory: str | Path) -> list[str]:
 
     """
     return list(dict.fromkeys(str(plain["identifier"]) for _number, plain in _journal(Path(directory))))
+
+
+class StoredSignals(Sequence[Signal]):
+    """The signals of a case on the disk, read when they are asked for; only those asked for last stay in memory.
+
+    Args:
+        folder: Folder of the run.
+        plain: What the journal says about the archive.
+
+    """
+
+    __slots__ = ("_folder", "_plain")
+    __hash__ = None  # type: ignore[assignment]  # as equal as lists are
+    _last: ClassVar[tuple[StoredSignals, list[Signal]] | None] = None
+
+    def __init__(self, folder: Path, plain: dict[str, Any]) -> None:
+        self._folder = folder
+        self._plain = plain
+
+    @property
+    def texts(self) -> list[dict[int, str]]:
+        """Texts of the values of each signal, without reading a sample."""
+        return [{int(value): text for value, text in column[-1]} for column in self._plain["columns"]]
+
+    @property
+    def numbers(self) -> list[list[Any]] | None:
+        """Rows of `reports.measures.Measure`; None in a journal without them."""
+        return cast("list[list[Any]] | None", self._plain.get("numbers"))
+
+    def _read(self) -> list[Signal]:
+        last = StoredSignals._last
+        if last is None or last[0] is not self:
+            last = StoredSignals._last = (self, _read_signals(self._folder, self._plain))
+        return last[1]
+
+    def __len__(self) -> int:
+        return len(self._plain["columns"])
+
+    @overload
+    def __getitem__(self, index: int) -> Signal: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Signal]: ...
+
+    def __getitem__(self, index: int | slice) -> Signal | list[Signal]:
+        """Return a signal, or some of them."""
+        return self._read()[index]
+
+    def __iter__(self) -> Iterator[Signal]:
+        return iter(self._read())
+
+    def __eq__(self, other: object) -> bool:
+        return list(self) == list(other) if isinstance(other, Sequence) else NotImplemented
 
 
 def _journal(folder: Path) -> Iterator[tuple[int, dict[str, Any]]]:
@@ -220,7 +290,8 @@ def _write_signals(folder: Path, case: CaseResult) -> dict[str, Any] | None:
     name = f"{SIGNAL_FOLDER}/{readable}-{hashlib.sha256(content).hexdigest()[:16]}.npz"
     (folder / SIGNAL_FOLDER).mkdir(exist_ok=True)
     _write_whole(folder / name, content)
-    return {"file": name, "columns": columns}
+    numbers = [list(one) for one in signal_measures(case.signals) if math.isfinite(one.value)]
+    return {"file": name, "columns": columns, "numbers": numbers}
 
 
 def _read_signals(folder: Path, plain: dict[str, Any]) -> list[Signal]:

@@ -22,7 +22,7 @@ def report_runs(sources: Sequence[Path], directory: Path, *, history: str, diges
     """
     check_summary(digest, as_json=as_json)
     if [source.resolve() for source in sources] == [directory.resolve()]:
-        run = load_run(directory)
+        run = load_run(directory, lazy=True)
         run.cases = in_order(run.cases, run.planned)
     else:
         if directory.resolve() not in {source.resolve() for source in sources} and (

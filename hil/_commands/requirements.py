@@ -68,7 +68,7 @@ def coverage(covered: set[str], prefixes: Collection[str] = ()) -> dict[str, obj
 
 def _covered_by_run(folder: Path) -> set[str]:
     """Return the identifiers that the cases of a run name and none of them contradicts."""
-    rows = requirement_matrix(load_run(folder))
+    rows = requirement_matrix(load_run(folder, lazy=True))
     return {row.identifier for row in rows if row.verdict is Verdict.PASSED}
 
 

@@ -86,7 +86,7 @@ def failed_before(directory: Path) -> set[str]:
     """Return the cases that failed or broke in the run in a folder."""
     return {
         case.identifier
-        for case in load_run(directory).cases
+        for case in load_run(directory, lazy=True).cases
         if case.verdict in {Verdict.FAILED, Verdict.ERROR}
     }
 

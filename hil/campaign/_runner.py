@@ -208,7 +208,7 @@ class Runner:
             return
         exists = (directory / RUN_FILE).exists()
         if exists and self._options.resume:
-            old = load_run(directory)
+            old = load_run(directory, lazy=True)
             if old.seed != self._run.seed or old.bench_text != self._run.bench_text:
                 raise CannotRunError(
                     f"{directory} holds a run with seed {old.seed} on {old.bench_name!r}; it can only be resumed with "
@@ -232,7 +232,7 @@ class Runner:
     def _keep(self, result: CaseResult) -> None:
         self._results[result.identifier] = result
         if self._options.directory is not None:
-            write_case(self._options.directory, result)
+            result.signals = write_case(self._options.directory, result)
         if self._on_result is not None:
             self._on_result(result, len(self._results), len(self._cases))
 

@@ -95,7 +95,6 @@ def index_entry(case: CaseResult, change: str = "") -> dict[str, Any]:
         "f": faults,
         "fl": injected[:_IN_LIST],
         "al": alarms[:_IN_LIST],
-        "r": named,
         "m": stop_modes(case),
         "c": change,
         "s": _time(case.simulated_s),

@@ -23,7 +23,20 @@ import numpy as np
 
 from hil._requirements import complete
 from hil.campaign import Runner, RunOptions, find_campaigns, select_cases
-from reports import CaseResult, RunResult, Verdict, load_run, write_report
+from hil.campaign._runner import clear_run
+from reports import (
+    HISTORY_FILE,
+    CaseResult,
+    RunResult,
+    Verdict,
+    finish_run,
+    load_run,
+    remember,
+    start_run,
+    write_case,
+    write_report,
+)
+from reports.store import RUN_FILE
 
 _READY = "return document.querySelectorAll('#cases tbody tr').length > 0"
 _FILTER = """
@@ -65,10 +78,17 @@ def variation(case: CaseResult, number: int) -> CaseResult:
     return changed
 
 
-def large_run(source: RunResult, cases: int) -> RunResult:
-    """Return a run of as many cases, made of those of another one."""
-    found = [variation(source.cases[number % len(source.cases)], number) for number in range(cases)]
-    run = dataclasses.replace(source, title=f"{cases} cases made of {len(source.cases)}", cases=found)
+def large_run(source: RunResult, cases: int, folder: Path) -> RunResult:
+    """Return a run of as many cases, made of those of another one, as it is when its journal is in a folder."""
+    run = dataclasses.replace(source, title=f"{cases} cases made of {len(source.cases)}", cases=[])
+    if (folder / RUN_FILE).exists():
+        clear_run(folder)
+    start_run(folder, run)
+    for number in range(cases):
+        case = variation(source.cases[number % len(source.cases)], number)
+        case.signals = write_case(folder, case)
+        run.cases.append(case)
+    finish_run(folder)
     complete(run)
     return run
 
@@ -131,12 +151,15 @@ def main(arguments: list[str] | None = None) -> int:
         source = Runner(cases, RunOptions()).run()
     with tempfile.TemporaryDirectory() as scratch:
         folder = chosen.folder or Path(scratch)
-        run = large_run(source, chosen.cases)
+        run = large_run(source, chosen.cases, folder)
         wall, cpu = time.perf_counter(), time.process_time()
-        paths = write_report(run, folder)
+        background = remember(run, folder / HISTORY_FILE)
+        recorded = time.perf_counter() - wall
+        paths = write_report(run, folder, background=background)
         figures: dict[str, float] = {
             "cases": len(run.cases),
             "build_s": round(time.perf_counter() - wall, 1),
+            "of_it_history_s": round(recorded, 1),
             "build_cpu_s": round(time.process_time() - cpu, 1),
             "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
             "page_mb": round(paths.report.stat().st_size / 1e6, 1),

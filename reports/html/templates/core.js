@@ -162,7 +162,7 @@ function rewriteQuery(change) {
 const INDEX = readJson("data-index");
 for (const entry of INDEX) {
   for (const name of ["t", "h", "g", "q", "c"]) entry[name] ??= "";
-  for (const name of ["tags", "f", "fl", "al", "r", "m"]) entry[name] ??= [];
+  for (const name of ["tags", "f", "fl", "al", "m"]) entry[name] ??= [];
   entry.text = [entry.id, entry.t, entry.h, entry.q].join(" ").toLowerCase();
 }
 const PLACE = new Map(INDEX.map((entry, i) => [entry.id, i]));

@@ -1,6 +1,6 @@
 // The case list: filter, search and sort work on the index; the table holds only the rows that were scrolled to.
 const GRAVITY = { failed: 0, error: 1, blocked: 2, passed: 3 };
-const ROWS = 200;
+const ROWS = 100;
 const selects = { g: "#f-g", tag: "#f-tag", f: "#f-f", m: "#f-m", c: "#f-c" };
 let visibleOrder = INDEX.map((_entry, i) => i);
 let rowCount = 0;

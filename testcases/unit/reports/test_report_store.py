@@ -23,8 +23,10 @@ from reports import (
     Signal,
     StoreError,
     Verdict,
+    fault_state_matrix,
     finish_run,
     load_run,
+    measures,
     save_run,
     start_run,
     stored_cases,
@@ -40,6 +42,37 @@ def test_run_reads_back_equal(run, tmp_path):
     """What was saved is what is loaded: texts, numbers, samples and verdicts."""
     save_run(tmp_path / "run", run)
     assert load_run(tmp_path / "run") == run
+
+
+def test_signals_can_stay_on_the_disk(run, tmp_path):
+    """A lazy run is equal to an eager one; texts and numbers need no archive, samples are read when they are asked for."""
+    save_run(tmp_path, run)
+    lazy = load_run(tmp_path, lazy=True)
+    assert lazy == run
+    assert run == lazy
+    case = next(case for case in lazy.cases if case.signals)
+    again = next(one for one in run.cases if one.identifier == case.identifier)
+    assert (len(case.signals), case.signals[0]) == (len(again.signals), again.signals[0])
+    assert case.signals != again.signals[:-1]
+    expected = measures(again)
+    shutil.rmtree(tmp_path / "signals")
+    lazy = load_run(tmp_path, lazy=True)
+    case = next(one for one in lazy.cases if one.identifier == again.identifier)
+    assert case.signals.texts == [signal.enum for signal in again.signals]
+    assert measures(case) == expected
+    assert fault_state_matrix(lazy).columns == fault_state_matrix(run).columns
+    with pytest.raises(StoreError, match="signals missing or damaged"):
+        list(case.signals)
+
+
+def test_writing_a_case_gives_what_need_not_stay_in_memory(run, tmp_path):
+    """Who keeps the stored signals of a case keeps the same case."""
+    case = next(dataclasses.replace(case) for case in run.cases if case.signals)
+    start_run(tmp_path, bare(run))
+    stored = write_case(tmp_path, case)
+    assert stored == case.signals
+    assert not isinstance(stored, list)
+    assert write_case(tmp_path, CaseResult("bare", "", Verdict.PASSED)) == []
 
 
 def test_hostile_texts_read_back_equal(hostile, tmp_path):
