@@ -448,6 +448,9 @@ class ServoCore(ServoState):
         if previous == TORQUE:
             self._feedforward = self._middle = self._model = self._predicted = self.velocity
             self._integral = self.torque_demand - self.torque_offset
+        elif previous == SERVO and source == self._velocity_source:
+            # What the position loop has added belongs to the speed from which the new one is reached.
+            self._feedforward = self._middle = self.velocity_demand
         self.speed_limited = False
         if not self.controls_position:
             # The next servo instant finds the axis one period further on.

@@ -284,7 +284,7 @@ class TechnologyAxis(ServoCycle):
             if not self.facts.controlled or enabling.switching_off:
                 output = 0.0
         else:
-            output = 0.0
+            output = self.actual_velocity if enabling.catching else 0.0
             if not facts.controlled:
                 motion.gen.set_state(
                     feedback.position, 0.0

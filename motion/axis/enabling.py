@@ -363,6 +363,23 @@ class EnableControl:
             # Without a link nobody knows whether the drive still brakes: OFF2 would let it coast (STP-367).
             self._rest(STW1_ALL_OFF if self.stw1 == STW1_OFF3 and axis.port.link_ok else self.stw1)
 
+    @property
+    def catching(self) -> bool:
+        """Whether a moving axis is being enabled that will brake by a ramp: until then the drive has to keep its speed (STP-048)."""
+        axis = self._axis
+        return (
+            axis.state is AxisState.ENABLING
+            and not axis.at_rest
+            and axis.has_position
+            and self._start_mode == 1
+            and not self._at_once
+        )
+
+    @property
+    def _at_once(self) -> bool:
+        """Whether the velocity setpoint of a moving axis is 0 as soon as it is enabled (`VelocityModePowerOn`)."""
+        return self._velocity_mode is not None and self._velocity_mode.value == 1
+
     def _arrive(self) -> None:
         """The drive executes setpoints: close the loops without a step (STP-047 to STP-057)."""
         axis = self._axis
@@ -372,7 +389,7 @@ class EnableControl:
         motion.severity = 0
         motion.abort_all()
         motion.position_controlled = axis.has_position and self._start_mode == 1
-        velocity_mode = self._velocity_mode is not None and self._velocity_mode.value == 1
+        velocity_mode = self._at_once
         if axis.at_rest or not motion.position_controlled or velocity_mode:
             position = axis.feedback.position + (
                 axis.actual_velocity * axis.delay_s

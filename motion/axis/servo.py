@@ -139,6 +139,8 @@ class ServoCycle(AxisAssembly):
                 self.controller.follow(self.feedback.position)
                 output = setpoint.v
         else:
+            if self.enabling.catching:
+                output = self.actual_velocity
             if not self.facts.controlled:
                 self.motion.gen.set_state(self.feedback.position, 0.0)
             if self.has_position:

@@ -10,12 +10,14 @@ from hil.campaign import CaseSettings, execute_case, load_bench_file, requiremen
 from reports.model import Verdict
 from testcases.campaigns import (
     axis_faults,
+    control,
     drive_faults,
     external_encoder,
     fault_reactions,
     homing,
     limits,
     modbus_faults,
+    monitoring,
     motion_in,
     stop_modes,
     telegram_faults,
@@ -55,14 +57,21 @@ BLOCKED = {
         ("reference", f"motion-in/telegram/{kind}"): "a drive with a PROFIdrive telegram"
         for kind in ("freeze", "late", "sign_of_life")
     },
+    **{
+        ("reference", case.identifier): "dynamic servo control"
+        for case in control.CAMPAIGN.cases
+        if case.parameters.get("where") == "drive" or "telegram" in case.identifier
+    },
+    ("reference", "control/safety/ss2/controller"): "offers no set_ss2",
+    **{("reference", f"monitoring/late/{cycles}"): "led by no PROFIdrive telegram" for cycles in (1, 2)},
 }
 """Cases that a bench cannot have, and why: a PROFIdrive axis has no such state to fall to without fault or safety input, a CiA 402
 drive no words of its encoder."""
 
 
-def cases(bench, profile, campaigns):
+def cases(bench, profile, campaigns, *, every=1):
     for campaign in campaigns:
-        for case in campaign.cases:
+        for case in campaign.cases[::every]:
             if bench == "profidrive" and campaign is limits.CAMPAIGN and "/negative/" in case.identifier:
                 continue  # the other side runs on the reference bench
             if (bench, case.identifier) not in BLOCKED:
@@ -82,6 +91,10 @@ def bench_file(name):
     [
         *cases("reference", "cia402", ON_CANOPEN),
         *cases("profidrive", "profidrive", ON_PROFIDRIVE),
+        *cases("reference", "cia402", [monitoring.CAMPAIGN]),
+        *cases("profidrive", "profidrive", [control.CAMPAIGN]),
+        *cases("profidrive", "profidrive", [monitoring.CAMPAIGN], every=4),
+        *cases("reference", "cia402", [control.CAMPAIGN], every=4),
         *cases("profidrive_tcp", "profidrive", [modbus_faults.CAMPAIGN]),
         *cases("profidrive_rtu", "profidrive", [modbus_faults.LINE]),
         *cases(WITH_ENCODERS.format("REFERENCE"), "cia402", [external_encoder.CAMPAIGN]),
@@ -98,7 +111,7 @@ def test_case_passes(bench, case):
 @pytest.mark.parametrize(("bench", "identifier"), BLOCKED)
 def test_what_a_profile_cannot_have_is_blocked_with_its_reason(bench, identifier):
     """A case whose fault the drive has no seam for is blocked, not passed, and says why."""
-    campaigns = (*ON_CANOPEN, external_encoder.CAMPAIGN)
+    campaigns = (*ON_CANOPEN, external_encoder.CAMPAIGN, monitoring.CAMPAIGN, control.CAMPAIGN)
     (case,) = [campaign[identifier] for campaign in campaigns if identifier in campaign]
     result = execute_case(case, bench_file(bench), CaseSettings(seed=1)).result
 

@@ -8,6 +8,7 @@ import pytest
 
 from motion.axis import AxisState
 from motion.drives.simulated import DriveStage
+from testcases.unit.motion_axis.lagging_drive import LaggingDrivePort
 
 CYCLE = 0.004
 S = AxisState
@@ -159,9 +160,11 @@ def test_enabling_a_moving_axis(rig):
 
 @pytest.mark.requirement("STP-050")
 def test_monitoring_works_while_a_moving_axis_is_enabled(make_rig):
-    """A following error that is too large during this braking raises 521."""
-    rig = make_rig(variables={"FollowingError.MinValue": 0.01, "FollowingError.MaxValue": 0.011})
+    """A following error that is too large during this braking, here because the drive lags, raises 521."""
+    rig = make_rig(port=LaggingDrivePort(cycle_s=CYCLE, lag_s=0.03))
     coasting(rig)
+    rig.axis.write("FollowingError.MinValue", 0.1)
+    rig.axis.write("FollowingError.MaxValue", 0.11)
     rig.axis.power(True)
     rig.run(0.3)
     assert 521 in raised(rig)
