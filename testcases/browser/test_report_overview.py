@@ -166,6 +166,16 @@ def test_every_view_can_be_read_without_seeing_colours_or_shapes(browser, report
         assert browser.js(AUDIT) == [], address
 
 
+def test_no_view_is_wider_than_a_telephone(browser, report):
+    """At 420 pixels wide tables scroll in themselves, the page does not."""
+    browser.view(420, 800, "light")
+    browser.open("", report)
+    for address in VIEWS:
+        browser.go(address)
+        fits = "return document.documentElement.scrollWidth <= document.documentElement.clientWidth"
+        browser.until(lambda program=fits: browser.js(program), f"{address or 'the list'} is too wide", 5)
+
+
 def test_the_audit_notices_what_it_looks_for(browser):
     """A button without a name, a text too faint, a table without a caption, an identifier used twice."""
     browser.js(
