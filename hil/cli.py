@@ -331,6 +331,33 @@ def judge(
 
 
 @app.command()
+def export(
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="trace.npz of a case.")],
+    *,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="Signals: .mf4, .csv, .npz; frames: .log, .asc, .blf."
+        ),
+    ],
+    signal: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--signal", metavar="NAME", help="Only these signals; * as in file names; may be repeated."
+        ),
+    ] = None,
+    bus: Annotated[
+        str, typer.Option("--bus", metavar="SEGMENT", help="Segment whose frames are written.")
+    ] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Write a saved trace, or its frames, for other tools."""
+    from hil._commands.export import export_trace
+
+    raise typer.Exit(export_trace(trace, output, signals=tuple(signal or ()), bus=bus, as_json=as_json))
+
+
+@app.command()
 def fuzz(
     *,
     cases: Annotated[int, typer.Option("--cases", "-n", min=1, help="Number of programs.")] = 100,

@@ -9,11 +9,24 @@ frame that is hit (`fault.hit`).
 from __future__ import annotations
 
 from hil.faults._catalogue import CATALOGUE, fault_type
+from hil.faults._compose import (
+    AnyOf,
+    ByChance,
+    Every,
+    InCondition,
+    InSequence,
+    any_of,
+    chance,
+    condition,
+    every,
+    sequence,
+)
 from hil.faults._fault import Fault
 from hil.faults._injector import ArmedFault, Injector
 from hil.faults._parameters import ENVIRONMENTS, Environment, FaultType, Parameter
 from hil.faults._trigger import (
     AtTime,
+    ComposedTrigger,
     Immediately,
     InState,
     OnEvent,
@@ -35,12 +48,18 @@ from hil.faults._trigger import (
 __all__ = [
     "CATALOGUE",
     "ENVIRONMENTS",
+    "AnyOf",
     "ArmedFault",
     "AtTime",
+    "ByChance",
+    "ComposedTrigger",
     "Environment",
+    "Every",
     "Fault",
     "FaultType",
     "Immediately",
+    "InCondition",
+    "InSequence",
     "InState",
     "Injector",
     "OnEvent",
@@ -49,12 +68,17 @@ __all__ = [
     "SignalCrossing",
     "Trigger",
     "after",
+    "any_of",
     "at",
+    "chance",
+    "condition",
+    "every",
     "fault_type",
     "frame",
     "immediately",
     "on_event",
     "position",
+    "sequence",
     "signal",
     "state",
     "trigger_from_dict",

@@ -143,7 +143,7 @@ class FrameAction(Action):
         self._counter = 0
         self._active = False
         self._remove_hook: Work | None = None
-        self._trigger_matches: Callable[[int], bool] | None = None
+        self._trigger_matches: Callable[[Any], bool] | None = None
         self._on_trigger: Work | None = None
         self.hits = 0
         """Frames hit so far."""
@@ -180,7 +180,7 @@ class FrameAction(Action):
     def _hook(self, frame: CanFrame, sender: str, time_ns: int) -> Any:  # noqa: ARG002 - signature of a hook
         if not self._active:
             apply = self._on_trigger
-            if apply is None or self._trigger_matches is None or not self._trigger_matches(frame.can_id):
+            if apply is None or self._trigger_matches is None or not self._trigger_matches(frame):
                 return None
             apply()
         if (frame.can_id & self._mask) != self._can_id or (self._sender and sender != self._sender):

@@ -82,7 +82,7 @@ class ArmedFault:
             # The n-th frame must itself be hit, so the hook of the fault counts.
             self._stop_trigger = self._action.arm_with(trigger, self._apply)
             return
-        stop = watch(self._bench, trigger, self._fired)
+        stop = watch(self._bench, trigger, self._fired, f"fault{self.number}.trigger")
         if self.over or self.applications >= self._limit:
             stop()
         else:
@@ -132,7 +132,7 @@ class ArmedFault:
             )
         if self.fault.until is not None:
             until = as_trigger(self.fault.until)
-            stop = watch(self._bench, until, self._until)
+            stop = watch(self._bench, until, self._until, f"fault{self.number}.until")
             if self._has_ended():
                 stop()
             else:

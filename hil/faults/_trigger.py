@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -132,9 +133,19 @@ class OnEvent:
         return f"at {self.selector}"
 
 
+class ComposedTrigger(ABC):
+    """A trigger made of others, or of a condition; see `hil.faults._compose`."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Return the trigger as TOML/JSON values."""
+
+
 @dataclass(frozen=True, slots=True)
 class OnFrame:
-    """At the n-th frame with an identifier after arming."""
+    """At the n-th frame after arming that fits: identifier under a mask, or message name, and the beginning of its data."""
 
     can_id: int | None = None
     number: int = 1
@@ -142,8 +153,15 @@ class OnFrame:
     """Message name of a drive instead of an identifier."""
     drive: str = ""
     segment: str = ""
+    mask: int = 0x1FFFFFFF
+    """Bits of the identifier that are compared."""
+    data: str = ""
+    """Begin of the data, hexadecimal; `..` is any byte: `2F .. 60`."""
 
     def __post_init__(self) -> None:
+        if not 0 <= self.mask <= 0x1FFFFFFF:
+            raise ConfigurationError("trigger.mask", self.mask, "0..1FFFFFFFh")
+        parse_pattern(self.data)
         if self.number < 1:
             raise ConfigurationError("trigger.number", self.number, "1, 2, ...")
         if (self.can_id is None) == (not self.message):
@@ -156,9 +174,11 @@ class OnFrame:
         result: dict[str, Any] = {"when": "frame"}
         if self.can_id is not None:
             result["can_id"] = self.can_id
-        for key in ("message", "drive", "segment"):
+        for key in ("message", "drive", "segment", "data"):
             if getattr(self, key):
                 result[key] = getattr(self, key)
+        if self.mask != 0x1FFFFFFF:
+            result["mask"] = self.mask
         if self.number != 1:
             result["number"] = self.number
         return result
@@ -166,11 +186,31 @@ class OnFrame:
     def __str__(self) -> str:
         name = self.message if self.can_id is None else f"{self.can_id:03X}h"
         owner = f" of {self.drive}" if self.drive else ""
-        return f"at frame {name}{owner} number {self.number}"
+        mask = "" if self.mask == 0x1FFFFFFF else f" under mask {self.mask:X}h"
+        data = f" with {self.data}" if self.data else ""
+        return f"at frame {name}{mask}{owner}{data} number {self.number}"
 
 
-Trigger = Immediately | AtTime | SignalCrossing | InState | OnEvent | OnFrame
-REPEATABLE = (SignalCrossing, InState, OnEvent, OnFrame)
+def parse_pattern(text: str) -> tuple[int | None, ...]:
+    """Return the bytes of a pattern of data, None for any; blanks are ignored.
+
+    Raises:
+        ConfigurationError: It is no hexadecimal text of at most 8 bytes, with `..` for any byte.
+
+    """
+    packed = "".join(text.split())
+    pairs = [packed[at : at + 2] for at in range(0, len(packed), 2)]
+    try:
+        found = tuple(None if pair == ".." else bytes.fromhex(pair)[0] for pair in pairs)
+    except (ValueError, IndexError):
+        found = (None,) * 9
+    if len(found) > 8:
+        raise ConfigurationError("trigger.data", text, "up to 8 bytes in hexadecimal, .. for any: '2F .. 60'")
+    return found
+
+
+Trigger = Immediately | AtTime | SignalCrossing | InState | OnEvent | OnFrame | ComposedTrigger
+REPEATABLE = (SignalCrossing, InState, OnEvent, OnFrame, ComposedTrigger)
 """Triggers that can fire more than once."""
 
 
@@ -237,10 +277,17 @@ def on_event(
 
 
 def frame(
-    can_id: int | None = None, *, message: str = "", drive: str = "", number: int = 1, segment: str = ""
+    can_id: int | None = None,
+    *,
+    message: str = "",
+    drive: str = "",
+    number: int = 1,
+    segment: str = "",
+    mask: int = 0x1FFFFFFF,
+    data: str = "",
 ) -> OnFrame:
-    """At the `number`-th frame with an identifier, or with a message name of a drive."""
-    return OnFrame(can_id, number, message, drive, segment)
+    """At the `number`-th frame with an identifier under `mask`, or a message name of a drive, whose data begin with `data`."""
+    return OnFrame(can_id, number, message, drive, segment, mask, data)
 
 
 def as_trigger(value: Trigger | EventSelector) -> Trigger:
@@ -264,7 +311,9 @@ _FORMS: dict[str, _Form] = {
     "velocity": _Form({"axis": str, "value": _NUMBER, "direction": str}, ("value",)),
     "state": _Form({"component": str, "state": str, "kind": str}, ("component", "state")),
     "event": _Form({"kind": str, "source": str, "nth": int, "offset_s": _NUMBER, "data": dict}, ("kind",)),
-    "frame": _Form({"can_id": int, "message": str, "drive": str, "number": int, "segment": str}),
+    "frame": _Form(
+        {"can_id": int, "message": str, "drive": str, "number": int, "segment": str, "mask": int, "data": str}
+    ),
 }
 
 
@@ -278,9 +327,13 @@ def trigger_from_dict(content: Any, where: str = "trigger") -> Trigger:
     if not isinstance(content, Mapping):
         raise ConfigurationError(where, content, f"a table with when = {', '.join(_FORMS)}")
     when = content.get("when")
+    from hil.faults._compose import COMPOSED, composed_from_dict
+
+    if isinstance(when, str) and when in COMPOSED:
+        return composed_from_dict(content, where)
     form = _FORMS.get(when) if isinstance(when, str) else None
     if form is None:
-        raise ConfigurationError(f"{where}.when", when, ", ".join(_FORMS))
+        raise ConfigurationError(f"{where}.when", when, ", ".join([*_FORMS, *COMPOSED]))
     values = {key: value for key, value in content.items() if key != "when"}
     for key, value in values.items():
         kind = form.keys.get(key)
@@ -317,5 +370,5 @@ def trigger_from_dict(content: Any, where: str = "trigger") -> Trigger:
         case _:
             return OnFrame(
                 values.get("can_id"), values.get("number", 1), values.get("message", ""), values.get("drive", ""),
-                values.get("segment", ""),
+                values.get("segment", ""), values.get("mask", 0x1FFFFFFF), values.get("data", ""),
             )  # fmt: skip

@@ -6,20 +6,30 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from fieldbus.clock import seconds_to_ns
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from fieldbus.history import Event
 from hil.errors import RecordingError
 from hil.faults._trigger import (
     AtTime,
+    ComposedTrigger,
     Immediately,
     InState,
     OnEvent,
     OnFrame,
     SignalCrossing,
     Trigger,
+    parse_pattern,
 )
+from hil.faults._watch_composed import watch_composed
 from hil.protocols import Bench
-from hil.record import EventSelector, Vocabulary, check_event_kind, check_selector, check_state
+from hil.record import (
+    EventSelector,
+    Vocabulary,
+    check_event_kind,
+    check_selector,
+    check_state,
+    kind_matches,
+)
 
 Stop = Callable[[], None]
 
@@ -28,13 +38,14 @@ def _nothing() -> None:
     """Nothing to stop."""
 
 
-def watch(bench: Bench, trigger: Trigger, fire: Callable[[], None]) -> Stop:
+def watch(bench: Bench, trigger: Trigger, fire: Callable[[], None], stream: str = "trigger") -> Stop:
     """Call `fire` every time `trigger` happens, until the returned function is called.
 
     `fire` is called from inside the component that caused the trigger: it must only take note or enter work
-    on the scheduler.
+    on the scheduler. `stream` names the random stream of triggers by chance.
 
     Raises:
+        UnsupportedFaultError: A live bench does not hear in time of what the trigger waits for.
         ConfigurationError: The trigger names something that the bench does not have, or a time in the past.
 
     """
@@ -49,6 +60,8 @@ def watch(bench: Bench, trigger: Trigger, fire: Callable[[], None]) -> Stop:
         return _watch_state(bench, trigger, fire)
     if isinstance(trigger, OnEvent):
         return _watch_event(bench, trigger, fire)
+    if isinstance(trigger, ComposedTrigger):
+        return watch_composed(bench, trigger, fire, stream, watch)
     return _watch_frame(bench, trigger, fire)
 
 
@@ -79,6 +92,7 @@ def check_names(bench: Bench, trigger: Trigger, where: str = "trigger") -> None:
 
     """
     check_kind(bench, trigger, where)
+    _refuse_deaf(bench, trigger)
     vocabulary = getattr(bench, "vocabulary", None)
     if vocabulary is None:
         return
@@ -92,6 +106,38 @@ def check_names(bench: Bench, trigger: Trigger, where: str = "trigger") -> None:
             check_state(words, trigger.component, trigger.state, trigger.kind)
     except RecordingError as error:
         raise ConfigurationError(where, str(trigger), f"what the bench can tell: {error}") from None
+
+
+_DRIVE_PROCESS = ("drive.", "encoder.", "emcy.raised", "emcy.cleared", "nmt.state", "rpdo.timeout")
+"""Events that emulated devices tell."""
+_CONTROLLER_OWN = ("drive.limit_refused",)
+
+
+def _refuse_deaf(bench: Bench, trigger: Trigger) -> None:
+    """Refuse a trigger on what a live bench learns at its end only, from the process of the drives.
+
+    Raises:
+        UnsupportedFaultError: The trigger would never fire; the message says what may take its place.
+
+    """
+    if bench.kind != "live":
+        return
+    if isinstance(trigger, OnEvent):
+        kind = trigger.selector.kind
+    elif isinstance(trigger, InState):
+        kind = trigger.kind or (
+            "axis.state" if trigger.component in getattr(bench, "axis_names", ()) else "drive.state"
+        )
+        if trigger.component == "controller":
+            return
+    else:
+        return
+    told = any(kind_matches(one, kind) or kind_matches(kind, one) for one in _DRIVE_PROCESS)
+    if told and kind not in _CONTROLLER_OWN and not any(entry.kind == kind for entry in bench.history.events):
+        raise UnsupportedFaultError(
+            f"trigger '{trigger}' cannot be used on a live bench: {kind} is told in the process of the drives, and the "
+            "bench hears of it at its end. Wait for an event of the controller (link.*, axis.*, alarm.*, emcy.received), a signal or a frame"
+        )
 
 
 class _BenchWords(NamedTuple):
@@ -195,18 +241,24 @@ def _watch_event(bench: Bench, trigger: OnEvent, fire: Callable[[], None]) -> St
     return stop
 
 
-def frame_matcher(bench: Bench, trigger: OnFrame, segment: str) -> Callable[[int], bool]:
-    """Return the function that is true from the n-th matching identifier on this segment on."""
+def frame_matcher(bench: Bench, trigger: OnFrame, segment: str) -> Callable[[Any], bool]:
+    """Return the function that is true from the n-th matching frame on this segment on."""
     wanted = (
         trigger.can_id
         if trigger.can_id is not None
         else message_id(bench, trigger.drive, trigger.message, segment)
     )
+    mask = trigger.mask
+    pattern = parse_pattern(trigger.data)
+    places = [(at, byte) for at, byte in enumerate(pattern) if byte is not None]
     seen = 0
 
-    def count(can_id: int) -> bool:
+    def count(frame: Any) -> bool:
         nonlocal seen
-        if can_id != wanted:
+        if (frame.can_id ^ wanted) & mask:
+            return False
+        data = frame.data
+        if len(data) < len(pattern) or any(data[at] != byte for at, byte in places):
             return False
         seen += 1
         return seen >= trigger.number
@@ -219,7 +271,7 @@ def _watch_frame(bench: Bench, trigger: OnFrame, fire: Callable[[], None]) -> St
     matches = frame_matcher(bench, trigger, segment.name)
 
     def look(frame: Any, sender: str, time_ns: int) -> None:  # noqa: ARG001 - signature of a segment's hook
-        if matches(frame.can_id):
+        if matches(frame):
             fire()
 
     stop: Stop = segment.add_hook(look)
