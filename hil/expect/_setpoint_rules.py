@@ -24,8 +24,9 @@ _LATE_CYCLES = 3
 
 
 def _axes(trace: Trace) -> Iterator[tuple[str, Signal, NDArray[np.float64]]]:
-    """Return the axes that can be judged: name, velocity setpoint, time of each cycle."""
-    for axis in trace.components_with("velocity_setpoint", "position_setpoint", "state", "status_word"):
+    """Return the axes whose whole setpoint chain is recorded: name, velocity setpoint, time of each cycle."""
+    chain = ("position_setpoint", "velocity_setpoint", "acceleration_setpoint")
+    for axis in trace.components_with(*chain, "state", "status_word"):
         velocity = trace[f"{axis}.velocity_setpoint"]
         if len(velocity) >= 3:
             cycle_s = trace.constants.get(f"{axis}.cycle_s", 0.0)
@@ -88,7 +89,7 @@ def check_acceleration_setpoint(trace: Trace) -> list[Check]:
     checks = []
     for axis, velocity, _ in _axes(trace):
         greatest = _greatest_acceleration(trace, axis)
-        if greatest is None or f"{axis}.acceleration_setpoint" not in trace:
+        if greatest is None:
             continue
         signal = trace[f"{axis}.acceleration_setpoint"]
         judged = np.zeros(len(signal), dtype=bool)
