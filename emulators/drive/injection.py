@@ -124,6 +124,24 @@ class MachineFaults(TravelFaults, EncoderFaults):
 
         drift()
 
+    # -- coupling and guides -------------------------------------------------------------------------------------------
+
+    def add_friction(self, force: float) -> None:
+        """Add dry friction at the load, N or Nm; 0 = as new."""
+        self.mechanics.add_friction(force)
+
+    def slip_coupling(self, revolutions: float) -> None:
+        """Let the load slip by so many revolutions of the motor, which itself turns on: its encoder sees nothing."""
+        counts = round(revolutions * self.encoder.counts_per_revolution)
+        # Whole increments, so that the encoder sees nothing at all.
+        angle = counts * self.encoder.radians_per_increment
+        if self.mechanics.slip(angle * self.mechanics.ratio):
+            self.encoder.jump(-counts)
+
+    def break_coupling(self, motor_share: float) -> None:
+        """Part motor and load for good; see `AxisMechanics.break_coupling`."""
+        self.mechanics.break_coupling(motor_share)
+
     # -- brake -------------------------------------------------------------------------------------------------------
 
     def stick_brake(self, closed: bool | None) -> None:

@@ -59,13 +59,16 @@ class AxisMechanics:
 
     __slots__ = (
         "_angle_per_unit",
+        "_apart",
         "_brake",
         "_breakaway",
         "_coulomb",
         "_decay",
         "_dt",
         "_external",
+        "_extra_friction",
         "_force_per_torque",
+        "_free_speed",
         "_friction_step",
         "_gain",
         "_gravity",
@@ -76,6 +79,7 @@ class AxisMechanics:
         "_load_force",
         "_low",
         "_lower_stop",
+        "_motor_share",
         "_static",
         "_stop_damping",
         "_stop_stiffness",
@@ -134,6 +138,10 @@ class AxisMechanics:
         self._external = 0.0
         self._brake = 0.0
         self._jammed = False
+        self._extra_friction = 0.0
+        self._apart = False
+        self._motor_share = 1.0
+        self._free_speed = 0.0
         self._dt = 0.0
         self._half_dt = self._decay = self._gain = self._friction_step = 0.0
         self._breakaway = self._load_force = 0.0
@@ -146,7 +154,7 @@ class AxisMechanics:
     @property
     def motor_speed(self) -> float:
         """Speed of the motor shaft, rad/s."""
-        return self.velocity * self._angle_per_unit
+        return self._free_speed if self._apart else self.velocity * self._angle_per_unit
 
     @property
     def motor_inertia(self) -> float:
@@ -191,6 +199,46 @@ class AxisMechanics:
             self._viscous = checked("viscous", viscous, minimum=0.0)
         self._dt = 0.0
         self._refresh_forces()
+
+    def add_friction(self, force: float) -> None:
+        """Add dry friction to that of the load, N or Nm, >= 0: bearings or ways that have gone bad; 0 = as new."""
+        self._extra_friction = checked("force", force, minimum=0.0)
+        self._refresh_forces()
+
+    def slip(self, distance: float) -> bool:
+        """Displace the load by `distance` (m or rad) while the motor shaft turns on.
+
+        Returns:
+            Whether the angle of the shaft has moved with it, by `distance / ratio`, which who measures it has to take
+            back; False where motor and load are apart already.
+
+        """
+        self.position += checked("distance", distance)
+        if not self._apart:
+            self.motor_angle = self.position * self._angle_per_unit
+        self._settle()
+        return not self._apart
+
+    def break_coupling(self, motor_share: float) -> None:
+        """Part motor and load for good: the motor turns alone, the load coasts; a brake on the motor holds the motor only.
+
+        Args:
+            motor_share: Share of the whole inertia that is on the side of the motor, above 0, below 1.
+
+        Raises:
+            ConfigurationError: The share is not between 0 and 1.
+
+        """
+        share = checked("motor_share", motor_share, positive=True)
+        if share >= 1.0:
+            raise ConfigurationError("motor_share", motor_share, "above 0, below 1")
+        if self._apart:
+            return
+        self._free_speed = self.motor_speed
+        self._motor_share = share
+        self._apart = True
+        self._refresh_forces()
+        self._settle()
 
     def set_stops(self, lower: float | None, upper: float | None) -> None:
         """Place or remove (None) the end stops, load unit; also while the axis runs (STP-536)."""
@@ -251,6 +299,9 @@ class AxisMechanics:
 
     def _step_special(self, force: float, free_velocity: float, free_position: float) -> None:
         """Finish a step that ends outside the quiet range: jam, end stop or switch edge."""
+        if self._apart:
+            self._step_apart(force)
+            return
         if self._jammed:
             self.velocity = 0.0
             return
@@ -262,6 +313,33 @@ class AxisMechanics:
         self.velocity = velocity
         self.position = position
         self.motor_angle = position * self._angle_per_unit
+        self._settle(moving=True)
+
+    def _step_apart(self, force: float) -> None:
+        """Advance motor and load each for itself."""
+        dt, share = self._dt, self._motor_share
+        # Of `gain` (time over inertia, at the load) each side has its own part of the inertia.
+        motor_gain = self._gain / share
+        drive_force = force - self._load_force
+        speed, unit = self._free_speed, self._angle_per_unit
+        turning = _towards_rest(speed / unit + drive_force * motor_gain, self._brake * motor_gain) * unit
+        self._free_speed = turning
+        self.motor_angle += 0.5 * (speed + turning) * dt
+        if self._jammed:
+            self.velocity = 0.0
+            return
+        load_gain = self._gain / (1.0 - share)
+        dry = self._coulomb + self._extra_friction
+        if self.velocity == 0.0 and abs(self._load_force) <= self._static + self._extra_friction:
+            return
+        start, velocity = self.position, self.velocity
+        new = _towards_rest(velocity * self._decay + self._load_force * load_gain, dry * load_gain)
+        position = start + 0.5 * (velocity + new) * dt
+        if position > self._upper_stop or position < self._lower_stop:
+            position, new = self._contact(self._load_force, new, position)
+        self.step_start = start
+        self.velocity = new
+        self.position = position
         self._settle(moving=True)
 
     def _contact(self, force: float, free_velocity: float, free_position: float) -> tuple[float, float]:
@@ -303,8 +381,10 @@ class AxisMechanics:
 
     def _refresh_forces(self) -> None:
         self._load_force = self._gravity + self._external
-        self._friction_step = (self._coulomb + self._brake) * self._gain
-        self._breakaway = -1.0 if self.in_contact else self._static + self._brake
+        extra = self._extra_friction
+        self._friction_step = (self._coulomb + self._brake + extra) * self._gain
+        special = self.in_contact or self._apart
+        self._breakaway = -1.0 if special else self._static + self._brake + extra
 
     def _settle(self, *, moving: bool = False) -> None:
         """Evaluate switches and contact at the present position and find the new quiet range."""
@@ -317,10 +397,17 @@ class AxisMechanics:
             low = max(low, quiet_low)
             high = min(high, quiet_high)
         contact = position > self._upper_stop or position < self._lower_stop
-        if contact or self._jammed:
+        if contact or self._jammed or self._apart:
             low, high = math.inf, -math.inf
         self._low = low
         self._high = high
         if contact is not self.in_contact:
             self.in_contact = contact
             self._refresh_forces()
+
+
+def _towards_rest(speed: float, step: float) -> float:
+    """Return a speed that dry friction has taken a step towards zero, and not beyond."""
+    if speed > step:
+        return speed - step
+    return speed + step if speed < -step else 0.0

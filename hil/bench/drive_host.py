@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from fieldbus.modbus import SocketNetwork
 
 FAULT_METHODS: Final = frozenset((
-    "raise_fault", "clear_fault_cause", "set_sto", "freeze_encoder", "jump_encoder", "miss_index", "invert_input", "swap_limit_switches", "jam", "load_force",
+    "raise_fault", "clear_fault_cause", "set_sto", "freeze_encoder", "jump_encoder", "miss_index", "invert_input", "swap_limit_switches", "jam", "load_force", "add_friction", "slip_coupling", "break_coupling",
     "force_input", "stop_heartbeat", "power_off", "power_on",
     "set_encoder_noise", "reverse_encoder", "lose_encoder_steps",
     "set_ss1", "set_ss2", "set_sos", "set_sbc", "set_sls", "set_sdi", "set_slp", "acknowledge_safety", "open_interlock", "delay_heartbeat", "cut_mains",

@@ -116,6 +116,9 @@ _PAIRS: Final[dict[str, _Pair]] = {
     "pto.step_loss": _Pair("lose_steps", lambda value: (value("periods"),), None),
     "mechanics.jam": _Pair("jam"),
     "switch.swapped": _Pair("swap_limit_switches"),
+    "mechanics.friction": _Pair("add_friction", lambda value: (value("force_N"),), (0.0,)),
+    "mechanics.slip": _Pair("slip_coupling", lambda value: (value("revolutions"),), None),
+    "mechanics.coupling_break": _Pair("break_coupling", lambda value: (value("motor_share"),), None),
     "mechanics.load_step": _Pair("load_force", lambda value: (value("force_N"),), (0.0,)),
 }
 

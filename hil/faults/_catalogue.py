@@ -47,6 +47,12 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
         example={"kind": "frame.delay", "duration_s": 0.1, "parameters": {"message": "rpdo1", "delay_s": 0.006}},
     ),
     FaultType(
+        "frame.jitter", "Frames reach the wire later by a random time: a clock that jitters, of SYNC for example", "segment", "CAN medium",
+        (*_SELECTION, Parameter("jitter_s", "float", "Longest delay; each is drawn evenly from 0 to it, from the seeded stream", "s", 0.000001, 10.0, required=True)),
+        remark=_LOCAL,
+        example={"kind": "frame.jitter", "duration_s": 0.5, "parameters": {"message": "sync", "jitter_s": 0.0005}},
+    ),
+    FaultType(
         "frame.corrupt", "A bit error at a place of the frame; kind of error and counters follow from the place", "segment", "CAN medium",
         (
             *_SELECTION,

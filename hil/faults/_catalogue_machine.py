@@ -68,6 +68,24 @@ MACHINE_FAULTS: Final[tuple[FaultType, ...]] = (
         refused={"hardware": _NO_HAND},
         example={"kind": "mechanics.load_step", "target": "drive1", "duration_s": 0.5, "parameters": {"force_N": 400.0}},
     ),
+    FaultType(
+        "mechanics.friction", "Dry friction at the load grows: a guide or bearing goes bad", "mechanics", "mechanics",
+        (Parameter("force_N", "float", "Friction that is added; Nm on a rotary axis", "N", 0.0, 1e6, required=True),),
+        refused={"hardware": _NO_HAND},
+        example={"kind": "mechanics.friction", "target": "drive1", "duration_s": 0.5, "parameters": {"force_N": 250.0}},
+    ),
+    FaultType(
+        "mechanics.slip", "The coupling slips: the load is displaced, and the motor encoder sees nothing of it", "mechanics", "mechanics",
+        (Parameter("revolutions", "float", "Revolutions of the motor by which the load slips, signed", "rev", -1000.0, 1000.0, required=True),),
+        lasting=False, refused={"hardware": _NO_HAND},
+        example={"kind": "mechanics.slip", "target": "drive1", "parameters": {"revolutions": -0.5}},
+    ),
+    FaultType(
+        "mechanics.coupling_break", "The coupling breaks for good: the motor turns alone, the load coasts or falls", "mechanics", "mechanics",
+        (Parameter("motor_share", "float", "Share of the whole inertia that stays with the motor", minimum=0.01, maximum=0.99, default=0.3),),
+        lasting=False, refused={"hardware": _NO_HAND},
+        example={"kind": "mechanics.coupling_break", "target": "drive1", "parameters": {"motor_share": 0.3}},
+    ),
 )  # fmt: skip
 """Kinds at the machine."""
 

@@ -14,6 +14,8 @@ from hil.faults._watch import frame_matcher, message_id
 from hil.protocols import Bench
 
 if TYPE_CHECKING:
+    from numpy.random import Generator
+
     from fieldbus.can.frame import CanFrame
 
 Work = Callable[[], None]
@@ -25,7 +27,7 @@ _FOREIGN: Final = (_STRANGER, _RIVAL, _TWIN, "load", "babbler")
 """Senders that faults bring with them."""
 
 
-def _treatment(fault: Fault, segment: Any) -> Callable[[CanFrame], Any]:
+def _treatment(fault: Fault, segment: Any, rng: Generator) -> Callable[[CanFrame], Any]:
     """Return what is done to a frame that is hit."""
     from fieldbus.can.bitstream import BitError
     from fieldbus.can.frame import CanFrame
@@ -36,6 +38,9 @@ def _treatment(fault: Fault, segment: Any) -> Callable[[CanFrame], Any]:
             fixed = HookResult.drop()
         case "frame.delay":
             fixed = HookResult.delay(seconds_to_ns(fault.value("delay_s")))
+        case "frame.jitter":
+            jitter_ns = seconds_to_ns(fault.value("jitter_s"))
+            return lambda _frame: HookResult.delay(int(rng.integers(0, jitter_ns, endpoint=True)))
         case "frame.corrupt":
             names = [name.strip() for name in str(fault.value("nodes")).split(",") if name.strip()]
             known = [port.name for port in segment.ports]
@@ -132,7 +137,7 @@ class FrameAction(Action):
         self._bench = bench
         self._ended = ended
         self._note = note
-        self._treat = _treatment(fault, self._segment)
+        self._treat = _treatment(fault, self._segment, bench.rng(f"{stream}.treatment"))
         self._can_id, self._mask = selected_identifier(bench, fault, self._segment.name)
         self._sender: str = _known_sender(self._segment, fault)
         self._first: int = value("first")
