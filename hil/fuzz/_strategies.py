@@ -71,6 +71,7 @@ def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
     inputs = st.sampled_from(["negative_limit", "positive_limit", "home"])
     known: dict[str, SearchStrategy[dict[str, Any]]] = {
         "frame.delay": st.fixed_dictionaries({"delay_s": _grid(1, 20, 0.001)}),
+        "frame.jitter": st.fixed_dictionaries({"jitter_s": _grid(1, 20, 0.0002)}),
         "frame.corrupt": st.fixed_dictionaries({"attempts": st.integers(1, 4)}),
         "frame.duplicate": st.fixed_dictionaries({"copies": st.integers(1, 3)}),
         "frame.replace": st.fixed_dictionaries({"data": st.binary(max_size=8).map(bytes.hex)}),
@@ -100,6 +101,7 @@ def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
         "probe.pulse": st.fixed_dictionaries(
             {"input": st.sampled_from(["probe1", "probe2"]), "width_s": _grid(1, 20, 0.0007)}
         ),
+        "mechanics.friction": st.fixed_dictionaries({"force_N": _grid(0, 10, 30.0)}),
         "mechanics.load_step": st.fixed_dictionaries({"force_N": _grid(-10, 10, 50.0)}),
         "encoder.jump": st.fixed_dictionaries(
             {"increments": st.integers(-20, 20).map(lambda number: number * 1000)}
@@ -148,7 +150,7 @@ _LIES = frozenset((
     "drive.brake_slip", "drive.brake_stuck", "drive.interlock",
     "drive.local_control", "drive.mode_display", "drive.slow_ramp", "drive.statusword_bits", "drive.statusword_stuck",
     "drive.target_toggle", "drive.torque_limit", "drive.heartbeat_late", "drive.emcy_storm", "drive.sdo_abort",
-    "encoder.drift", "encoder.wire_break",
+    "encoder.drift", "encoder.wire_break", "mechanics.slip", "mechanics.coupling_break",
 ))  # fmt: skip
 """Kinds that a fuzz search leaves out: what the bench does not fit, and drives that lie or do not do what they are told, under
 which no invariant can hold."""
