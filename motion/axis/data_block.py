@@ -129,8 +129,8 @@ def _position(axis: TechnologyAxis) -> Live:
         "StatusPositioning.SetpointExecutionTime": axis.setpoint_execution_s,
         "Position": lambda: axis.modulo.wrap(motion.total.s),
         "ModuloCycle": lambda: axis.modulo.cycle(motion.total.s),
-        "ActualPosition": lambda: axis.modulo.wrap(axis.feedback.position),
-        "ActualModuloCycle": lambda: axis.modulo.cycle(axis.feedback.position),
+        "ActualPosition": lambda: axis.feedback.place(axis.modulo)[1],
+        "ActualModuloCycle": lambda: axis.feedback.place(axis.modulo)[0],
         "ActualVelocity": lambda: axis.feedback.velocity,
         "ActualAcceleration": lambda: given_acceleration() if axis.virtual else _actual_acceleration(axis),
         "OperativeSensor": lambda: axis.operative_sensor,
@@ -155,8 +155,8 @@ def _sensor(axis: TechnologyAxis, number: int) -> Live:
 
     return {
         f"{prefix}State": lambda: sensor().state,
-        f"{prefix}Position": lambda: axis.modulo.wrap(sensor().position),
-        f"{prefix}ModuloCycle": lambda: axis.modulo.cycle(sensor().position),
+        f"{prefix}Position": lambda: sensor().place(axis.modulo)[1],
+        f"{prefix}ModuloCycle": lambda: sensor().place(axis.modulo)[0],
         f"{prefix}Velocity": lambda: sensor().velocity,
         f"{prefix}CommunicationOK": lambda: sensor().source.link_ok,
         f"{prefix}Error": lambda: sensor().source.sensor_fault,

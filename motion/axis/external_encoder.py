@@ -384,15 +384,15 @@ class ExternalEncoder:
     def _live_variables(self) -> dict[str, Callable[[], Any]]:
         engine = self.engine
         return live_leading_value(lambda: self.leading_value, lambda: self.modulo) | {
-            "ActualPosition": lambda: self.modulo.wrap(self.feedback.position),
-            "ActualModuloCycle": lambda: self.modulo.cycle(self.feedback.position),
+            "ActualPosition": lambda: self.feedback.place(self.modulo)[1],
+            "ActualModuloCycle": lambda: self.feedback.place(self.modulo)[0],
             "ActualVelocity": lambda: self.feedback.velocity,
             "ActualAcceleration": lambda: (
                 (self.feedback.velocity - self.feedback.last_velocity) / self.cycle_s
             ),
             "StatusSensor.State": lambda: self.feedback.state,
-            "StatusSensor.Position": lambda: self.modulo.wrap(self.feedback.position),
-            "StatusSensor.ModuloCycle": lambda: self.modulo.cycle(self.feedback.position),
+            "StatusSensor.Position": lambda: self.feedback.place(self.modulo)[1],
+            "StatusSensor.ModuloCycle": lambda: self.feedback.place(self.modulo)[0],
             "StatusSensor.Velocity": lambda: self.feedback.velocity,
             "StatusSensor.CommunicationOK": lambda: self.port.link_ok,
             "StatusSensor.Error": lambda: self.port.sensor_fault,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import TYPE_CHECKING, Final, Protocol, cast
 
 from motion.axis.mechanics import CYCLIC_ABSOLUTE, INCREMENTAL
 
 if TYPE_CHECKING:
     from motion.axis.mechanics import SensorScale
+    from motion.axis.modulo import Modulo
     from motion.drives.mark import MarkSearch
     from motion.variables import Cell
 
@@ -31,7 +33,8 @@ class EncoderSource(Protocol):
 class Feedback:
     """Position and velocity of the axis from one encoder.
 
-    The count is unwrapped to an integer of unlimited length, so that an endless axis does not drift.
+    The count is unwrapped to an integer of unlimited length, so that an endless axis does not drift: a position is an offset and the
+    increments since a count that belongs to it, multiplied once (LIM-098, LIM-102).
 
     Args:
         source: Port that brings the count.
@@ -44,7 +47,7 @@ class Feedback:
     """
 
     __slots__ = (
-        "_abs_offset", "_correction", "_count", "_fresh", "_full", "_half", "_increment", "_last_raw", "_offset", "_rate", "_restarts",
+        "_abs_offset", "_base", "_correction", "_count", "_fresh", "_full", "_half", "_increment", "_last_raw", "_offset", "_rate", "_restarts",
         "_retained", "_unit_per_rpm", "compensation", "last_velocity", "lost_reference", "position", "scale", "source", "state", "velocity",
     )  # fmt: skip
 
@@ -70,6 +73,8 @@ class Feedback:
         self._correction = 0.0
         self._last_raw = 0
         self._count = 0
+        self._base = 0
+        """Count at which the position is `_offset`."""
         self._restarts = 0
         self._fresh = True
         self._retained: int | None = None
@@ -98,8 +103,9 @@ class Feedback:
             self._retained = before._count
         elif before.scale.increment == self._increment and before._full == self._full:
             self._count, self._last_raw, self._restarts = before._count, before._last_raw, before._restarts
+            self._base = before._base
             self._fresh = False
-            self.position = self._count * self._increment + self._offset
+            self.position = (self._count - self._base) * self._increment + self._offset
 
     def update(self) -> None:
         """Take over the encoder count of this cycle."""
@@ -126,7 +132,7 @@ class Feedback:
             self.velocity = delta * self._increment * self._rate
         if self._unit_per_rpm:
             self.velocity = source.actual_speed_rpm * self._unit_per_rpm
-        self.position = self._count * self._increment + self._offset
+        self.position = (self._count - self._base) * self._increment + self._offset
 
     def _begin(self, raw: int) -> None:
         """Take the first value, or a count with a new reference.
@@ -139,8 +145,9 @@ class Feedback:
             if not self._fresh:
                 self.lost_reference = True
             self._offset = self.position
-            self._count = 0
+            self._count = self._base = 0
         else:
+            self._base = 0
             known = self._retained if self._fresh else self._count
             self._count = raw
             if scale.kind == CYCLIC_ABSOLUTE and scale.range_counts and known is not None:
@@ -150,7 +157,7 @@ class Feedback:
         self._fresh = False
         self._restarts = self.source.encoder_restarts
         self._last_raw = raw
-        self.position = self._count * self._increment + self._offset
+        self.position = (self._count - self._base) * self._increment + self._offset
         self.velocity = 0.0
         self.state = VALID
 
@@ -163,10 +170,24 @@ class Feedback:
         """Way of the encoder since its count began, axis unit: the position without any relation to the machine."""
         return self._count * self._increment
 
+    def place(self, modulo: Modulo) -> tuple[int, float]:
+        """Return modulo cycle and position within the range, to the increment however often the range has been passed."""
+        if not modulo.enabled:
+            return 0, self.position
+        exact = Fraction(self._offset) + (self._count - self._base) * self.scale.exact_increment
+        return modulo.exact_place(exact + Fraction(self.compensation))
+
     def shift(self, offset: float) -> None:
-        """Move the coordinate system so that the position grows by `offset`."""
-        self._offset += offset
+        """Move the coordinate system so that the position grows by `offset`.
+
+        An incremental encoder counts anew from there, so that the way up to now takes no digits any more (LIM-101).
+        """
         self.position += offset
+        if self.scale.kind == INCREMENTAL:
+            self._offset = self.position - self.compensation
+            self._base = self._count
+        else:
+            self._offset += offset
 
     def transfer(self, position: float) -> None:
         """Show `position` from now on (`MC_SetSensor`); an absolute encoder remembers by how much that corrects it."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from fractions import Fraction
 from math import ceil, log2
 from typing import TYPE_CHECKING, Final
 
@@ -23,6 +24,15 @@ _LINEAR: Final = 0
 _FULL_BITS: Final = 32
 
 
+def _decimal(value: float) -> Fraction:
+    """Return a number as it has been written, not as the nearest binary one."""
+    return Fraction(repr(float(value)))
+
+
+def _ratio(read: Callable[[str], int], path: str) -> Fraction:
+    return Fraction(read(f"{path}.Numerator"), read(f"{path}.Denominator"))
+
+
 class SensorScale:
     """One encoder: what an increment is worth, how wide it counts, over which range it knows its place.
 
@@ -36,6 +46,7 @@ class SensorScale:
 
     __slots__ = (
         "bits",
+        "exact_increment",
         "fine",
         "increment",
         "kind",
@@ -47,17 +58,13 @@ class SensorScale:
         "velocity_from_drive",
     )
 
-    def __init__(self, store: VariableStore, prefix: str, *, load_gear: float, travel: float) -> None:
+    def __init__(self, store: VariableStore, prefix: str, *, load_gear: Fraction, travel: float) -> None:
         read = store.read
         parameter = f"{prefix}.Parameter."
         self.fine = fine = 1 << read(f"{parameter}FineResolutionXist1")
         """Raw increments per encoder increment."""
         external = store.object_type == "ExternalEncoder"
-        gear = (
-            1.0
-            if external
-            else read(f"{prefix}.MeasuringGear.Numerator") / read(f"{prefix}.MeasuringGear.Denominator")
-        )
+        gear = Fraction(1) if external else _ratio(read, f"{prefix}.MeasuringGear")
         mounting = MOTOR_SIDE if external else read(f"{prefix}.MountingMode")
         steps = read(f"{parameter}StepsPerRevolution")
         revolutions = read(f"{parameter}DeterminableRevolutions")
@@ -67,14 +74,16 @@ class SensorScale:
         sign = -1.0 if read(f"{prefix}.InverseDirection") else 1.0
         if read(f"{prefix}.System") == _LINEAR:
             # The distance of two lines is one of the load, whatever gears there are before it (CFG-511, CFG-529).
-            per_step = read(f"{parameter}Resolution") * gear
+            per_step = _decimal(read(f"{parameter}Resolution")) * gear
         elif mounting == MOTOR_SIDE:
-            per_step = gear / load_gear * travel / steps
+            per_step = gear / load_gear * _decimal(travel) / steps
         elif mounting == LOAD_SIDE:
-            per_step = gear * travel / steps
+            per_step = gear * _decimal(travel) / steps
         else:
-            per_step = gear * read(f"{parameter}DistancePerRevolution") / steps
-        self.increment: float = sign * per_step / fine
+            per_step = gear * _decimal(read(f"{parameter}DistancePerRevolution")) / steps
+        self.exact_increment = int(sign) * per_step / fine
+        """Axis units per raw increment as a ratio, by the decimal numbers of the configuration."""
+        self.increment = float(self.exact_increment)
         """Axis units per raw increment, signed by the encoder direction."""
         self.bits = _FULL_BITS
         """Width of the count: 32, or what the encoder parameters need (CFG-308, CFG-309)."""
@@ -93,7 +102,7 @@ class SensorScale:
         self.reference: float = read(f"{parameter}ReferenceSpeed")
         """What 100 % of that velocity means, rpm, of a linear encoder m/min."""
         if read(f"{prefix}.System") == _LINEAR:
-            self.own_rate = sign * gear * 1000.0 / 60.0 / millimetres(read("Units.LengthUnit"))
+            self.own_rate = sign * float(gear) * 1000.0 / 60.0 / millimetres(read("Units.LengthUnit"))
             self.reference = read(f"{parameter}ReferenceVelocity")
 
     def __eq__(self, other: object) -> bool:
@@ -120,7 +129,8 @@ class Mechanics:
     def __init__(self, store: VariableStore, *, apart: Sequence[bool] = ()) -> None:
         read = store.read
         kind = store.object_type
-        gear = read("LoadGear.Numerator") / read("LoadGear.Denominator")
+        load_gear = _ratio(read, "LoadGear")
+        gear = float(load_gear)
         external = kind == "ExternalEncoder"
         direction = -1.0 if not external and read("Actor.InverseDirection") else 1.0
         self.sensors: tuple[SensorScale, ...] = ()
@@ -145,7 +155,9 @@ class Mechanics:
             per_unit = 60.0 * millimetres(unit) / 1000.0 if linear_motor else 60.0 / travel * gear
             self.rpm_per_unit = per_unit * direction
             prefixes = [f"Sensor[{number}]" for number in range(1, 5) if read(f"Sensor[{number}].Existent")]
-        self.sensors = tuple(SensorScale(store, prefix, load_gear=gear, travel=travel) for prefix in prefixes)
+        self.sensors = tuple(
+            SensorScale(store, prefix, load_gear=load_gear, travel=travel) for prefix in prefixes
+        )
         for at, scale in enumerate(self.sensors):
             own = apart[at] if at < len(apart) else external
             scale.unit_per_rpm = scale.own_rate if own else 1.0 / self.rpm_per_unit

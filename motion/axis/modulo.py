@@ -6,6 +6,7 @@ software limits are seen through. So following error and control difference know
 
 from __future__ import annotations
 
+from fractions import Fraction
 from math import floor, inf
 from typing import TYPE_CHECKING, Final
 
@@ -18,17 +19,20 @@ SHORTEST: Final = 3
 
 _ROUNDING: Final = 1e-9
 """Part of the range by which a calculated position may lie before its upper end and counts as the next lower one."""
+_EXACT_ROUNDING: Final = Fraction(1, 10**9)
 
 
 class Modulo:
     """The modulo range by `Modulo.*`; without `Modulo.Enable` positions are themselves and all counters 0 (CFG-106)."""
 
-    __slots__ = ("enabled", "length", "start")
+    __slots__ = ("_exact_length", "_exact_start", "enabled", "length", "start")
 
     def __init__(self, store: VariableStore | None) -> None:
         self.enabled: bool = store is not None and store.read("Modulo.Enable")
         self.length: float = 1.0 if store is None else store.read("Modulo.Length")
         self.start: float = 0.0 if store is None else store.read("Modulo.StartValue")
+        # What the user has written, and not the nearest binary number: a thousand million ranges of 0.1 are one hundred million.
+        self._exact_length, self._exact_start = Fraction(repr(self.length)), Fraction(repr(self.start))
 
     def cycle(self, position: float) -> int:
         """Return how often the range lies below `position` (CFG-097, CFG-098)."""
@@ -42,6 +46,13 @@ class Modulo:
             return position
         place = position - self.cycle(position) * self.length
         return max(place, self.start)
+
+    def exact_place(self, position: Fraction) -> tuple[int, float]:
+        """Return `cycle` and `wrap` of a position that is known exactly."""
+        length = self._exact_length
+        inside = position - self._exact_start
+        cycle = floor(inside / length + _EXACT_ROUNDING)
+        return cycle, max(float(inside - cycle * length + self._exact_start), self.start)
 
     def shortest(self, distance: float) -> float:
         """Return the shortest way to the place that is `distance` away; half a range is gone in positive direction (CFG-122)."""

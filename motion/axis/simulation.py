@@ -17,6 +17,7 @@ from motion.drives.port import STW1, ZSW1, DrivePort
 
 if TYPE_CHECKING:
     from motion.axis.mechanics import SensorScale
+    from motion.axis.modulo import Modulo
     from motion.axis.setpoint_filter import DynamicFilter
     from motion.variables import Cell, VariableStore
 
@@ -91,6 +92,10 @@ class SimulatedFeedback(Feedback):
                 self.position = before.position  # a restart is no power-on
         self._next_position = self.position
         self._next_velocity = 0.0
+
+    def place(self, modulo: Modulo) -> tuple[int, float]:
+        """See `Feedback.place`: here positions are no counts."""
+        return modulo.cycle(self.position), modulo.wrap(self.position)
 
     def take(self, position: float, velocity: float) -> None:
         """Say what the next cycle is to see."""

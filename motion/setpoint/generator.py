@@ -33,7 +33,7 @@ class SetpointGenerator:
     """
 
     __slots__ = (
-        "_astray_until", "_base", "_ends", "_index", "_piece", "_pieces", "_resting", "_time", "_until",
+        "_astray_until", "_base", "_begun", "_dt", "_ends", "_index", "_piece", "_pieces", "_resting", "_steps", "_time", "_until",
         "a", "done", "positioning", "s", "target", "v",
     )  # fmt: skip
 
@@ -51,6 +51,7 @@ class SetpointGenerator:
     """Target position, position unit, or target velocity, position unit/s; see `positioning`."""
 
     def __init__(self, position: float = 0.0) -> None:
+        self._dt = 0.0
         self.set_state(position, 0.0)
 
     def set_state(self, s: float, v: float, a: float = 0.0) -> None:
@@ -63,7 +64,8 @@ class SetpointGenerator:
         self.a = a
         self.done = True
         self.positioning = False
-        self._time = self._astray_until = 0.0
+        self._time = self._begun = self._astray_until = 0.0
+        self._steps = 0
         self._index = 0
         self._resting = False
         self._until = inf
@@ -127,7 +129,11 @@ class SetpointGenerator:
         """Go on by `dt` s."""
         if self._resting:
             return
-        time = self._time = self._time + dt
+        if dt != self._dt:
+            self._dt, self._begun, self._steps = dt, self._time, 0
+        # The number of steps is exact: a sum of steps would drift away from the time within days (LIM-098).
+        steps = self._steps = self._steps + 1
+        time = self._time = self._begun + steps * dt
         if time >= self._until:
             self._seek(time)
         start, s, v, a, half, jerk, half_jerk, sixth = self._piece
@@ -140,7 +146,7 @@ class SetpointGenerator:
 
     def peek(self, dt: float) -> tuple[float, float, float]:
         """Return (s, v, a) as they will be after `advance(dt)`, without advancing."""
-        time = self._time + dt
+        time = self._begun + (self._steps + 1) * dt if dt == self._dt else self._time + dt
         index = self._index
         ends = self._ends
         if time < ends[index]:
@@ -179,7 +185,8 @@ class SetpointGenerator:
         self._pieces = profile.pieces
         self._ends = profile.ends
         self._base = base
-        self._time = self._astray_until = 0.0
+        self._time = self._begun = self._astray_until = 0.0
+        self._steps = 0
         self._index = 0
         self.positioning = positioning
         self.target = target
