@@ -116,6 +116,8 @@ class Feedback:
                 self.lost_reference = True  # what it has counted wrong nobody knows (HOM-179)
             self.state = NOT_VALID
             self.velocity = 0.0
+            if self.compensation:  # which is added anew in every cycle
+                self.position = (self._count - self._base) * self._increment + self._offset
             return
         raw = source.encoder_increments
         if self._fresh or source.encoder_restarts != self._restarts:

@@ -56,7 +56,7 @@ def _requirements(kind: str, side: str, motion: str) -> tuple[str, ...]:
     del side
     found = {"braking": ["LIM-034"], "disabling": ["LIM-033"], "traversable": ["LIM-032", "LIM-045"]}[kind]
     found += {"homing": ["HOM-112"], "uncontrolled": ["LIM-040"], "standstill": ["LIM-042"]}.get(motion, [])
-    return (*found, "LIM-031", "LIM-037", "LIM-039", "LIM-048")
+    return (*found, "LIM-031", "LIM-037", "LIM-039", "LIM-048", "TA-015")
 
 
 @CASES.product(

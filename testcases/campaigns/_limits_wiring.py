@@ -247,7 +247,7 @@ def level_wrong(ctx: CaseContext, side: str) -> None:
     parameters={"side": tuple(SIGN), "kind": tuple(KINDS)},
     title="limit switches ({kind}) swapped, motion to the {side} one",
     tags=("wiring", "{kind}"),
-    requirements=("LIM-062", "LIM-063", "LIM-064"),
+    requirements=("LIM-062", "LIM-063", "LIM-064", "TA-016"),
 )
 def swapped(ctx: CaseContext, side: str, kind: str) -> None:
     """The other switch comes: reversed, no way out in either direction; a traversable pair needs a restart; 1000 frees the axis."""
@@ -283,7 +283,7 @@ def swapped(ctx: CaseContext, side: str, kind: str) -> None:
     parameters={"kind": tuple(KINDS), "motion": ("constant", "standstill")},
     title="both limit switches ({kind}) active, {motion}",
     tags=("wiring", "{kind}"),
-    requirements=("LIM-061", "LIM-063", "LIM-064"),
+    requirements=("LIM-061", "LIM-063", "LIM-064", "TA-016"),
 )
 def both(ctx: CaseContext, kind: str, motion: str) -> None:
     """Both bits, cause 5, no way out: non-traversable switches are freed by 1000, traversable ones by a restart."""

@@ -205,3 +205,20 @@ class TestFirstMotion:
         rig.run(0.3)
         assert rig.axis.var("ActualPosition") == pytest.approx(shown, abs=0.002)
         assert abs(a - rig.load.position) == pytest.approx(SIZE, abs=0.005)
+
+
+@pytest.mark.requirement("LIM-098")
+def test_a_gap_of_the_encoder_adds_nothing(make_rig):
+    """While no value comes the position stays where it was, compensation included, and it is there afterwards."""
+    rig = rig_of(make_rig)
+    move(rig, 20.0)
+    move(rig, -10.0)
+    before = rig.axis.var("ActualPosition")
+    assert rig.axis.feedback.compensation
+    rig.port.link = False
+    for _ in range(20):
+        rig.cycles(1)
+        assert rig.axis.var("ActualPosition") == before
+    rig.port.link = True
+    rig.cycles(3)
+    assert rig.axis.var("ActualPosition") == pytest.approx(before, abs=0.001)

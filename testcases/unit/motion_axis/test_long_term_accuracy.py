@@ -229,7 +229,7 @@ def test_adjusting_begins_the_travel_anew():
 
 @pytest.mark.requirement("LIM-102")
 @pytest.mark.parametrize("kind", [0, 1])
-def test_a_million_homings_leave_nothing_behind(kind):
+def test_many_shifts_leave_nothing_behind(kind):
     """A shift there and back again, over and over, with numbers that have no binary form: the position is where it was."""
     port = CountingPort(total=123_456)
     axis = object_with(port, **{"Sensor[1].Type": kind})

@@ -213,7 +213,7 @@ def test_switching_off_forgets_everything(make_rig):
 # -- hardware: wrong wiring -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.requirement("LIM-061", "LIM-063", "LIM-064")
+@pytest.mark.requirement("LIM-061", "LIM-063", "LIM-064", "TA-016")
 @pytest.mark.parametrize("mode", [0, 1])
 def test_both_switches_active(make_rig, mode):
     """531 for both; retraction is refused in both directions; a traversable pair needs a restart; switched off the axis gets free."""
@@ -245,7 +245,7 @@ def test_both_switches_active(make_rig, mode):
     rig.until(rig.axis.move_relative(-5.0).done)
 
 
-@pytest.mark.requirement("LIM-062", "LIM-063", "LIM-064")
+@pytest.mark.requirement("LIM-062", "LIM-063", "LIM-064", "TA-016")
 @pytest.mark.parametrize("mode", [0, 1])
 def test_the_wrong_switch(make_rig, mode):
     """The negative switch in positive direction: reversed, whichever way it goes on; for traversable ones a restart is needed."""
@@ -443,24 +443,3 @@ def test_modulo_axes(make_rig, low, high, target, stops):
     else:
         assert job.Error
         assert rig.axis.var("Position") == pytest.approx(stops, abs=1e-6)
-
-
-# -- long journeys --------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.requirement("LIM-098", "LIM-102")
-def test_an_endless_axis_does_not_drift(make_rig):
-    """Hours in one direction, over many overflows of the counter: the actual position is the count, to the increment."""
-    rig = make_rig(variables={"Modulo.Enable": True, "Modulo.Length": 360.0, "Modulo.StartValue": 0.0})
-    rig.cycles(3)
-    rig.axis.home(0.0)
-    rig.cycles(2)
-    turns = 0
-    step = 0.4999 * 360.0 / 360.0  # revolutions of the motor per cycle, 10 units each
-    for _ in range(20_000):
-        rig.port._angle += step * tau
-        rig.axis.object.cycle()
-        turns += 1
-    expected = turns * step * 10.0
-    found = rig.axis.var("ActualModuloCycle") * 360.0 + rig.axis.var("ActualPosition")
-    assert found == pytest.approx(expected, abs=2.0 * 10.0 / 131072)
