@@ -36,6 +36,7 @@ def set_sensor(axis: PositioningAxis, number: int, mode: int, reference: int) ->
     step = target.position - present.position
     axis.take_sensor(number)
     present.discard_correction()
+    axis.limits.shift_places(step)
     controlled = axis.facts.controlled and axis.motion.position_controlled
     if step and controlled:
         axis.controller.absorb(step)

@@ -80,8 +80,8 @@ class HardwareLimits:
     The switches are inputs of the drive (60FDh) or of an I/O station, as the bench wires them, or bits in a data block.
     """
 
-    __slots__ = ("_axis", "_barred", "_behaviour", "_hw_active", "_image", "_leaving", "_mode", "_switches", "_variables",
-                 "negative", "positive", "reversing")  # fmt: skip
+    __slots__ = ("_axis", "_barred", "_behaviour", "_given_before", "_hw_active", "_image", "_leaving", "_mode", "_switches",
+                 "_variables", "negative", "positive", "reversing")  # fmt: skip
 
     def __init__(self, axis: TechnologyAxis) -> None:
         self._axis = axis
@@ -104,6 +104,8 @@ class HardwareLimits:
         """Active homing turns round at the switches: they are shown, and there is no alarm (HOM-109)."""
         self._leaving: HardwareSwitch | None = None
         """What active homing leaves after it has found its mark beside it."""
+        self._given_before: float | None = None
+        """Position setpoint of the cycle before, while setpoints come from the user program."""
         self._barred = 0
         """Cause of alarm 531 that allows no retraction, 0 without one."""
 
@@ -163,17 +165,36 @@ class HardwareLimits:
                     switch.trip = None
                 self._barred = 0
             return
+        velocity = self._commanded_velocity()
         if not self._readable():
             return
         inputs = self._inputs()
+        met = None
         for switch in self._switches:
             on = (inputs & switch.mask != 0) is (switch.level.value != 0)
             if self.reversing or switch is self._leaving:
                 switch.active = on
                 if not on and switch is self._leaving:
                     self._leaving = None
+            elif on and not switch.active and met is None:
+                met = switch  # behind the other one, which may be left in this very cycle
             elif on or switch.active:
-                self._evaluate(switch, on, inputs)
+                self._evaluate(switch, on, inputs, velocity)
+        if met is not None:
+            self._evaluate(met, True, inputs, velocity)
+
+    def _commanded_velocity(self) -> float:
+        """Return where the setpoints go: what a user program gives as positions alone has no velocity that could tell."""
+        motion = self._axis.motion
+        total = motion.total
+        velocity = total.v
+        if not motion.given:
+            self._given_before = None
+            return velocity
+        before, self._given_before = self._given_before, total.s
+        if velocity == 0.0 and before is not None:
+            return (total.s - before) / self._axis.interpolator_s
+        return velocity
 
     def mark_found(self, direction: int) -> None:
         """Watch the switches again, but for one that is active still and from which the motion to the home position leads away.
@@ -197,7 +218,7 @@ class HardwareLimits:
             self._leaving = None
             self.negative.active = self.positive.active = False
 
-    def _evaluate(self, switch: HardwareSwitch, on: bool, inputs: int) -> None:
+    def _evaluate(self, switch: HardwareSwitch, on: bool, inputs: int, velocity: float) -> None:
         axis = self._axis
         if not switch.active:
             switch.active = True
@@ -205,7 +226,7 @@ class HardwareLimits:
                 switch.trip = axis.feedback.position
             if (self.negative.active and self.positive.active) or self._both_on(inputs):
                 self._barred = _BOTH
-            elif axis.state is AxisState.MOTION and axis.motion.total.v * switch.direction < 0.0:
+            elif axis.state is AxisState.MOTION and velocity * switch.direction < 0.0:
                 self._barred = _REVERSED  # met on the way to the other one
             self._alarm(self._barred or _APPROACHED[switch.direction])
             return
@@ -225,7 +246,7 @@ class HardwareLimits:
         # Acknowledged, still active, and commanded further outwards: the alarm comes again (LIM-049, LIM-059). Where nobody can
         # say which way is outwards it comes again in both directions.
         if axis.state is AxisState.MOTION and not axis.alarms.blocking:
-            outwards = axis.motion.total.v * switch.direction
+            outwards = velocity * switch.direction
             if outwards > 0.0 or (self._barred and outwards != 0.0):
                 self._alarm(self._barred or _BLOCKED_DIRECTION)
 
@@ -244,6 +265,7 @@ class HardwareLimits:
 
     def shift_places(self, offset: float) -> None:
         """Let the places of traversable switches follow a shift of the coordinate system (LIM-051)."""
+        self._given_before = None
         for switch in self._switches:
             if switch.trip is not None:
                 switch.trip += offset

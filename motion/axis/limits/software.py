@@ -34,7 +34,7 @@ _RAMPS: Final = (AxisState.ALARM_RAMP, AxisState.DISABLING_RAMP)
 class TravelLimits(HardwareLimits):
     """All limits of the travel of an axis: the hardware limit switches of the base, and those of the software."""
 
-    __slots__ = ("_given", "_passed", "_range_max", "_range_min", "_sw_active", "_sw_exceeded", "_sw_max", "_sw_min",
+    __slots__ = ("_given", "_passed", "_range", "_range_max", "_range_min", "_sw_active", "_sw_exceeded", "_sw_max", "_sw_min",
                  "_sw_reached", "_was_active", "software_max", "software_min")  # fmt: skip
 
     def __init__(self, axis: TechnologyAxis) -> None:
@@ -53,6 +53,8 @@ class TravelLimits(HardwareLimits):
         self._passed = False
         """Alarm 534 has been raised and not been acknowledged."""
         self._given = (0.0, 0.0)
+        self._range = (0.0, 0.0)
+        """Limits of a modulo axis in the range where it is."""
         self._range_min = 0.0
         self._range_max = 0.0
 
@@ -117,7 +119,7 @@ class TravelLimits(HardwareLimits):
             axis.alarms.raise_alarm(ALARM_SOFTWARE_SPECIFICATION)
             return False
         if axis.modulo.enabled:
-            low, high = axis.modulo.limits(low, high, position)
+            low, high = self._modulo_range(given, position)
         if self._passed and not axis.alarms.blocking:
             # Acknowledged: it may go inwards step by step, and where it is now it has not passed anything anew (LIM-094).
             self._passed = self._was_active = False
@@ -137,6 +139,20 @@ class TravelLimits(HardwareLimits):
         self.software_min = position <= low + _PASSED_TOLERANCE
         self.software_max = position >= high - _PASSED_TOLERANCE
         return True
+
+    def _modulo_range(self, given: tuple[float, float], position: float) -> tuple[float, float]:
+        """Return the limits around `position` in the coordinates of the axis.
+
+        The axis that rests on the end of the modulo range is on its limit there, and not in front of the next range.
+        """
+        low, high = self._range
+        if not (
+            self._was_active
+            and given == self._given
+            and low - _PASSED_TOLERANCE <= position <= high + _PASSED_TOLERANCE
+        ):
+            low, high = self._range = self._axis.modulo.limits(*given, position)
+        return low, high
 
     def _look_ahead(
         self, position: float, following: tuple[float, float, float], direction: float, limit: float
