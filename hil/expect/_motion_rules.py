@@ -243,6 +243,11 @@ def given_by_program(trace: Trace, axis: str) -> NDArray[np.bool_]:
     return given | _bit(trace[name], 6) if name in trace else given
 
 
+def follows_actual(trace: Trace, axis: str) -> NDArray[np.bool_]:
+    """Return the samples without position control, in which the position setpoint is the actual position: StatusWord.X28 (CTL-003)."""
+    return _bit(trace[f"{axis}.status_word"], 28)
+
+
 def _bit(word: Signal, number: int) -> NDArray[np.bool_]:
     return np.asarray(word.values.astype(np.int64) >> number & 1, dtype=bool)
 

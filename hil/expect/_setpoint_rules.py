@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.expect._motion_rules import STEADY_STATES, given_by_program, no_change
+from hil.expect._motion_rules import STEADY_STATES, follows_actual, given_by_program, no_change
 from hil.expect._words import normal_state
 from hil.expect.golden import StopRamp, stop_ramp
 from hil.record import Signal, Trace
@@ -47,7 +47,7 @@ def check_position_continuity(trace: Trace) -> list[Check]:
     """The position setpoint moves by its velocity: no step beyond v * T and a tolerance (MC-568).
 
     The tolerance is what the greatest acceleration can add in a cycle. A change of state and an offset of homing may set the position
-    anew; they are not judged, nor are setpoints that the user program gives.
+    anew; they are not judged, nor are setpoints that the user program gives, nor what follows the actual position without position control.
     """
     checks = []
     for axis, velocity, step_s in _axes(trace):
@@ -55,7 +55,8 @@ def check_position_continuity(trace: Trace) -> list[Check]:
         if greatest is None:
             continue
         position = trace[f"{axis}.position_setpoint"]
-        judged = _judged(trace, axis, velocity)
+        follows = follows_actual(trace, axis)
+        judged = _judged(trace, axis, velocity) & ~(follows[1:] | follows[:-1])
         step = np.abs(np.diff(position.values))
         speed = np.maximum(np.abs(velocity.values[1:]), np.abs(velocity.values[:-1]))
         bound = speed * step_s * _SHARE + greatest * step_s**2 + _STEP

@@ -66,6 +66,15 @@ def test_a_position_setpoint_that_jumps_is_found(trace):
             assert check.value > check.high
 
 
+@pytest.mark.requirement("MC-568")
+def test_without_position_control_the_setpoint_is_the_actual_position(trace):
+    """The same step with StatusWord.X28 is one of the machine, and not of the setpoint."""
+    moved = doctored(trace, "axis1.position_setpoint", lambda s, t: np.where(t > 0.7, s + 3.0, s))
+    free = doctored(moved, "axis1.status_word", lambda s, _: s + (1 << 28))
+    assert only(check_position_continuity(moved)).verdict is Verdict.FAILED
+    assert only(check_position_continuity(free)).verdict is Verdict.PASSED
+
+
 @pytest.mark.requirement("STP-239", "STP-241")
 def test_an_acceleration_beyond_the_limits_is_found(trace):
     """A setpoint a thousandth and a bit above the greatest configured acceleration is found, one at the limit is not."""
