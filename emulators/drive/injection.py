@@ -105,6 +105,10 @@ class MachineFaults(TravelFaults, EncoderFaults):
         """Let the zero mark of the encoder never come, or come again."""
         self.encoder.zero_mark_present = not missing
 
+    def scale_encoder(self, factor: float) -> None:
+        """Let the encoder count so many times what the shaft moves; 1 = rightly again."""
+        self.encoder.scale(factor)
+
     def drift_encoder(self, increments_per_s: float) -> None:
         """Let the encoder value drift away from the shaft; 0 = no further."""
         cancel(self, "_drift_timer")

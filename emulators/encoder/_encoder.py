@@ -38,8 +38,10 @@ class RotaryEncoder:
     """
 
     __slots__ = (
+        "_anchor",
         "_armed",
         "_counts",
+        "_factor",
         "_frozen",
         "_inc_per_rad",
         "_interpolated",
@@ -56,6 +58,7 @@ class RotaryEncoder:
         "_raw",
         "_rng",
         "_sign",
+        "_true",
         "_zero_mark",
         "latched_increments",
         "zero_mark_present",
@@ -87,6 +90,9 @@ class RotaryEncoder:
         self._noise = 0
         self._noise_now = 0
         self._frozen = False
+        self._factor = 1.0
+        self._anchor = (0.0, 0.0)
+        self._true = 0.0
         self._armed = False
         self._loss_every = 0
         self._loss_start = 0
@@ -129,7 +135,8 @@ class RotaryEncoder:
 
     def power_on(self, shaft_angle: float) -> None:
         """Start up at the shaft angle (rad): what survives a power cycle depends on the kind of encoder."""
-        self._raw = shaft_angle * self._sign
+        self._raw = self._true = shaft_angle * self._sign
+        self._anchor = (self._raw, self._raw)
         self._armed = False
         self.latched_increments = None
         self._set_offset(self._initial_offset(math.floor(self._raw * self._inc_per_rad + 0.5)))
@@ -157,7 +164,7 @@ class RotaryEncoder:
 
     def increments_at(self, shaft_angle: float) -> int:
         """Return what a latch holds that is triggered while the shaft stands at an angle (rad), increments."""
-        raw = self._raw if self._frozen else shaft_angle * self._sign
+        raw = self._raw if self._frozen else self._scaled(shaft_angle * self._sign)
         return math.floor(raw * self._inc_per_rad + 0.5) + self._offset_increments + self._noise_now
 
     # -- faults ----------------------------------------------------------------------------------------------
@@ -194,14 +201,45 @@ class RotaryEncoder:
             self._noise_now = 0
         self._settle()
 
+    def scale(self, factor: float) -> None:
+        """Count `factor` times what the shaft moves from now on (a wrong disc, a wrong ratio); 1 = rightly again.
+
+        What was counted wrongly stays.
+
+        Raises:
+            ConfigurationError: The factor is not a number above 0.
+
+        """
+        if not 0.0 < factor < math.inf:
+            raise ConfigurationError("factor", factor, "a number > 0")
+        true = self._raw if self._factor == 1.0 else self._true
+        if self._factor != 1.0:
+            self._set_offset(
+                self._offset_increments + math.floor((self._raw - true) * self._inc_per_rad + 0.5)
+            )
+            self._raw = true
+        self._factor = factor
+        self._true = true
+        self._anchor = (true, true)
+        self._settle()
+
+    def _scaled(self, true: float) -> float:
+        if self._factor == 1.0:
+            return true
+        start, shown = self._anchor
+        return shown + (true - start) * self._factor
+
     def reverse(self, reversed_direction: bool) -> None:
         """Set the counting direction; the present position stays."""
         sign = -1.0 if reversed_direction else 1.0
         if sign != self._sign:
+            factor = self._factor
+            self.scale(1.0)
             before = self.increments
             self._sign = sign
             self._raw = -self._raw
             self._set_offset(self._offset_increments + before - self.increments)
+            self.scale(factor)
 
     def lose_steps(self, every: int) -> None:
         """Miss one of `every` increments that the shaft moves from now on (a dirty disc); 0 = count all again.
@@ -230,13 +268,19 @@ class RotaryEncoder:
 
     def _settle(self) -> None:
         self._plain = self._interpolated and not (
-            self._frozen or self._armed or self._noise or self._loss_every or self._listeners
+            self._frozen
+            or self._armed
+            or self._noise
+            or self._loss_every
+            or self._listeners
+            or self._factor != 1.0
         )
 
     def _sample_special(self, shaft_angle: float) -> float:
         if not self._frozen:
             before = self._raw
-            self._raw = raw = shaft_angle * self._sign
+            self._true = true = shaft_angle * self._sign
+            self._raw = raw = self._scaled(true)
             if self._loss_every:
                 self._miss_steps()
             if (self._armed or self._listeners) and self.zero_mark_present and raw != before:

@@ -26,7 +26,7 @@ FAULT_METHODS: Final = frozenset((
     "cut_phase", "set_dc_link_voltage", "restore_dc_link", "break_chopper", "limit_torque", "stick_brake", "slip_brake",
     "scale_ramps", "set_local_control", "refuse_transitions", "fall_to_switch_on_disabled", "show_warning",
     "freeze_statusword", "lie_in_statusword", "toggle_target_reached", "show_mode_as", "reset_node", "abort_sdo",
-    "silence_sdo", "storm_emcy", "force_temperature", "drift_encoder",
+    "silence_sdo", "storm_emcy", "force_temperature", "drift_encoder", "scale_encoder",
     "break_encoder", "set_encoder_error",
     "force_ready", "short_outputs", "mend_outputs", "cut_supply", "fail_module", "report_encoder_error", "heal_encoder",
     "lose_steps",

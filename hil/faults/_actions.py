@@ -236,6 +236,8 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
             return pair("reverse_encoder", (True,), (False,))
         case "encoder.drift":
             return pair("drift_encoder", (value("increments_per_s"),), (0.0,))
+        case "encoder.scale":
+            return pair("scale_encoder", (value("factor"),), (1.0,))
         case "encoder.wire_break":
             return pair("break_encoder", (True,), (False,))
         case "encoder.error":

@@ -97,6 +97,12 @@ MOTOR_ENCODER_FAULTS: Final[tuple[FaultType, ...]] = (
         example={"kind": "encoder.drift", "target": "drive1", "duration_s": 1.0, "parameters": {"increments_per_s": 5000.0}},
     ),
     FaultType(
+        "encoder.scale", "The encoder counts too much or too little of the motion, and stays displaced at the end", "encoder", "encoder",
+        (Parameter("factor", "float", "What it counts of an increment", "", 0.01, 100.0, required=True),),
+        refused={"hardware": _NO_HAND}, remark="every loop believes it: there is no following error, and the load goes elsewhere",
+        example={"kind": "encoder.scale", "target": "drive1", "parameters": {"factor": 0.9}},
+    ),
+    FaultType(
         "encoder.wire_break", "The signal of the encoder is lost; the drive notices and coasts with 7305h, absolute 7320h", "encoder", "encoder",
         refused={"hardware": _NO_HAND}, remark="an incremental encoder has lost its reference afterwards",
         example={"kind": "encoder.wire_break", "target": "drive1", "duration_s": 0.5},

@@ -150,7 +150,7 @@ _LIES = frozenset((
     "drive.brake_slip", "drive.brake_stuck", "drive.interlock",
     "drive.local_control", "drive.mode_display", "drive.slow_ramp", "drive.statusword_bits", "drive.statusword_stuck",
     "drive.target_toggle", "drive.torque_limit", "drive.heartbeat_late", "drive.emcy_storm", "drive.sdo_abort",
-    "encoder.drift", "encoder.wire_break", "mechanics.slip", "mechanics.coupling_break",
+    "encoder.drift", "encoder.wire_break", "encoder.scale", "mechanics.slip", "mechanics.coupling_break",
 ))  # fmt: skip
 """Kinds that a fuzz search leaves out: what the bench does not fit, and drives that lie or do not do what they are told, under
 which no invariant can hold."""

@@ -177,6 +177,37 @@ def steps_lost(ctx: CaseContext, every: int) -> None:
     ctx.expect(value_at(f"{axis}.following_error", ctx.now_s, 0.0, tolerance=0.1))
 
 
+UNSEEN: Final = {
+    "scale": ("encoder.scale", {"factor": 0.95}, 40.0 / 0.95),
+    "slip": ("mechanics.slip", {"revolutions": -0.3}, 37.0),
+    "coupling": ("mechanics.coupling_break", {"motor_share": 0.5}, 0.0),
+}
+"""Fault, its parameters, and the way of the load where the axis believes in 40 mm, mm; with a screw of 10 mm."""
+
+
+@CASES.product(
+    "unseen/{fault}",
+    parameters={"fault": list(UNSEEN)},
+    title="{fault}: what an encoder on the motor cannot see",
+    tags=("following-error", "encoder", "mechanics"),
+    requirements=("MON-030", "MON-040"),
+)
+def unseen(ctx: CaseContext, fault: str) -> None:
+    """No loop and no monitoring sees behind the encoder: the axis arrives without an alarm, and the load is elsewhere."""
+    kind, options, way = UNSEEN[fault]
+    mechanics = ctx.bench.config.drive[drive_name(ctx)].mechanics
+    ctx.require(mechanics.lead_screw_mm == 10.0, "a screw of 10 mm without a gear")
+    begin(ctx)
+    origin = float(Run(ctx).drive("position")[1][-1])
+    ctx.inject(kind, drive_name(ctx), **options)
+    job = ctx.axis.move_relative(40.0, Velocity=200.0)
+    ctx.wait_until(job.done, 3.0, "the axis believes that it has arrived")
+    ctx.run_for(0.1)
+    reached = (float(Run(ctx).drive("position")[1][-1]) - origin) * 1000.0
+    ctx.measure("way of the load", reached, "mm", low=way - 0.15, high=way + 0.15, requirements=("MON-040",))
+    quiet(ctx, requirements=("MON-040",))
+
+
 @CASES.product(
     "drive-fault/{state}",
     parameters={"state": ("standstill", "travel")},

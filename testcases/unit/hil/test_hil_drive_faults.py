@@ -498,6 +498,23 @@ def test_encoder_drift(rig):
     assert rig.drive.encoder.increments == after
 
 
+@of_kind("encoder.scale")
+def test_encoder_scale(rig):
+    """An encoder that counts nine tenths: the axis believes that it has moved 20 mm, the load has moved a ninth more, for good."""
+    rig.run(0.1)
+    begun = rig.drive.mechanics.position
+    rig.inject("encoder.scale", factor=0.9)
+    assert rig.bench.run_until(rig.axis.move_relative(20.0, Velocity=200.0).done, timeout=2.0)
+    assert (rig.drive.mechanics.position - begun) * 1e3 == pytest.approx(20.0 / 0.9, abs=0.05)
+    shown = rig.drive.encoder.increments
+    rig.remove()
+    rig.run(0.05)
+    assert rig.drive.encoder.increments == pytest.approx(shown, abs=40)
+    begun = rig.drive.mechanics.position
+    assert rig.bench.run_until(rig.axis.move_relative(-10.0).done, timeout=2.0)
+    assert (begun - rig.drive.mechanics.position) * 1e3 == pytest.approx(10.0, abs=0.05)
+
+
 @of_kind("encoder.wire_break")
 def test_encoder_wire_break(rig):
     """Value frozen, 7305h, coasting, no reset before it is mended; the reference of an incremental encoder is lost."""
@@ -528,7 +545,7 @@ OLDER = {"drive.fault", "drive.sto", "drive.power_off", "drive.heartbeat_loss"}
 def test_every_kind_of_the_drive_has_its_test():
     """A new kind in the catalogue needs a test that it does what it says."""
     kinds = {entry.name for entry in CATALOGUE if entry.name.startswith("drive.")}
-    assert kinds | {"encoder.drift", "encoder.wire_break"} == set(TESTED) | OLDER
+    assert kinds | {"encoder.drift", "encoder.wire_break", "encoder.scale"} == set(TESTED) | OLDER
 
 
 class _Pipe:
@@ -546,7 +563,7 @@ class _Pipe:
 
 @pytest.mark.parametrize(
     "entry", [entry for entry in CATALOGUE if entry.name.startswith(("drive.", "switch.", "probe.", "mechanics."))
-        or entry.name in {"encoder.drift", "encoder.wire_break", "encoder.noise", "encoder.jump"}], ids=lambda entry: entry.name
+        or entry.name in {"encoder.drift", "encoder.wire_break", "encoder.noise", "encoder.jump", "encoder.scale"}], ids=lambda entry: entry.name
 )  # fmt: skip
 def test_every_kind_works_through_the_process_of_a_live_bench(bench, monkeypatch, entry):
     """The example of the catalogue is applied and removed by the commands that the process of the drives accepts."""
