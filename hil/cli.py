@@ -364,15 +364,38 @@ def fuzz(
     seed: SeedOption = 0,
     bench: BenchOption = "",
     steps: Annotated[int, typer.Option("--steps", min=1, max=200, help="Longest program, in steps.")] = 12,
+    jobs: JobsOption = "1",
+    corpus: Annotated[
+        Path | None,
+        typer.Option("--corpus", metavar="DIR", help="Begin with the programs in this folder, add new ones."),
+    ] = None,
     report: ReportOption = Path("hil-report-fuzz"),
     as_json: JsonOption = False,
 ) -> None:
     """Generate programs of jobs and faults, check invariants, shrink what breaks one."""
     from hil._commands.fuzz import fuzz_bench
+    from hil._commands.run import parse_jobs
 
     raise typer.Exit(
-        fuzz_bench(cases=cases, seed=seed, bench=bench, steps=steps, report=report, as_json=as_json)
-    )
+        fuzz_bench(
+            cases=cases, seed=seed, bench=bench, steps=steps, jobs=parse_jobs(jobs), corpus=corpus, report=report, as_json=as_json
+        )
+    )  # fmt: skip
+
+
+@app.command()
+def keep(
+    token: Annotated[str, typer.Argument(metavar="TOKEN", help="Token of a program, from `hil fuzz`.")],
+    folder: Annotated[
+        Path, typer.Option("--in", metavar="DIR", help="Folder of the regression cases.")
+    ] = Path("regressions"),
+    title: Annotated[str, typer.Option("--title", help="What the case is about.")] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Make a regression case of a program that a search has found."""
+    from hil._commands.keep import keep as keep_token
+
+    raise typer.Exit(keep_token(token, folder=folder, title=title, as_json=as_json))
 
 
 @app.command()

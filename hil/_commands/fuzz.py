@@ -10,26 +10,49 @@ from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdo
 from hil.campaign import environment_facts, load_bench_file, write_evidence
 from hil.campaign._execute import Execution
 from hil.campaign._runner import clear_run
-from hil.fuzz import FuzzOutcome, search
+from hil.fuzz import Corpus, FuzzOutcome, FuzzReport, by_family, search
 from reports import replay_command
 from reports.model import RunResult
 from reports.store import RUN_FILE, save_run
 
 
-def fuzz_bench(*, cases: int, seed: int, bench: str, steps: int, report: Path, as_json: bool) -> int:
+def fuzz_bench(
+    *,
+    cases: int,
+    seed: int,
+    bench: str,
+    steps: int,
+    jobs: int,
+    corpus: Path | None,
+    report: Path,
+    as_json: bool,
+) -> int:
     """Search, tell, return the exit code: 1 when an invariant was broken."""
     with quiet_stdout(as_json):
         bench_file = load_bench_file(bench or None)
+        kept = None if corpus is None else Corpus(corpus)
         with CaseProgress(cases, "fuzz programs") as progress:
 
-            def on_run(count: int, outcome: FuzzOutcome) -> None:
-                text = "" if outcome.violation is None else f"shrinking: {outcome.violation.invariant}"
-                progress.step(min(count, cases), text)
+            def on_run(count: int, outcome: FuzzOutcome | None) -> None:
+                broken = None if outcome is None else outcome.violation
+                progress.step(min(count, cases), "" if broken is None else f"shrinking: {broken.invariant}")
 
-            found = search(bench_file, cases=cases, seed=seed, longest=steps, bench=bench, on_run=on_run)
+            found = search(
+                bench_file, cases=cases, seed=seed, longest=steps, bench=bench, jobs=jobs, on_run=on_run,
+                parents=() if kept is None else kept.programs, on_new=None if kept is None else kept.keep,
+            )  # fmt: skip
     out = console()
     failure = found.failure
-    result: dict[str, object] = {"cases": found.cases, "seed": seed, "failures": [], "report": ""}
+    result: dict[str, object] = {
+        "cases": found.cases,
+        "seed": seed,
+        "failures": [],
+        "report": "",
+        "reached": by_family(found.reached),
+        "new": len(found.reached) - found.known,
+        "never": list(found.never),
+    }
+    _tell_reached(found)
     if failure is None or failure.violation is None:
         out.print(f"{found.cases} programs, no invariant broken", style="bold green", markup=False)
         if as_json:
@@ -62,6 +85,7 @@ def fuzz_bench(*, cases: int, seed: int, bench: str, steps: int, report: Path, a
     out.print(f"{violation}", style="bold red", markup=False)
     out.print(f"after {found.cases} programs; smallest program found:", markup=False)
     out.print(str(failure.program), markup=False)
+    out.print(f"keep it as a case with: hil keep {found.token}", markup=False)
     out.print(f"repeat it with: {replay_command(found.token)}", markup=False)
     out.print(f"report: {paths.report}", markup=False)
     if not found.repeatable:
@@ -73,3 +97,15 @@ def fuzz_bench(*, cases: int, seed: int, bench: str, steps: int, report: Path, a
     if as_json:
         print_json(result)
     return 1
+
+
+def _tell_reached(found: FuzzReport) -> None:
+    """Say what the programs went through, and which faults never acted."""
+    out = console()
+    counts = ", ".join(f"{family} {count}" for family, count in by_family(found.reached).items())
+    text = (
+        f"reached {len(found.reached)} situations ({counts}); {len(found.reached) - found.known} of them new"
+    )
+    out.print(text, markup=False, soft_wrap=True)
+    if found.never:
+        out.print(f"faults that never acted: {', '.join(found.never)}", markup=False, soft_wrap=True)

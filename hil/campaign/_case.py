@@ -48,6 +48,8 @@ class Case:
     """Requirement identifiers whose always-on checkers do not apply to this case."""
     simulated_limit_s: float = SIMULATED_LIMIT_S
     wall_limit_s: float = WALL_LIMIT_S
+    seed: int | None = None
+    """Seed of the bench where it belongs to the case; None: made from the seed of the run and the identifier."""
 
     def call(self, context: CaseContext) -> None:
         """Run the function of the case."""

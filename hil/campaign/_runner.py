@@ -13,6 +13,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
+from hil.campaign._case import Case
 from hil.campaign._discover import Selected
 from hil.campaign._execute import LIVE_REPETITIONS, make_token
 from hil.campaign._executor import Executor, Finished, InProcess, LocalProcesses
@@ -60,6 +61,10 @@ class RunOptions:
 def case_seed(run_seed: int, identifier: str) -> int:
     """Return the seed of a case: it depends on the run's seed and the case alone, not on what else is run."""
     return int.from_bytes(hashlib.sha256(f"{run_seed}:{identifier}".encode()).digest()[:4], "big")
+
+
+def _seed(case: Case, run_seed: int) -> int:
+    return case_seed(run_seed, case.identifier) if case.seed is None else case.seed
 
 
 def environment_facts() -> dict[str, str]:
@@ -193,7 +198,7 @@ class Runner:
             identifier=selected.case.identifier,
             campaign=selected.campaign,
             bench=bench,
-            seed=case_seed(options.seed, selected.case.identifier),
+            seed=_seed(selected.case, options.seed),
             twice=options.twice,
             evidence=options.evidence,
             directory="" if options.directory is None else str(options.directory),

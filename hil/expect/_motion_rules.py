@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,8 @@ def check_motion_while_disabled(trace: Trace) -> list[Check]:
             for begin, finish in _free_parts(start, end, pushed):
                 jolted = any(begin - _JOLT_S <= when <= begin for when in jolts)
                 entry = _speed_before(velocity, begin) if begin == start and not jolted else None
+                if entry is not None and _commanded(trace, drive, begin):
+                    entry = max(entry, abs(float(velocity.at(begin))))
                 found = _part_problem(velocity.between(begin, finish), position.between(begin, finish), entry)
                 if found is not None:
                     problems.append(found)
@@ -137,6 +139,26 @@ def _speed_before(velocity: Signal, time_s: float) -> float | None:
         return None
     last, earlier = abs(float(velocity.values[index - 1])), abs(float(velocity.values[index - 2]))
     return last + 1.5 * abs(last - earlier)
+
+
+def commanded(speed: float, outputs: Iterable[float]) -> bool:
+    """Return whether a motor speed may be what an axis commanded at last, give or take an overshoot; all of them in rpm."""
+    return any(abs(speed) <= 1.2 * abs(output) and speed * output >= 0 for output in outputs)
+
+
+def _commanded(trace: Trace, drive: str, time_s: float) -> bool:
+    """Return whether a drive had been told to get as fast as it is in the very sample in which its torque went.
+
+    A setpoint that jumped (MotionIn) lets it take a good step in one sample.
+    """
+    if f"{drive}.motor_speed" not in trace:
+        return False
+    outputs = []
+    for axis in trace.components_with("speed_output"):
+        output = trace[f"{axis}.speed_output"]
+        index = int(np.searchsorted(output.time_s, time_s - 1e-10))
+        outputs += [float(value) for value in output.values[max(index - 3, 0) : index]]
+    return commanded(float(trace[f"{drive}.motor_speed"].at(time_s)), outputs)
 
 
 def _part_problem(velocity: Signal, position: Signal, entry: float | None) -> tuple[float, str] | None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
+from weakref import WeakKeyDictionary
 
 from fieldbus.clock import MS
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
@@ -32,44 +33,98 @@ def controller_action(bench: Bench, fault: Fault) -> Action:
             f"{fault.kind} cannot be injected: somebody else is the controller of this bench"
         )
     refuse_unless_supported(bench, fault, controller)
-    apply: Callable[[], None]
+    held = _HELD.setdefault(controller, _Held())
     match fault.kind:
         case "controller.stop":
-            apply, remove = lambda: controller.stop("fault"), controller.run
+            return Action(_NAME, lambda: held.stop(controller), lambda: held.go_on(controller))
         case "controller.breakpoint":
-            apply, remove = lambda: _break(controller), controller.run
+            return _breakpoint(controller, held)
         case "controller.overrun":
-            return _overrun(fault, controller.levels)
+            return _overrun(fault, controller.levels, held)
         case "controller.stall":
-            apply, remove = lambda: controller.levels.stall(True), lambda: controller.levels.stall(False)
+            return Action(_NAME, lambda: held.stall(controller, True), lambda: held.stall(controller, False))
         case _:
-            apply, remove = controller.power_off, controller.power_on
+            return Action(_NAME, lambda: held.cut(controller), lambda: held.supply(controller))
+
+
+@dataclass(slots=True)
+class _Held:
+    """What the faults of one controller hold at present: they may overlap, and the last that ends gives it free."""
+
+    stops: int = 0
+    cuts: int = 0
+    stalls: int = 0
+    times: dict[bool, list[int]] = field(default_factory=lambda: {True: [], False: []})
+    """For MC_Servo (True) and MC_Interpolator: the time without faults, then that of every fault, ns."""
+
+    def stop(self, controller: Any) -> None:
+        self.stops += 1
+        controller.stop("fault")
+
+    def go_on(self, controller: Any) -> None:
+        self.stops -= 1
+        if not self.stops and controller.state.value != "power off":
+            controller.run()
+
+    def cut(self, controller: Any) -> None:
+        self.cuts += 1
+        controller.power_off()
+
+    def supply(self, controller: Any) -> None:
+        self.cuts -= 1
+        if self.cuts:
+            return
+        controller.power_on()
+        if self.stops:
+            controller.stop("fault")
+
+    def stall(self, controller: Any, stalled: bool) -> None:
+        self.stalls += 1 if stalled else -1
+        controller.levels.stall(self.stalls > 0)
+
+
+_HELD: Final[WeakKeyDictionary[Any, _Held]] = WeakKeyDictionary()
+
+
+def _breakpoint(controller: Any, held: _Held) -> Action:
+    """Let the program meet a breakpoint; where none runs it meets none, and nothing goes on afterwards."""
+    met: list[bool] = []
+
+    def apply() -> None:
+        met.append(controller.state.value == "RUN")
+        if met[0]:
+            held.stops += 1
+            controller.breakpoint()
+
+    def remove() -> None:
+        if met.pop():
+            held.go_on(controller)
+
     return Action(_NAME, apply, remove)
 
 
-def _break(controller: Any) -> None:
-    """Let the program meet a breakpoint, where it runs at that moment."""
-    if controller.state.value != "RUN":
-        raise UnsupportedFaultError(
-            f"controller.breakpoint cannot be injected: the controller is in {controller.state.value}, and no program runs"
-        )
-    controller.breakpoint()
-
-
-def _overrun(fault: Fault, levels: Any) -> Action:
-    """Let a level take long, and afterwards as long as before."""
+def _overrun(fault: Fault, levels: Any, held: _Held) -> Action:
+    """Let a level take long, and afterwards as long as before, or as another fault still wants it."""
     servo = fault.value("level") == "servo"
     time_ns = round(float(fault.value("time_ms")) * MS)
-    before: list[int] = []
+    times = held.times[servo]
 
-    def take(nanoseconds: int) -> None:
+    def take() -> None:
         if servo:
-            levels.set_computing_time(servo_ns=nanoseconds)
+            levels.set_computing_time(servo_ns=times[-1])
         else:
-            levels.set_computing_time(interpolator_ns=nanoseconds)
+            levels.set_computing_time(interpolator_ns=times[-1])
 
     def apply() -> None:
-        before.append(levels.computing_time[0 if servo else 1])
-        take(time_ns)
+        if not times:
+            times.append(levels.computing_time[0 if servo else 1])
+        times.append(time_ns)
+        take()
 
-    return Action(_NAME, apply, lambda: take(before.pop()))
+    def remove() -> None:
+        times.remove(time_ns)
+        take()
+        if len(times) == 1:
+            times.clear()
+
+    return Action(_NAME, apply, remove)

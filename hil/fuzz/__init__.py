@@ -4,31 +4,43 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from hil.fuzz._corpus import Corpus
 from hil.fuzz._invariants import Invariant, Violation, default_invariants
-from hil.fuzz._program import JOBS, Break, Do, Program, Step, Wait, step_from_json
-from hil.fuzz._run import FuzzOutcome, program_token, run_program
+from hil.fuzz._program import JOBS, Break, Do, Program, Step, Wait, job_names, step_from_json
+from hil.fuzz._regressions import keep_program, regressions
+from hil.fuzz._run import FuzzOutcome, check_program, program_token, run_program
+from hil.fuzz._situations import Situation, by_family, situations_of
 
 if TYPE_CHECKING:
     from hil.fuzz._search import FuzzReport, search
-    from hil.fuzz._strategies import fault_kinds, programs
+    from hil.fuzz._strategies import descendants, fault_kinds, programs
 
 __all__ = [
     "JOBS",
     "Break",
+    "Corpus",
     "Do",
     "FuzzOutcome",
     "FuzzReport",
     "Invariant",
     "Program",
+    "Situation",
     "Step",
     "Violation",
     "Wait",
+    "by_family",
+    "check_program",
     "default_invariants",
+    "descendants",
     "fault_kinds",
+    "job_names",
+    "keep_program",
     "program_token",
     "programs",
+    "regressions",
     "run_program",
     "search",
+    "situations_of",
     "step_from_json",
 ]
 
@@ -39,7 +51,7 @@ def __getattr__(name: str) -> Any:
         from hil.fuzz import _search
 
         return getattr(_search, name)
-    if name in {"fault_kinds", "programs"}:
+    if name in {"descendants", "fault_kinds", "programs"}:
         from hil.fuzz import _strategies
 
         return getattr(_strategies, name)

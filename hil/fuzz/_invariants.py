@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.history import Event
-from hil.expect._motion_rules import REST_SPEED, REST_TRAVEL, WINDOW_S
+from hil.expect._motion_rules import REST_SPEED, REST_TRAVEL, WINDOW_S, commanded
 from hil.expect._profidrive_rules import PULSES
 from hil.expect._words import cia402_state
 from hil.expect.golden import stop_time
@@ -114,8 +114,11 @@ class NoMotionWithoutTorque(Invariant):
     name = "no motion without torque"
     requirements = ("STP-331", "C402-010", "PD-104")
 
-    def __init__(self, bench: Any, drive: str) -> None:
+    def __init__(self, bench: Any, axis: str, drive: str) -> None:
         self._torque, self._text = _torque_reader(bench, drive)
+        self._speed = _reader(bench, f"{drive}.motor_speed")
+        self._output = _reader(bench, f"{axis}.speed_output")
+        self._outputs: deque[float] = deque(maxlen=3)
         self._velocity = _reader(bench, f"{drive}.velocity")
         self._rest = REST_SPEED.get(_unit(bench, f"{drive}.velocity"), 0.0005)
         self._position = _reader(bench, f"{drive}.position")
@@ -133,8 +136,16 @@ class NoMotionWithoutTorque(Invariant):
         self._pushed.event(entry)
         self._jolted.event(entry)
 
+    def _was_commanded(self) -> bool:
+        """Whether in the very cycle in which the torque went a setpoint that jumped may still have driven the axis."""
+        speed = None if self._speed is None else self._speed()
+        return speed is not None and commanded(speed, self._outputs)
+
     def cycle(self) -> str:
         """Compare the speed with what it was a moment ago."""
+        output = None if self._output is None else self._output()
+        if output is not None:
+            self._outputs.append(output)
         if self._velocity is None or self._position is None:
             return ""
         torque, velocity, position = self._torque(), self._velocity(), self._position()
@@ -155,7 +166,7 @@ class NoMotionWithoutTorque(Invariant):
         while earlier and earlier[0][0] < now - _WINDOW_NS[1]:
             earlier.popleft()
             self._entry = 0.0
-        if self._entry is None or self._jolted:
+        if self._entry is None or self._jolted or (not earlier and self._was_commanded()):
             self._entry = max(speed, self._entry or 0.0)
         limit = now - _WINDOW_NS[0]
         before = self._entry
@@ -298,12 +309,18 @@ class FeedbackEqualsMechanics(Invariant):
         self._disturbed = _Faulted(
             bench, ("encoder.", "frame.", "telegram.", "drive.power_off", "drive.sto"), 0.1
         )
+        # A controller that does not run leaves the actual values as they were.
+        self._halted = _Faulted(bench, ("controller.",), 1.0)
         self._offset: float | None = None
         self._settle = 0
 
     def event(self, entry: Event) -> None:
         """Take a new offset after whatever may displace the coordinates."""
-        if self._disturbed.event(entry) or entry.kind in {"axis.homed", "link.up", "link.down"}:
+        if (
+            self._disturbed.event(entry)
+            or self._halted.event(entry)
+            or entry.kind in {"axis.homed", "link.up", "link.down"}
+        ):
             self._offset = None
             self._settle = 5
 
@@ -315,7 +332,7 @@ class FeedbackEqualsMechanics(Invariant):
         if actual is None or true is None or velocity is None:
             return ""
         linked = self._link is None or bool(self._link())
-        if self._disturbed or not linked or self._settle:
+        if self._disturbed or self._halted or not linked or self._settle:
             self._settle = max(self._settle - 1, 0)
             self._offset = None
             return ""
@@ -337,7 +354,7 @@ def default_invariants(bench: Any) -> list[Invariant]:
     drive_of = getattr(bench, "drive_of", None)
     drive = drive_of(axis) if callable(drive_of) else bench.drive().name
     return [
-        NoMotionWithoutTorque(bench, drive),
+        NoMotionWithoutTorque(bench, axis, drive),
         RestAfterAlarm(bench, axis, drive),
         OneJobOutput(),
         FeedbackEqualsMechanics(bench, axis, drive),

@@ -11,20 +11,50 @@ from typing import Any, Final
 from fieldbus.errors import ConfigurationError
 from hil.faults import Fault, Parameter
 
+_HOW: Final = (
+    Parameter(
+        "jerk", "float", "Jerk; < 0: default of the axis, 0: trapezoid", "mm/s3", -1.0, 1e9, default=-1.0
+    ),
+    Parameter("buffer", "int", "BufferMode", minimum=0, maximum=1, default=0),
+)
 JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
     "power_on": (),
     "power_off": (Parameter("stop_mode", "int", "StopMode", minimum=0, maximum=3, default=0),),
     "reset": (),
-    "home": (Parameter("position", "float", "Home position", "mm", -1e6, 1e6, default=0.0),),
+    "home": (
+        Parameter("position", "float", "Home position", "mm", -1e6, 1e6, default=0.0),
+        Parameter("mode", "int", "Mode", minimum=0, maximum=13, default=0),
+    ),
     "move_absolute": (
         Parameter("position", "float", "Target", "mm", -1e6, 1e6, required=True),
         Parameter("velocity", "float", "Velocity", "mm/s", 0.001, 1e6, default=100.0),
+        *_HOW,
     ),
     "move_relative": (
         Parameter("distance", "float", "Distance", "mm", -1e6, 1e6, required=True),
         Parameter("velocity", "float", "Velocity", "mm/s", 0.001, 1e6, default=100.0),
+        *_HOW,
     ),
-    "move_velocity": (Parameter("velocity", "float", "Velocity, signed", "mm/s", -1e6, 1e6, required=True),),
+    "move_velocity": (
+        Parameter("velocity", "float", "Velocity, signed", "mm/s", -1e6, 1e6, required=True),
+        Parameter(
+            "jerk", "float", "Jerk; < 0: default of the axis, 0: trapezoid", "mm/s3", -1.0, 1e9, default=-1.0
+        ),
+    ),
+    "move_superimposed": (
+        Parameter("distance", "float", "Distance", "mm", -1e6, 1e6, required=True),
+        Parameter("velocity", "float", "Greatest velocity difference", "mm/s", 0.001, 1e6, default=100.0),
+    ),
+    "halt_superimposed": (),
+    "motion_in_velocity": (
+        Parameter("velocity", "float", "Velocity, signed", "mm/s", -1e6, 1e6, required=True),
+    ),
+    "motion_in_release": (),
+    "torque_limiting": (
+        Parameter("limit", "float", "Torque limit; < 0: default of the axis", "Nm", -1.0, 1e6, default=-1.0),
+    ),
+    "torque_release": (),
+    "override": (Parameter("factor", "float", "Velocity override", "%", 0.0, 200.0, required=True),),
     "jog": (
         Parameter("velocity", "float", "Velocity", "mm/s", 0.0, 1e6, default=100.0),
         Parameter("backward", "bool", "Direction", default=False),
@@ -36,6 +66,28 @@ JOBS: Final[dict[str, tuple[Parameter, ...]]] = {
     "remove_faults": (),
 }
 """Instructions of a program, with their parameters."""
+
+_NEEDS: Final = {
+    "move_superimposed": "move_superimposed",
+    "halt_superimposed": "halt_superimposed",
+    "motion_in_velocity": "motion_in_velocity",
+    "motion_in_release": "motion_in_velocity",
+    "torque_limiting": "torque_limiting",
+    "torque_release": "torque_limiting",
+    "override": "write",
+}
+"""Instruction -> what an axis handle has to have for it; all have the others."""
+
+
+def job_names(axis: Any) -> tuple[str, ...]:
+    """Return the instructions that an axis can be given, in the order of `JOBS`.
+
+    Args:
+        axis: Handle of the axis, `bench.axis()`.
+
+    """
+    return tuple(job for job in JOBS if job not in _NEEDS or hasattr(axis, _NEEDS[job]))
+
 
 LONGEST_WAIT_S: Final = 60.0
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from hil.campaign import CaseContext, Token
 from hil.campaign._execute import collect_evidence
-from hil.errors import BlockedError, UnsupportedFaultError
+from hil.errors import BlockedError, CaseTimeoutError, ExpectationFailedError, UnsupportedFaultError
 from hil.expect import run_checkers
 from hil.fuzz._invariants import Invariant, OneJobOutput, Violation, default_invariants
 from hil.fuzz._program import Break, Do, Program, Step, Wait
@@ -54,14 +54,26 @@ class FuzzOutcome:
 class _Hands:
     """Gives the instructions of a program; keeps the instances that are released later."""
 
+    _RELEASES: Final = {
+        "jog_release": ("jog", {"JogForward": False, "JogBackward": False}),
+        "stop_release": ("stop", {"Execute": False}),
+        "motion_in_release": ("motion_in_velocity", {"Enable": False}),
+        "torque_release": ("torque_limiting", {"Enable": False}),
+    }
+
     def __init__(self, axis: Any, watch: OneJobOutput | None) -> None:
         self._axis = axis
         self._watch = watch
-        self._jog: Any = None
-        self._stop: Any = None
+        self._held: dict[str, Any] = {}
 
     def do(self, step: Do) -> None:
         axis, value = self._axis, step.value
+        if step.job in self._RELEASES:
+            of, inputs = self._RELEASES[step.job]
+            held = self._held.pop(of, None)
+            if held is not None:
+                held.set(**inputs)
+            return
         match step.job:
             case "power_on":
                 axis.power(True)
@@ -69,34 +81,42 @@ class _Hands:
             case "power_off":
                 axis.power(False, stop_mode=value("stop_mode"))
                 return
-            case "jog_release":
-                if self._jog is not None:
-                    self._jog.set(JogForward=False, JogBackward=False)
-                    self._jog = None
-                return
-            case "stop_release":
-                if self._stop is not None:
-                    self._stop.set(Execute=False)
-                    self._stop = None
+            case "override":
+                axis.write("Override.Velocity", value("factor"))
                 return
             case "reset":
                 job = axis.reset()
             case "home":
-                job = axis.home(value("position"))
+                job = axis.home(value("position"), mode=value("mode"))
             case "move_absolute":
-                job = axis.move_absolute(value("position"), Velocity=value("velocity"))
+                job = axis.move_absolute(value("position"), Velocity=value("velocity"), **_how(step))
             case "move_relative":
-                job = axis.move_relative(value("distance"), Velocity=value("velocity"))
+                job = axis.move_relative(value("distance"), Velocity=value("velocity"), **_how(step))
             case "move_velocity":
-                job = axis.move_velocity(value("velocity"))
+                job = axis.move_velocity(value("velocity"), **_how(step))
+            case "move_superimposed":
+                job = axis.move_superimposed(value("distance"), VelocityDiff=value("velocity"))
+            case "halt_superimposed":
+                job = axis.halt_superimposed()
+            case "motion_in_velocity":
+                job = axis.motion_in_velocity(value("velocity"))
+            case "torque_limiting":
+                job = axis.torque_limiting(value("limit"))
             case "jog":
-                job = self._jog = axis.jog(value("velocity"), backward=value("backward"))
+                job = axis.jog(value("velocity"), backward=value("backward"))
             case "halt":
                 job = axis.halt()
             case _:
-                job = self._stop = axis.stop(value("mode"))
+                job = axis.stop(value("mode"))
+        self._held[step.job] = job
         if self._watch is not None:
             self._watch.jobs.append(job)
+
+
+def _how(step: Do) -> dict[str, Any]:
+    """Return the inputs that a step gives beside the usual ones: those that it does not name keep their defaults."""
+    inputs = {"jerk": "Jerk", "buffer": "BufferMode"}
+    return {inputs[name]: value for name, value in step.parameters.items() if name in inputs}
 
 
 def run_program(
@@ -113,32 +133,67 @@ def run_program(
         invariants: Makes the invariants for a bench.
 
     """
-    skipped: list[str] = []
     with bench_file.build(seed=seed) as bench:
         context = CaseContext(bench, seed=seed)
         watched = invariants(bench)
-        _install(bench, watched)
-        hands = _Hands(bench.axis(), next((one for one in watched if isinstance(one, OneJobOutput)), None))
-        violation: Violation | None = None
-        try:
-            for step in program.steps:
-                _perform(step, context, hands, skipped)
-            context.run_for(SETTLE_S)
-            horizon_s = max((invariant.horizon_ns() for invariant in watched), default=0) * 1e-9
-            if horizon_s > context.now_s:
-                context.run_for(horizon_s - context.now_s + SETTLE_S / 10)
-        except _BrokenError as broken:
-            violation = broken.violation
-        except Exception as error:  # noqa: BLE001 - whatever escapes is the finding
-            place = traceback.extract_tb(error.__traceback__)[-1]
-            text = f"{type(error).__name__}: {error} at {place.filename}:{place.lineno}"
-            violation = Violation("no crash", context.now_s, text)
+        violation, skipped = _run_in(context, program, watched)
         trace = context.trace()
         if violation is None:
             violation = _checked(trace)
         result = _result(program, context, trace, violation, watched)
         result.seed = seed
         return FuzzOutcome(program, seed, violation, skipped, trace, result)
+
+
+def check_program(
+    context: CaseContext, program: Program, *, invariants: InvariantFactory = default_invariants
+) -> None:
+    """Run a program in a case of a campaign: all of its invariants have to hold.
+
+    Args:
+        context: Of the case.
+        program: What to do.
+        invariants: Makes the invariants for a bench.
+
+    Raises:
+        ExpectationFailedError: An invariant is broken; the case ends *failed*.
+        BlockedError: The bench cannot do a step of the program; without it nothing would be said by the rest.
+
+    """
+    watched = invariants(context.bench)
+    violation, skipped = _run_in(context, program, watched)
+    context.checks.extend(_checks(watched, violation))
+    if violation is not None:
+        raise ExpectationFailedError(str(violation))
+    if skipped:
+        raise BlockedError(f"a step of the program is not possible on this bench: {skipped[0]}")
+
+
+def _run_in(
+    context: CaseContext, program: Program, watched: Sequence[Invariant]
+) -> tuple[Violation | None, list[str]]:
+    """Run a program on the bench of a context; returns the first broken invariant and the steps left out."""
+    skipped: list[str] = []
+    _install(context.bench, watched)
+    hands = _Hands(
+        context.bench.axis(), next((one for one in watched if isinstance(one, OneJobOutput)), None)
+    )
+    try:
+        for step in program.steps:
+            _perform(step, context, hands, skipped)
+        context.run_for(SETTLE_S)
+        horizon_s = max((invariant.horizon_ns() for invariant in watched), default=0) * 1e-9
+        if horizon_s > context.now_s:
+            context.run_for(horizon_s - context.now_s + SETTLE_S / 10)
+    except _BrokenError as broken:
+        return broken.violation, skipped
+    except CaseTimeoutError:
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever escapes is the finding
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        text = f"{type(error).__name__}: {error} at {place.filename}:{place.lineno}"
+        return Violation("no crash", context.now_s, text), skipped
+    return None, skipped
 
 
 def _install(bench: Any, watched: Sequence[Invariant]) -> None:
@@ -200,26 +255,32 @@ def _result(
         group="fuzz",
         tags=["fuzz"],
     )
-    for invariant in watched:
-        if violation is None or violation.invariant != invariant.name:
-            result.checks.append(
-                Check(
-                    invariant.name,
-                    Verdict.PASSED,
-                    "in every cycle",
-                    "held",
-                    requirements=list(invariant.requirements),
-                )
-            )
+    result.checks.extend(_checks(watched, violation))
+    collect_evidence(context, trace, result)
+    return result
+
+
+def _checks(watched: Sequence[Invariant], violation: Violation | None) -> list[Check]:
+    """Return the invariants as checks of a case."""
+    checks = [
+        Check(
+            invariant.name,
+            Verdict.PASSED,
+            "in every cycle",
+            "held",
+            requirements=list(invariant.requirements),
+        )
+        for invariant in watched
+        if violation is None or violation.invariant != invariant.name
+    ]
     if violation is not None:
-        result.checks.append(
+        checks.append(
             Check(
                 violation.invariant, Verdict.FAILED, "in every cycle", violation.text, violation.time_s,
                 requirements=list(violation.requirements),
             )
         )  # fmt: skip
-    collect_evidence(context, trace, result)
-    return result
+    return checks
 
 
 def program_token(program: Program, *, seed: int, bench: str = "", bench_digest: str = "") -> str:

@@ -12,7 +12,7 @@ from hil.faults import CATALOGUE, Fault
 from hil.faults._actions import environment, offered
 from hil.faults._encoder_kinds import NOT_FUZZED
 from hil.faults._io_catalogue import NOT_FUZZED as IO_KINDS
-from hil.fuzz._program import Break, Do, Program, Step, Wait
+from hil.fuzz._program import JOBS, Break, Do, Program, Step, Wait
 from hil.fuzz._telegram_strategies import TELEGRAM_KINDS, telegram_fault
 
 _EMCY: Final = (0x2310, 0x3210, 0x3220, 0x4310, 0x5400, 0x7121, 0x7305, 0x8611, 0xFF00)
@@ -27,31 +27,38 @@ def _grid(low: int, high: int, step: float) -> SearchStrategy[float]:
     return st.integers(low, high).map(lambda number: round(number * step, 6))
 
 
-def _jobs() -> SearchStrategy[Step]:
+def _job(name: str, **parameters: SearchStrategy[Any]) -> SearchStrategy[Step]:
+    """Return a strategy of steps with an instruction; a parameter that is None is left out."""
+
+    def build(**values: Any) -> Step:
+        return Do(name, {key: value for key, value in values.items() if value is not None})
+
+    return st.builds(build, **parameters)
+
+
+def _jobs(names: Sequence[str]) -> SearchStrategy[Step]:
     velocity = _grid(1, 40, 10.0)
-    return st.one_of(
-        st.just(Do("power_on")),
-        st.builds(lambda mode: Do("power_off", {"stop_mode": mode}), st.integers(0, 3)),
-        st.just(Do("reset")),
-        st.builds(lambda position: Do("home", {"position": position}), _grid(-10, 10, 10.0)),
-        st.builds(
-            lambda position, speed: Do("move_absolute", {"position": position, "velocity": speed}),
-            _grid(-30, 30, 10.0), velocity,
-        ),
-        st.builds(
-            lambda distance, speed: Do("move_relative", {"distance": distance, "velocity": speed}),
-            _grid(-20, 20, 10.0), velocity,
-        ),
-        st.builds(lambda speed: Do("move_velocity", {"velocity": speed}), _grid(-40, 40, 10.0)),
-        st.builds(
-            lambda speed, backward: Do("jog", {"velocity": speed, "backward": backward}), velocity, st.booleans()
-        ),
-        st.just(Do("jog_release")),
-        st.just(Do("halt")),
-        st.just(Do("stop_release")),
-        st.just(Do("remove_faults")),
-        st.builds(lambda mode: Do("stop", {"mode": mode}), st.sampled_from([0, 2, 3])),
-    )  # fmt: skip
+    signed = _grid(-40, 40, 10.0)
+    distance = _grid(-20, 20, 10.0)
+    jerk = st.sampled_from([None, None, 0.0, 2000.0])
+    how = {"jerk": jerk, "buffer": st.sampled_from([None, None, 1])}
+    known: dict[str, dict[str, SearchStrategy[Any]]] = {
+        "power_off": {"stop_mode": st.integers(0, 3)},
+        "home": {
+            "position": _grid(-10, 10, 10.0),
+            "mode": st.sampled_from([None, None, 1, 2, 3, 5, 6, 7, 8, 9, 11, 12]),
+        },
+        "move_absolute": {"position": _grid(-30, 30, 10.0), "velocity": velocity, **how},
+        "move_relative": {"distance": distance, "velocity": velocity, **how},
+        "move_velocity": {"velocity": signed, "jerk": jerk},
+        "move_superimposed": {"distance": distance, "velocity": velocity},
+        "motion_in_velocity": {"velocity": signed},
+        "torque_limiting": {"limit": st.sampled_from([-1.0, 0.05, 0.5, 2.0])},
+        "override": {"factor": st.sampled_from([0.0, 10.0, 50.0, 100.0, 200.0])},
+        "jog": {"velocity": velocity, "backward": st.booleans()},
+        "stop": {"mode": st.sampled_from([0, 2, 3])},
+    }
+    return st.one_of([_job(name, **known.get(name, {})) for name in names])
 
 
 def _selection(messages: Sequence[str]) -> SearchStrategy[dict[str, Any]]:
@@ -190,24 +197,92 @@ def _same(step: Step) -> Step:
     return step
 
 
+def steps(
+    kinds: Sequence[str], ids: dict[str, int], jobs: Sequence[str] = tuple(JOBS)
+) -> SearchStrategy[Step]:
+    """Return a strategy of single steps.
+
+    Args:
+        kinds: Fault kinds, as of `fault_kinds`.
+        ids: Identifiers of the drive by message name (`bench.cob_ids`).
+        jobs: Instructions, as of `job_names`.
+
+    """
+    waits: SearchStrategy[Step] = _grid(1, 30, 0.02).map(Wait)
+    # Mapped, because nested choices would be flattened: a job, a wait and a fault are to be equally likely.
+    faults = st.one_of([_fault(kind, ids) for kind in kinds]).map(_same)
+    return st.one_of(_jobs(jobs).map(_same), waits, faults)
+
+
 def programs(
-    kinds: Sequence[str], ids: dict[str, int], *, longest: int = 12, preamble: Sequence[Step] = PREAMBLE
+    kinds: Sequence[str],
+    ids: dict[str, int],
+    *,
+    jobs: Sequence[str] = tuple(JOBS),
+    longest: int = 12,
+    preamble: Sequence[Step] = PREAMBLE,
 ) -> SearchStrategy[Program]:
     """Return a strategy of programs.
 
     Args:
         kinds: Fault kinds, as of `fault_kinds`.
         ids: Identifiers of the drive by message name (`bench.cob_ids`).
+        jobs: Instructions, as of `job_names`.
         longest: Greatest number of steps after the preamble.
         preamble: Steps that every program begins with.
 
     """
-    waits: SearchStrategy[Step] = _grid(1, 30, 0.02).map(Wait)
-    # Mapped, because nested choices would be flattened: a job, a wait and a fault are to be equally likely.
-    faults = st.one_of([_fault(kind, ids) for kind in kinds]).map(_same)
-    steps = st.one_of(_jobs().map(_same), waits, faults)
+    step = steps(kinds, ids, jobs)
     # Three lists in a row: one long list would nearly always be drawn short.
-    thirds = [st.lists(steps, max_size=(longest + part) // 3) for part in range(3)]
+    thirds = [st.lists(step, max_size=(longest + part) // 3) for part in range(3)]
     return st.tuples(*thirds).map(
         lambda parts: Program((*preamble, *(step for part in parts for step in part)))
     )
+
+
+def descendants(
+    parents: Sequence[Program], step: SearchStrategy[Step], *, longest: int
+) -> SearchStrategy[Program]:
+    """Return a strategy of programs that go on from others: cut, joined, with steps left out, put in or repeated.
+
+    Args:
+        parents: The others, at least one.
+        step: Strategy of steps that are put in.
+        longest: Greatest number of steps.
+
+    """
+    place = st.integers(0, longest)
+
+    def leave_out(steps: list[Step], where: int) -> None:
+        if len(steps) > 1:
+            del steps[where % len(steps)]
+
+    def repeat(steps: list[Step], where: int) -> None:
+        if steps:
+            steps.insert(where % len(steps), steps[where % len(steps)])
+
+    def swap(steps: list[Step], where: int) -> None:
+        if steps:
+            here = where % len(steps)
+            steps[here - 1], steps[here] = steps[here], steps[here - 1]
+
+    change = st.one_of(
+        st.tuples(st.just("put in"), place, step),
+        st.tuples(st.sampled_from(["leave out", "repeat", "swap"]), place, st.none()),
+        st.tuples(st.just("join"), place, st.sampled_from(list(parents))),
+    )
+    changes = {"leave out": leave_out, "repeat": repeat, "swap": swap}
+
+    def build(parent: Program, wanted: list[tuple[str, int, Any]]) -> Program:
+        steps = list(parent.steps)
+        for kind, where, what in wanted:
+            if kind == "put in":
+                steps.insert(where % (len(steps) + 1), what)
+            elif kind == "join":
+                other = list(what.steps)
+                steps = [*steps[: where % (len(steps) + 1)], *other[where % (len(other) + 1) :]]
+            else:
+                changes[kind](steps, where)
+        return Program(tuple(steps[:longest]))
+
+    return st.builds(build, st.sampled_from(list(parents)), st.lists(change, min_size=1, max_size=4))

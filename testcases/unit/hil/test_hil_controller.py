@@ -129,6 +129,52 @@ def test_a_breakpoint_with_a_trigger():
         assert bench.run_until(in_state(bench, OperatingState.RUN), 3.0)
 
 
+def test_no_program_meets_no_breakpoint():
+    """In STOP, and without supply, a breakpoint does nothing, and its end starts nothing."""
+    with load_bench("reference").build(seed=1) as bench:
+        bench.controller.stop()
+        bench.run_for(0.1)
+        Injector(bench).inject("controller.breakpoint", duration_s=0.1)
+        bench.run_for(0.5)
+        assert bench.controller.state is OperatingState.STOP
+        bench.controller.power_off()
+        bench.run_for(0.1)
+        Injector(bench).inject("controller.breakpoint", duration_s=0.1)
+        bench.run_for(0.5)
+        assert bench.controller.state is OperatingState.POWER_OFF
+
+
+@pytest.mark.parametrize("first", ["controller.stop", "controller.power_off"])
+@pytest.mark.parametrize("second", ["controller.stop", "controller.power_off"])
+def test_the_last_of_overlapping_faults_gives_the_controller_free(first, second):
+    """Stopped, or without supply, twice at a time: RUN comes after the end of both."""
+    with load_bench("reference").build(seed=1) as bench:
+        bench.run_for(0.3)
+        Injector(bench).inject(first, duration_s=0.4)
+        bench.run_for(0.2)
+        Injector(bench).inject(second, duration_s=1.0)
+        bench.run_for(0.8)
+        expected = OperatingState.STOP if second == "controller.stop" else OperatingState.POWER_OFF
+        assert bench.controller.state is expected
+        assert bench.run_until(in_state(bench, OperatingState.RUN), 3.0)
+
+
+def test_overlapping_overruns_leave_the_level_as_it_was():
+    """While two faults want another computing time the later one holds; after both the level takes as long as before."""
+    with load_bench("reference").build(seed=1) as bench:
+        levels = bench.controller.levels
+        before = levels.computing_time
+        Injector(bench).inject("controller.overrun", duration_s=0.1, level="servo", time_ms=0.5)
+        bench.run_for(0.05)
+        Injector(bench).inject("controller.overrun", duration_s=0.1, level="servo", time_ms=1.0)
+        bench.run_for(0.02)
+        assert levels.computing_time[0] == 1_000_000
+        bench.run_for(0.05)
+        assert levels.computing_time[0] == 1_000_000
+        bench.run_for(0.1)
+        assert levels.computing_time == before
+
+
 def test_where_it_cannot_be_injected():
     """Another target is refused, and a bench that leads nobody."""
     with load_bench("reference").build(seed=1) as bench:

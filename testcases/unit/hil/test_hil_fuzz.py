@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, seed, settings
 
 from fieldbus.errors import ConfigurationError
+from hil.bench import load_bench
 from hil.campaign import Token
 from hil.faults import Fault, Injector, at
 from hil.fuzz import (
@@ -16,6 +17,7 @@ from hil.fuzz import (
     Wait,
     default_invariants,
     fault_kinds,
+    job_names,
     program_token,
     programs,
     run_program,
@@ -26,7 +28,8 @@ from reports.model import Verdict
 from testcases.unit.hil.toybench import BENCH, CREEPING, DEAF, DOUBLE, NOISY, ToyBench, ToyBenchFile
 
 SAMPLE = ToyBench()
-PROGRAMS = programs(fault_kinds(SAMPLE), SAMPLE.cob_ids("drive1"))
+JOB_NAMES = job_names(SAMPLE.axis())
+PROGRAMS = programs(fault_kinds(SAMPLE), SAMPLE.cob_ids("drive1"), jobs=JOB_NAMES)
 TRIP = Program(
     (
         Do("power_on"), Wait(0.3), Do("move_velocity", {"velocity": 100.0}), Wait(0.2),
@@ -62,7 +65,9 @@ def test_all_jobs_and_all_faults_of_the_catalogue_are_in_reach():
         )
 
     gather()
-    assert set(JOBS) | set(fault_kinds(SAMPLE)) == reached
+    assert set(JOB_NAMES) | set(fault_kinds(SAMPLE)) == reached
+    with load_bench("reference").build(seed=1) as bench:
+        assert set(job_names(bench.axis())) == set(JOBS)
 
 
 @pytest.mark.parametrize(

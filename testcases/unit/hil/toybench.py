@@ -437,17 +437,17 @@ class ToyAxis:
         self._go(state)
         return job
 
-    def move_absolute(self, position, *, Velocity=-1.0):
+    def move_absolute(self, position, *, Velocity=-1.0, **_inputs):
         job = self._begin(ToyJob(self, "MC_MoveAbsolute"), "MOTION")
         if job.Busy:
             self.positioning, self.target = True, position
             self.speed = 100.0 if Velocity < 0 else Velocity
         return job
 
-    def move_relative(self, distance, *, Velocity=-1.0):
+    def move_relative(self, distance, *, Velocity=-1.0, **_inputs):
         return self.move_absolute(self.actual + distance, Velocity=Velocity)
 
-    def move_velocity(self, velocity):
+    def move_velocity(self, velocity, **_inputs):
         job = self._begin(ToyJob(self, "MC_MoveVelocity"), "MOTION")
         if job.Busy:
             self.positioning, self.goal = False, velocity
