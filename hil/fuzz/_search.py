@@ -242,6 +242,8 @@ def _do(
     from hypothesis import strategies as st
     from hypothesis.errors import FlakyFailure
 
+    from hil.fuzz._provider import BACKEND
+
     found = _Found()
     attempt = _Attempt(bench_file, order.bench_seed, invariants, count, found)
     strategy = programs(order.kinds, order.identifiers, jobs=order.jobs, longest=order.longest)
@@ -253,7 +255,7 @@ def _do(
         max_examples=order.cases, deadline=None, database=None, derandomize=False, print_blob=False,
         report_multiple_bugs=False, verbosity=hypothesis.Verbosity.quiet,
         suppress_health_check=list(hypothesis.HealthCheck),
-        phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink),
+        phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink), backend=BACKEND,
     )  # fmt: skip
 
     def test(program: Program) -> None:

@@ -1,5 +1,6 @@
 """What a search does with what it has seen: situations, descendants, a corpus, several processes, regression cases."""
 
+import importlib
 import json
 
 import pytest
@@ -128,8 +129,11 @@ def test_a_failing_program_of_the_corpus_is_found_at_once_and_shrunk():
 # -- processes ------------------------------------------------------------------------------------------------------
 
 
-def test_the_number_of_processes_changes_nothing():
-    """The same programs, situations and finding, from one process and from two."""
+def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
+    """The same programs, situations and finding, from one process and from two; whatever modules this one has loaded."""
+    (tmp_path / "many_constants.py").write_text(f"NUMBERS = {list(range(2000))}", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    importlib.import_module("many_constants")
     one = search(BENCH, cases=30, seed=4, bench=BENCH_NAME)
     two = search(BENCH, cases=30, seed=4, bench=BENCH_NAME, jobs=2)
     assert (two.cases, two.reached, two.never) == (one.cases, one.reached, one.never)
