@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 from fieldbus.clock import seconds_to_ns
-from fieldbus.errors import UnsupportedFaultError
+from fieldbus.errors import HilError, UnsupportedFaultError
 from hil.faults._encoder_kinds import ALARM_BITS, OWN_DEVICE_NAMES, WARNING_BITS
 from hil.faults._fault import Fault
 from hil.faults._parameters import Environment
@@ -266,10 +266,21 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
 
 
 def alarm_action(bench: Bench, fault: Fault) -> Action:
-    """Return the action that raises a technology alarm in the controller (STP-551)."""
+    """Return the action that raises a technology alarm in the controller (STP-551).
+
+    Raises:
+        UnsupportedFaultError: The object cannot have this alarm, or not with this reaction.
+
+    """
     axis = bench.axis(fault.target or None)
     alarms = getattr(axis, "alarms", None)
     number, reaction = fault.value("number"), fault.value("reaction")
+    check = getattr(getattr(alarms, "engine", None), "check", None)
+    if check is not None:
+        try:
+            check(number, reaction)
+        except HilError as error:
+            raise UnsupportedFaultError(f"{fault.kind} cannot be injected: {error}") from error
     if not fault.value("persistent"):
         call = _method(alarms, "raise_alarm", fault)
         return Action(str(axis.name), lambda: call(number, reaction=reaction), None)

@@ -263,6 +263,15 @@ class AlarmEngine:
         self._waiting = bool(self._causes)
         return tuple(self._pending)
 
+    def check(self, number: int, reaction: int | None = None) -> None:
+        """Refuse what `raise_alarm` would refuse.
+
+        Raises:
+            AlarmError: Unknown alarm, not one of this object type, or a reaction that it does not have.
+
+        """
+        self._check(alarm(number), reaction, None)
+
     # -- inside -----------------------------------------------------------------------------------------------
 
     def _check(self, entry: AlarmEntry, reaction: int | None, restart: bool | None) -> int:

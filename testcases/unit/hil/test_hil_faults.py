@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, UnsupportedFaultError
+from hil.bench import load_bench
 from hil.faults import (
     CATALOGUE,
     ENVIRONMENTS,
     Fault,
+    Injector,
     after,
     at,
     fault_type,
@@ -198,3 +200,13 @@ def test_axis_words_of_a_file_mean_the_signals_of_that_axis():
     trigger = trigger_from_dict({"when": "position", "axis": "axis2", "value": 5})
     assert trigger == signal("axis2.actual_position", 5.0)
     assert trigger_from_dict({"when": "velocity", "value": 5}) == signal("actual_velocity", 5.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "reaction", "words"),
+    [("speed", 521, 4, "SpeedAxis"), ("reference", 521, 2, "no reaction 2"), ("reference", 9999, 4, "9999")],
+)
+def test_an_alarm_that_the_object_cannot_have_is_refused_when_armed(name, number, reaction, words):
+    """Not only in the middle of the run, when the trigger comes."""
+    with load_bench(name).build(seed=1) as bench, pytest.raises(UnsupportedFaultError, match=words):
+        Injector(bench).inject("axis.alarm", trigger=at(1.0), number=number, reaction=reaction)
