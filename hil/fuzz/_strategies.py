@@ -283,6 +283,6 @@ def descendants(
                 steps = [*steps[: where % (len(steps) + 1)], *other[where % (len(other) + 1) :]]
             else:
                 changes[kind](steps, where)
-        return Program(tuple(steps[:longest]))
+        return Program(tuple((steps or list(parent.steps))[:longest]))
 
     return st.builds(build, st.sampled_from(list(parents)), st.lists(change, min_size=1, max_size=4))
