@@ -264,7 +264,9 @@ class ToyAxis:
         self.state = "DISABLED"
         self.jobs = 0
         self.alarm_number = self.alarm_reaction = 0
-        self.position = self.actual = self.actual_velocity = self.velocity = self.goal = self.target = 0.0
+        self.setpoint = self.position = self.actual = self.actual_velocity = self.velocity = self.goal = (
+            self.target
+        ) = 0.0
         self.status, self.stw1 = 0, 0x0006
         self.positioning = False
         self.enable = self.stop_held = False
@@ -281,7 +283,7 @@ class ToyAxis:
         word = on | bool(self.alarm_number) << 1 | (not self.velocity) << 12 | bool(braking) << 14
         stw1 = {0x000F: 0x047F, 0x0002: 0x047B, 0x0000: 0x047C}.get(self.stw1, 0x047E)
         return (
-            self.actual, self.velocity, self.actual, self.actual_velocity, word, 0x10 if self.alarm_number else 0,
+            self.setpoint, self.velocity, self.actual, self.actual_velocity, word, 0x10 if self.alarm_number else 0,
             self.alarm_number, self.alarm_reaction, STATES.index(self.state), stw1,
             0x0237 if self.status & 0x6F == 0x27 else 0x0231, on, on or self.state != "DISABLED",
         )  # fmt: skip
@@ -337,6 +339,7 @@ class ToyAxis:
             self.alarm(421, 4, "drive has shut down")
         state = self.state
         if state == "ENABLING":
+            self.setpoint = self.actual
             self.stw1 = 0x000F if self.status & 0x6F in (0x21, 0x23, 0x27) else 0x0006
             if operating:
                 self._go("STANDSTILL")
@@ -368,6 +371,7 @@ class ToyAxis:
                 self._end_job("Done")
                 return
         self.velocity += max(-step, min(step, self.goal - self.velocity))
+        self.setpoint += self.velocity * CYCLE_NS * 1e-9
         if self.velocity == self.goal == 0.0 and state != "MOTION":
             if state == "HALTING":
                 self._go("STANDSTILL")
