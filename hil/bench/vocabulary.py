@@ -11,8 +11,6 @@ from hil.record import Vocabulary
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
 
-OF_FAULTS = ("fault.armed", "fault.applied", "fault.hit", "fault.removed", "fault.disarmed")
-
 
 @cache
 def _fixed_words() -> dict[str, tuple[Scalar, ...]]:
@@ -29,11 +27,9 @@ def _fixed_words() -> dict[str, tuple[Scalar, ...]]:
     return {
         "controller.state:from": states,
         "controller.state:to": states,
-        "alarm.raised:number": numbers,
-        "alarm.gone:number": numbers,
-        "alarm.cleared:number": numbers,
+        "alarm.:number": numbers,
         "job.:instruction": names,
-        **{f"{kind}:fault": faults for kind in OF_FAULTS},
+        "fault.:fault": faults,
     }
 
 

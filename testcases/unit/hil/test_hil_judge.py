@@ -150,6 +150,28 @@ def test_a_profidrive_telegram_is_read_as_words_and_states(tmp_path):
         assert log[f"axis1.{name}"].at(0.5) == pytest.approx(trace[f"axis1.{name}"].at(0.5), abs=1e-9)
 
 
+@pytest.mark.parametrize("name", ["fast", "speed", "stepper"])
+def test_logs_of_other_benches_are_read(name, tmp_path):
+    """Another cycle, an axis without position, a pulse module with a telegram that says little: what frames tell is the same as live."""
+    with load_bench(name).build() as bench:
+        bench.axis().power()
+        bench.run_for(0.3)
+        trace = bench.trace()
+    log = decode(write_log(trace.raw_frames("can0"), tmp_path / "bus.log"), name)
+    assert log.notes == []
+    shared = [one for one in log.trace.names() if one.startswith("axis1.") and one in trace]
+    assert bool(shared) is (name != "stepper")
+    for one in shared:
+        assert log.trace[one].at(0.29) == pytest.approx(trace[one].at(0.29), abs=1e-3), one
+
+
+def test_a_live_bench_file_reads_a_log_without_its_bus(log_file):
+    """Nothing of a live bench is opened: its nodes and gears are enough."""
+    assert TRIP.find(decode(log_file, "live").trace.events) is not None
+    with pytest.raises(CannotRunError, match="has no CAN segment"):
+        decode(log_file, "profidrive_tcp")
+
+
 # -- formats ----------------------------------------------------------------------------------------------------------
 
 
