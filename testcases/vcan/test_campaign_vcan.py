@@ -98,15 +98,14 @@ def stop_modes_to_run() -> list[tuple[str, str]]:
     """Return combinations of stop and phase in which every stop occurs, and every pair that can matter on a bus.
 
     All 48 run in virtual time. What the real bus and clock add depends on who makes the ramp, controller or drive (its
-    kind), and on who asks for it (job, alarm, `MC_Power`: the origin), each in each phase of motion. At standstill there is
-    no ramp, so that the origin remains; and while coasting nobody makes one: one phase will do. Those pairs are covered,
-    greedily and in a fixed order.
+    kind), in each phase of motion; at standstill there is no ramp, and while coasting nobody makes one. Those pairs are
+    covered, greedily and in a fixed order.
     """
     wanted: dict[tuple[str, str], set[object]] = {}
     for stop, facts in stop_modes.STOPS.items():
         for phase in PHASES:
-            pairs = wanted[stop, phase] = {stop, (stop.partition("-")[0], phase)}
-            if phase == "constant" or (facts["ramp"] != "coast" and phase != "standstill"):
+            pairs = wanted[stop, phase] = {stop, phase}
+            if facts["ramp"] != "coast" and phase != "standstill":
                 pairs.add((facts["ramp"], phase))
     missing: set[object] = set().union(*wanted.values())
     chosen: list[tuple[str, str]] = []
@@ -118,10 +117,10 @@ def stop_modes_to_run() -> list[tuple[str, str]]:
 
 
 def test_stop_modes_on_a_live_bench(vcan_channel, tmp_path):
-    """Every stop, every ramp and every origin of a stop in every phase hold on the live bench; only lateness may block a few."""
+    """Every stop, and every ramp in every phase of motion hold on the live bench; only lateness may block a few."""
     chosen = stop_modes_to_run()
     assert {stop for stop, _ in chosen} == set(stop_modes.STOPS)
-    assert len(chosen) < 30
+    assert len(chosen) < 20
     file = tmp_path / "selection.py"
     names = tuple(f"stop-modes/{stop}/{phase}" for stop, phase in chosen)
     file.write_text(SELECTION.format(campaign="stop_modes", names=names), encoding="utf-8")
