@@ -56,11 +56,7 @@ class PluginReport:
 
     def begin(self, item: pytest.Item, bench: Any, bench_file: Any, seed: int) -> None:
         """Note that a test has got its bench."""
-        if not self._started:
-            if (self.directory / RUN_FILE).exists():
-                clear_run(self.directory)
-            start_run(self.directory, new_run(self._seed, bench_file.name, bench_file.text))
-            self._started = True
+        self._start(bench_file)
         title = str(getattr(getattr(item, "obj", None), "__doc__", "") or item.name).strip().splitlines()[0]
         result = CaseResult(
             identifier=item.nodeid, title=title, verdict=Verdict.PASSED, group=item.nodeid.partition("::")[0], seed=seed,
@@ -68,6 +64,13 @@ class PluginReport:
             requirements=[str(value) for name, value in item.user_properties if name == "requirement"],
         )  # fmt: skip
         self._entries[item.nodeid] = _Entry(bench, result)
+
+    def _start(self, bench_file: Any) -> None:
+        if not self._started:
+            if (self.directory / RUN_FILE).exists():
+                clear_run(self.directory)
+            start_run(self.directory, new_run(self._seed, bench_file.name, bench_file.text))
+            self._started = True
 
     def add_injector(self, item: pytest.Item, injector: Injector) -> None:
         """Note the faults of a test."""
@@ -97,6 +100,11 @@ class PluginReport:
 
     def note(self, item: pytest.Item, report: pytest.TestReport) -> None:
         """Take over the outcome of a phase; after the last one the case is written."""
+        case: CaseResult | None = getattr(item, "result", None)
+        if case is not None and report.when == "teardown":
+            # A case of a campaign brings its whole result.
+            self._start(getattr(item, "bench_file", None))
+            write_case(self.directory, case)
         entry = self._entries.get(item.nodeid)
         if entry is None:
             return

@@ -35,7 +35,7 @@ class CampaignNotFoundError(CannotRunError):
     def __init__(self, reference: str, reason: str) -> None:
         super().__init__(
             f"{reference!r} leads to no campaign: {reason}. Give a Python file, a directory or a module that defines "
-            "a hil.campaign.Campaign (for example testcases.campaigns.stop_modes)"
+            "a hil.campaign.Campaign, or a matrix file (for example testcases.campaigns.stop_modes)"
         )
         self.reference = reference
         self.reason = reason

@@ -62,6 +62,19 @@ def _requirements_of(item: pytest.Item) -> list[str]:
     return list(dict.fromkeys(identifiers))
 
 
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Collect a matrix file that is named on the command line: each of its cases is a test."""
+    if file_path.suffix != ".toml" or not parent.session.isinitpath(file_path):
+        return None
+    from hil.campaign._discover import is_matrix
+
+    if not is_matrix(file_path):
+        return None
+    from hil._plugin_cases import MatrixTests
+
+    return cast("pytest.Collector", MatrixTests.from_parent(parent, path=file_path))
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Attach the requirement identifiers as properties, so that they reach JUnit and, from xdist workers, the log."""
     for item in items:
@@ -86,7 +99,7 @@ class _Session:
         if directory and self._report is None:
             from hil._plugin_report import PluginReport
 
-            self._report = PluginReport(Path(directory), _seed(self.config), self.worker)
+            self._report = PluginReport(Path(directory), run_seed(self.config), self.worker)
         return self._report
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
@@ -115,8 +128,8 @@ class _Session:
             if call.excinfo.errisinstance((BlockedError, UnsupportedFaultError)):
                 report.outcome = "skipped"
                 report.longrepr = (str(item.path), item.location[1] or 0, f"blocked: {call.excinfo.value}")
-        if self._report is not None:
-            self._report.note(item, report)
+        if self.report is not None:
+            self.report.note(item, report)
         return report
 
     @pytest.hookimpl(trylast=True)
@@ -144,7 +157,8 @@ def _session(config: pytest.Config) -> _Session:
 # -- fixtures --------------------------------------------------------------------------------------------------------
 
 
-def _seed(config: pytest.Config) -> int:
+def run_seed(config: pytest.Config) -> int:
+    """Return the seed of the run."""
     given = config.getoption("--hil-seed")
     text = config.getini("hil_seed") if given is None else given
     try:
@@ -169,7 +183,7 @@ def bench(request: pytest.FixtureRequest, hil_bench_file: Any) -> Iterator[Any]:
     """Return a fresh bench (`hil.protocols.Bench`) with a seed made from the run's seed and the test's name."""
     from hil.campaign import case_seed
 
-    seed = case_seed(_seed(request.config), request.node.nodeid)
+    seed = case_seed(run_seed(request.config), request.node.nodeid)
     report = _session(request.config).report
     with hil_bench_file.build(seed=seed) as built:
         if report is not None:

@@ -1,4 +1,4 @@
-"""Finding campaigns: in Python files, directories and modules."""
+"""Finding campaigns: in Python files, matrix files, directories and modules."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from types import ModuleType
 from hil.campaign._case import Campaign, Case
 from hil.errors import CampaignNotFoundError, CannotRunError
 
+_matrices: dict[Path, Campaign] = {}
 _SKIPPED = ("test_", "_", "conftest", "setup")
 
 
@@ -24,7 +25,7 @@ class Found:
 
     campaign: Campaign
     reference: str
-    """`package.module:NAME` or `path/to/file.py:NAME`."""
+    """`package.module:NAME`, `path/to/file.py:NAME`, `path/to/matrix.toml` or `package:matrix.toml`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,10 +76,33 @@ def _in_file(path: Path) -> list[Found]:
     return _campaigns_of(import_file(path), str(path))
 
 
+def matrix_campaign(path: Path) -> Campaign:
+    """Return the campaign of a matrix file, read once per process."""
+    resolved = path.resolve()
+    if resolved not in _matrices:
+        from hil.matrix import load_matrix  # knows campaigns, and is not needed where there is no matrix
+
+        _matrices[resolved] = load_matrix(path)
+    return _matrices[resolved]
+
+
+def is_matrix(path: Path) -> bool:
+    """Return whether a TOML file is a matrix: it has factors."""
+    return any(line.strip() == "[factors]" for line in path.read_text("utf-8", errors="replace").splitlines())
+
+
+def _in_matrix(path: Path) -> list[Found]:
+    return [Found(matrix_campaign(path), str(path))]
+
+
 def _in_directory(path: Path) -> list[Found]:
     found: list[Found] = []
-    for file in sorted(path.rglob("*.py")):
+    for file in sorted([*path.rglob("*.py"), *path.rglob("*.toml")]):
         if file.name.startswith(_SKIPPED) or any(part.startswith(".") for part in file.parts):
+            continue
+        if file.suffix == ".toml":
+            if is_matrix(file):
+                found.extend(_in_matrix(file))
             continue
         # Only files that speak of campaigns are imported: importing runs them.
         if "Campaign(" in file.read_text(encoding="utf-8", errors="replace"):
@@ -102,6 +126,9 @@ def _in_module(name: str) -> list[Found]:
     module = _import_module(name)
     found = _campaigns_of(module, name)
     if hasattr(module, "__path__"):
+        for folder in module.__path__:
+            files = [file for file in sorted(Path(folder).glob("*.toml")) if is_matrix(file)]
+            found.extend(Found(matrix_campaign(file), f"{name}:{file.name}") for file in files)
         for info in pkgutil.walk_packages(module.__path__, prefix=f"{name}."):
             if not info.name.rpartition(".")[2].startswith(_SKIPPED):
                 found.extend(_campaigns_of(_import_module(info.name), info.name))
@@ -124,10 +151,15 @@ def find_campaigns(references: Sequence[str]) -> list[Found]:
         if path.is_dir():
             here, reason = _in_directory(path), "no file in it defines a Campaign"
         elif path.is_file():
-            if path.suffix != ".py":
-                raise CampaignNotFoundError(reference, "it is no Python file")
-            here, reason = _in_file(path), "it defines no Campaign"
-        elif path.suffix == ".py" or "/" in reference or not _is_dotted(reference):
+            if path.suffix not in {".py", ".toml"}:
+                raise CampaignNotFoundError(reference, "it is no Python file and no matrix (TOML)")
+            here, reason = (
+                _in_matrix(path) if path.suffix == ".toml" else _in_file(path),
+                "it defines no Campaign",
+            )
+        elif reference.endswith(".toml") and ":" in reference:
+            here, reason = [Found(_packaged(reference), reference)], ""
+        elif path.suffix in {".py", ".toml"} or "/" in reference or not _is_dotted(reference):
             raise CampaignNotFoundError(reference, "there is no such file or directory")
         else:
             here, reason = _in_module(reference), "it defines no Campaign"
@@ -142,6 +174,15 @@ def _is_dotted(text: str) -> bool:
     return all(part.isidentifier() for part in text.split("."))
 
 
+def _packaged(reference: str) -> Campaign:
+    """Return the campaign of a matrix that lies in a package, `package:matrix.toml`."""
+    package, _, name = reference.partition(":")
+    for folder in getattr(_import_module(package), "__path__", ()):
+        if (Path(folder) / name).is_file():
+            return matrix_campaign(Path(folder) / name)
+    raise CampaignNotFoundError(reference, f"the package {package} has no {name}")
+
+
 def load_campaign(reference: str) -> Campaign:
     """Return the campaign that a `Found.reference` names.
 
@@ -150,6 +191,12 @@ def load_campaign(reference: str) -> Campaign:
 
     """
     where, separator, name = reference.rpartition(":")
+    if name.endswith(".toml"):
+        if separator:
+            return _packaged(reference)
+        if not Path(reference).is_file():
+            raise CampaignNotFoundError(reference, "there is no such file")
+        return matrix_campaign(Path(reference))
     if not separator:
         raise CampaignNotFoundError(reference, "it names no module and attribute")
     if where.endswith(".py"):

@@ -6,6 +6,7 @@ constant travel, acceleration, deceleration and standstill.
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 from hil.campaign import Campaign, CaseContext
@@ -24,6 +25,7 @@ from testcases.campaigns.support import (
     ACCELERATION,
     MAXIMUM_VELOCITY,
     PHASES,
+    VELOCITY,
     axis_name,
     bring_into,
     drive_name,
@@ -169,11 +171,15 @@ def give(ctx: CaseContext, stop: str) -> Any:
 def stop_case(ctx: CaseContext, stop: str, phase: str, words: str) -> None:
     """Stop an axis and compare ramp, travel, control words, job outputs and end state with the specification."""
     del words  # the title
+    enable(ctx)
+    stops_as_specified(ctx, stop, phase, bring_into(ctx, phase))
+
+
+def stops_as_specified(ctx: CaseContext, stop: str, phase: str, job: Any) -> None:
+    """Give a stop in a phase of a job (None at standstill), and expect of it what the specification says."""
     facts = STOPS[stop]
     allowed = tolerance(ctx)
     axis, drive = axis_name(ctx), drive_name(ctx)
-    enable(ctx)
-    job = bring_into(ctx, phase)
     before = ctx.now_s
     instance = give(ctx, stop)
     coast = facts["ramp"] == "coast"
@@ -238,27 +244,39 @@ def stop_case(ctx: CaseContext, stop: str, phase: str, words: str) -> None:
                 axis=axis,
                 velocity=f"{drive}.velocity",
                 position=f"{drive}.position",
-                distance=(expected.distance + 300.0 * delay_s) * 0.001,
+                distance=(expected.distance + VELOCITY * delay_s) * 0.001,
                 distance_tolerance=allowed.distance_mm * 0.001,
                 threshold=0.0005,
             ).named("travel of the machine")
         )
 
 
-def expectation(ctx: CaseContext, kind: str, phase: str, since: EventSelector) -> golden.StopRamp:
-    """Return the ramp by the formulas of the specification, from the velocity that the trace shows at its beginning."""
+def expectation(ctx: CaseContext, kind: str, phase: str, since: EventSelector | float) -> golden.StopRamp:
+    """Return the ramp by the formulas of the specification, from the velocity that the trace shows at its beginning.
+
+    Args:
+        ctx: The case.
+        kind: Kind of ramp, of `STOPS`.
+        phase: Phase of motion; in another one than those of the reference axis the trace tells the acceleration.
+        since: Beginning of the ramp.
+
+    """
     trace = ctx.trace()
     start_s = trace.instant(since)
     if start_s is None:
         return golden.StopRamp(0.0, 0.0, 0.0)
     axis = axis_name(ctx)
     if kind == "off3":
-        speed = trace[f"{drive_name(ctx)}.motor_speed"].at(start_s) * MAXIMUM_VELOCITY / 3000.0
+        speed = abs(trace[f"{drive_name(ctx)}.motor_speed"].at(start_s)) * MAXIMUM_VELOCITY / 3000.0
         return golden.drive_ramp(speed, MAXIMUM_VELOCITY, 0.5)
     if kind == "emergency":
-        return golden.stop_ramp(trace[f"{axis}.actual_velocity"].at(start_s), 4000.0)
+        return golden.stop_ramp(abs(trace[f"{axis}.actual_velocity"].at(start_s)), 4000.0)
     velocity = trace[f"{axis}.velocity_setpoint"].at(start_s)
-    present = {"accelerating": ACCELERATION, "decelerating": -ACCELERATION}.get(phase, 0.0)
+    if phase in PHASES:
+        present = {"accelerating": ACCELERATION, "decelerating": -ACCELERATION}.get(phase, 0.0)
+    else:
+        present = trace[f"{axis}.acceleration_setpoint"].at(start_s) * math.copysign(1.0, velocity)
+    velocity = abs(velocity)
     if kind == "maximum":
         return golden.stop_ramp(velocity, 2000.0, 20_000.0, acceleration=present)
     return golden.stop_ramp(velocity, 1000.0, 10_000.0, acceleration=present)

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from hil._plugin_results import RequirementLog, passed_requirements, read_results, write_results
+from hil.campaign import Runner, RunOptions, find_campaigns, select_cases
 from reports.model import Verdict
 from reports.store import load_run
 
@@ -271,3 +272,28 @@ def test_damaged_result_files_are_passed_over(tmp_path):
     (path.parent / "zz.json").write_text("{")
     (path.parent / "yy.json").write_text(json.dumps({"time_ns": 1, "results": {"n": {}}}))
     assert passed_requirements(tmp_path) == ({"X-a"}, 1)
+
+
+@pytest.mark.parametrize("workers", [(), ("-n", "2")])
+def test_cases_of_a_matrix_are_tests(pytester, workers):
+    """A matrix file that is named runs case by case, with the seeds and so the traces of `hil run`; reports and marks included."""
+    matrix = 'title = "m"\n[factors]\nbench = ["reference", "analog"]\nmoment = ["standstill"]\n'
+    (pytester.path / "m.toml").write_text(matrix + 'fault = ["two-actual-values-lost", "heartbeat-lost"]\n')
+    result = pytester.runpytest(
+        "-p", "no:cacheprovider", "-rs", "m.toml", "--hil-report=rep", "--hil-seed=3", *workers
+    )
+
+    result.assert_outcomes(passed=2, skipped=2)
+    result.stdout.fnmatch_lines_random(["*blocked: *cannot be injected*", "*blocked: *a fault of CAN*"])
+    run = load_run(pytester.path / "rep")
+    assert [case.verdict.value for case in run.cases].count("blocked") == 2
+    alone = Runner(select_cases(find_campaigns(["m.toml"])), RunOptions(seed=3)).run()
+    assert {c.identifier: c.trace_digest for c in run.cases} == {
+        c.identifier: c.trace_digest for c in alone.cases
+    }
+    outcomes = {name.rpartition("::")[2]: entry["outcome"] for name, entry in results_of(pytester).items()}
+    assert outcomes["m/reference/standstill/heartbeat-lost"] == "passed"
+    assert outcomes["m/analog/standstill/heartbeat-lost"] == "skipped"
+    pytester.runpytest(
+        "-p", "no:cacheprovider", "--co", "-q"
+    ).assert_outcomes()  # nobody named it: it is not collected

@@ -20,6 +20,9 @@ from hil.bench.config import BenchConfig
 from hil.cli import app
 from hil.faults import CATALOGUE, ENVIRONMENTS, trigger_from_dict
 from hil.fuzz import default_invariants
+from hil.matrix import load_matrix
+from hil.matrix._file import _BENCH_KEYS, _CASE_KEYS, _KEYS
+from testcases.campaigns.vocabulary import VOCABULARY
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGES = [
@@ -200,6 +203,45 @@ def test_every_trigger_is_documented():
 def test_number_of_fault_kinds_is_true(name):
     """Where a page counts the kinds of faults, it counts right."""
     assert set(re.findall(r"(\d+) kinds", page(name))) == {str(len(CATALOGUE))}
+
+
+# -- matrices ----------------------------------------------------------------------------------------------------------
+
+MATRICES = ROOT / "testcases" / "campaigns"
+
+
+def _fits(word: str, text: str) -> bool:
+    """Return whether a page names a word, or the family or the range that it belongs to."""
+    family = re.match(r"(tcp|rtu|exception|power|reaction|trip)-", word)
+    return f"`{word}`" in text or (family is not None and f"`{family[1]}-" in text)
+
+
+@pytest.mark.parametrize("factor", VOCABULARY.factors)
+def test_every_word_of_a_matrix_is_documented(factor):
+    """Every factor, its words and its default stand on the page about matrices."""
+    text = page("docs/campaign-matrix.md")
+
+    assert f"| `{factor}` |" in text
+    assert [word for word in VOCABULARY.factors[factor] if not _fits(word, text)] == []
+
+
+@pytest.mark.parametrize("path", sorted(MATRICES.glob("*.toml")), ids=lambda path: path.stem)
+def test_the_number_of_cases_of_a_shipped_matrix_is_true(path):
+    """The table of the matrices that ship says how many cases each has."""
+    (row,) = re.findall(rf"\| `{path.name}` \|.*\| (\d+) \|", page("docs/campaign-matrix.md"))
+
+    assert int(row) == len(load_matrix(path).cases)
+
+
+def test_every_key_of_a_matrix_is_documented():
+    """Keys of the file, of an exclusion, a case and a bench stand on the page about matrices."""
+    text = page("docs/campaign-matrix.md")
+
+    assert [
+        key
+        for key in (*_KEYS, *_CASE_KEYS, *_BENCH_KEYS)
+        if f"`{key}`" not in text and f"[{key}]" not in text
+    ] == []
 
 
 # -- command line and plugin -----------------------------------------------------------------------------------------

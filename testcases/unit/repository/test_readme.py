@@ -55,7 +55,8 @@ def lines(page: str) -> list[str]:
 FILES = [block for page in PAGES for block in blocks(page) if block.file]
 TESTS = [block for block in FILES if block.file.startswith("test_")]
 CAMPAIGNS = [block for block in FILES if block.language == "python" and block not in TESTS]
-BENCHES = [block for block in FILES if block.language == "toml"]
+MATRICES = [block for block in FILES if block.language == "toml" and "[factors]" in block.text]
+BENCHES = [block for block in FILES if block.language == "toml" and block not in MATRICES]
 COMMANDS = sorted({line for page in PAGES for line in lines(page) if line.startswith("hil ")})
 SAFETY = "slp_ranges_mm = [[-400.0, 400.0]]"
 """A safety function of a PROFIdrive axis that acts on nothing unless it is set up."""
@@ -131,6 +132,17 @@ def test_campaigns_in_the_docs_pass(block, tmp_path):
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert json.loads(done.stdout)["passed"] == 4
+
+
+@pytest.mark.parametrize("block", MATRICES, ids=name_of)
+def test_matrices_in_the_docs_are_campaigns(block, tmp_path):
+    """A matrix that a page shows is valid, and one of its cases passes as it stands."""
+    (tmp_path / block.file).write_text(block.text, encoding="utf-8")
+
+    done = run_python(tmp_path, "-m", "hil.cli", "run", block.file, "--json", "-k", "last-winter")
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert json.loads(done.stdout)["passed"] == 1
 
 
 @pytest.mark.parametrize("block", BENCHES, ids=name_of)

@@ -1,0 +1,83 @@
+"""Cases of a matrix file as tests: `pytest matrix.toml`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from hil.campaign import CaseSettings, case_seed, execute_case
+from hil.campaign._discover import matrix_campaign
+from hil.campaign._execute import make_token
+from hil.campaign._worker import bench_of
+from hil.errors import BlockedError, HilError
+from reports import replay_command
+from reports.model import CaseResult, Verdict
+
+if TYPE_CHECKING:
+    from hil.campaign import Case
+
+
+class CaseFailedError(HilError):
+    """A case of a campaign has failed or broken; its message is all there is to tell."""
+
+
+class MatrixTests(pytest.File):
+    """A matrix file that was named on the command line."""
+
+    def collect(self) -> Iterator[CaseTest]:
+        """Return its cases."""
+        for case in matrix_campaign(self.path).cases:
+            yield CaseTest.from_parent(self, name=case.identifier, case=case)
+
+
+class CaseTest(pytest.Item):
+    """A case as a test."""
+
+    def __init__(self, *, case: Case, **more: Any) -> None:
+        super().__init__(**more)
+        self.case = case
+        self.result: CaseResult | None = None
+        self.bench_file: Any = None
+        if case.requirements:
+            self.add_marker(pytest.mark.requirement(*case.requirements))
+
+    def runtest(self) -> None:
+        """Run the case with the seed that `hil run` gives it."""
+        from hil.pytest_plugin import run_seed
+
+        bench = str(
+            self.config.getoption("--hil-bench") or self.config.getini("hil_bench") or self.case.bench
+        )
+        self.bench_file = bench_of(bench)
+        seed = case_seed(run_seed(self.config), self.case.identifier)
+        token = make_token(
+            self.case,
+            seed=seed,
+            campaign=_shortest(self.path),
+            bench=bench,
+            bench_digest=self.bench_file.digest,
+        )
+        self.result = execute_case(self.case, self.bench_file, CaseSettings(seed=seed, token=token)).result
+        if self.result.verdict is Verdict.BLOCKED:
+            raise BlockedError(self.result.message)
+        if self.result.verdict is not Verdict.PASSED:
+            raise CaseFailedError(f"{self.result.message}\nrepeat with: {replay_command(token)}")
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Return what is told of a failure: expected, observed, when, and how to repeat it."""
+        if isinstance(excinfo.value, CaseFailedError):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        """Return where the test comes from, and its name."""
+        return self.path, 0, self.case.identifier
+
+
+def _shortest(path: Path) -> str:
+    """Return the path as the user would write it here, for the token."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)

@@ -1,0 +1,14 @@
+"""Matrix campaigns: a file that crosses factors - jobs, faults, moments, stops, benches - and becomes cases.
+
+What the words of the factors mean, and what is expected of a combination, says a vocabulary; this package knows only how
+they are combined, reduced, left out and named.
+"""
+
+from __future__ import annotations
+
+from hil.matrix._campaign import load_matrix
+from hil.matrix._combine import Combined, combine
+from hil.matrix._file import MatrixFile, read_matrix
+from hil.matrix._vocabulary import Vocabulary
+
+__all__ = ["Combined", "MatrixFile", "Vocabulary", "combine", "load_matrix", "read_matrix"]
