@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: the first one ends a command in order, and those that follow at once do not disturb that."""
+"""Ctrl-C, SIGTERM and the end of the terminal: the first one ends a command in order, and those that follow at once do not disturb that."""
 
 from __future__ import annotations
 
@@ -7,14 +7,18 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Final
 
 ORDERLY_S: Final = 10.0
 """How long further signals are ignored after the first: drives are disabled, processes end, the report is written."""
 
-_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS: Final = (
+    signal.SIGINT,
+    signal.SIGTERM,
+    *((signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ()),
+)
 _asked_s: float | None = None
 
 
@@ -32,7 +36,8 @@ def asked() -> bool:
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
     if _asked_s is not None and time.monotonic() - _asked_s < ORDERLY_S:
-        sys.stderr.write("ending\n")
+        with suppress(OSError):  # the terminal may be gone
+            sys.stderr.write("ending\n")
         return
     note()
     signal.default_int_handler(number, frame)
@@ -40,7 +45,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def interruptible(*, last: bool = False) -> Iterator[None]:
-    """Turn the first Ctrl-C or SIGTERM into `KeyboardInterrupt`, once.
+    """Turn the first Ctrl-C, SIGTERM or SIGHUP into `KeyboardInterrupt`, once.
 
     Args:
         last: Nothing comes after the command but the end of the process: signals stay ignored when one has come.

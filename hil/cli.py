@@ -6,6 +6,7 @@ Exit codes: 0 everything passed, 1 cases failed, 2 it could not run (or was inte
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -472,7 +473,8 @@ def main(arguments: list[str] | None = None) -> int:
             return _failure(error)
         outcome = _CLICK_INTERRUPTED
     if outcome == _CLICK_INTERRUPTED:
-        print("interrupted", file=sys.stderr)
+        with suppress(OSError):  # the terminal may be what has ended
+            print("interrupted", file=sys.stderr)
         return 2
     return outcome if isinstance(outcome, int) else 0
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import selectors
-import shlex
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, TextIO
 
@@ -13,11 +13,12 @@ from fieldbus.clock import RealtimeScheduler
 from fieldbus.errors import ConfigurationError, HilError
 from hil._commands.terminal import console
 from hil.campaign import load_bench_file
-from motion.commissioning import Optimisation, TestStep
+from motion.commissioning import Optimisation, TestStep, precautions
 from reports.html.tuning import write_tuning
 
 _TICK_S: Final = 0.05
 """How often a panel on a terminal lets time pass."""
+_LONGEST_S: Final = 3600.0
 _AFTER_COMMAND: Final = 4
 """Cycles that pass after a line of a script, so that it has acted when the next one is read."""
 
@@ -43,9 +44,10 @@ class PanelSession:
         self._write = write
         self.panel = self._axis.control_panel(monitoring_s=monitoring_s)
         self.ended = False
+        self._seen: object = None
         panel = self.panel
         self.commands: dict[str, tuple[str, str, Callable[..., object]]] = {
-            "take": ("", "take the axis from the user program", panel.take_control),
+            "take": ("", "take the axis from the user program", self._take),
             "release": ("", "disable the axis and give it back", panel.release),
             "enable": ("", "enable the axis", panel.enable),
             "disable": ("", "stop and disable it", panel.disable),
@@ -73,7 +75,6 @@ class PanelSession:
     def line(self) -> str:
         """Return the state of axis and panel in one line."""
         axis, panel = self._axis, self.panel
-        number = axis.alarms.engine.number
         parts = [
             f"{self._bench.now_s:9.3f} s",
             "panel" if panel.active else "program",
@@ -82,11 +83,28 @@ class PanelSession:
         ]
         if axis.has_position:
             parts.insert(3, f"position {axis.var('ActualPosition'):.6g}")
-        if number:
-            parts.append(f"alarm {number}")
+        return "  ".join([*parts, *self._notes()])
+
+    def _notes(self) -> list[str]:
+        """Return what an operator has to know beside state and place: the job that has ended badly, alarm, loss of control."""
+        panel, notes = self.panel, []
+        job = panel.job
+        if job is not None and job.Error:
+            notes.append(f"{job.instruction} refused or ended with {job.ErrorID:04X}h")
+        pending = self._axis.alarms.engine.highest
+        if pending is not None and pending.number:
+            notes.append(f"alarm {pending.number} {pending.text}")
         if panel.error_id:
-            parts.append(f"{panel.error_id:04X}h {panel.message}")
-        return "  ".join(parts)
+            notes.append(f"{panel.error_id:04X}h {panel.message}")
+        elif panel.message and not panel.active:
+            notes.append(panel.message)
+        return notes
+
+    def changed(self) -> bool:
+        """Return whether something has happened since the last call that no line was typed for."""
+        now = (self.panel.active, self._axis.state, tuple(self._notes()))
+        before, self._seen = self._seen, now
+        return now != before
 
     def execute(self, text: str) -> None:
         """Carry out one line.
@@ -96,7 +114,7 @@ class PanelSession:
             HilError: What the panel says to it.
 
         """
-        words = shlex.split(text, comments=True)
+        words = text.partition("#")[0].split()
         if not words:
             return
         name, *values = words
@@ -122,12 +140,22 @@ class PanelSession:
         if self.panel.active:
             self.panel.release()
             self._bench.run_until(lambda: not self.panel.active, timeout=10.0)
+            self._write(self.line())
         self.panel.disconnect()
 
     def _setter(self, name: str) -> Callable[[float], None]:
         return lambda value: setattr(self.panel, name, value)
 
+    def _take(self) -> None:
+        self.panel.take_control()
+        missing = precautions(self._axis.object)
+        if missing:
+            text = f"not active, and recommended before the axis moves: {'; '.join(missing)}"
+            console().print(text, markup=False, soft_wrap=True)
+
     def _wait(self, seconds: float) -> None:
+        if not 0.0 <= seconds <= _LONGEST_S:
+            raise ConfigurationError("wait", seconds, f"0 to {_LONGEST_S:g} s")
         self._bench.run_for(seconds)
 
     def _help(self) -> None:
@@ -180,20 +208,22 @@ def run_panel(bench: str, *, axis: str, monitoring_s: float, plot: Path, stdin: 
     """
     source = stdin or sys.stdin
     with load_bench_file(bench or None).build(seed=0) as machine:
-        session = PanelSession(machine, axis, monitoring_s=monitoring_s, plot=plot, write=print)
+        session = PanelSession(machine, axis, monitoring_s=monitoring_s, plot=plot, write=_tell)
         interactive = source.isatty()
         lines = _typed(source, machine, session) if interactive else source
         try:
-            for text in lines:
+            for number, text in enumerate(lines, start=1):
                 try:
                     session.execute(text)
                 except HilError as error:
-                    console().print(str(error), markup=False)
+                    place = "" if interactive else f"line {number}: "
+                    console().print(f"{place}{error}", markup=False, soft_wrap=True)
                     if not interactive:
                         return 1
                 session.let_pass()
                 if text.strip():
-                    print(session.line())  # noqa: T201 - this is the answer
+                    _tell(session.line())
+                    session.changed()
                 if session.ended:
                     break
         finally:
@@ -201,16 +231,28 @@ def run_panel(bench: str, *, axis: str, monitoring_s: float, plot: Path, stdin: 
     return 0
 
 
+def _tell(text: str) -> None:
+    """Write a line; a terminal that has been closed does not keep the axis from being given back."""
+    with suppress(OSError):
+        print(text, flush=True)  # noqa: T201 - this is the answer
+
+
 def _typed(source: TextIO, machine: Any, session: PanelSession) -> Iterator[str]:
-    """Yield lines as they are typed; meanwhile time passes."""
+    """Yield lines as they are typed; meanwhile time passes, and what happens is told."""
     virtual = not isinstance(machine.scheduler, RealtimeScheduler)
     selector = selectors.DefaultSelector()
     selector.register(source, selectors.EVENT_READ)
-    print(session.line(), "(help lists the commands)", sep="\n")  # noqa: T201
+    _tell(f"{session.line()}\n(help lists the commands)")
+    session.changed()
     while True:
         while not selector.select(_TICK_S if virtual else 0.0):
             machine.run_for(_TICK_S)
-        text = source.readline()
+            if session.changed():
+                _tell(session.line())
+        try:
+            text = source.readline()
+        except OSError:  # the terminal has been closed
+            return
         if not text:
             return
         yield text

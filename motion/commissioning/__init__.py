@@ -2,6 +2,7 @@
 
 from motion.commissioning.optimisation import Attempt, Optimisation, Recommendation, TestStep, tuned_by_drive
 from motion.commissioning.panel import CommissioningError, ControlPanel
+from motion.commissioning.precautions import precautions
 
 __all__ = [
     "Attempt",
@@ -10,5 +11,6 @@ __all__ = [
     "Optimisation",
     "Recommendation",
     "TestStep",
+    "precautions",
     "tuned_by_drive",
 ]

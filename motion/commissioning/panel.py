@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from fieldbus.clock import S, Timer
@@ -40,6 +41,20 @@ _T = TypeVar("_T", bound=Instruction)
 
 class CommissioningError(HilError):
     """The control panel cannot do that now; the text says why."""
+
+
+def _dynamic_value(name: str, text: str, *, zero: bool = False) -> Any:
+    """Return a property for a dynamic value of the panel that takes numbers above 0 only, or 0 too."""
+
+    def get(self: ControlPanel) -> float:
+        return self._values[name]
+
+    def change(self: ControlPanel, value: float) -> None:
+        if not (0.0 < value < inf or (zero and value == 0.0)):
+            raise ConfigurationError(name, value, "a number of 0 or more" if zero else "a number above 0")
+        self._values[name] = float(value)
+
+    return property(get, change, doc=text)
 
 
 class ControlPanel:
@@ -81,15 +96,18 @@ class ControlPanel:
         self.message = ""
         """Why control was returned, in words."""
         limits = axis.variables.read
-        self.velocity: float = _SHARE * limits("DynamicLimits.MaxVelocity")
-        """Velocity of jobs at slider 100 %, axis unit per second."""
-        self.acceleration: float = _SHARE * limits("DynamicLimits.MaxAcceleration")
-        """Acceleration, axis unit per second squared."""
-        self.deceleration: float = limits("DynamicLimits.MaxDeceleration")
-        """Deceleration, axis unit per second squared."""
-        self.jerk: float = limits("DynamicLimits.MaxJerk")
-        """Jerk, axis unit per second cubed; 0 = none is limited."""
+        self._values: dict[str, float] = {
+            "velocity": _SHARE * limits("DynamicLimits.MaxVelocity"),
+            "acceleration": _SHARE * limits("DynamicLimits.MaxAcceleration"),
+            "deceleration": limits("DynamicLimits.MaxDeceleration"),
+            "jerk": limits("DynamicLimits.MaxJerk"),
+        }
         self._adjust = _FULL
+
+    velocity = _dynamic_value("velocity", "Velocity of jobs at slider 100 %, axis unit per second, above 0.")
+    acceleration = _dynamic_value("acceleration", "Acceleration, axis unit per second squared, above 0.")
+    deceleration = _dynamic_value("deceleration", "Deceleration, axis unit per second squared, above 0.")
+    jerk = _dynamic_value("jerk", "Jerk, axis unit per second cubed; 0 = none is limited.", zero=True)
 
     # -- master control -------------------------------------------------------------------------------------------
 

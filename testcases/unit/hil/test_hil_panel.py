@@ -8,6 +8,7 @@ import pytest
 
 from hil._commands.panel import run_panel
 from hil.cli import main
+from motion.commissioning import precautions
 from motion.controller import OperatingState
 from testcases.unit.hil.test_hil_profidrive import bench
 
@@ -154,3 +155,45 @@ def test_what_is_wrong_shows(variables, direction, scale, velocity):
         assert axis.var("ActualVelocity") == pytest.approx(20.0 * velocity, rel=0.03)
         panel.release()
         machine.run_until(lambda: not panel.active, timeout=5.0)
+
+
+@pytest.mark.requirement("MIN-008")
+def test_what_is_recommended_is_told(capsys, tmp_path):
+    """Taking the axis tells which limit switches and monitorings are off; nothing of it is demanded."""
+    code, _, err = script(capsys, tmp_path, "take\n", name="reference")
+    assert code == 0
+    assert "software limit switches (PositionLimits_SW.Active)" in err
+    assert "hardware limit switches" not in err
+    with bench(
+        variables={
+            "PositionLimits_HW.Active": False, "PositionLimits_SW.Active": True, "FollowingError.EnableMonitoring": False,
+        }
+    ) as machine:  # fmt: skip
+        axis = machine.axis()
+        assert precautions(axis.object) == (
+            "hardware limit switches (PositionLimits_HW.Active)",
+            "monitoring of the following error (FollowingError.EnableMonitoring)",
+            "software limit switches act when the axis is homed (StatusWord.X5)",
+        )
+        axis.home(0.0)
+        machine.run_for(0.05)
+        assert len(precautions(axis.object)) == 2
+
+
+@pytest.mark.parametrize("name", ["fast", "speed", "profidrive_tcp", "profidrive_rtu", "analog", "stepper"])
+def test_a_script_on_every_bench(capsys, tmp_path, name):
+    """Take, enable, jog, stop, give back, whatever the drive and its bus; a line that does not fit to it is told with its number."""
+    code, lines, err = script(
+        capsys,
+        tmp_path,
+        "take\nenable\nwait 1\nvelocity 20\njog -100\nwait 0.5\nstop\nwait 0.5\nrelease\nwait 1.5\n",
+        name=name,
+    )
+    assert code == 0, err
+    assert "velocity -2" in lines[5] or "velocity -19" in lines[5]
+    assert "panel  standstill" in lines[7]
+    assert "program  disabled" in lines[-1]
+    code, _, err = script(capsys, tmp_path, "take\n\nset 5\n", name=name)
+    assert code == 1
+    assert "line 3: " in err
+    assert "not enabled in the panel" in err
