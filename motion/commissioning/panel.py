@@ -199,9 +199,7 @@ class ControlPanel:
     def _end(self) -> None:
         """Give the axis back: it is off."""
         axis = self.axis
-        for path, value in self._kept.items():
-            axis.write(path, value)
-        self._kept = {}
+        self._take_back()
         if self._last_slider is not None:
             axis.write("Override.Velocity", self._last_slider)  # COM-041
         axis.master = None
@@ -209,6 +207,12 @@ class ControlPanel:
         self._tell("returned")
         if self.error_id == ERROR_LIFE_SIGN:
             axis.alarms.raise_alarm(ALARM_LIFE_SIGN, info=1)
+
+    def _take_back(self) -> None:
+        """Give the variables that were tried their former values again (COM-071)."""
+        for path, value in self._kept.items():
+            self.axis.write(path, value)
+        self._kept = {}
 
     def _leave(self) -> None:
         self._instances = []
@@ -229,6 +233,7 @@ class ControlPanel:
         if not self.active:
             # The controller has taken the axis for itself: STOP, or loss of supply.
             self.message = "the controller left RUN"
+            self._take_back()
             self._leave()
             self._tell("returned")
             return

@@ -10,6 +10,7 @@ from hil.campaign import CaseSettings, execute_case, load_bench_file, requiremen
 from reports.model import Verdict
 from testcases.campaigns import (
     axis_faults,
+    commissioning,
     control,
     drive_faults,
     external_encoder,
@@ -31,6 +32,7 @@ ON_CANOPEN = (
     homing.CAMPAIGN,
     limits.CAMPAIGN,
     motion_in.CAMPAIGN,
+    commissioning.CAMPAIGN,
 )
 ON_PROFIDRIVE = (
     fault_reactions.CAMPAIGN,
@@ -40,6 +42,7 @@ ON_PROFIDRIVE = (
     homing.CAMPAIGN,
     limits.CAMPAIGN,
     motion_in.CAMPAIGN,
+    commissioning.CAMPAIGN,
 )
 WITH_ENCODERS = "testcases.campaigns.external_encoder:{}"
 BLOCKED = {
