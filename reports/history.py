@@ -192,7 +192,7 @@ class History:
         values = (
             run.started, _text(run.title), str(run.seed), _text(run.bench_name), _digest(run.bench_text),
             _text(run.environment.get("motion-hil", "")), run_state(run), run.interrupted,
-            *(run.count(verdict) for verdict in (Verdict.PASSED, Verdict.FAILED, Verdict.BLOCKED, Verdict.ERROR)),
+            *_counts(run),
             _finite(sum(case.simulated_s for case in run.cases)), _finite(sum(case.wall_s for case in run.cases)),
             run_digest(run), json.dumps(run.environment),
         )  # fmt: skip
@@ -234,7 +234,7 @@ class History:
             return None
         row = self._base.execute(
             "SELECT max(number) FROM run WHERE started = ? AND seed = ? AND bench_digest = ? AND trace_digest = ?"
-            " AND title = ? AND interrupted = ? AND passed + failed + blocked + errors = ?",
+            " AND title = ? AND interrupted = ? AND passed = ? AND failed = ? AND blocked = ? AND errors = ?",
             (
                 run.started,
                 str(run.seed),
@@ -242,7 +242,7 @@ class History:
                 run_digest(run),
                 _text(run.title),
                 run.interrupted,
-                len(run.cases),
+                *_counts(run),
             ),
         ).fetchone()
         return None if row[0] is None else int(row[0])
@@ -355,6 +355,12 @@ class _Names:
             assert number is not None
             self._known[text] = number
         return self._known[text]
+
+
+def _counts(run: RunResult) -> list[int]:
+    return [
+        run.count(verdict) for verdict in (Verdict.PASSED, Verdict.FAILED, Verdict.BLOCKED, Verdict.ERROR)
+    ]
 
 
 def _number(base: sqlite3.Connection, query: str) -> int:

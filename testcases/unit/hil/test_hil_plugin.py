@@ -93,7 +93,9 @@ def test_requirement_results_are_recorded_by_outcome(suite):
 
 def test_workers_of_xdist_leave_the_same_results(suite):
     """With two workers the results, the report and the number of files are those of one process."""
-    suite.runpytest_subprocess("-p", "no:cacheprovider", "-n", "2", BENCH, "--hil-report=rep")
+    suite.runpytest_subprocess(
+        "-p", "no:cacheprovider", "-n", "2", BENCH, "--hil-report=rep", "--hil-history=none"
+    )
     assert passed_requirements(suite.path) == ({"STP-559", "STP-303"}, 5)
     assert len(list((suite.path / ".hil" / "requirements").glob("*.json"))) == 1
     run = load_run(suite.path / "rep")
@@ -104,6 +106,7 @@ def test_workers_of_xdist_leave_the_same_results(suite):
     ]
     assert not (suite.path / "rep" / "workers").exists()
     assert (suite.path / "rep" / "report.html").exists()
+    assert not (suite.path / "rep" / "history.sqlite").exists()
 
 
 def test_the_report_holds_the_tests_that_used_a_bench(suite):
@@ -124,6 +127,7 @@ def test_the_report_holds_the_tests_that_used_a_bench(suite):
     assert trip.signals
     assert "alarm 999" in cases["test_wrong"].message
     assert run.seed == 3
+    assert (suite.path / "rep" / "history.sqlite").exists()
     html = (suite.path / "rep" / "report.html").read_text(encoding="utf-8")
     assert "A drive fault leads to alarm 421." in html
     suite.runpytest("-p", "no:cacheprovider", BENCH, "--hil-report=rep", "-k", "trip")

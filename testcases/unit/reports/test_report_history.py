@@ -241,6 +241,8 @@ def test_a_report_made_again_finds_its_run(file):
     with History(file) as history:
         assert len(history.runs()) == 3
         assert history.number_of(run("9", a="p")) is None
+        judged_anew = run("2", a=case("a", "p", trace_digest="af"))
+        assert history.number_of(judged_anew) is None, "the same trace with another verdict is another run"
 
 
 def test_old_runs_can_be_deleted(file):
