@@ -53,6 +53,12 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
         example={"kind": "frame.jitter", "duration_s": 0.5, "parameters": {"message": "sync", "jitter_s": 0.0005}},
     ),
     FaultType(
+        "frame.drift", "Frames come later and later: the clock of their sender is slow against the others", "segment", "CAN medium",
+        (*_SELECTION, Parameter("drift_ppm", "float", "By how much it is slow, from the first frame that is hit on", "ppm", 0.1, 100000.0, required=True)),
+        remark=_LOCAL,
+        example={"kind": "frame.drift", "duration_s": 2.0, "parameters": {"message": "sync", "drift_ppm": 500.0}},
+    ),
+    FaultType(
         "frame.corrupt", "A bit error at a place of the frame; kind of error and counters follow from the place", "segment", "CAN medium",
         (
             *_SELECTION,

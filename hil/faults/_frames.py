@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from fieldbus.can.frame import CanFrame
+    from fieldbus.clock import Scheduler
 
 Work = Callable[[], None]
 
@@ -27,7 +28,7 @@ _FOREIGN: Final = (_STRANGER, _RIVAL, _TWIN, "load", "babbler")
 """Senders that faults bring with them."""
 
 
-def _treatment(fault: Fault, segment: Any, rng: Generator) -> Callable[[CanFrame], Any]:
+def _treatment(fault: Fault, segment: Any, scheduler: Scheduler, rng: Generator) -> Callable[[CanFrame], Any]:
     """Return what is done to a frame that is hit."""
     from fieldbus.can.bitstream import BitError
     from fieldbus.can.frame import CanFrame
@@ -40,7 +41,17 @@ def _treatment(fault: Fault, segment: Any, rng: Generator) -> Callable[[CanFrame
             fixed = HookResult.delay(seconds_to_ns(fault.value("delay_s")))
         case "frame.jitter":
             jitter_ns = seconds_to_ns(fault.value("jitter_s"))
-            return lambda _frame: HookResult.delay(int(rng.integers(0, jitter_ns, endpoint=True)))
+            return lambda _frame: HookResult.delay(int(rng.integers(1, jitter_ns, endpoint=True)))
+        case "frame.drift":
+            share = fault.value("drift_ppm") * 1e-6
+            begun: list[int] = []
+
+            def fall_behind(_frame: CanFrame) -> HookResult:
+                if not begun:
+                    begun.append(scheduler.now)
+                return HookResult.delay(max(round((scheduler.now - begun[0]) * share), 1))
+
+            return fall_behind
         case "frame.corrupt":
             names = [name.strip() for name in str(fault.value("nodes")).split(",") if name.strip()]
             known = [port.name for port in segment.ports]
@@ -137,7 +148,7 @@ class FrameAction(Action):
         self._bench = bench
         self._ended = ended
         self._note = note
-        self._treat = _treatment(fault, self._segment, bench.rng(f"{stream}.treatment"))
+        self._treat = _treatment(fault, self._segment, bench.scheduler, bench.rng(f"{stream}.treatment"))
         self._can_id, self._mask = selected_identifier(bench, fault, self._segment.name)
         self._sender: str = _known_sender(self._segment, fault)
         self._first: int = value("first")

@@ -78,6 +78,7 @@ def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
     inputs = st.sampled_from(["negative_limit", "positive_limit", "home"])
     known: dict[str, SearchStrategy[dict[str, Any]]] = {
         "frame.delay": st.fixed_dictionaries({"delay_s": _grid(1, 20, 0.001)}),
+        "frame.drift": st.fixed_dictionaries({"drift_ppm": _grid(1, 20, 100.0)}),
         "frame.jitter": st.fixed_dictionaries({"jitter_s": _grid(1, 20, 0.0002)}),
         "frame.corrupt": st.fixed_dictionaries({"attempts": st.integers(1, 4)}),
         "frame.duplicate": st.fixed_dictionaries({"copies": st.integers(1, 3)}),

@@ -96,3 +96,14 @@ def test_jitter_of_sync_is_random_bounded_and_repeatable():
     assert 180_000 < late.mean() < 320_000
     assert late.std() > 100_000
     assert np.array_equal(late, lateness())
+
+
+def test_a_clock_that_drifts_makes_sync_later_and_later():
+    """At 1000 ppm a SYNC comes 1 us later for every ms since the first; the axis goes on."""
+    trace, when = machine("frame.drift", after_s=0.8, message="sync", drift_ppm=1000.0)
+    times = np.array([t for t, _, f, _ in trace.raw_frames("can0") if f.can_id == 0x80])
+    late = times[times > when * 1e9]
+    steps = np.diff(late)
+    assert np.median(steps) == pytest.approx(4_004_000, abs=1_000)
+    assert late[-1] - late[0] == pytest.approx((len(late) - 1) * 4_004_000, abs=300_000)
+    assert trace["axis1.alarm_number"].at(trace.end_s) == 0
