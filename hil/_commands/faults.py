@@ -1,4 +1,4 @@
-"""`hil faults`: the catalogue, for people and machines."""
+"""`hil faults`: the catalogue and the triggers, for people and machines."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil._commands.terminal import print_json
-from hil.faults import CATALOGUE, ENVIRONMENTS
+from hil.faults import CATALOGUE, ENVIRONMENTS, TRIGGERS
 from hil.faults._parameters import Parameter
 
 
@@ -46,4 +46,7 @@ def show_faults(*, as_json: bool) -> int:
         for where in ENVIRONMENTS:
             if entry.injectable(where):
                 print(f"      not on {where}: {entry.injectable(where)}")  # noqa: T201 - the answer
+    print("\ntriggers (when = ...):")  # noqa: T201 - the answer
+    for when, (summary, live) in TRIGGERS.items():
+        print(f"    {when}: {summary} [{live}]")  # noqa: T201 - the answer
     return 0

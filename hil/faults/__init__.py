@@ -44,10 +44,12 @@ from hil.faults._trigger import (
     trigger_from_dict,
     velocity,
 )
+from hil.faults._trigger_catalogue import TRIGGERS
 
 __all__ = [
     "CATALOGUE",
     "ENVIRONMENTS",
+    "TRIGGERS",
     "AnyOf",
     "ArmedFault",
     "AtTime",

@@ -4,7 +4,9 @@ import pytest
 
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from hil.bench import load_bench
+from hil.cli import main
 from hil.faults import (
+    TRIGGERS,
     AnyOf,
     Fault,
     Injector,
@@ -43,7 +45,7 @@ def arm(bench, trigger, **options):
     return Injector(bench).inject("drive.sto", trigger=trigger, **options)
 
 
-TRIGGERS = [
+EXAMPLES = [
     condition("drive1.statusword", ones=0x27, zeros=0x48),
     condition("axis1.actual_velocity", low=-1.5, high=100.0),
     every(0.5),
@@ -56,7 +58,7 @@ TRIGGERS = [
 ]
 
 
-@pytest.mark.parametrize("trigger", TRIGGERS, ids=str)
+@pytest.mark.parametrize("trigger", EXAMPLES, ids=str)
 def test_they_go_to_toml_values_and_back(trigger):
     """What is written is read back equal, also within a fault; and a fault with it can be a key."""
     assert trigger_from_dict(trigger.to_dict()) == trigger
@@ -233,3 +235,15 @@ def test_the_nth_frame_that_fits_a_filter_fires():
             "the log has the end of the frame, the hook its begin"
         )
         assert never.applied_ns is None
+
+
+def test_every_trigger_is_listed_with_what_it_hears_live(capsys):
+    """`hil faults` tells of each value of `when` what it hears on a live bench, and of no other."""
+    with pytest.raises(ConfigurationError) as refused:
+        trigger_from_dict({"when": "never"})
+    allowed = str(refused.value).partition("allowed: ")[2].split(", ")
+    assert set(TRIGGERS) == set(allowed)
+    assert main(["faults"]) == 0
+    printed = capsys.readouterr().out
+    assert all(f"    {when}: " in printed for when in allowed)
+    assert printed.count("live: ") >= len(allowed)
