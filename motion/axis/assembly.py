@@ -16,7 +16,7 @@ from motion.axis.configuration import (
     doubts,
     setpoint_range,
 )
-from motion.axis.control import PositionController
+from motion.axis.control import LEAST_GAIN, PositionController
 from motion.axis.feedback import NO_FEEDBACK, EncoderSource, Feedback
 from motion.axis.leading_value import LeadingValue
 from motion.axis.limits import TravelLimits
@@ -250,7 +250,7 @@ class AxisAssembly:
         if read("PositionControl.Kpc").value > 0.0:
             lag = read("DynamicAxisModel.VelocityTimeConstant").value
         else:
-            lag = 1.0 / read("PositionControl.Kv").value
+            lag = 1.0 / max(read("PositionControl.Kv").value, LEAST_GAIN)
         return float(self.interpolator_s + self.delay_s - self.cycle_s - self.acquisition_s + lag)
 
     def _build_control(self) -> None:

@@ -18,7 +18,9 @@ _FADED: Final = 1e-9
 """Rest of a step, axis unit, that is none any more."""
 
 LONGEST_DELAY: Final = 16384
-"""Servo cycles that a setpoint is kept for the following error; an additional delay beyond that acts with these."""
+"""Servo cycles that a setpoint is kept; an additional delay beyond that acts with these."""
+LEAST_GAIN: Final = 1e-12
+"""Kv, 1/s, that a gain of 0 counts as where a time is made of it: a program may write 0 (CTL-008)."""
 
 
 def _cycles(delay: float) -> tuple[int, float]:

@@ -86,6 +86,9 @@ class FineInterpolation:
         rest = self._duration - done if self._step < self._ratio else 0.0
         self._from = (position - velocity * done, velocity)
         self._to = (position + velocity * rest, velocity)
+        self._controlled = (
+            True  # from now on the position counts, also where it did not when the interval began
+        )
         return velocity * rest
 
     def shift(self, offset: float) -> None:

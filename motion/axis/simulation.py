@@ -11,6 +11,7 @@ from collections import deque
 from math import exp
 from typing import TYPE_CHECKING, Final
 
+from motion.axis.control import LEAST_GAIN, LONGEST_DELAY
 from motion.axis.feedback import VALID, Feedback
 from motion.axis.mechanics import INCREMENTAL
 from motion.drives.port import STW1, ZSW1, DrivePort
@@ -202,10 +203,10 @@ class SimulatedController(VirtualController):
 
     def _delays(self) -> tuple[float, float]:
         """Return dead time beyond the first cycle in cycles, and the lag in s."""
-        dead: float = self._additional.value / self._cycle
+        dead: float = min(self._additional.value / self._cycle, float(LONGEST_DELAY))
         if self._kpc.value > 0.0:
             return dead + 1.0, self._time_constant.value
-        return dead + (1.0 if self._dsc else 0.0), 1.0 / self._kv.value
+        return dead + (1.0 if self._dsc else 0.0), 1.0 / max(self._kv.value, LEAST_GAIN)
 
     @property
     def precontrolled_lag_s(self) -> float:

@@ -226,3 +226,45 @@ def test_opening_the_loop_forgets_the_following_error():
     assert max(rig.column("actual_velocity")[-200:]) < 100.5
     rig.until(rig.axis.halt().done)
     assert rig.axis.var("StatusPositioning.FollowingError") == 0.0
+
+
+@pytest.mark.requirement("CTL-093", "CFG-168")
+@pytest.mark.parametrize("ratio", [1, 2, 4])
+def test_closing_the_loop_between_two_interpolator_cycles(ratio):
+    """With a slower interpolator the setpoint goes on from where the loop is closed: the speed output stays as it was."""
+    rig = Rig(ratio=ratio, variables=LOOSE).enabled()
+    rig.until(rig.axis.move_velocity(100.0, PositionControlled=False).in_velocity)
+    rig.run(0.1)
+    before = len(rig.rows)
+    for closed in (True, False, True):
+        rig.axis.move_velocity(100.0, PositionControlled=closed)
+        rig.run(0.1)
+        assert rig.axis.var("StatusWord.X28") is not closed
+    assert rig.column("speed_output")[before:] == pytest.approx([600.0] * (len(rig.rows) - before), abs=3.0)
+
+
+@pytest.mark.requirement("CTL-104", "CTL-008", "CTL-016", "CTL-015")
+@pytest.mark.parametrize("kind", ["none", "Simulation.Mode", "VirtualAxis.Mode"])
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (KV, 0.0), (LAG, 1e12), ("DynamicAxisModel.AdditionalPositionTimeConstant", 1e12),
+        ("PositionControl.SmoothingTimeByChangeDifference", 1e12), ("FollowingError.AdditionalSetpointDelayTime", 1e12),
+        ("PositioningMonitoring.ToleranceTime", 1e12), ("StandstillSignal.MinDwellTime", 1e12),
+    ],
+)  # fmt: skip
+def test_the_end_of_a_range_stops_no_cycle(kind, path, value):
+    """Any value within its range may be written while moving: the axis goes on being controlled, and shows numbers."""
+    rig = Rig(variables=LOOSE | {KPC: 0.0} | ({} if kind == "none" else {kind: 1})).travelling(50.0)
+    rig.axis.write(path, value)
+    rig.run(0.1)
+    assert rig.axis.var(path) == value
+    shown = (
+        "StatusPositioning.SetpointExecutionTime", "StatusPositioning.FollowingError", "StatusServo.ControlDifference",
+        "VelocitySetpoint",
+    )  # fmt: skip
+    assert all(np.isfinite(rig.axis.var(name)) for name in shown)
+    rig.until(rig.axis.halt().ended)
+    rig.axis.power(False, stop_mode=0)
+    rig.run(0.5)
+    assert not rig.axis.var("StatusWord.X0")
