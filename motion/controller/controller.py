@@ -207,6 +207,29 @@ class Controller:
         objects.download(found[name], values or {})
         self._tell(f"technology object {name} loaded")
 
+    def load_project(self, *, upgraded: bool = False) -> None:
+        """Load all technology objects anew, as with a project of another name, or with an upgraded version of the same one.
+
+        Another project knows nothing of the adjustment of an absolute encoder; an upgraded one keeps it (HOM-188, HOM-189).
+
+        Args:
+            upgraded: The project is the same one in a newer version.
+
+        Raises:
+            ControllerError: As `memory_reset`.
+
+        """
+        self._need_rest("download of a project")
+        self._tell("upgraded project loaded" if upgraded else "another project loaded")
+        self._runtime.data_blocks.clear()
+        for one in self._runtime.objects:
+            if upgraded:
+                objects.download(one, {})
+                continue
+            objects.forget_adjustment(one)
+            one.forget_encoders()
+            objects.power_down(one)
+
     def _need_rest(self, what: str) -> None:
         if self.state is not OperatingState.STOP:
             raise ControllerError(f"a {what} needs STOP, not {self.state.value}")

@@ -108,7 +108,8 @@ class ActiveHoming:
             axis.alarms.raise_alarm(ALARM_NOT_SUPPORTED)
             return
         axis.homings.append(self)
-        axis.limits.reversing = axis.variables.read("Homing.AutoReversal")
+        if axis.variables.read("Homing.AutoReversal"):
+            axis.limits.begin_reversal()
         on = axis.homing_switch(self._path)
         self._finder = MarkFinder(
             axis.feedback,

@@ -40,7 +40,7 @@ class HardwareSwitch:
 
     """
 
-    __slots__ = ("_address", "_read", "active", "direction", "is_variable", "level", "mask", "trip")
+    __slots__ = ("_address", "_read", "active", "direction", "is_variable", "level", "mask", "met", "trip")
 
     def __init__(self, direction: int, mask: int, level: Cell, address: tuple[Cell, ...]) -> None:
         self.direction = direction
@@ -51,6 +51,8 @@ class HardwareSwitch:
         """StatusWord.X17 or X18."""
         self.trip: float | None = None
         """Position at which a traversable switch was met."""
+        self.met = False
+        """It has been active during the present active homing."""
         self.is_variable = self.address.given
         """It is a variable, and no input."""
         self._read: Callable[[], bool] | None = None
@@ -172,9 +174,11 @@ class HardwareLimits:
         met = None
         for switch in self._switches:
             on = (inputs & switch.mask != 0) is (switch.level.value != 0)
-            if self.reversing or switch is self._leaving:
+            if self.reversing:
+                self._turn_at(switch, on, inputs)
+            elif switch is self._leaving:
                 switch.active = on
-                if not on and switch is self._leaving:
+                if not on:
                     self._leaving = None
             elif on and not switch.active and met is None:
                 met = switch  # behind the other one, which may be left in this very cycle
@@ -195,6 +199,24 @@ class HardwareLimits:
         if velocity == 0.0 and before is not None:
             return (total.s - before) / self._axis.interpolator_s
         return velocity
+
+    def begin_reversal(self) -> None:
+        """Active homing turns round at the switches from now on."""
+        inputs = self._inputs()
+        self.reversing = True
+        for switch in self._switches:
+            switch.met = (inputs & switch.mask != 0) is (switch.level.value != 0)
+
+    def _turn_at(self, switch: HardwareSwitch, on: bool, inputs: int) -> None:
+        """Show a switch at which active homing turns round; one that says the wrong side stops the axis as in any other motion."""
+        if on and not switch.active:
+            away = self._axis.motion.total.v * switch.direction < 0.0
+            if (away and not switch.met) or self._both_on(inputs):
+                self.end_reversal()
+                self._evaluate(switch, on, inputs)
+                return
+            switch.met = True
+        switch.active = on
 
     def mark_found(self, direction: int) -> None:
         """Watch the switches again, but for one that is active still and from which the motion to the home position leads away.

@@ -399,6 +399,33 @@ def test_the_fixed_stop_is_detected():
         assert not list(machine.history.select(kind="alarm.raised"))
 
 
+@pytest.mark.requirement("HOM-143", "HOM-144")
+def test_homing_at_a_fixed_stop():
+    """Detection on, monitoring off, to the stop, Mode 0 with the following error pending, back, monitoring on, detection off."""
+    with stop_bench(**{"PositionLimits_HW.Active": True, "FollowingError.MinValue": 10.0}) as machine:
+        axis = enabled(machine)
+        limiting = axis.torque_limiting(0.5, mode=1)
+        assert machine.run_until(axis.write_parameter(1000, False).done, 1.0)
+        axis.jog(20.0)
+        assert machine.run_until(limiting.in_clamping, 10.0)
+        later(machine, 2)
+        lag = axis.var("Position") - axis.var("ActualPosition")
+        assert lag > 4.0
+        homing = axis.home(500.0)
+        assert machine.run_until(homing.done, 1.0)
+        assert axis.var("ActualPosition") == pytest.approx(500.0, abs=0.05)
+        assert axis.var("Position") - axis.var("ActualPosition") == pytest.approx(lag, abs=0.05)
+        assert axis.var("StatusWord.X5") is True
+        away = axis.move_relative(-60.0)
+        assert machine.run_until(away.done, 10.0)
+        place = machine.drive().mechanics.position * 1000.0
+        assert axis.var("ActualPosition") - 500.0 == pytest.approx(place - STOP_MM, abs=0.1)
+        assert machine.run_until(axis.write_parameter(1000, True).done, 1.0)
+        limiting.set(Enable=False)
+        machine.run_for(0.2)
+        assert not list(machine.history.select(kind="alarm.raised"))
+
+
 @pytest.mark.requirement("STP-167", "MC-555")
 def test_the_clamping_force_follows_the_limit():
     """A new Limit changes the torque at the stop."""

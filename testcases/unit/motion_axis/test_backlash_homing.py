@@ -46,7 +46,7 @@ def error(rig):
 class TestAbsoluteEncoder:
     """`DirectionAbsoluteHoming` says which flank was touched at the adjustment."""
 
-    @pytest.mark.requirement("CFG-568", "CFG-550")
+    @pytest.mark.requirement("HOM-065", "HOM-174", "HOM-175", "CFG-568", "CFG-550")
     @pytest.mark.parametrize(("direction", "ways", "first"), [(0, (5.0,), -10.0), (1, (5.0, -5.0), 10.0)])
     def test_first_motion_against_it(self, make_rig, direction, ways, first):
         """After power-on the axis is homed, and the first motion against that direction travels the backlash as well."""
@@ -70,7 +70,7 @@ class TestAbsoluteEncoder:
         assert abs(rig.load.motor - motor) == pytest.approx(10.0, abs=0.005)
         assert error(rig) == pytest.approx(0.0, abs=0.005)
 
-    @pytest.mark.requirement("CFG-568")
+    @pytest.mark.requirement("HOM-065", "HOM-174", "CFG-568")
     def test_another_direction_than_configured(self, make_rig):
         """Adjusted after negative motion with a positive direction configured, the load misses its place by the backlash."""
         rig = absolute(make_rig, 0, ways=(5.0, -5.0))
@@ -78,7 +78,7 @@ class TestAbsoluteEncoder:
         move(rig, -10.0)
         assert abs(error(rig)) == pytest.approx(SIZE, abs=0.005)
 
-    @pytest.mark.requirement("CFG-568")
+    @pytest.mark.requirement("HOM-176", "CFG-568")
     def test_turned_while_off(self, make_rig):
         """Another flank at power-on than at the adjustment: wrong by the backlash, until the axis has travelled that far."""
         rig = absolute(make_rig, 0, ways=(5.0,))

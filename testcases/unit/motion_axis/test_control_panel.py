@@ -374,7 +374,7 @@ def test_absolute_positioning_on_a_modulo_axis(make_rig, slider, way):
     assert rig.column("position_setpoint")[-1] - first == pytest.approx(way)
 
 
-@pytest.mark.requirement("COM-044", "COM-045", "COM-046")
+@pytest.mark.requirement("COM-044", "COM-045", "COM-046", "HOM-032")
 @pytest.mark.parametrize(("relative", "end"), [(False, 50.0), (True, 62.0)])
 def test_adjustment_of_an_absolute_encoder(make_rig, relative, end):
     """Absolute: the position becomes the value (Mode 7); relative: it moves by it (Mode 6)."""
@@ -384,7 +384,9 @@ def test_adjustment_of_an_absolute_encoder(make_rig, relative, end):
     panel.take_control()
     enabled(rig, panel)
     rig.until(panel.set_position(12.0).done)
+    assert rig.events("axis.homed")[-1].data["mode"] == 0
     rig.until(panel.adjust_encoder(50.0, relative=relative).done)
+    assert rig.events("axis.homed")[-1].data["mode"] == (6 if relative else 7)
     assert rig.axis.var("ActualPosition") == pytest.approx(end, abs=1e-3)
     assert rig.axis.var("StatusSensor[1].Adjusted") == 1
 

@@ -274,3 +274,51 @@ def test_another_controller(make_rig, tmp_path, kind, saved):
     new.runtime.start()
     new.cycles(5)
     assert new.axis.var("StatusWord.X5") is (kind == ABSOLUTE and saved)
+
+
+@pytest.mark.requirement("HOM-188", "HOM-189")
+@pytest.mark.parametrize("kind", [INCREMENTAL, ABSOLUTE], ids=["incremental", "absolute"])
+@pytest.mark.parametrize("upgraded", [False, True], ids=["another", "upgraded"])
+def test_another_project(make_rig, kind, upgraded):
+    """Another project knows no adjustment; the upgraded one keeps that of an absolute encoder."""
+    rig = make_rig(variables={"Sensor[1].Type": kind}).enabled()
+    rig.until(rig.axis.move_relative(20.0).done)
+    rig.until(rig.axis.home(50.0, mode=7 if kind else 13).done)
+    rig.stopped()
+    rig.controller.load_project(upgraded=upgraded)
+    rig.running()
+    kept = kind == ABSOLUTE and upgraded
+    assert rig.axis.var("StatusWord.X5") is kept
+    assert rig.axis.var("StatusSensor[1].Adjusted") == (1 if kept else 0)
+    if kind == ABSOLUTE:
+        assert rig.axis.var("ActualPosition") == pytest.approx(50.0 if kept else 20.0, abs=0.01)
+
+
+@pytest.mark.requirement("HOM-038", "HOM-190")
+def test_another_encoder(make_rig):
+    """An absolute encoder that was replaced shows another place, and nobody notices: homed, wrong, until it is adjusted again."""
+    rig = make_rig(variables={"Sensor[1].Type": ABSOLUTE}).enabled()
+    rig.until(rig.axis.home(50.0, mode=7).done)
+    rig.controller.power_off()
+    rig.turn(3.7)  # the shaft stays; the new encoder sits on it in another place
+    rig.controller.power_on()
+    rig.reach(OperatingState.RUN)
+    rig.cycles(3)
+    assert rig.axis.var("StatusWord.X5") is True
+    assert rig.axis.var("StatusSensor[1].Adjusted") == 1
+    assert rig.axis.var("ActualPosition") == pytest.approx(87.0, abs=0.01)
+    rig.until(rig.axis.home(50.0, mode=7).done)
+    rig.power_cycled()
+    assert rig.axis.var("ActualPosition") == pytest.approx(50.0, abs=0.01)
+
+
+@pytest.mark.requirement("HOM-166", "HOM-183")
+def test_adjustment_of_an_incremental_encoder_is_lost(make_rig):
+    """What mode 13 sets is not retentive: neither position nor `Adjusted` outlast power-off."""
+    rig = make_rig(variables={"Sensor[1].Type": INCREMENTAL}).enabled()
+    rig.until(rig.axis.move_relative(20.0).done)
+    rig.until(rig.axis.home(50.0, mode=13).done)
+    assert (rig.axis.var("StatusWord.X5"), rig.axis.var("StatusSensor[1].Adjusted")) == (True, 1)
+    rig.power_cycled()
+    assert (rig.axis.var("StatusWord.X5"), rig.axis.var("StatusSensor[1].Adjusted")) == (False, 0)
+    assert rig.axis.var("ActualPosition") != pytest.approx(50.0, abs=1.0)
