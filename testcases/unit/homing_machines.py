@@ -48,9 +48,11 @@ def broken_machines(draw):
             ["nothing", "no cam", "cam always on", "limits exchanged", "both limits on", "inverted cam"]
         )
     )
+    # Who stands on an exchanged switch from the start on cannot know it: he leaves it the wrong way round.
+    depth = -1.0 if wrong == "limits exchanged" else 5.0
     machine |= {
         "cam": (low, low + draw(st.floats(0.5, 200.0))),
-        "start": draw(st.floats(-LIMIT - 5.0, LIMIT + 5.0)),
+        "start": draw(st.floats(-LIMIT - depth, LIMIT + depth)),
         "wrong": wrong,
     }
     return machine
@@ -116,6 +118,7 @@ def admissible(machine, beyond):
         machine["mode"] != ZERO_MARK
         or (abs(LIMIT - abs(first)) > 8.0 and abs(first - machine["start"]) > 0.5)
     )
+    assume(machine["mode"] != ZERO_MARK or abs(off_a_mark(machine["start"], machine["phase"])) > 0.5)
     after = high if machine["direction"] > 0 else low
     behind = next_mark(after, machine["direction"], machine["phase"])
     assume(machine["mode"] != CAM or (abs(behind - after) > 2.0 and abs(LIMIT - abs(behind)) > 8.0))

@@ -66,6 +66,7 @@ class MarkFinder:
         "_began",
         "_direction",
         "_feedback",
+        "_mine",
         "_mode",
         "_on_cam",
         "_positive_side",
@@ -85,9 +86,8 @@ class MarkFinder:
         switch: bool,
     ) -> None:
         self._feedback = feedback
-        self._search = search = None if mode == DIGITAL_INPUT else search
-        if search is not None:
-            search.found = search.failed = False  # of an earlier search
+        self._search = None if mode == DIGITAL_INPUT else search
+        self._mine = False
         self._mode = mode
         self._direction = direction
         self._positive_side = positive_side
@@ -104,7 +104,7 @@ class MarkFinder:
     @property
     def failed(self) -> bool:
         """Whether the device has ended its search with an error, or knows no search."""
-        return self._search is not None and self._search.failed
+        return self._search is not None and self._mine and self._search.failed
 
     @property
     def supported(self) -> bool:
@@ -132,14 +132,14 @@ class MarkFinder:
         search = self._search
         if search is None:
             return None
-        if search.found:
+        if self._mine and search.found:
             position = self._passed(search)
             if position is not None:
                 return position
         if way != self._way or not forward:
             self._way = way
             self._on_cam = False  # the cam has to be detected again (HOM-128)
-            search.cancel()
+            self.close()
         if not forward:
             return None
         if self._mode == ZERO_MARK:
@@ -147,24 +147,26 @@ class MarkFinder:
                 self._begin(search)
         elif switch:
             self._on_cam = True  # a zero mark on the cam does not count (HOM-091)
-            search.cancel()
-        elif self._on_cam:
+            self.close()
+        elif self._on_cam and not search.searching:
             self._on_cam = False
             self._begin(search)
         return None
 
     def close(self) -> None:
-        """Look no more."""
-        if self._search is not None:
+        """Look no more, and leave alone what another one looks for: the device has one search for active and passive homing."""
+        if self._search is not None and self._mine:
             self._search.cancel()
+        self._mine = False
 
     def _begin(self, search: MarkSearch) -> None:
         self._began = self._feedback.travel
+        self._mine = True
         search.start()
 
     def _passed(self, search: MarkSearch) -> float | None:
         """Return the position of the mark that was found, None if it was passed the other way round."""
-        search.found = False
+        search.found = self._mine = False
         ahead = self._feedback.ahead(search.value)
         if (self._feedback.travel + ahead - self._began) * self._way < 0.0:
             return None

@@ -175,7 +175,7 @@ class HardwareLimits:
         for switch in self._switches:
             on = (inputs & switch.mask != 0) is (switch.level.value != 0)
             if self.reversing:
-                self._turn_at(switch, on, inputs)
+                self._turn_at(switch, on, inputs, velocity)
             elif switch is self._leaving:
                 switch.active = on
                 if not on:
@@ -207,13 +207,13 @@ class HardwareLimits:
         for switch in self._switches:
             switch.met = (inputs & switch.mask != 0) is (switch.level.value != 0)
 
-    def _turn_at(self, switch: HardwareSwitch, on: bool, inputs: int) -> None:
+    def _turn_at(self, switch: HardwareSwitch, on: bool, inputs: int, velocity: float) -> None:
         """Show a switch at which active homing turns round; one that says the wrong side stops the axis as in any other motion."""
         if on and not switch.active:
-            away = self._axis.motion.total.v * switch.direction < 0.0
+            away = velocity * switch.direction < 0.0
             if (away and not switch.met) or self._both_on(inputs):
                 self.end_reversal()
-                self._evaluate(switch, on, inputs)
+                self._evaluate(switch, on, inputs, velocity)
                 return
             switch.met = True
         switch.active = on

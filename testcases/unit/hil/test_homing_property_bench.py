@@ -20,7 +20,7 @@ from testcases.unit.homing_machines import (
 
 CYCLE = 0.004
 STOP = LIMIT + clearance(CYCLE)
-FEW = settings(max_examples=5, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+FEW = settings(max_examples=4, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
 
 def homed(name, machine):
