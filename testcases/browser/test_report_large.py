@@ -92,3 +92,16 @@ def test_missing_or_foreign_data_is_said(browser, report, run, tmp_path):
         lambda: "belongs to another report" in browser.one("#view-case").text, "the mix-up is not noticed"
     )
     assert all("ERR_FILE_NOT_FOUND" in line for line in browser.complaints())
+
+
+def test_printing_takes_every_row_along(browser, report):
+    """On paper the list is whole, without filters and buttons."""
+    browser.open("", report)
+    browser.js("dispatchEvent(new Event('beforeprint'))")
+    assert rows(browser) == CASES
+    browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    assert not browser.one("#filters").is_displayed()
+    assert not browser.one("#c-more").is_displayed()
+    assert browser.one("#hero-title").is_displayed()
+    browser.js("dispatchEvent(new Event('afterprint'))")
+    browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
