@@ -1,0 +1,167 @@
+"""Kill a campaign again and again at random moments, and check what is left: `python -m testcases.kill_runs --times 50`.
+
+After every kill (signal 9) the journal has to be readable and to hold every case that the run had told to have ended. A run that
+was killed is resumed, killed, resumed, until it completes; then it has to be, bit for bit, what an undisturbed run is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from reports.store import JOURNAL_FILE, RUN_FILE, load_run
+from testcases.processes import hil_command
+
+TOLD = re.compile(r"\[ *\d+/\d+\] \w+ +(\S+) \(")
+"""Line of a case that has ended."""
+Moment = Callable[[subprocess.Popen[str], set[str]], None]
+"""Waits for the moment of the kill, with the process and the cases that it has told so far."""
+
+
+@dataclass(slots=True)
+class Session:
+    """What came of a campaign that was killed until it was through."""
+
+    kills: int = 0
+    in_time: int = 0
+    """Kills that met the run before its first case had ended."""
+    cases: int = 0
+    digest: str = ""
+    told: set[str] = field(default_factory=set)
+
+
+def after_seconds(seconds: float) -> Moment:
+    """Return a moment by the clock: start of Python, campaign and report are met as well."""
+
+    def moment(process: subprocess.Popen[str], told: set[str]) -> None:
+        del told
+        end = time.monotonic() + seconds
+        _wait(process, lambda: time.monotonic() >= end)
+
+    return moment
+
+
+def after_cases(number: int) -> Moment:
+    """Return the moment at which so many further cases have been told."""
+    return lambda process, told: _wait(process, lambda: len(told) >= number)
+
+
+def _wait(process: subprocess.Popen[str], condition: Callable[[], bool]) -> None:
+    while process.poll() is None and not condition():
+        time.sleep(0.002)
+
+
+def start(directory: Path, arguments: list[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [*hil_command(), "run", *arguments, "--report", str(directory), "--resume", "--json"],
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def killed(directory: Path, arguments: list[str], moment: Moment, session: Session) -> bool:
+    """Run on from what is in the folder and kill the run; returns False when it was through before.
+
+    Raises:
+        AssertionError: The journal cannot be read, or lacks a case that had ended.
+
+    """
+    process = start(directory, arguments)
+    told: set[str] = set()
+
+    def read() -> None:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if found := TOLD.match(line):
+                told.add(found[1])
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    moment(process, told)
+    process.send_signal(signal.SIGKILL)
+    code = process.wait()
+    reader.join()  # the workers have its pipe too: they have ended now
+    assert process.stdout is not None
+    process.stdout.close()
+    if code != -signal.SIGKILL:
+        assert code == 0, f"the run ended with {code}"
+        return False
+    session.kills += 1
+    session.in_time += not told
+    session.told |= told
+    left = (
+        {case.identifier for case in load_run(directory).cases} if (directory / RUN_FILE).exists() else set()
+    )
+    assert left >= session.told, f"lost: {session.told - left}"
+    assert (directory / RUN_FILE).exists() or not (directory / JOURNAL_FILE).exists()
+    return True
+
+
+def completed(directory: Path, arguments: list[str], session: Session) -> None:
+    """Resume the run to its end and note what it is.
+
+    Raises:
+        AssertionError: It does not end well, or a case that had ended is missing.
+
+    """
+    process = start(directory, arguments)
+    answer, error = process.communicate()
+    assert process.returncode == 0, error
+    run = load_run(directory)
+    assert not run.interrupted
+    assert {case.identifier for case in run.cases} >= session.told
+    session.cases = len(run.cases)
+    session.digest = json.loads(answer)["trace_digest"]
+
+
+def kill_until_through(arguments: list[str], moments: Callable[[int], Moment | None]) -> Session:
+    """Run a campaign in a folder of its own, killed at every moment that `moments(number)` gives, then to its end."""
+    with tempfile.TemporaryDirectory(prefix="hil-kill-") as folder:
+        directory, session = Path(folder) / "report", Session()
+        while (moment := moments(session.kills)) is not None:
+            if not killed(directory, arguments, moment, session):
+                break
+        completed(directory, arguments, session)
+    return session
+
+
+def main() -> int:
+    """Kill as often as asked for, and print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--times", type=int, default=50, help="number of kills")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the moments")
+    parser.add_argument(
+        "--longest", type=float, default=4.0, help="latest moment after the start of a run, s"
+    )
+    parser.add_argument("arguments", nargs="*", default=["testcases.campaigns.stop_modes", "-j", "2"])
+    given = parser.parse_args()
+    draw = random.Random(given.seed)
+    undisturbed = kill_until_through(given.arguments, lambda _kills: None).digest
+    kills = in_time = sessions = 0
+    while kills < given.times:
+        most = given.times - kills
+
+        def moments(number: int, most: int = most) -> Moment | None:
+            return after_seconds(draw.uniform(0.0, given.longest)) if number < most else None
+
+        session = kill_until_through(given.arguments, moments)
+        assert session.digest == undisturbed, "the resumed run differs from the undisturbed one"
+        kills, in_time, sessions = kills + session.kills, in_time + session.in_time, sessions + 1
+        print(
+            f"{kills} kills, {in_time} of them before a further case had ended; {sessions} runs of {session.cases} cases whole"
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
