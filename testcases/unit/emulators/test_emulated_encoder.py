@@ -159,3 +159,22 @@ def test_impossible_encoders_are_refused():
         IncrementalEncoder().set_noise(1)
     with pytest.raises(ConfigurationError):
         IncrementalEncoder(rng=np.random.default_rng(1)).set_noise(-1)
+
+
+@pytest.mark.requirement("C402-312")
+def test_a_wrong_scale_ends_where_it_has_led():
+    """What is counted wrongly stays, also when the direction is turned meanwhile."""
+    encoder = IncrementalEncoder(counts_per_revolution=1000)
+    encoder.power_on(0.0)
+    encoder.scale(0.5)
+    encoder.sample(2.0 * math.pi)
+    assert encoder.increments == 500
+    encoder.reverse(True)
+    assert encoder.increments == 500
+    encoder.sample(4.0 * math.pi)
+    assert encoder.increments == 0
+    encoder.scale(1.0)
+    encoder.sample(5.0 * math.pi)
+    assert encoder.increments == -500
+    with pytest.raises(ConfigurationError, match="factor"):
+        encoder.scale(0.0)
