@@ -400,6 +400,55 @@ def keep(
 
 
 @app.command()
+def mutants(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAMES]...", help="Only these defects; default: all.")
+    ] = None,
+    *,
+    area: Annotated[
+        list[str] | None, typer.Option("--area", help="Only defects of this area; may be repeated.")
+    ] = None,
+    campaign: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--campaign",
+            metavar="C",
+            help="Cases that judge: file, directory or module, perhaps with @BENCH; may be repeated.",
+        ),
+    ] = None,
+    catalogue: Annotated[
+        str, typer.Option("--catalogue", metavar="MODULE:NAME", help="Defects of your own: a list of Mutant.")
+    ] = "",
+    every: Annotated[
+        bool, typer.Option("--all", help="Run every case that can notice a defect, not only until the first.")
+    ] = False,
+    limit: Annotated[
+        float,
+        typer.Option(
+            "--limit", metavar="S", min=0.0, help="Wall time of a case; 0: from the time it takes without."
+        ),
+    ] = 0.0,
+    only_list: Annotated[bool, typer.Option("--list", help="Show the defects and run nothing.")] = False,
+    report: Annotated[
+        Path | None,
+        typer.Option("--report", "-r", metavar="DIR", help="Folder for mutants.json and mutants.md."),
+    ] = None,
+    seed: SeedOption = 0,
+    jobs: JobsOption = "1",
+    as_json: JsonOption = False,
+) -> None:
+    """Switch on defects one at a time and show which case notices each."""
+    from hil._commands.mutants import MutantsRequest, seed_defects
+    from hil._commands.run import parse_jobs
+
+    request = MutantsRequest(
+        names=tuple(names or ()), areas=tuple(area or ()), campaigns=tuple(campaign or ()), catalogue=catalogue,
+        report=report, seed=seed, jobs=parse_jobs(jobs), limit_s=limit, every_case=every, only_list=only_list, as_json=as_json,
+    )  # fmt: skip
+    raise typer.Exit(seed_defects(request))
+
+
+@app.command()
 def benchmark(
     as_json: JsonOption = False,
     seconds: Annotated[

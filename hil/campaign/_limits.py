@@ -7,10 +7,13 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
+from typing import Any, Final
 
 from fieldbus.clock import MS, seconds_to_ns
 from hil.errors import CaseTimeoutError
+
+USED_UP: Final = "the case has used up its limit"
+"""How the message of a case begins that ran into one of its limits."""
 
 
 def limit_simulated(bench: Any, seconds: float) -> None:
@@ -23,7 +26,7 @@ def limit_simulated(bench: Any, seconds: float) -> None:
 
     def expire() -> None:
         scheduler.after(MS, expire)
-        raise CaseTimeoutError(f"the case has used up its limit of {seconds:g} s of bench time")
+        raise CaseTimeoutError(f"{USED_UP} of {seconds:g} s of bench time")
 
     scheduler.at(due_ns, expire)
 
@@ -39,7 +42,7 @@ def limit_wall(seconds: float) -> Iterator[None]:
         return
 
     def expire(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - signature of a signal handler
-        raise CaseTimeoutError(f"the case has used up its limit of {seconds:g} s of wall time")
+        raise CaseTimeoutError(f"{USED_UP} of {seconds:g} s of wall time")
 
     old_handler = signal.signal(signal.SIGALRM, expire)
     signal.setitimer(signal.ITIMER_REAL, seconds)

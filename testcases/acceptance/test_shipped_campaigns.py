@@ -10,16 +10,20 @@ from hil.campaign import CaseSettings, execute_case, load_bench_file, requiremen
 from reports.model import Verdict
 from testcases.campaigns import (
     axis_faults,
+    axis_signals,
+    cia402_drive,
     commissioning,
     control,
     drive_faults,
     external_encoder,
     fault_reactions,
+    holding_brake,
     homing,
     limits,
     modbus_faults,
     monitoring,
     motion_in,
+    profidrive_words,
     stop_modes,
     telegram_faults,
 )
@@ -33,6 +37,8 @@ ON_CANOPEN = (
     limits.CAMPAIGN,
     motion_in.CAMPAIGN,
     commissioning.CAMPAIGN,
+    axis_signals.CAMPAIGN,
+    cia402_drive.CAMPAIGN,
 )
 ON_PROFIDRIVE = (
     fault_reactions.CAMPAIGN,
@@ -100,6 +106,9 @@ def bench_file(name):
         *cases("reference", "cia402", [control.CAMPAIGN], every=4),
         *cases("profidrive_tcp", "profidrive", [modbus_faults.CAMPAIGN]),
         *cases("profidrive_rtu", "profidrive", [modbus_faults.LINE]),
+        *cases("profidrive", "profidrive", [axis_signals.CAMPAIGN]),
+        *cases("testcases.campaigns._hanging_load:BENCH", "cia402", [holding_brake.CAMPAIGN]),
+        *cases("testcases.campaigns._led_drive:BENCH", "profidrive", [profidrive_words.CAMPAIGN]),
         *cases(WITH_ENCODERS.format("REFERENCE"), "cia402", [external_encoder.CAMPAIGN]),
         *cases(WITH_ENCODERS.format("PROFIDRIVE"), "profidrive", [external_encoder.CAMPAIGN]),
     ],

@@ -19,7 +19,7 @@ from testcases.campaigns._homing import (
 )
 from testcases.campaigns._profiles import by_profile
 from testcases.campaigns._reactions import disabled_by_alarm, stopped_for_good
-from testcases.campaigns.support import axis_name, drive_name, settle_s
+from testcases.campaigns.support import axis_name, drive_name, enable, settle_s
 
 CASES: Final = Campaign("homing", tags=("homing", "fault"), bench="profidrive")
 
@@ -110,6 +110,41 @@ def encoder_lost(ctx: CaseContext, mark: str) -> None:
     fault.remove()
     ctx.run_for(0.5)
     ctx.expect(status_word_bit(5, False, at=ctx.now_s, axis=name).covers("HOM-191"))
+
+
+@CASES.case("homed-encoder-lost", title="the encoder of a homed axis fails", requirements=("HOM-179",))
+def homed_encoder_lost(ctx: CaseContext) -> None:
+    """An incremental encoder that has failed has lost its reference: the axis is not homed any more, also after the repair."""
+    axis = axis_name(ctx)
+    enable(ctx)
+    ctx.wait_until(ctx.axis.home(HOME, mode=0).done, 1.0, "the position is set")
+    ctx.run_for(0.1)
+    ctx.check(status_word_bit(5, True, at=ctx.now_s, axis=axis))
+    fault = ctx.inject("encoder.wire_break", drive_name(ctx))
+    ctx.run_for(0.5 + settle_s(ctx))
+    ctx.expect(alarm(411, reaction=4, axis=axis))
+    fault.remove()
+    ctx.run_for(0.5)
+    ctx.expect(status_word_bit(5, False, at=ctx.now_s, axis=axis).covers("HOM-179"))
+
+
+@CASES.case(
+    "limit-after-reversal",
+    title="a limit switch after a homing that turned round at it",
+    requirements=("HOM-115",),
+)
+def limit_after_reversal(ctx: CaseContext) -> None:
+    """Once homed, the limit switches at which the axis turned round stop it again."""
+    places = prepare(ctx, "cam", direction="positive", approach="negative", reversal=True)
+    go_to(ctx, places.cam[0] - 15.0)
+    job = home(ctx)
+    ctx.check(job_output(job.name, "Done"))
+    homed = ctx.now_s
+    ctx.do("MC_MoveVelocity -100 mm/s")
+    ctx.axis.move_velocity(-100.0)
+    ctx.run_for(4.0 + settle_s(ctx))
+    ctx.expect(alarm(531, since=homed, axis=axis_name(ctx)).covers("HOM-115"))
+    stopped_for_good(ctx, ctx.now_s)
 
 
 @CASES.product(

@@ -170,4 +170,11 @@ def direct(ctx: CaseContext, mode: str) -> None:
         status_word_bit(5, True, at=ctx.now_s, axis=name),
         no_alarm(since=since, axis=name),
     )
+    shown = ctx.trace()[f"{name}.{'position_setpoint' if mode == '11' else 'actual_position'}"]
+    origin = float(shown.at(before)) if mode in ("1", "12") else 0.0
+    way = _VELOCITY * (ctx.now_s - before)
+    ctx.measure(
+        "position now, without the way since", float(shown.values[-1]) - way, "mm",
+        low=origin + 500.0 - 1.5, high=origin + 500.0 + 1.5, requirements=("HOM-139",),
+    )  # fmt: skip
     _at_rest(ctx)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
+from fieldbus.canopen import NmtState
 from hil.campaign import Campaign, CaseContext
-from hil.expect import alarm, happens, never_happens, no_alarm, state_at, value_at
+from hil.expect import alarm, happens, never_happens, no_alarm, state_at, stays_within, value_at
 from hil.record import event
 from testcases.campaigns._profiles import enters, profile_of
 from testcases.campaigns._reactions import cycles, disabled_by_alarm, recovers, stopped_for_good
@@ -47,6 +48,8 @@ def actual_values_lost(ctx: CaseContext, phase: str) -> None:
             "TA-020"
         ),
         value_at(f"{axis}.communication_ok", event("alarm.raised", axis, reaction=4), 0.0, tolerance=0.0),
+        # The way of the gap is no velocity of one cycle.
+        stays_within(f"{axis}.actual_velocity", low=-1000.0, high=1000.0),
     )
     stopped_for_good(ctx, ended)
     disabled_by_alarm(ctx, ended)
@@ -236,10 +239,14 @@ def foreign_nmt(ctx: CaseContext, command: str, phase: str) -> None:
     ctx.inject("frame.inject", "can0", can_id=0, data=f"{command}{node:02X}", count=1)
     ctx.run_for(1.5 + settle_s(ctx))
     ended = ctx.now_s
+    state = {"02": NmtState.STOPPED, "80": NmtState.PRE_OPERATIONAL}[command]
     ctx.expect(
+        happens(
+            event("link.nmt_state", drive, state=int(state)), since=event("fault.applied"), within_s=0.5
+        ).named("the heartbeat shows the state"),
         alarm(431, reaction=4, since=event("fault.applied"), within_s=grace_s(ctx), axis=axis).covers(
             "C301-020"
-        )
+        ),
     )
     stopped_for_good(ctx, ended)
     disabled_by_alarm(ctx, ended)

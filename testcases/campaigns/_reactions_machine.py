@@ -154,6 +154,26 @@ def jam(ctx: CaseContext, phase: str) -> None:
     recovers(ctx)
 
 
+@CASES.case("emergency-from-actual-values", tags=("mechanics",), requirements=("STP-123",))
+def emergency_from_actual_values(ctx: CaseContext) -> None:
+    """The emergency ramp begins with the actual velocity: that of a jammed axis is zero at once, whatever was commanded."""
+    axis = axis_name(ctx)
+    enable(ctx)
+    bring_into(ctx, "constant")
+    ctx.inject("mechanics.jam", drive_name(ctx))
+    ctx.run_for(cycles(ctx, 4))
+    ctx.check(no_alarm(axis=axis))
+    ctx.do("alarm 304 with reaction 3")
+    ctx.inject("axis.alarm", axis, number=304, reaction=3)
+    ctx.run_for(cycles(ctx, 3))
+    ctx.measure(
+        "velocity setpoint of the emergency ramp", float(ctx.trace()[f"{axis}.velocity_setpoint"].values[-1]), "mm/s",
+        low=-60.0, high=60.0, requirements=("STP-123",),
+    )  # fmt: skip
+    ctx.run_for(1.0 + settle_s(ctx))
+    stopped_for_good(ctx, ctx.now_s)
+
+
 @CASES.case("load-step", tags=("mechanics",), requirements=("MON-040",))
 def load_step(ctx: CaseContext) -> None:
     """A load step within the torque limit disturbs the following error and gives no alarm."""

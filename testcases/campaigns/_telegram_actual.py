@@ -69,6 +69,27 @@ def sign_of_life_jumps(ctx: CaseContext, times: int) -> None:
     goes_on(ctx)
 
 
+@CASES.product(
+    "sign-of-life-stands/{times}",
+    parameters={"times": (2, 3)},
+    title="the sign of life of the drive stands still for {times} cycles",
+    tags=("actual", "sign-of-life"),
+    requirements=("PD-132",),
+)
+def sign_of_life_stands(ctx: CaseContext, times: int) -> None:
+    """It is wrong once more when it goes on: three wrong values in a row are tolerated, the fourth is 431."""
+    need_sign_of_life(ctx)
+    enable(ctx)
+    bring_into(ctx, "constant")
+    ctx.inject("telegram.sign_of_life", drive_name(ctx), count=times, how="freeze")
+    ctx.run_for(0.3)
+    if times < 3:
+        ctx.expect(no_alarm(axis=axis_name(ctx)).covers("PD-132"))
+        goes_on(ctx)
+    else:
+        ctx.expect(alarm(431, reaction=4, since=APPLIED, within_s=cycles(ctx, 6), axis=axis_name(ctx)))
+
+
 LIES: Final[dict[str, tuple[dict[str, Any], int, tuple[str, ...]]]] = {
     "fault": ({"signal": "ZSW1.3", "value": 1}, 421, ("STP-559", "PD-063")),
     "control": ({"signal": "ZSW1.9", "value": 0}, 421, ("PD-069",)),

@@ -1,0 +1,139 @@
+"""`hil mutants`: defects switched on one at a time, and which campaign notices each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from hil._commands.terminal import console, print_json, quiet_stdout
+from hil.mutants import (
+    Mutant,
+    MutantResult,
+    Outcome,
+    Seeder,
+    Seeding,
+    SeedingOptions,
+    find_judges,
+    load_catalogue,
+    markdown,
+    select_mutants,
+)
+
+JSON_FILE: Final = "mutants.json"
+TABLE_FILE: Final = "mutants.md"
+_STYLE: Final = {"caught": "green", "explained": "yellow"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MutantsRequest:
+    """What the user asked for."""
+
+    names: tuple[str, ...] = ()
+    areas: tuple[str, ...] = ()
+    campaigns: tuple[str, ...] = ()
+    catalogue: str = ""
+    report: Path | None = None
+    seed: int = 0
+    jobs: int = 1
+    limit_s: float = 0.0
+    every_case: bool = False
+    only_list: bool = False
+    as_json: bool = False
+
+
+class _Progress:
+    """Lines about baseline and defects."""
+
+    def __init__(self) -> None:
+        self._console = console()
+
+    def baseline(self, outcome: Outcome, done: int, total: int) -> None:
+        if outcome.red:
+            self._console.print(
+                f"red without any defect: {outcome.judge.name}", style="bold red", markup=False
+            )
+            self._console.print(f"    {outcome.verdict}: {outcome.message}", style="dim", markup=False)
+        elif done == total or done % 50 == 0:
+            self._console.print(f"baseline: {done}/{total} cases", style="dim", markup=False)
+
+    def mutant(self, result: MutantResult, done: int, total: int) -> None:
+        first = result.caught_by[0] if result.caught_by else None
+        text = f"[{done:{len(str(total))}}/{total}] {result.status:9} {result.mutant.name}"
+        if first is not None:
+            text += f": {first.judge.name} {first.verdict} ({result.seconds:.2f} s)"
+        elif result.status == "survived":
+            text += f": none of {len(result.outcomes)} cases notices it"
+        self._console.print(text, style=_STYLE.get(result.status, "bold red"), markup=False)
+        if result.trouble:
+            self._console.print(f"    {result.trouble}", style="dim", markup=False)
+
+
+def seed_defects(request: MutantsRequest) -> int:
+    """Run, report, and return the exit code."""
+    mutants = select_mutants(load_catalogue(request.catalogue), names=request.names, areas=request.areas)
+    if request.only_list:
+        return _show(mutants, as_json=request.as_json)
+    with quiet_stdout(request.as_json):
+        judges = find_judges(request.campaigns)
+        progress = _Progress()
+        options = SeedingOptions(
+            jobs=request.jobs, seed=request.seed, every_case=request.every_case, limit_s=request.limit_s
+        )
+        seeder = Seeder(mutants, judges, options, on_baseline=progress.baseline, on_result=progress.mutant)
+        seeding = seeder.run(whole_baseline=not (request.names or request.areas))
+    if request.report is not None:
+        write_files(seeding, request.report)
+    if request.as_json:
+        print_json([result.as_dict() for result in seeding.results])
+    _tell(seeding, request.report)
+    return seeding.exit_code
+
+
+def write_files(seeding: Seeding, directory: Path) -> None:
+    """Write `mutants.json` and `mutants.md` into a report folder; whatever else lies there stays."""
+    directory.mkdir(parents=True, exist_ok=True)
+    (directory / JSON_FILE).write_text(json.dumps(seeding.as_dict(), indent=2) + "\n", encoding="utf-8")
+    (directory / TABLE_FILE).write_text(markdown(seeding), encoding="utf-8")
+
+
+def _show(mutants: Sequence[Mutant], *, as_json: bool) -> int:
+    if as_json:
+        print_json([MutantResult(mutant).as_dict() for mutant in mutants])
+        return 0
+    for mutant in mutants:
+        print(f"{mutant.name}  [{mutant.area}; {', '.join(mutant.requirements)}]")  # noqa: T201 - the answer
+        print(f"    {mutant.title}")  # noqa: T201 - the answer
+        for edit in mutant.edits:
+            print(f"      in {edit.target}")  # noqa: T201 - the answer
+        if mutant.explained:
+            print(f"      not caught: {mutant.explained}")  # noqa: T201 - the answer
+    return 0
+
+
+def _tell(seeding: Seeding, report: Path | None) -> None:
+    out = console()
+    if seeding.red:
+        out.print(
+            f"{len(seeding.red)} of {len(seeding.baseline)} cases are red without any defect; mend them first, a defect cannot be "
+            "judged by them",
+            style="bold red", markup=False,
+        )  # fmt: skip
+        return
+    total = len(seeding.results)
+    parts = [f"{seeding.count('caught')} of {total} caught in {seeding.seconds:.0f} s"]
+    others = {status: seeding.count(status) for status in ("explained", "survived", "never ran", "trouble")}
+    parts += [f"{count} {status}" for status, count in others.items() if count]
+    if seeding.interrupted:
+        parts.append("interrupted")
+    good = seeding.exit_code == 0
+    out.print("; ".join(parts), style="bold green" if good else "bold red", markup=False)
+    out.print(
+        f"baseline: {len(seeding.baseline)} cases green in {seeding.baseline_seconds:.0f} s",
+        style="dim",
+        markup=False,
+    )
+    if report is not None:
+        out.print(f"table: {report / TABLE_FILE}", markup=False)

@@ -1,0 +1,41 @@
+"""Defect seeding: plausible defects of drive, mechanics, bus and controller, switched on one at a time, to be caught by campaigns.
+
+A defect is data (`Mutant`): a place in the product, what stands there, what stands there instead. `Seeder` runs the campaigns
+without any defect first, and then each defect in a process of its own until a case is red. A defect that no case notices
+points at a missing expectation.
+"""
+
+from __future__ import annotations
+
+from hil.mutants._catalogue import CATALOGUE, load_catalogue, select_mutants
+from hil.mutants._mutant import AREAS, Edit, Mutant, defect
+from hil.mutants._patch import TargetChangedError, seeded, watched
+from hil.mutants._plan import CAMPAIGNS, Judge, find_judges, hinted, in_order
+from hil.mutants._seeding import MutantResult, Seeder, Seeding, SeedingOptions
+from hil.mutants._table import catalogue_table, markdown
+from hil.mutants._worker import Outcome
+
+__all__ = [
+    "AREAS",
+    "CAMPAIGNS",
+    "CATALOGUE",
+    "Edit",
+    "Judge",
+    "Mutant",
+    "MutantResult",
+    "Outcome",
+    "Seeder",
+    "Seeding",
+    "SeedingOptions",
+    "TargetChangedError",
+    "catalogue_table",
+    "defect",
+    "find_judges",
+    "hinted",
+    "in_order",
+    "load_catalogue",
+    "markdown",
+    "seeded",
+    "select_mutants",
+    "watched",
+]

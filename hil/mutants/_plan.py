@@ -1,0 +1,118 @@
+"""Which cases judge the defects, on which benches, and in which order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Final
+
+from hil.campaign import Found, find_campaigns, load_bench_file
+from hil.errors import CannotRunError
+from hil.mutants._mutant import Mutant
+
+CAMPAIGNS: Final = (
+    "testcases.campaigns.stop_modes@reference",
+    "testcases.campaigns.fault_reactions@reference",
+    "testcases.campaigns.axis_faults@reference",
+    "testcases.campaigns.drive_faults@reference",
+    "testcases.campaigns.homing@reference",
+    "testcases.campaigns.axis_signals@reference",
+    "testcases.campaigns.holding_brake",
+    "testcases.campaigns.cia402_drive",
+    "testcases.campaigns.profidrive_words",
+    "testcases.campaigns.stop_modes@profidrive",
+    "testcases.campaigns.fault_reactions@profidrive",
+    "testcases.campaigns.axis_faults@profidrive",
+    "testcases.campaigns.drive_faults@profidrive",
+    "testcases.campaigns.homing@profidrive",
+    "testcases.campaigns.telegram_faults@profidrive",
+    "testcases.campaigns.modbus_faults",
+)
+"""The campaigns that ship with the product, with the benches that they are run on here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judge:
+    """One case on one bench."""
+
+    identifier: str
+    campaign: str
+    """Reference of the campaign."""
+    bench: str
+    """Reference of the bench; empty: the embedded default."""
+
+    @property
+    def name(self) -> str:
+        """Identifier and bench: `stop-modes/halt/constant@reference`."""
+        return f"{self.identifier}@{self.bench}" if self.bench else self.identifier
+
+    def fits(self, pattern: str) -> bool:
+        """Return whether a pattern of identifiers, perhaps with a bench, names this case."""
+        identifier, _, bench = pattern.partition("@")
+        return fnmatchcase(self.identifier, identifier) and (not bench or self.bench == bench)
+
+
+def find_judges(references: Sequence[str] = ()) -> list[Judge]:
+    """Return the cases of campaigns, each on the bench given with `@bench` or else on its own, in order.
+
+    Args:
+        references: Files, directories or modules, each perhaps with `@` and a bench; none: those that ship with the product.
+
+    Raises:
+        CampaignNotFoundError: A reference leads to no campaign.
+        CannotRunError: A bench is live: what a defect does there is never twice the same.
+
+    """
+    judges: dict[Judge, None] = {}
+    for reference in references or CAMPAIGNS:
+        where, _, bench = reference.partition("@")
+        for found in find_campaigns([where]):
+            judges.update(dict.fromkeys(_cases(found, bench)))
+    for bench in dict.fromkeys(judge.bench for judge in judges):
+        kind = getattr(load_bench_file(bench or None), "kind", "virtual")
+        if kind != "virtual":
+            raise CannotRunError(f"defects are judged on virtual benches; {bench!r} runs in real time")
+    return list(judges)
+
+
+def _cases(found: Found, bench: str) -> Iterable[Judge]:
+    return (Judge(case.identifier, found.reference, bench or case.bench) for case in found.campaign.cases)
+
+
+def hinted(mutant: Mutant, judges: Sequence[Judge]) -> list[Judge]:
+    """Return the cases that the catalogue holds likely to catch a mutant, best first."""
+    return list(dict.fromkeys(judge for pattern in mutant.likely for judge in judges if judge.fits(pattern)))
+
+
+def in_order(
+    mutant: Mutant,
+    judges: Sequence[Judge],
+    reached: Mapping[Judge, frozenset[str]],
+    seconds: Mapping[Judge, float],
+) -> list[Judge]:
+    """Return the cases for a mutant: the likely ones, then the others from the quickest on.
+
+    A case is left out when the unmutated product did not come to the changed statement in it: up to there both are the same.
+
+    Args:
+        mutant: The defect.
+        judges: All cases.
+        reached: Names of the mutants whose place each of the cases reaches.
+        seconds: Time that each of them took, s.
+
+    """
+    able = [judge for judge in judges if mutant.name in reached.get(judge, ())]
+    first = hinted(mutant, able)
+    taken = set(first)
+    return first + sorted(
+        (judge for judge in able if judge not in taken), key=lambda one: seconds.get(one, 0.0)
+    )
+
+
+def closest(name: str, known: Iterable[str]) -> str:
+    """Return what to say about a name that is not known."""
+    import difflib
+
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""

@@ -1,0 +1,95 @@
+"""When an axis says that it has arrived, and that it stands: windows and times of the monitoring, on drives of either profile."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from hil.campaign import Campaign, CaseContext
+from hil.expect import no_alarm, value_at
+from testcases.campaigns._reactions import cycles
+from testcases.campaigns.support import axis_name, drive_name, enable
+
+CAMPAIGN: Final = Campaign("axis signals", tags=("axis",), bench="reference")
+
+_STANDSTILL: Final = 1 << 7
+
+
+@CAMPAIGN.product(
+    "positioned/{distance}",
+    parameters={"distance": (40, -40)},
+    title="MC_MoveRelative {distance} mm is done after the dwell time in the window",
+    requirements=("MON-016", "MON-018"),
+)
+def positioned(ctx: CaseContext, distance: int) -> None:
+    """Done comes when the actual position has been in the window for the dwell time, not before; the axis is at its target."""
+    axis = axis_name(ctx)
+    read = ctx.axis.variables.read
+    enable(ctx)
+    start = float(ctx.trace()[f"{axis}.position_setpoint"].values[-1])
+    ctx.do(f"MC_MoveRelative {distance} mm")
+    move = ctx.axis.move_relative(float(distance))
+    ctx.wait_until(move.done, 5.0, "the motion has ended")
+    done = ctx.now_s
+    trace = ctx.trace()
+    setpoint, actual = trace[f"{axis}.position_setpoint"], trace[f"{axis}.actual_position"]
+    target, window = start + distance, float(read("PositioningMonitoring.Window"))
+    outside = (np.abs(actual.values - target) > window) | (np.abs(setpoint.values - target) > 1e-6)
+    entered = float(actual.time_s[np.flatnonzero(outside)[-1]])
+    dwell = float(read("PositioningMonitoring.MinDwellTime"))
+    ctx.measure(
+        "time in the window before Done", done - entered, "s", low=dwell, high=dwell + cycles(ctx, 4),
+        requirements=("MON-018",),
+    )  # fmt: skip
+    ctx.run_for(0.1)
+    ctx.expect(value_at(f"{axis}.actual_position", ctx.now_s, target, tolerance=window), no_alarm(axis=axis))
+
+
+@CAMPAIGN.case("standstill", requirements=("MON-050",))
+def stands(ctx: CaseContext) -> None:
+    """StatusWord.X7 rises when the velocity has been below the threshold for the dwell time, not before."""
+    axis = axis_name(ctx)
+    read = ctx.axis.variables.read
+    enable(ctx)
+    ctx.do("MC_MoveVelocity 300 mm/s")
+    job = ctx.axis.move_velocity(300.0)
+    ctx.wait_until(job.in_velocity, 5.0, "constant travel is reached")
+    ctx.do("MC_Halt")
+    begun = ctx.now_s
+    ctx.axis.halt()
+    ctx.run_for(1.0)
+    trace = ctx.trace()
+    word, velocity = trace[f"{axis}.status_word"], trace[f"{axis}.actual_velocity"]
+    later = velocity.time_s > begun
+    fast = np.flatnonzero(
+        later & (np.abs(velocity.values) >= float(read("StandstillSignal.VelocityThreshold")))
+    )
+    shown = np.flatnonzero((word.time_s > begun) & ((word.values.astype(np.int64) & _STANDSTILL) != 0))
+    ctx.require(len(fast), "the axis has moved")
+    slow_s = float(velocity.time_s[fast[-1]])
+    shown_s = float(word.time_s[shown[0]]) if len(shown) else ctx.now_s
+    dwell = float(read("StandstillSignal.MinDwellTime"))
+    ctx.measure(
+        "time below the threshold before X7", shown_s - slow_s, "s", low=dwell, high=dwell + cycles(ctx, 2),
+        requirements=("MON-050",),
+    )  # fmt: skip
+
+
+@CAMPAIGN.case("follows", requirements=("CTL-001",))
+def follows(ctx: CaseContext) -> None:
+    """At constant travel the following error is that of the drive's time constant, and the motor works against friction alone."""
+    axis, drive = axis_name(ctx), drive_name(ctx)
+    mechanics = ctx.bench.config.drive[drive].mechanics
+    enable(ctx)
+    job = ctx.axis.move_velocity(300.0)
+    ctx.wait_until(job.in_velocity, 5.0, "constant travel is reached")
+    ctx.run_for(0.3)
+    error = 300.0 * float(ctx.axis.variables.read("DynamicAxisModel.VelocityTimeConstant"))
+    force = mechanics.coulomb_friction_n + mechanics.viscous_friction_n_per_m_s * 0.3
+    torque = force * mechanics.lead_screw_mm / 1000.0 / (2.0 * np.pi)
+    ctx.expect(
+        value_at(f"{axis}.following_error", ctx.now_s, error, tolerance=0.03).covers("CTL-001"),
+        value_at(f"{axis}.actual_velocity", ctx.now_s, 300.0, tolerance=1.0),
+        value_at(f"{drive}.torque", ctx.now_s, torque, tolerance=0.1 * torque),
+    )

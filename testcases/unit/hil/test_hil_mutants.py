@@ -1,0 +1,243 @@
+"""Defect seeding: patches that are made and undone, cases in order, fates of defects, the command."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from fieldbus.errors import ConfigurationError
+from hil.cli import main
+from hil.mutants import Edit, Judge, Mutant, TargetChangedError, find_judges, in_order, seeded, watched
+from testcases.unit.hil import toymutants as toy
+
+TOY = "testcases.unit.hil.toymutants"
+
+
+def call(capsys, *arguments):
+    code = main(["mutants", *(str(argument) for argument in arguments)])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+# -- patches -----------------------------------------------------------------------------------------------------------
+
+
+def seen():
+    """Return what the toy product answers."""
+    brake = toy.SafeBrake()
+    return brake.open(), brake.holds, toy.Brake.slope(4.0, 2.0), toy.twice(3)
+
+
+@pytest.mark.parametrize(
+    ("mutant", "answers"),
+    [
+        (toy.CAUGHT, (1, False, 0.5, 6)),
+        (toy.STAYS_CLOSED, (0, True, 2.0, 6)),
+        (toy.BRANCH, (2, False, 2.0, 6)),
+        (toy.PROPERTY, (1, True, 2.0, 6)),
+        (toy.CLOSURE, (1, False, 2.0, 5)),
+    ],
+    ids=lambda value: value.name if isinstance(value, Mutant) else "",
+)
+def test_a_defect_is_in_force_inside_and_gone_outside(mutant, answers):
+    """Static methods, properties, `super()`, branches and closures: the change acts, tells that it is reached, and is undone."""
+    reached = set()
+    held = toy.twice  # what is held before the change has it too
+    with seeded(mutant, reached):
+        assert reached == set()
+        assert seen() == answers
+        assert reached == {mutant.name}
+        assert held(3) == answers[3]
+    assert seen() == (1, False, 2.0, 6)
+    assert "__mutant_reached__" not in vars(toy)
+
+
+def test_watching_changes_nothing():
+    """Places of several defects of one function tell that they are reached, and the function does what it did."""
+    reached = set()
+    with watched([toy.STAYS_CLOSED, toy.SURVIVES, toy.BRANCH, toy.UNREACHED], reached):
+        assert seen() == (1, False, 2.0, 6)
+        assert reached == {"stays-closed", "survives", "branch"}
+        reached.clear()
+        brake = toy.SafeBrake()
+        brake.closed = False
+        assert brake.open() == 0
+        assert reached == set(), "the changed branch was not taken"
+
+
+def test_a_defect_is_undone_when_a_case_raises():
+    """An exception takes the change back as well."""
+    with pytest.raises(NameError), seeded(toy.RAISES, set()):
+        toy.count(1)
+    assert toy.count(1) == 1
+
+
+@pytest.mark.parametrize(
+    ("target", "old", "new", "words"),
+    [
+        (f"{TOY}:count", "done += 7", "done += 8", "0 times, not once"),
+        (f"{TOY}:count", "done", "undone", "times, not once"),
+        (f"{TOY}:counting_down", "done", "undone", "counting_down"),
+        (f"{TOY}:Brake", "closed", "open", "not a function"),
+        ("testcases.unit.hil.nowhere:count", "done", "undone", "nowhere"),
+        (f"{TOY}:count", "done += 1", "done +=", "cannot be compiled"),
+        (f"{TOY}:count", "def count(steps):", "def count(steps=1):", "in no statement"),
+        (f"{TOY}:twice", "value * factor", "value * 2", "other variables from outside"),
+    ],
+)
+@pytest.mark.parametrize(
+    "act", [seeded, lambda mutant, reached: watched([mutant], reached)], ids=["seed", "watch"]
+)
+def test_a_change_of_the_product_is_noticed(act, target, old, new, words):
+    """A target that is gone, or does not read as the catalogue says, ends in an error that names both."""
+    mutant = Mutant("x", "machine", "x", (Edit(target, old, new),))
+    with pytest.raises(TargetChangedError, match=words), act(mutant, set()):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"area": "kitchen"}, "area"),
+        ({"edits": ()}, "at least one"),
+        ({"edits": (Edit("m:f", "a", "a"),)}, "else than"),
+    ],
+)
+def test_a_wrong_entry_of_a_catalogue_is_refused(change, words):
+    """Area and changes of a mutant are checked when it is made."""
+    with pytest.raises(ConfigurationError, match=words):
+        replace(toy.CAUGHT, **change)
+
+
+# -- order -------------------------------------------------------------------------------------------------------------
+
+
+def test_likely_cases_come_first_and_the_quick_ones_of_the_rest():
+    """Order: patterns of the catalogue as they stand there, then by time; cases that do not get there are left out."""
+    one, two, three, four = (Judge(f"c/{name}", "m:C", "b") for name in ("one", "two", "three", "four"))
+    reached = {judge: frozenset({"x"}) for judge in (one, two, three)}
+    mutant = replace(toy.CAUGHT, name="x", likely=("c/thr*@b", "c/*@other"))
+    order = in_order(mutant, [one, two, three, four], reached, {one: 2.0, two: 1.0, three: 9.0, four: 0.1})
+    assert order == [three, two, one]
+
+
+def test_a_campaign_is_judged_on_the_bench_given_with_it():
+    """`module@bench` runs all cases there, without it each on the bench it is written for."""
+    own = find_judges([f"{TOY}:CAMPAIGN".partition(":")[0]])
+    assert {judge.bench for judge in own} == {toy.BENCH}
+    given = find_judges([f"{TOY}@reference"])
+    assert {judge.name for judge in given} >= {"toy-product/brake@reference"}
+
+
+# -- the command -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def green(monkeypatch, tmp_path):
+    """A campaign without its red sister, importable in worker processes."""
+    (tmp_path / "green.py").write_text(f"from {TOY} import CAMPAIGN\n")
+    monkeypatch.chdir(tmp_path)
+    return "green.py"
+
+
+def test_every_defect_caught(capsys, green, tmp_path):
+    """All caught: exit code 0, a JSON list with name, cases and time, and the table in the report folder."""
+    code, out, err = call(
+        capsys, "--catalogue", f"{TOY}:MUTANTS", "--campaign", green, "--jobs", 2, "--json", "--report", "rep"
+    )
+    assert code == 0, err
+    found = json.loads(out)
+    assert [entry["name"] for entry in found] == [mutant.name for mutant in toy.MUTANTS]
+    for entry in found:
+        assert isinstance(entry["caught_by"], list)
+        assert len(entry["caught_by"]) == 1
+        assert entry["seconds"] > 0.0
+        assert entry["status"] == "caught"
+    by_name = {entry["name"]: entry for entry in found}
+    assert by_name["slope-inverted"]["caught_by"] == [f"toy-product/slope@{toy.BENCH}"]
+    assert by_name["slope-inverted"]["how"] == "failed"
+    assert by_name["raises"]["how"] == "error"
+    assert "6 of 6 caught" in err
+    stored = json.loads((tmp_path / "rep" / "mutants.json").read_text())
+    assert stored["mutants"] == found
+    assert (stored["caught"], stored["survived"], stored["baseline_cases"]) == (6, 0, 3)
+    table = (tmp_path / "rep" / "mutants.md").read_text()
+    assert all(f"`{mutant.name}`" in table for mutant in toy.MUTANTS)
+
+
+def test_fates_of_defects(capsys, green):
+    """Survivors and defects that never run make it 1; what hangs, is deaf to its limit, or kills its process is caught."""
+    code, out, err = call(
+        capsys, "--catalogue", f"{TOY}:FATES", "--campaign", green, "--jobs", 2, "--json", "--limit", 3
+    )
+    assert code == 1
+    fates = {entry["name"]: (entry["status"], entry["how"]) for entry in json.loads(out)}
+    assert fates == {
+        "slope-inverted": ("caught", "failed"),
+        "survives": ("survived", ""),
+        "explained": ("explained", ""),
+        "hangs": ("caught", "hung"),
+        "deaf": ("caught", "hung"),
+        "crashes": ("caught", "crashed"),
+        "unreached": ("never ran", ""),
+    }
+    assert "4 of 7 caught" in err
+
+
+def test_an_explained_survivor_is_no_failure(capsys, green):
+    """A survivor whose reason stands in the catalogue is listed, with exit code 0."""
+    code, out, _ = call(capsys, "explained", "--catalogue", f"{TOY}:FATES", "--campaign", green, "--json")
+    assert code == 0
+    (entry,) = json.loads(out)
+    assert entry["caught_by"] == []
+    assert entry["explained"]
+
+
+def test_all_goes_on_after_the_first_catch(capsys, green):
+    """With --all every case that can notice a defect is run, also behind one that killed its process."""
+    catalogue = f"{TOY}:FATES"
+    code, out, _ = call(
+        capsys, "crashes", "slope-inverted", "--catalogue", catalogue, "--campaign", green, "--all", "--json"
+    )
+    assert code == 0
+    for entry in json.loads(out):
+        assert entry["cases_run"] == entry["cases_reaching_it"]
+
+
+def test_a_red_baseline_stops_everything(capsys):
+    """A case that fails without a defect can judge none: it says so, with exit code 2."""
+    code, _, err = call(capsys, "--catalogue", f"{TOY}:MUTANTS", "--campaign", TOY)
+    assert code == 2
+    assert "red without any defect: red/red" in err
+    assert "caught" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["no-such-defect"], "no mutant 'no-such-defect'"),
+        (["off2-as-off1"], "did you mean"),
+        (["--area", "kitchen"], "cia402, profidrive, axis, machine, bus"),
+        (["--catalogue", "nowhere:X"], "nowhere"),
+        (["--catalogue", f"{TOY}:NO_LIST"], "no list"),
+        (["--campaign", "no.such.module"], "no campaign"),
+        (["--campaign", "testcases.campaigns.stop_modes@live"], "real time"),
+        (["changed", "--catalogue", f"{TOY}:CHANGED_LIST"], "CHANGED_LIST"),
+    ],
+)
+def test_what_cannot_run_is_told(capsys, arguments, words):
+    """Wrong names end with 2 and say what is allowed."""
+    code, _, err = call(capsys, *arguments)
+    assert code == 2
+    assert words in err
+
+
+def test_list(capsys):
+    """--list shows names, places and requirements and runs nothing."""
+    code, out, _ = call(capsys, "--catalogue", f"{TOY}:FATES", "--list")
+    assert code == 0
+    assert "slope-inverted  [machine; STP-559]" in out
+    assert f"in {TOY}:Brake.slope" in out
+    assert "not caught: what is logged" in out
+    code, out, _ = call(capsys, "survives", "--catalogue", f"{TOY}:FATES", "--list", "--json")
+    assert [entry["name"] for entry in json.loads(out)] == ["survives"]
