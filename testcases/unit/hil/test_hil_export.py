@@ -63,24 +63,6 @@ def test_npz_is_read_by_numpy_alone(trace, tmp_path):
         assert archive["axis1.time_ns"].tolist() == [0, 4 * MS, 8 * MS + 1]
 
 
-def test_mdf4_is_read_by_asammdf(trace, tmp_path):
-    """A channel group per component; units, samples, times and the texts of states come back by the reader of asammdf."""
-    asammdf = pytest.importorskip("asammdf")
-    path = write_signals(trace, tmp_path / "t.mf4")
-    with asammdf.MDF(path) as mdf:
-        assert mdf.version >= "4.10"
-        assert mdf.start_time.year == 2000
-        position = mdf.get("axis1.position")
-        assert position.unit == "mm"
-        assert np.array_equal(position.samples, trace["axis1.position"].values)
-        assert np.array_equal(position.timestamps, trace["axis1.position"].time_s)
-        assert mdf.get("drive1.torque").timestamps.tolist() == pytest.approx([0.001, 0.005])
-        assert [bytes(text) for text in mdf.get("axis1.state").samples] == [b"STANDSTILL", b"MOTION", b""]
-        assert np.array_equal(
-            mdf.get("axis1.state", raw=True).samples, trace["axis1.state"].values, equal_nan=True
-        )
-
-
 def test_mdf4_without_its_package_says_what_to_install(trace, tmp_path, monkeypatch):
     """The extra is named where asammdf is missing."""
     monkeypatch.setitem(__import__("sys").modules, "asammdf", None)
