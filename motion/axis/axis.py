@@ -255,6 +255,8 @@ class TechnologyAxis(ServoCycle):
             motion.finish_step()  # the servo has reached the end of the interval only now
         facts = self.facts
         if facts.controlled and not enabling.switching_off:
+            if motion.limits_assigned:
+                motion.follow_limits()  # so that the look-ahead of the software limits sees what becomes of the motion
             if has_position and motion.position_controlled:
                 self.limits.check_software()
             gen: SetpointGenerator | Superposition | FineInterpolation

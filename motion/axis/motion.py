@@ -55,7 +55,7 @@ class MotionControl(JobAcceptance):
     def step(self, cycle_s: float) -> None:
         """Advance the setpoint by one cycle."""
         if self.limits_assigned:
-            self._follow_limits()
+            self.follow_limits()
         elif self._velocity_limited and self._axis.state is _MOTION and self.job is not None:
             self._repeat_warning()
         job = self.job

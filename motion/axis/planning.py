@@ -180,7 +180,7 @@ class SetpointPlanning:
         acceleration, deceleration, jerk = self._plan_limits(job, velocity)
         self.gen.start_velocity(velocity, acceleration, deceleration, jerk)
 
-    def _follow_limits(self) -> None:
+    def follow_limits(self) -> None:
         """Take velocity override and dynamic limits that have been assigned into the motion that runs (VAR-001, VAR-004)."""
         self.limits_assigned = False
         state = self._axis.state

@@ -23,6 +23,8 @@ class MotionPhase(IntEnum):
 
 
 _ENDLESS: Final = [inf]
+_ROUNDING: Final = 1e-10
+"""Time before the end of a piece at which it counts as over, s: whether the last cycle ends with it or not is no matter of rounding."""
 
 
 class SetpointGenerator:
@@ -149,10 +151,11 @@ class SetpointGenerator:
         time = self._begun + (self._steps + 1) * dt if dt == self._dt else self._time + dt
         index = self._index
         ends = self._ends
-        if time < ends[index]:
+        reached = time + _ROUNDING
+        if reached < ends[index]:
             start, s, v, a, half, jerk, half_jerk, sixth = self._piece
         else:
-            while time >= ends[index]:
+            while reached >= ends[index]:
                 index += 1
             start, way, v, a, half, jerk, half_jerk, sixth = self._pieces[index]
             s = self.target if index == len(ends) - 1 and self.positioning else self._base + way
@@ -197,10 +200,11 @@ class SetpointGenerator:
         self._resting = False
         index = self._index
         ends = self._ends
-        while time >= ends[index]:
+        reached = time + _ROUNDING
+        while reached >= ends[index]:
             index += 1
         self._index = index
-        self._until = ends[index]
+        self._until = ends[index] - _ROUNDING
         start, way, v, a, half, jerk, half_jerk, sixth = self._pieces[index]
         self.done = done = index == len(ends) - 1
         s = self.target if done and self.positioning else self._base + way

@@ -33,6 +33,7 @@ from testcases.campaigns._limits import (
     stopped_on_ramp,
     tell_stop,
 )
+from testcases.campaigns._profiles import profile_of
 from testcases.campaigns._reactions import cycles
 from testcases.campaigns.support import (
     MAXIMUM_VELOCITY,
@@ -48,6 +49,8 @@ from testcases.campaigns.support import (
 )
 
 CASES: Final = Campaign("limits", tags=("limits", "hardware"), bench="reference")
+TELLING: Final = ("cia402", "profidrive")
+"""Profiles of drives that are told how to stop, and tell where a mark was."""
 HOMING: Final = {"Sensor[1]__ActiveHoming__Mode": 1, "Homing__AutoReversal": False}
 """A homing that looks for a cam, so that it is under way when the switch comes."""
 
@@ -69,6 +72,8 @@ def _requirements(kind: str, side: str, motion: str) -> tuple[str, ...]:
 def approach(ctx: CaseContext, kind: str, side: str, motion: str) -> None:
     """A switch is reached: 531 with the reaction of its kind, the stop of that reaction, and the way back inwards only."""
     sign, drive = SIGN[side], drive_name(ctx)
+    if motion == "homing":
+        ctx.require(profile_of(ctx) in TELLING, "an encoder whose zero mark the drive can tell")
     wanted = configure(ctx, kind, **(HOMING if motion == "homing" else {}))
     enable(ctx)
     jobs = set_in_motion(ctx, motion, sign)
@@ -123,6 +128,7 @@ def remove_enable(ctx: CaseContext, side: str, reaction: str) -> None:
     """The drive stops as `Actor.RemoveEnableReaction` says: three stopping distances, told apart by the machine."""
     axis, drive = axis_name(ctx), drive_name(ctx)
     number, ramp_s = OFF.get(reaction, (3, 0.0))
+    ctx.require(profile_of(ctx) in TELLING, "a drive with OFF1, OFF2 and OFF3")
     configure(ctx, "disabling", Actor__RemoveEnableReaction=number)
     enable(ctx)
     bring_into(ctx, "constant", direction=SIGN[side])

@@ -259,7 +259,7 @@ def test_both_jog_inputs(rig, first, deceleration):
     assert rig.axis.var("Velocity") == pytest.approx(100.0)
 
 
-@pytest.mark.requirement("MC-463", "MC-454", "LIM-001")
+@pytest.mark.requirement("MC-463", "MC-454", "LIM-063", "LIM-068")
 def test_retracting_with_the_limit_switches_off(make_rig):
     """Both switches active: 531. Index 1000 FALSE, acknowledged, retracted, TRUE again: the axis is as before."""
     rig = make_rig(variables={"PositionLimits_HW.Active": True})

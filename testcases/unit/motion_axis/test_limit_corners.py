@@ -56,7 +56,7 @@ def acknowledge(rig):
 # -- hardware -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.requirement("LIM-049", "LIM-059", "LIM-108")
+@pytest.mark.requirement("LIM-049", "LIM-059")
 @pytest.mark.parametrize(
     "how", ["positions", "superimposed positions", "velocities", "superimposed", "uncontrolled"]
 )
@@ -179,7 +179,7 @@ def test_acknowledged_while_the_axis_still_brakes(velocity):
     assert rig.axis.state is S.ALARM_STANDSTILL
 
 
-@pytest.mark.requirement("LIM-040", "LIM-108")
+@pytest.mark.requirement("LIM-040")
 def test_with_a_torque_limit():
     """Torque limiting stays on while the switch stops the axis."""
     rig = Rig(variables=HARD | {"Actor.DriveParameter.ReferenceTorque": 4.0}, port=TorquePort()).enabled()
@@ -301,7 +301,7 @@ def test_limits_moved_across_a_standing_axis(side):
     assert len(raised(rig)) == before
 
 
-@pytest.mark.requirement("LIM-075", "LIM-076", "MIN-006", "LIM-108")
+@pytest.mark.requirement("LIM-075", "LIM-076", "MIN-006")
 @pytest.mark.parametrize("acceleration", [0.0, 1000.0, -500.0])
 def test_velocities_from_the_program_that_lie_about_their_acceleration(acceleration):
     """The acceleration that is given does not belong to the velocities: the axis ends on its limit all the same."""
@@ -327,6 +327,23 @@ def test_axes_without_a_drive(mode):
     assert raised(rig) == [(533, 1)]
     assert rig.axis.var("ActualPosition") == pytest.approx(-100.0, abs=0.01)
     assert not rig.axis.status_word & (X17 | X18)
+
+
+@pytest.mark.requirement("LIM-075", "LIM-097")
+def test_an_override_that_lets_the_axis_go():
+    """At rest on the limit with a job outwards that the override holds: given free, it does not move for a single cycle."""
+    rig = soft()
+    rig.axis.move_velocity(200.0)
+    rig.until(lambda: rig.axis.state is S.ALARM_STANDSTILL)
+    acknowledge(rig)
+    rig.axis.write("Override.Velocity", 0.0)
+    rig.cycles(2)
+    rig.axis.move_velocity(200.0, Acceleration=2000.0, Jerk=0.0)
+    rig.cycles(3)
+    rig.axis.write("Override.Velocity", 100.0)
+    rig.run(0.2)
+    assert max(rig.column("position_setpoint")) <= 100.0 + 1e-6
+    assert raised(rig) == [(533, 2), (533, 2)]
 
 
 # -- any order ------------------------------------------------------------------------------------------------------------
@@ -359,7 +376,7 @@ def act(rig, what, value, jerk):
         axis.write("Override.Velocity", value)
 
 
-@pytest.mark.requirement("LIM-075", "LIM-108")
+@pytest.mark.requirement("LIM-075")
 @settings(max_examples=40)
 @given(
     acts=st.lists(st.tuples(st.integers(1, 120), ACTS), min_size=1, max_size=8),
