@@ -115,6 +115,33 @@ class TestReversal:
             assert run.alarms() == alarms
             assert job.Done is (offset > 0.0)
 
+    @pytest.mark.requirement("HOM-109", "LIM-053")
+    def test_exchanged_switches(self):
+        """The negative switch is met in positive direction: no turning round at it, but 531, and rest before the end stop."""
+        quiet = {"PositionLimits_HW.ApproachBehavior": 1}
+        with machine(CAM, variables=REVERSAL | quiet, start=400.0) as bench:
+            bench.drive().swap_limit_switches(True)
+            run = Machine(bench)
+            job = run.home()
+            run.run(0.5)
+            assert job.ErrorID == 0x8001
+            assert run.alarms()[0] == 531
+            assert 550.0 < run.place < 600.0
+
+    @pytest.mark.requirement("HOM-193")
+    @pytest.mark.parametrize("mode", [ZERO_MARK, CAM])
+    def test_passive_beside_active(self, mode):
+        """A passive homing against the direction of an active one does not take its search away."""
+        own = {"Sensor[1].PassiveHoming.Mode": mode, "Sensor[1].PassiveHoming.Direction": 1}
+        with machine(mode, variables=own) as bench:
+            run = Machine(bench)
+            job = run.axis.home(0.0, mode=3)
+            run.run(0.05)
+            waiting = run.axis.home(0.0, mode=8)
+            run.until(job.ended, 10.0)
+            assert (job.Done, waiting.Error) == (True, False)
+            assert run.place == pytest.approx(128.0 if mode == CAM else 8.0, abs=0.01)
+
     @pytest.mark.requirement("HOM-115", "HOM-195")
     def test_aborted_on_the_switch(self):
         """After a halt on the switch normal monitoring is back in the next cycle: 531."""
