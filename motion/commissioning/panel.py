@@ -153,6 +153,8 @@ class ControlPanel:
         """Disable the axis and give it back to the user program when it is off (COM-070); harmless without control."""
         if self.active:
             self._give_back("by command")
+        else:
+            self._take_back()  # after STOP no cycle of the program has done it yet
 
     def heartbeat(self) -> None:
         """Give a sign of life."""

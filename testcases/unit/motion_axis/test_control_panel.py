@@ -435,3 +435,18 @@ def test_a_speed_axis(make_rig):
     panel.jog(-50.0)
     rig.run(1.0)
     assert rig.axis.var("Velocity") == pytest.approx(-150.0)
+
+
+@pytest.mark.requirement("COM-071")
+def test_values_that_are_tried_when_the_controller_stops(rig, panel):
+    """In STOP no program runs: releasing takes back what was tried."""
+    panel.take_control()
+    rig.cycles(2)
+    before = rig.axis.var("PositionControl.Kv")
+    panel.try_value("PositionControl.Kv", before + 7.0)
+    rig.runtime.controller.stop()
+    rig.run(0.5)
+    assert not panel.active
+    panel.release()
+    rig.cycles(2)
+    assert rig.axis.var("PositionControl.Kv") == before
