@@ -82,6 +82,7 @@ def follows(ctx: CaseContext) -> None:
     axis, drive = axis_name(ctx), drive_name(ctx)
     mechanics = ctx.bench.config.drive[drive].mechanics
     enable(ctx)
+    at_rest = _behind(ctx, axis, drive)
     job = ctx.axis.move_velocity(300.0)
     ctx.wait_until(job.in_velocity, 5.0, "constant travel is reached")
     ctx.run_for(0.3)
@@ -92,4 +93,16 @@ def follows(ctx: CaseContext) -> None:
         value_at(f"{axis}.following_error", ctx.now_s, error, tolerance=0.03).covers("CTL-001"),
         value_at(f"{axis}.actual_velocity", ctx.now_s, 300.0, tolerance=1.0),
         value_at(f"{drive}.torque", ctx.now_s, torque, tolerance=0.1 * torque),
+    )
+    if not str(getattr(ctx.bench.segment(), "kind", "")).startswith("modbus"):
+        # Sampled at SYNC and shown in the same cycle; a tenth of a servo period would be seen.
+        behind = _behind(ctx, axis, drive) - at_rest
+        ctx.measure("actual position behind the machine", behind, "mm", low=-0.01, high=0.01)
+
+
+def _behind(ctx: CaseContext, axis: str, drive: str) -> float:
+    """Return by how much the actual position is behind the true one, and the offset between both, mm."""
+    trace = ctx.trace()
+    return float(trace[f"{drive}.position"].values[-1]) * 1000.0 - float(
+        trace[f"{axis}.actual_position"].values[-1]
     )
