@@ -5,6 +5,8 @@ Exit codes: 0 everything passed, 1 cases failed, 2 it could not run (or was inte
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -510,11 +512,33 @@ def personalities(
 
 def main(arguments: list[str] | None = None) -> int:
     """Run `hil` and return its exit code; the console script calls `sys.exit` with it."""
+    code = _run(arguments)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError as error:
+            from hil.errors import CannotRunError
+
+            # Or Python tries it again when it ends, and makes a code of its own of it.
+            with Path(os.devnull).open("w") as nowhere:
+                os.dup2(nowhere.fileno(), stream.fileno())
+            if error.errno not in {
+                errno.EPIPE,
+                errno.EIO,
+            }:  # those mean that the reader has gone, which it may
+                code = _failure(CannotRunError(f"standard output could not be written: {error.strerror}"))
+    return code
+
+
+def _run(arguments: list[str] | None) -> int:
     command = typer.main.get_command(app)
     try:
         # Not standalone: click would end with 1 on Ctrl-C, which here means that cases failed.
         with interruptible(last=arguments is None):
             outcome = command.main(args=arguments, prog_name="hil", standalone_mode=False)
+    except SystemExit:
+        # click ends so, with a code that here means that cases failed, when nobody reads on: `hil faults | head -1`
+        return 2
     except KeyboardInterrupt:
         outcome = _CLICK_INTERRUPTED
     except Exception as error:  # noqa: BLE001 - sorted out below, unknown ones are raised again

@@ -24,6 +24,7 @@ from hil.fuzz import (
     search,
     step_from_json,
 )
+from hil.fuzz._provider import BACKEND
 from reports.model import Verdict
 from testcases.unit.hil.toybench import BENCH, CREEPING, DEAF, DOUBLE, NOISY, ToyBench, ToyBenchFile
 
@@ -55,7 +56,7 @@ def test_all_jobs_and_all_faults_of_the_catalogue_are_in_reach():
     reached = set()
 
     @seed(1)
-    @settings(max_examples=500, database=None)
+    @settings(max_examples=500, database=None, backend=BACKEND)
     @given(program=PROGRAMS)
     def gather(program):
         reached.update(

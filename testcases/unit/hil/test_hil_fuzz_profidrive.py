@@ -10,6 +10,7 @@ from emulators.drive.profidrive.statemachine import Action, AxisState, GeneralSt
 from hil.bench import load_bench
 from hil.faults import Fault
 from hil.fuzz import Break, Do, Program, Wait, fault_kinds, programs, run_program, search
+from hil.fuzz._provider import BACKEND
 from hil.fuzz._telegram_strategies import TELEGRAM_KINDS
 
 
@@ -37,7 +38,7 @@ def test_a_search_reaches_every_kind_of_a_profidrive_axis(bench_file):
     reached = set()
 
     @seed(1)
-    @settings(max_examples=400, database=None)
+    @settings(max_examples=400, database=None, backend=BACKEND)
     @given(program=strategy)
     def gather(program):
         reached.update(step.fault.kind for step in program.steps if isinstance(step, Break))

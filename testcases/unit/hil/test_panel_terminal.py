@@ -122,3 +122,21 @@ def test_the_end_in_the_middle_of_a_motion(start, how, code):
         terminal.shows("program  disabled")
         assert "Traceback" not in terminal.screen
     assert terminal.code() == code
+
+
+@pytest.mark.parametrize(("reader", "told"), [("full", "No space left on device"), ("gone", "")])
+def test_output_that_cannot_be_written(reader, told):
+    """What could not be written is no success and no failed case; that a reader has gone needs no word."""
+    if reader == "full":
+        target = os.open("/dev/full", os.O_WRONLY)
+    else:
+        end, target = os.pipe()
+        os.close(end)
+    with os.fdopen(target) as stdout:
+        program = subprocess.run(
+            [*hil_command(), "personalities"], stdout=stdout, stderr=subprocess.PIPE, text=True, check=False,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+        )  # fmt: skip
+    assert program.returncode == 2
+    assert program.stderr.count("\n") == bool(told)
+    assert told in program.stderr
