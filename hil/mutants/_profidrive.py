@@ -229,7 +229,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "now - drive.data_at_ns > seconds_to_ns(limit_s)",
         "now - drive.data_at_ns > 100 * seconds_to_ns(limit_s)",
         ids=("PD-292",),
-        likely=("modbus-faults/setpoints-lost", "modbus-line-faults/setpoints-lost"),
+        likely=("modbus-monitoring/every-request",),
     ),
     _defect(
         "encoder-error-not-shown",

@@ -106,6 +106,7 @@ def bench_file(name):
         *cases("reference", "cia402", [control.CAMPAIGN], every=4),
         *cases("profidrive_tcp", "profidrive", [modbus_faults.CAMPAIGN]),
         *cases("profidrive_rtu", "profidrive", [modbus_faults.LINE]),
+        *cases("testcases.campaigns.modbus_faults:UNWATCHED", "profidrive", [modbus_faults.MONITORED]),
         *cases("profidrive", "profidrive", [axis_signals.CAMPAIGN]),
         *cases("testcases.campaigns._hanging_load:BENCH", "cia402", [holding_brake.CAMPAIGN]),
         *cases("testcases.campaigns._led_drive:BENCH", "profidrive", [profidrive_words.CAMPAIGN]),

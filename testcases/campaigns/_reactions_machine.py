@@ -9,6 +9,7 @@ from hil.campaign import Campaign, CaseContext
 from hil.expect import (
     alarm,
     golden,
+    happens,
     job_output,
     no_alarm,
     no_motion_after,
@@ -156,7 +157,7 @@ def jam(ctx: CaseContext, phase: str) -> None:
 
 @CASES.case("emergency-from-actual-values", tags=("mechanics",), requirements=("STP-123",))
 def emergency_from_actual_values(ctx: CaseContext) -> None:
-    """The emergency ramp begins with the actual velocity: that of a jammed axis is zero at once, whatever was commanded."""
+    """The emergency ramp begins where a jammed axis stands, with the velocity that it has: none, whatever was commanded."""
     axis = axis_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")
@@ -165,10 +166,21 @@ def emergency_from_actual_values(ctx: CaseContext) -> None:
     ctx.check(no_alarm(axis=axis))
     ctx.do("alarm 304 with reaction 3")
     ctx.inject("axis.alarm", axis, number=304, reaction=3)
+    begins = state_change(ctx, "ALARM_RAMP")
     ctx.run_for(cycles(ctx, 3))
+    ctx.check(happens(begins))
+    trace = ctx.trace()
+    # Its first setpoint: later the following error could have ended a ramp that begins with the setpoints.
+    first = (trace.instant(begins) or 0.0) + 1.5 * ctx.bench.interpolator_ns * 1e-9
+    ahead = trace[f"{axis}.position_setpoint"].at(first) - trace[f"{axis}.actual_position"].at(first)
     ctx.measure(
-        "velocity setpoint of the emergency ramp", float(ctx.trace()[f"{axis}.velocity_setpoint"].values[-1]), "mm/s",
+        "first velocity setpoint of the emergency ramp", trace[f"{axis}.velocity_setpoint"].at(first), "mm/s",
         low=-60.0, high=60.0, requirements=("STP-123",),
+    )  # fmt: skip
+    allowed = tolerance(ctx).distance_mm
+    ctx.measure(
+        "its first position setpoint, from the actual position", ahead, "mm",
+        low=-allowed, high=allowed, requirements=("STP-123",),
     )  # fmt: skip
     ctx.run_for(1.0 + settle_s(ctx))
     stopped_for_good(ctx, ctx.now_s)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from hil.bench import BenchFile, load_bench
 from hil.campaign import Campaign, CaseContext
-from hil.expect import alarm, happens, no_alarm, value_at
+from hil.expect import alarm, happens, never_happens, no_alarm, value_at
 from hil.record import event
 from testcases.campaigns._profiles import encoder_increments_per_revolution
 from testcases.campaigns._reactions import cycles, disabled_by_alarm, recovers, stopped_for_good
@@ -16,12 +17,27 @@ from testcases.campaigns.support import (
     drive_name,
     enable,
     permitted_error_mm,
+    quick_stop,
     settle_s,
 )
 
 CAMPAIGN: Final = Campaign("modbus faults", tags=("fault", "modbus"), bench="profidrive_tcp")
 LINE: Final = Campaign("modbus line faults", tags=("fault", "modbus"), bench="profidrive_rtu")
 """The same for a serial line, and what only a line has."""
+MONITORING_S: Final = 0.08
+UNWATCHED: Final = BenchFile(
+    "Modbus without sign of life",
+    load_bench("profidrive_tcp").text
+    + f"""
+[drive.drive1.profidrive]
+sign_of_life = false
+setpoint_monitoring_ms = {MONITORING_S * 1000.0:g}
+""",
+)
+MONITORED: Final = Campaign(
+    "modbus monitoring", tags=("fault", "modbus"), bench="testcases.campaigns.modbus_faults:UNWATCHED"
+)
+"""What the monitoring of process data (p2040) does alone, where no sign of life is watched."""
 
 ENDS: Final = ("constant", "standstill")
 LOST: Final[dict[str, tuple[str, dict[str, Any], tuple[str, ...]]]] = {
@@ -238,6 +254,35 @@ def setpoints_lost(ctx: CaseContext) -> None:
 
 for _campaign in (CAMPAIGN, LINE):
     _campaign.case("setpoints-lost", requirements=("PD-129", "STP-574"))(setpoints_lost)
+
+
+@MONITORED.product(
+    "{what}",
+    parameters={"what": ("every-request", "writing-alone")},
+    title="{what} fails, and nobody watches a sign of life",
+    requirements=("PD-292",),
+)
+def unwatched(ctx: CaseContext, what: str) -> None:
+    """Without any access to process data the drive makes a quick stop after the monitoring time; reading alone keeps it going."""
+    enable(ctx)
+    bring_into(ctx, "constant")
+    drive, silent = drive_name(ctx), what == "every-request"
+    timed_out = event("drive.fault", drive, text="setpoints timed out")
+    fault = ctx.inject("modbus.drop", direction="request", **({} if silent else {"function": 16}))
+    ctx.run_for(1.0 + settle_s(ctx))
+    if silent:
+        # The last access was up to a cycle before, the drive looks once per cycle.
+        slack = cycles(ctx, 2)
+        early = (ctx.trace().instant(APPLIED) or 0.0) + MONITORING_S - slack
+        ctx.expect(
+            happens(timed_out, since=APPLIED, within_s=MONITORING_S + slack).covers("PD-292"),
+            never_happens(timed_out, until=early).covers("PD-292"),
+            happens(quick_stop(ctx), since=timed_out, within_s=slack).covers("PD-292"),
+        )
+        stopped_for_good(ctx, ctx.now_s)
+    else:
+        ctx.expect(never_happens(timed_out).covers("PD-292"))
+    fault.remove()
 
 
 @LINE.case("noisy", requirements=("MODB-008", "PD-290"))
