@@ -148,13 +148,16 @@ class Runtime:
             if begin_anew is not None:
                 begin_anew()
 
-    def cycle_objects(self) -> None:
-        """Run one application cycle of the technology objects alone, without the program."""
+    def cycle_objects(self, *, servo_only: bool = False) -> None:
+        """Run one application cycle of the technology objects alone, without the program; or of `MC_Servo` alone."""
         self.cycles += 1
         for encoder in self.encoders:
             encoder.cycle()
         for axis in self.axes:
-            axis.cycle()
+            if servo_only:
+                axis.servo()
+            else:
+                axis.cycle()
         for encoder in self.encoders:
             encoder.finish_cycle()
 
@@ -172,17 +175,10 @@ class Runtime:
 
     def cycle(self) -> None:
         """Run one application cycle."""
-        self.cycles += 1
-        for encoder in self.encoders:
-            encoder.cycle()
-        for axis in self.axes:
-            axis.cycle()
-        for encoder in self.encoders:
-            encoder.finish_cycle()
+        self.cycle_objects()
         if self.cycles % self.program_cycles == 0:
             self.run_program()
-        for callback in self.after_cycle:
-            callback()
+        self.end_cycle()
 
     @property
     def instances(self) -> list[Instruction]:

@@ -185,11 +185,7 @@ class ExecutionLevels:
         """Run one servo cycle of the technology objects alone, in STOP and STARTUP."""
         if self._stalled:
             return
-        runtime = self._runtime
-        if self._due():
-            runtime.cycle_objects()
-        else:
-            self._servo_only()
+        self._runtime.cycle_objects(servo_only=not self._due())
 
     def cycle(self) -> None:
         """Run one servo cycle in RUN."""
@@ -235,10 +231,7 @@ class ExecutionLevels:
         for hook in self.pre_servo:
             hook()
         full = due and not late
-        if full:
-            runtime.cycle_objects()
-        else:
-            self._servo_only()
+        runtime.cycle_objects(servo_only=not full)
         for hook in self.post_servo:
             hook()
         if full:
@@ -248,16 +241,6 @@ class ExecutionLevels:
             if self._interpolations % runtime.program_cycles == 0:
                 runtime.run_program()
         runtime.end_cycle()
-
-    def _servo_only(self) -> None:
-        runtime = self._runtime
-        runtime.cycles += 1
-        for encoder in runtime.encoders:
-            encoder.cycle()
-        for axis in runtime.axes:
-            axis.servo()
-        for encoder in runtime.encoders:
-            encoder.finish_cycle()
 
     # -- computing time ---------------------------------------------------------------------------------------
 

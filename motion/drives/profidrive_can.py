@@ -18,6 +18,7 @@ from fieldbus.can.timing import FrameMaker
 from fieldbus.canopen.node_setup import PdoSetup
 from fieldbus.errors import ConfigurationError, HilError
 from motion.drives._canopen import CanopenNode, CanopenNodeConfig, written
+from motion.drives._telegram_pdos import WORDS_PER_PDO, TelegramPdos
 from motion.drives.profidrive import ProfidrivePort, TelegramConfig, decode_parameter
 
 if TYPE_CHECKING:
@@ -29,7 +30,6 @@ _RECEIVE: Final = 0x5800
 _SEND: Final = 0x5810
 _STATUS: Final = (0x22D20020, 0x28530010, 0x28540010)
 _STATUS_STRUCT: Final = Struct("<IHH")
-_WORDS_PER_PDO: Final = 4
 _PARAMETER: Final = 0x2000
 
 
@@ -65,7 +65,7 @@ class ProfidriveCanPort(ProfidrivePort):
     """
 
     __slots__ = (
-        "_all_seen", "_from_words", "_master", "_parts", "_rpdos", "_seen", "_to_words", "node", "node_id",
+        "_master", "_pdos", "_rpdos", "_to_words", "node", "node_id",
     )  # fmt: skip
 
     def __init__(
@@ -81,31 +81,25 @@ class ProfidriveCanPort(ProfidrivePort):
         self.has_parameters = True
         self._master = master
         self._cut()
-        self._seen = 0
-        for number in range(len(self._parts)):
-            master.subscribe(0x180 + 0x100 * number + node, self._receiver(number))
+        self._pdos = TelegramPdos(master, node, self.telegram.actual.words)
         master.subscribe(self._status_id(), self._on_status)
-        self.node = CanopenNode(self, master, config, disable=_RECEIVE, pdos=self._pdos()).remote
+        self.node = CanopenNode(self, master, config, disable=_RECEIVE, pdos=self._pdo_setups()).remote
         """The drive as a node of the network."""
 
     def _cut(self) -> None:
         """Lay down how words become PDOs."""
-        out, back = self.telegram.setpoint, self.telegram.actual
+        out = self.telegram.setpoint
         self._to_words = (Struct(f">{out.words}H"), Struct(f"<{out.words}H"))
-        self._from_words = (Struct(f"<{back.words}H"), Struct(f">{back.words}H"))
-        size = 2 * _WORDS_PER_PDO
+        size = 2 * WORDS_PER_PDO
         self._rpdos = tuple(
             (FrameMaker(0x200 + 0x100 * number + self.node_id).make, slice(at, min(at + size, out.length)))
             for number, at in enumerate(range(0, out.length, size))
         )
-        parts = -(-back.length // size)
-        self._parts = [bytes(min(size, back.length - size * number)) for number in range(parts)]
-        self._all_seen = (1 << parts) - 1
 
     def _status_id(self) -> int:
-        return (0x480 if len(self._parts) < 4 else 0x680) + self.node_id
+        return (0x480 if len(self._pdos) < 4 else 0x680) + self.node_id
 
-    def _pdos(self) -> tuple[PdoSetup, ...]:
+    def _pdo_setups(self) -> tuple[PdoSetup, ...]:
         node = self.node_id
         receive = _mappings(_RECEIVE, self.telegram.setpoint.words)
         send = _mappings(_SEND, self.telegram.actual.words)
@@ -123,7 +117,7 @@ class ProfidriveCanPort(ProfidrivePort):
     def leave_service(self) -> None:
         """See `LinkedPort.leave_service`."""
         ProfidrivePort.leave_service(self)
-        self._seen = 0
+        self._pdos.forget()
 
     def take_emcy(self, code: int) -> None:
         """See `NodePort`: the fault number says more than the EMCY."""
@@ -145,18 +139,6 @@ class ProfidriveCanPort(ProfidrivePort):
 
     # -- bus events -------------------------------------------------------------------------------------------
 
-    def _receiver(self, number: int) -> Callable[[bytes, int], None]:
-        parts = self._parts
-        size = len(parts[number])
-        bit = 1 << number
-
-        def receive(data: bytes, _time_ns: int) -> None:
-            if len(data) == size:
-                parts[number] = data
-                self._seen |= bit
-
-        return receive
-
     def _on_status(self, data: bytes, _time_ns: int) -> None:
         if len(data) == _STATUS_STRUCT.size:
             self.inputs, self._fault_number, _ = _STATUS_STRUCT.unpack(data)
@@ -165,12 +147,7 @@ class ProfidriveCanPort(ProfidrivePort):
 
     def read(self) -> None:
         """See `DrivePort.read`."""
-        if self._seen == self._all_seen:
-            self._seen = 0
-            words, frame = self._from_words
-            self._take(frame.pack(*words.unpack(b"".join(self._parts))))
-        else:
-            self._take(None)
+        self._take(self._pdos.take())
 
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
         """See `DrivePort.write`."""
@@ -203,4 +180,4 @@ class ProfidriveCanPort(ProfidrivePort):
 
 def _mappings(first: int, words: int) -> list[tuple[int, ...]]:
     entries = [(first + word) << 16 | 0x10 for word in range(words)]
-    return [tuple(entries[at : at + _WORDS_PER_PDO]) for at in range(0, words, _WORDS_PER_PDO)]
+    return [tuple(entries[at : at + WORDS_PER_PDO]) for at in range(0, words, WORDS_PER_PDO)]

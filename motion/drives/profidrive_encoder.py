@@ -6,9 +6,7 @@ SYNC and sends the words of the next one.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from struct import Struct
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.canopen.node_setup import NodeSetup
@@ -18,6 +16,7 @@ from fieldbus.profidrive.formats import from_n2, from_n4
 from fieldbus.profidrive.sign_of_life import SignWatch, next_sign
 from fieldbus.profidrive.words import G_STW, G_ZSW, SIGN_OF_LIFE_SHIFT, STW2_ENC
 from motion.drives._link import GRACE_CYCLES
+from motion.drives._telegram_pdos import TelegramPdos
 from motion.drives.encoder import EncoderPort
 from motion.drives.mark import TelegramMarkSearch
 
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
     from motion.drives.telegram_block import TelegramBlock
 
 ENCODER_TELEGRAMS: Final = (81, 82, 83, 84)
-_WORDS_PER_PDO: Final = 4
 _CONTROL: Final = int(STW2_ENC.CONTROL_BY_PLC)
 _ACKNOWLEDGE: Final = int(STW2_ENC.ACKNOWLEDGE)
 _ERROR: Final = int(G_ZSW.ERROR | G_ZSW.PARKING)
@@ -83,9 +81,8 @@ class ProfidriveEncoderPort(EncoderPort):
     """
 
     __slots__ = (
-        "_age", "_all_seen", "_answer", "_config", "_from_words", "_history", "_in_service", "_master", "_parts", "_place", "_read_ns", "_reference_speed",
-        "_rpdo",
-        "_search", "_seen", "_sent", "_sign", "_telegram", "_watch", "acknowledges", "block", "g1_stw", "name", "node",
+        "_age", "_answer", "_config", "_history", "_in_service", "_master", "_pdos", "_place", "_read_ns",
+        "_reference_speed", "_rpdo", "_search", "_sent", "_sign", "_telegram", "_watch", "acknowledges", "block", "g1_stw", "name", "node",
     )  # fmt: skip
 
     def __init__(
@@ -109,15 +106,9 @@ class ProfidriveEncoderPort(EncoderPort):
         self._history = history
         self._telegram = telegram(config.telegram)
         back = self._telegram.actual
-        self._from_words = (Struct(f"<{back.words}H"), Struct(f">{back.words}H"))
         self._place = {name: at for at, name in enumerate(back.names)}
         self._answer: tuple[int, ...] = (0,) * len(back.names)
-        size = 2 * _WORDS_PER_PDO
-        self._parts = [
-            bytes(min(size, back.length - size * number)) for number in range(-(-back.length // size))
-        ]
-        self._all_seen = (1 << len(self._parts)) - 1
-        self._seen = 0
+        self._pdos = TelegramPdos(master, setup.node_id, back.words)
         self._rpdo = 0x200 + setup.node_id
         self.mark = self._search = TelegramMarkSearch()
         self._watch = SignWatch(tolerance=config.sign_tolerance)
@@ -130,8 +121,6 @@ class ProfidriveEncoderPort(EncoderPort):
         """G1_STW of the next cycles."""
         self.acknowledges = False
         """STW2_ENC bit 7 of the next cycles."""
-        for number in range(len(self._parts)):
-            master.subscribe(0x180 + 0x100 * number + setup.node_id, self._receiver(number))
         self.node: RemoteNode = master.add_node(setup, self)
         """The encoder as a node of the network."""
 
@@ -201,7 +190,7 @@ class ProfidriveEncoderPort(EncoderPort):
     def node_lost(self, reason: str) -> None:
         """See `NodeUser`."""
         self._in_service = False
-        self._seen = 0
+        self._pdos.forget()
         self._age = self._config.grace_cycles
         self._watch.reset()
         if self._history is not None:
@@ -218,18 +207,6 @@ class ProfidriveEncoderPort(EncoderPort):
 
     # -- cycle ------------------------------------------------------------------------------------------------------
 
-    def _receiver(self, number: int) -> Callable[[bytes, int], None]:
-        parts = self._parts
-        size = len(parts[number])
-        bit = 1 << number
-
-        def receive(data: bytes, _time_ns: int) -> None:
-            if len(data) == size:
-                parts[number] = data
-                self._seen |= bit
-
-        return receive
-
     def read(self) -> None:
         """See `EncoderPort.read`: take what the last SYNC has brought, and send the words of the next one."""
         now = self._master.scheduler.now
@@ -242,12 +219,9 @@ class ProfidriveEncoderPort(EncoderPort):
     def _take(self) -> None:
         config = self._config
         limit = config.grace_cycles
-        if self._seen == self._all_seen:
-            self._seen = 0
-            words, frame = self._from_words
-            self._answer = answer = self._telegram.actual.unpack(
-                frame.pack(*words.unpack(b"".join(self._parts)))
-            )
+        frame = self._pdos.take()
+        if frame is not None:
+            self._answer = answer = self._telegram.actual.unpack(frame)
             sign = answer[0] >> SIGN_OF_LIFE_SHIFT
             if self.block is not None:
                 self._answer = answer = self.block.receive(answer)

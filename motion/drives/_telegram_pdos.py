@@ -1,0 +1,64 @@
+"""A telegram that comes in several TPDOs, four of its words in each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from struct import Struct
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from fieldbus.canopen.master import CanopenMaster
+
+WORDS_PER_PDO: Final = 4
+"""Words of a telegram that fit into a PDO."""
+
+
+class TelegramPdos:
+    """Puts the actual values together that a node sends behind a SYNC.
+
+    Args:
+        master: Its TPDOs 1 and following are subscribed.
+        node_id: CANopen node, 1..127.
+        words: Words of the telegram, 1..16.
+
+    """
+
+    __slots__ = ("_all_seen", "_from_wire", "_parts", "_seen", "_to_telegram")
+
+    def __init__(self, master: CanopenMaster, node_id: int, words: int) -> None:
+        # CANopen has the low byte of a word first, a telegram the high one (PD-343).
+        self._from_wire, self._to_telegram = Struct(f"<{words}H"), Struct(f">{words}H")
+        self._parts = [
+            bytes(2 * min(WORDS_PER_PDO, words - first)) for first in range(0, words, WORDS_PER_PDO)
+        ]
+        self._all_seen = (1 << len(self._parts)) - 1
+        self._seen = 0
+        for number in range(len(self._parts)):
+            master.subscribe(0x180 + 0x100 * number + node_id, self._receiver(number))
+
+    def __len__(self) -> int:
+        """Return the number of PDOs."""
+        return len(self._parts)
+
+    def forget(self) -> None:
+        """Wait for all of them anew."""
+        self._seen = 0
+
+    def take(self) -> bytes | None:
+        """Return the telegram when all its PDOs have come since it was taken last, otherwise None."""
+        if self._seen != self._all_seen:
+            return None
+        self._seen = 0
+        return self._to_telegram.pack(*self._from_wire.unpack(b"".join(self._parts)))
+
+    def _receiver(self, number: int) -> Callable[[bytes, int], None]:
+        parts = self._parts
+        size = len(parts[number])
+        bit = 1 << number
+
+        def receive(data: bytes, _time_ns: int) -> None:
+            if len(data) == size:
+                parts[number] = data
+                self._seen |= bit
+
+        return receive
