@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
@@ -20,7 +21,31 @@ _UNDERRANGE: Final = -32512
 _LONGEST_FILTER_MS: Final = 1000.0
 
 
-class DigitalInput:
+class _DigitalChannel(ABC):
+    """A digital channel, its terminal and the wire at it."""
+
+    __slots__ = ("_broken", "_stuck")
+
+    def __init__(self) -> None:
+        self._stuck: bool | None = None
+        self._broken = False
+
+    def stick(self, level: bool | None) -> None:
+        """Let the channel have a level whatever comes or is written; None: it works again."""
+        self._stuck = level
+        self._changed()
+
+    def break_wire(self, broken: bool) -> None:
+        """Break the wire, so that no level arrives at its end (an input reads 0); or mend it."""
+        self._broken = broken
+        self._changed()
+
+    @abstractmethod
+    def _changed(self) -> None:
+        """Find the level out anew."""
+
+
+class DigitalInput(_DigitalChannel):
     """An input with a filter: a level counts when it has lasted for the filter time.
 
     Args:
@@ -29,16 +54,15 @@ class DigitalInput:
 
     """
 
-    __slots__ = ("_broken", "_filter_ns", "_scheduler", "_stuck", "_timer", "raw", "value")
+    __slots__ = ("_filter_ns", "_scheduler", "_timer", "raw", "value")
 
     def __init__(self, scheduler: Scheduler, filter_ms: float = 3.0) -> None:
         if not 0 <= filter_ms <= _LONGEST_FILTER_MS:
             raise ConfigurationError("digital input, filter_ms", filter_ms, f"0..{_LONGEST_FILTER_MS:g}")
+        super().__init__()
         self._scheduler = scheduler
         self._filter_ns = round(filter_ms * MS)
         self._timer: Timer | None = None
-        self._stuck: bool | None = None
-        self._broken = False
         self.raw = False
         """Level that somebody brings."""
         self.value = False
@@ -57,16 +81,6 @@ class DigitalInput:
             self.raw = level
             self._changed()
 
-    def stick(self, level: bool | None) -> None:
-        """Let the terminal have a level whatever comes; None: it works again."""
-        self._stuck = level
-        self._changed()
-
-    def break_wire(self, broken: bool) -> None:
-        """Break the wire: the input reads 0; or mend it."""
-        self._broken = broken
-        self._changed()
-
     def _changed(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
@@ -84,7 +98,7 @@ class DigitalInput:
         self.value = self.level
 
 
-class DigitalOutput:
+class DigitalOutput(_DigitalChannel):
     """An output.
 
     Args:
@@ -93,15 +107,14 @@ class DigitalOutput:
 
     """
 
-    __slots__ = ("_broken", "_stuck", "level", "on_change", "substitute", "value")
+    __slots__ = ("level", "on_change", "substitute", "value")
 
     def __init__(
         self, on_change: Callable[[bool], object] | None = None, *, substitute: bool | None = False
     ) -> None:
+        super().__init__()
         self.on_change = on_change
         self.substitute = substitute
-        self._stuck: bool | None = None
-        self._broken = False
         self.value = False
         """What the controller has written."""
         self.level = False
@@ -112,16 +125,6 @@ class DigitalOutput:
         if level != self.value:
             self.value = level
             self._changed()
-
-    def stick(self, level: bool | None) -> None:
-        """Let the output have a level whatever is written; None: it works again."""
-        self._stuck = level
-        self._changed()
-
-    def break_wire(self, broken: bool) -> None:
-        """Break the wire: no level arrives; or mend it."""
-        self._broken = broken
-        self._changed()
 
     def _changed(self) -> None:
         level = (self.value if self._stuck is None else self._stuck) and not self._broken
