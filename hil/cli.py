@@ -431,6 +431,16 @@ def mutants(
         ),
     ] = 0.0,
     only_list: Annotated[bool, typer.Option("--list", help="Show the defects and run nothing.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the run that is in the report folder.")
+    ] = False,
+    last_failed: Annotated[
+        bool,
+        typer.Option(
+            "--last-failed",
+            help="Only defects that were not caught in the report folder; with --resume: these again.",
+        ),
+    ] = False,
     report: Annotated[
         Path | None,
         typer.Option("--report", "-r", metavar="DIR", help="Folder for mutants.json and mutants.md."),
@@ -445,7 +455,8 @@ def mutants(
 
     request = MutantsRequest(
         names=tuple(names or ()), areas=tuple(area or ()), campaigns=tuple(campaign or ()), catalogue=catalogue,
-        report=report, seed=seed, jobs=parse_jobs(jobs), limit_s=limit, every_case=every, only_list=only_list, as_json=as_json,
+        report=report, seed=seed, jobs=parse_jobs(jobs), limit_s=limit, every_case=every, resume=resume,
+        last_failed=last_failed, only_list=only_list, as_json=as_json,
     )  # fmt: skip
     raise typer.Exit(seed_defects(request))
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from hil._commands.terminal import console, print_json, quiet_stdout
+from hil.errors import CannotRunError
 from hil.mutants import (
     Mutant,
     MutantResult,
@@ -16,14 +16,15 @@ from hil.mutants import (
     Seeder,
     Seeding,
     SeedingOptions,
+    Stored,
     find_judges,
     load_catalogue,
-    markdown,
+    load_stored,
     select_mutants,
+    store,
 )
+from hil.mutants._store import TABLE_FILE
 
-JSON_FILE: Final = "mutants.json"
-TABLE_FILE: Final = "mutants.md"
 _STYLE: Final = {"caught": "green", "explained": "yellow"}
 
 
@@ -40,6 +41,8 @@ class MutantsRequest:
     jobs: int = 1
     limit_s: float = 0.0
     every_case: bool = False
+    resume: bool = False
+    last_failed: bool = False
     only_list: bool = False
     as_json: bool = False
 
@@ -79,24 +82,41 @@ def seed_defects(request: MutantsRequest) -> int:
     with quiet_stdout(request.as_json):
         judges = find_judges(request.campaigns)
         progress = _Progress()
+        stored = _stored(request)
+        if request.last_failed and not request.resume:
+            mutants = stored.missed(mutants)
+        earlier = (
+            stored.kept(mutants, judges, request.seed, again=request.last_failed) if request.resume else []
+        )
         options = SeedingOptions(
             jobs=request.jobs, seed=request.seed, every_case=request.every_case, limit_s=request.limit_s
         )
-        seeder = Seeder(mutants, judges, options, on_baseline=progress.baseline, on_result=progress.mutant)
-        seeding = seeder.run(whole_baseline=not (request.names or request.areas))
+
+        def on_result(result: MutantResult, done: int, total: int) -> None:
+            progress.mutant(result, done, total)
+            if request.report is not None:
+                store(seeder.so_far(), request.report)  # so that nothing is lost, whatever ends this
+
+        seeder = Seeder(
+            mutants, judges, options, on_baseline=progress.baseline, on_result=on_result,
+            earlier=earlier, earlier_seconds=stored.seconds if request.resume else 0.0,
+        )  # fmt: skip
+        seeding = seeder.run()
     if request.report is not None:
-        write_files(seeding, request.report)
+        store(seeding, request.report)
     if request.as_json:
         print_json([result.as_dict() for result in seeding.results])
     _tell(seeding, request.report)
     return seeding.exit_code
 
 
-def write_files(seeding: Seeding, directory: Path) -> None:
-    """Write `mutants.json` and `mutants.md` into a report folder; whatever else lies there stays."""
-    directory.mkdir(parents=True, exist_ok=True)
-    (directory / JSON_FILE).write_text(json.dumps(seeding.as_dict(), indent=2) + "\n", encoding="utf-8")
-    (directory / TABLE_FILE).write_text(markdown(seeding), encoding="utf-8")
+def _stored(request: MutantsRequest) -> Stored:
+    """Return what the report folder holds, if it is asked for."""
+    if not (request.resume or request.last_failed):
+        return Stored()
+    if request.report is None:
+        raise CannotRunError("--resume and --last-failed need the folder of the earlier run: --report DIR")
+    return load_stored(request.report)
 
 
 def _show(mutants: Sequence[Mutant], *, as_json: bool) -> int:
@@ -127,7 +147,7 @@ def _tell(seeding: Seeding, report: Path | None) -> None:
     others = {status: seeding.count(status) for status in ("explained", "survived", "never ran", "trouble")}
     parts += [f"{count} {status}" for status, count in others.items() if count]
     if seeding.interrupted:
-        parts.append("interrupted")
+        parts.append("interrupted" + ("" if report is None else "; --resume goes on"))
     good = seeding.exit_code == 0
     out.print("; ".join(parts), style="bold green" if good else "bold red", markup=False)
     out.print(

@@ -12,6 +12,7 @@ from hil.mutants._mutant import AREAS, Edit, Mutant, defect
 from hil.mutants._patch import TargetChangedError, seeded, watched
 from hil.mutants._plan import CAMPAIGNS, Judge, find_judges, hinted, in_order
 from hil.mutants._seeding import MutantResult, Seeder, Seeding, SeedingOptions
+from hil.mutants._store import Stored, load_stored, store
 from hil.mutants._table import catalogue_table, markdown
 from hil.mutants._worker import Outcome
 
@@ -27,6 +28,7 @@ __all__ = [
     "Seeder",
     "Seeding",
     "SeedingOptions",
+    "Stored",
     "TargetChangedError",
     "catalogue_table",
     "defect",
@@ -34,8 +36,10 @@ __all__ = [
     "hinted",
     "in_order",
     "load_catalogue",
+    "load_stored",
     "markdown",
     "seeded",
     "select_mutants",
+    "store",
     "watched",
 ]

@@ -113,7 +113,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "forward = way != 0 and self._direction in (0, way)",
         "forward = way != 0",
         ids=("HOM-128",),
-        likely=("homing/wrong-direction", "homing/on-the-fly/*"),
+        likely=("homing/cam-bounces/input/9@reference", "homing/wrong-direction"),
     ),
     _defect(
         "input-edge-swapped",

@@ -12,6 +12,7 @@ import ast
 import functools
 import importlib
 import inspect
+import marshal
 import textwrap
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -178,36 +179,48 @@ def _replaced(codes: dict[FunctionType, CodeType], reached: set[str]) -> Iterato
             function.__globals__.pop(_HOOK, None)
 
 
-@contextmanager
-def seeded(mutant: Mutant, reached: set[str]) -> Iterator[None]:
-    """Switch a defect on, and off again at the end.
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """Compiled code for functions; it can be sent to another process of the same interpreter, which need not compile it again."""
 
-    Args:
-        mutant: The defect.
-        reached: Gets its name when one of the changed statements is reached.
+    places: tuple[tuple[Edit, bytes], ...] = ()
+    """For each function one of the edits that lead to it, and its code."""
+
+    @contextmanager
+    def applied(self, reached: set[str]) -> Iterator[None]:
+        """Give the functions this code, and what they had at the end.
+
+        Args:
+            reached: Gets the names of the mutants whose changed statements are reached.
+
+        Raises:
+            TargetChangedError: A function is not there.
+
+        """
+        with _replaced({function_of(edit): marshal.loads(code) for edit, code in self.places}, reached):  # noqa: S302 - our own
+            yield
+
+
+def defect_patch(mutant: Mutant) -> Patch:
+    """Return the code with a defect in it.
 
     Raises:
         TargetChangedError: The code that it changes is not what the catalogue says.
 
     """
-    codes: dict[FunctionType, CodeType] = {}
+    codes: dict[FunctionType, tuple[Edit, bytes]] = {}
     for edit in mutant.edits:
         function = function_of(edit)
         if function in codes:
             raise TargetChangedError(edit, f"mutant {mutant.name} changes it twice; make that one change")
         change = changed_source(edit, function)
-        codes[function] = _compiled(function, change.source, [(change.line, mutant.name)], edit)
-    with _replaced(codes, reached):
-        yield
+        code = _compiled(function, change.source, [(change.line, mutant.name)], edit)
+        codes[function] = (edit, marshal.dumps(code))
+    return Patch(tuple(codes.values()))
 
 
-@contextmanager
-def watched(mutants: Iterable[Mutant], reached: set[str]) -> Iterator[None]:
-    """Let the places of defects tell that they are reached, with nothing changed otherwise.
-
-    Args:
-        mutants: The defects, none of which is switched on.
-        reached: Gets the names of those whose changed statement would have been reached.
+def watching_patch(mutants: Iterable[Mutant]) -> Patch:
+    """Return code that tells where the places of defects are reached, and does nothing else otherwise.
 
     Raises:
         TargetChangedError: The code that one of them changes is not what the catalogue says.
@@ -223,9 +236,46 @@ def watched(mutants: Iterable[Mutant], reached: set[str]) -> Iterator[None]:
             _compiled(function, change.source, [(change.line, mutant.name)], edit)
             places.setdefault(function, []).append((change.line, mutant.name))
             edits[function] = edit
-    codes = {
-        function: _compiled(function, textwrap.dedent(inspect.getsource(function)), lines, edits[function])
-        for function, lines in places.items()
-    }
-    with _replaced(codes, reached):
+    return Patch(
+        tuple(
+            (
+                edits[function],
+                marshal.dumps(
+                    _compiled(function, textwrap.dedent(inspect.getsource(function)), lines, edits[function])
+                ),
+            )
+            for function, lines in places.items()
+        )
+    )
+
+
+@contextmanager
+def seeded(mutant: Mutant, reached: set[str]) -> Iterator[None]:
+    """Switch a defect on, and off again at the end.
+
+    Args:
+        mutant: The defect.
+        reached: Gets its name when one of the changed statements is reached.
+
+    Raises:
+        TargetChangedError: The code that it changes is not what the catalogue says.
+
+    """
+    with defect_patch(mutant).applied(reached):
+        yield
+
+
+@contextmanager
+def watched(mutants: Iterable[Mutant], reached: set[str]) -> Iterator[None]:
+    """Let the places of defects tell that they are reached, with nothing changed otherwise.
+
+    Args:
+        mutants: The defects, none of which is switched on.
+        reached: Gets the names of those whose changed statement would have been reached.
+
+    Raises:
+        TargetChangedError: The code that one of them changes is not what the catalogue says.
+
+    """
+    with watching_patch(mutants).applied(reached):
         yield

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -28,6 +29,12 @@ CAMPAIGNS: Final = (
     "testcases.campaigns.homing@profidrive",
     "testcases.campaigns.telegram_faults@profidrive",
     "testcases.campaigns.modbus_faults",
+    "testcases.campaigns.limits@reference",
+    "testcases.campaigns.monitoring@reference",
+    "testcases.campaigns.control@profidrive",
+    "testcases.campaigns.motion_in@reference",
+    "testcases.campaigns.external_encoder",
+    "testcases.campaigns.commissioning@reference",
 )
 """The campaigns that ship with the product, with the benches that they are run on here."""
 
@@ -78,6 +85,14 @@ def find_judges(references: Sequence[str] = ()) -> list[Judge]:
 
 def _cases(found: Found, bench: str) -> Iterable[Judge]:
     return (Judge(case.identifier, found.reference, bench or case.bench) for case in found.campaign.cases)
+
+
+def modules_of(judges: Iterable[Judge]) -> list[str]:
+    """Return the modules that campaigns and benches of cases lie in, as far as they can be imported by name."""
+    references = dict.fromkeys(name for judge in judges for name in (judge.campaign, judge.bench))
+    return list(
+        dict.fromkeys(module for one in references if (module := one.partition(":")[0]) in sys.modules)
+    )
 
 
 def hinted(mutant: Mutant, judges: Sequence[Judge]) -> list[Judge]:

@@ -21,15 +21,14 @@ START_LIMIT_S: Final = 120.0
 """Wall time within which a process has to be ready for its first case."""
 RESERVE_S: Final = 5.0
 """What a case gets beyond its limit to end itself, before its process is killed."""
-_PRELOADED: Final = ("hil.mutants._worker", "hil.bench", "testcases.campaigns.fault_reactions")
 
 
-def _context() -> Any:
+def _context(preload: Iterable[str]) -> Any:
     """Return how processes are started: as copies of one that has imported everything and run nothing, where there is that."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(list(_PRELOADED))
+    context.set_forkserver_preload(["hil.mutants._preload", *preload])
     return context
 
 
@@ -60,19 +59,20 @@ class Pool:
 
     Args:
         jobs: How many; 0 = one for every processor.
+        preload: Modules that each process has from its start; what cannot be imported is left out.
 
     Raises:
         CannotRunError: Fewer than none.
 
     """
 
-    def __init__(self, jobs: int) -> None:
+    def __init__(self, jobs: int, preload: Iterable[str] = ()) -> None:
         if jobs < 0:
             raise CannotRunError(
                 f"{jobs} worker processes are not possible; give 1 or more, or 0 for all processors"
             )
         self._jobs = jobs or processors()
-        self._context: BaseContext = _context()
+        self._context: BaseContext = _context(preload)
         self._running: list[_Running] = []
 
     def run(self, tasks: Iterable[Task]) -> Iterator[Finished]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Final
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
 
 from hil.errors import CannotRunError
 from hil.mutants._mutant import Mutant
-from hil.mutants._plan import Judge, hinted, in_order
+from hil.mutants._patch import Patch, TargetChangedError, defect_patch, watching_patch
+from hil.mutants._plan import Judge, hinted, in_order, modules_of
 from hil.mutants._pool import Finished, Pool
 from hil.mutants._worker import Outcome, Task
 
@@ -20,6 +22,8 @@ LEAST_LIMIT_S: Final = 20.0
 """A case with a defect may take so many times the time it takes without one, and at least this long, s."""
 _CHUNK: Final = 12
 """Cases of the baseline that one process runs."""
+_BEST: Final = 3
+"""Cases that are tried for every defect before any others."""
 
 OnResult = Callable[["MutantResult", int, int], None]
 OnBaseline = Callable[[Outcome, int, int], None]
@@ -37,6 +41,11 @@ class SeedingOptions:
     """Limit of wall time of a case, s; 0: from the time that it takes without a defect."""
 
 
+def changes_of(mutant: Mutant) -> list[dict[str, str]]:
+    """Return the changes of a mutant as plain data."""
+    return [{"target": edit.target, "old": edit.old, "new": edit.new} for edit in mutant.edits]
+
+
 @dataclass(slots=True)
 class MutantResult:
     """What became of one defect."""
@@ -45,18 +54,28 @@ class MutantResult:
     outcomes: list[Outcome] = field(default_factory=list)
     """Of the cases run, in order."""
     able: int = 0
-    """Cases that come to the changed statement."""
+    """Cases known to come to the changed statement."""
     trouble: str = ""
     """Why it could not be judged."""
+    over: bool = False
+    """Whether it is judged for good: no more cases are tried."""
+    earlier: Mapping[str, Any] | None = None
+    """What an earlier run found, as `as_dict` gave it; None: it is judged in this run."""
 
     @property
     def caught_by(self) -> list[Outcome]:
         """Outcomes of the cases that were red."""
+        if self.earlier is not None:
+            how, message = self.earlier["how"], self.earlier["message"]
+            judges = (Judge(name, "", "") for name in self.earlier["caught_by"])
+            return [Outcome(judge, how, message, 0.0, frozenset()) for judge in judges]
         return [outcome for outcome in self.outcomes if outcome.catches]
 
     @property
     def seconds(self) -> float:
         """Wall time of the cases up to the first that caught it, or of all, s."""
+        if self.earlier is not None:
+            return float(self.earlier["seconds"])
         total = 0.0
         for outcome in self.outcomes:
             total += outcome.seconds
@@ -72,6 +91,8 @@ class MutantResult:
     @property
     def status(self) -> str:
         """`caught`, `explained` (nobody can notice it, with a reason), `survived`, `never ran`, or `trouble`."""
+        if self.earlier is not None:
+            return str(self.earlier["status"])
         if self.trouble:
             return "trouble"
         if self.caught:
@@ -82,6 +103,8 @@ class MutantResult:
 
     def as_dict(self) -> dict[str, object]:
         """Return the result as plain data, as `hil mutants --json` prints it."""
+        if self.earlier is not None:
+            return dict(self.earlier)
         caught_by = self.caught_by
         first = caught_by[0] if caught_by else None
         return {
@@ -90,9 +113,7 @@ class MutantResult:
             "title": self.mutant.title,
             "requirements": list(self.mutant.requirements),
             "targets": [edit.target for edit in self.mutant.edits],
-            "changes": [
-                {"target": edit.target, "old": edit.old, "new": edit.new} for edit in self.mutant.edits
-            ],
+            "changes": changes_of(self.mutant),
             "status": self.status,
             "caught_by": [outcome.judge.name for outcome in caught_by],
             "how": "" if first is None else first.verdict,
@@ -115,6 +136,10 @@ class Seeding:
     seconds: float = 0.0
     baseline_seconds: float = 0.0
     interrupted: bool = False
+    """Whether it ended before every defect was judged, or has not ended yet."""
+    seed: int = 0
+    judged_by: str = ""
+    """Digest of the cases that judge and of their benches' names: with others the results would not be comparable."""
 
     def count(self, status: str) -> int:
         """Return how many defects ended so."""
@@ -140,7 +165,15 @@ class Seeding:
             "baseline_seconds": round(self.baseline_seconds, 1),
             "seconds": round(self.seconds, 1),
             "interrupted": self.interrupted,
+            "seed": self.seed,
+            "judged_by": self.judged_by,
         }
+
+
+def digest_of(judges: Iterable[Judge]) -> str:
+    """Return a digest of the names of cases, with campaign and bench."""
+    text = "\n".join(sorted(f"{judge.campaign} {judge.name}" for judge in judges))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 class Seeder:
@@ -152,6 +185,8 @@ class Seeder:
         options: How.
         on_baseline: Called after every case of the baseline with its outcome, the number done and the number of all.
         on_result: The same for every defect.
+        earlier: Results of an earlier run that are kept.
+        earlier_seconds: Wall time that went into them, s.
 
     """
 
@@ -163,6 +198,8 @@ class Seeder:
         *,
         on_baseline: OnBaseline | None = None,
         on_result: OnResult | None = None,
+        earlier: Iterable[MutantResult] = (),
+        earlier_seconds: float = 0.0,
     ) -> None:
         if not mutants or not judges:
             raise CannotRunError("nothing to do: there are no defects, or no cases to judge them")
@@ -171,40 +208,61 @@ class Seeder:
         self._options = options
         self._on_baseline = on_baseline
         self._on_result = on_result
-        self._pool = Pool(options.jobs)
-        self._seeding = Seeding()
-        self._done: dict[str, MutantResult] = {}
-        self._told = 0
+        self._pool = Pool(options.jobs, modules_of(judges))
+        self._seeding = Seeding(seed=options.seed, judged_by=digest_of(judges))
+        self._done: dict[str, MutantResult] = {result.mutant.name: result for result in earlier}
+        self._told = len(self._done)
+        self._started_s = time.perf_counter() - earlier_seconds
+        self._watching = Patch()
 
-    def run(self, *, whole_baseline: bool = True) -> Seeding:
+    def run(self) -> Seeding:
         """Run; Ctrl-C ends early, with the results so far and `interrupted` set.
 
-        Args:
-            whole_baseline: Begin with every case of every campaign. Without, only the cases that a defect is likely to be caught
-                by are run first, and the others when one was not: enough for a few defects.
+        Raises:
+            CannotRunError: A change cannot be made: the product is not what the catalogue says.
 
         """
-        started = time.perf_counter()
         seeding = self._seeding
         try:
-            self._all_stages(whole_baseline=whole_baseline or self._options.every_case)
+            self._watching = watching_patch(self._mutants)
+            self._all_stages()
+        except TargetChangedError as error:
+            raise CannotRunError(str(error)) from error
         except KeyboardInterrupt:
             seeding.interrupted = True
-        seeding.results = [self._done[one.name] for one in self._mutants if one.name in self._done]
-        seeding.seconds = time.perf_counter() - started
+        return self._sum_up()
+
+    def so_far(self) -> Seeding:
+        """Return what is known by now, marked as interrupted."""
+        return replace(self._sum_up(), interrupted=True)
+
+    def _sum_up(self) -> Seeding:
+        seeding = self._seeding
+        found = (self._done.get(one.name) for one in self._mutants)
+        seeding.results = [result for result in found if result is not None and result.over]
+        seeding.seconds = time.perf_counter() - self._started_s
         return seeding
 
-    def _all_stages(self, *, whole_baseline: bool) -> None:
-        left = self._mutants
-        if not whole_baseline:
-            likely = list(dict.fromkeys(one for mutant in left for one in hinted(mutant, self._judges)))
+    def _all_stages(self) -> None:
+        """Try the best of the likely cases, then all likely ones, then all others: few defects come that far."""
+        left = [one for one in self._mutants if one.name not in self._done]
+        if not left:
+            return
+        hints = {mutant.name: hinted(mutant, self._judges) for mutant in left}
+        for share in () if self._options.every_case else (_BEST, None):
+            likely = list(dict.fromkeys(judge for one in left for judge in hints[one.name][:share]))
             if not self._measure(likely):
                 return
             self._judge(likely, left, last=False)
-            left = [
-                one for one in left if not self._done[one.name].caught and not self._done[one.name].trouble
-            ]
-        if left and self._measure(self._judges):
+            if share is None:
+                for mutant in left:
+                    result = self._done[mutant.name]
+                    if result.status == "explained":
+                        self._tell(result)
+            left = [one for one in left if not self._done[one.name].over]
+            if not left:
+                return
+        if self._measure(self._judges):
             self._judge(self._judges, left, last=True)
 
     # -- baseline -----------------------------------------------------------------------------------------------
@@ -217,7 +275,7 @@ class Seeder:
         limit_s = self._options.limit_s or BASELINE_LIMIT_S
         tasks = [
             Task(
-                tuple(new[index : index + _CHUNK]), self._options.seed, None, tuple(self._mutants), False,
+                tuple(new[index : index + _CHUNK]), self._options.seed, None, self._watching, False,
                 (limit_s,) * len(new[index : index + _CHUNK]),
             )
             for index in range(0, len(new), _CHUNK)
@@ -251,8 +309,9 @@ class Seeder:
             order = [judge for judge in order if judge not in tried]
             if order:
                 limits = tuple(self._limit(seconds[judge]) for judge in order)
+                first = not self._options.every_case
                 tasks.append(
-                    Task(tuple(order), self._options.seed, mutant, (), not self._options.every_case, limits)
+                    Task(tuple(order), self._options.seed, mutant, defect_patch(mutant), first, limits)
                 )
             elif last:
                 self._tell(result)
@@ -280,6 +339,7 @@ class Seeder:
         return result
 
     def _tell(self, result: MutantResult) -> None:
+        result.over = True
         self._told += 1
         if self._on_result is not None:
             self._on_result(result, self._told, len(self._mutants))

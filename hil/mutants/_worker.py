@@ -8,8 +8,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, redirect_stdout
+from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from typing import Final
@@ -18,7 +17,7 @@ from hil.campaign import CaseSettings, case_seed, execute_case, load_campaign
 from hil.campaign._limits import USED_UP
 from hil.campaign._worker import bench_of
 from hil.mutants._mutant import Mutant
-from hil.mutants._patch import seeded, watched
+from hil.mutants._patch import Patch
 from hil.mutants._plan import Judge
 from reports.model import Verdict
 
@@ -33,9 +32,9 @@ class Task:
     judges: tuple[Judge, ...]
     seed: int
     mutant: Mutant | None
-    """The defect to switch on; None: the product as it is."""
-    watched: tuple[Mutant, ...] = ()
-    """Without a defect: those whose places are to be noted."""
+    """The defect that is judged; None: the product as it is."""
+    patch: Patch
+    """Its code; without a defect: code that notes the places of all of them."""
     stop_at_first: bool = True
     limits_s: tuple[float, ...] = ()
     """Limit of wall time of each case, s; the case ends itself at it, and the parent ends the process a little later."""
@@ -96,19 +95,9 @@ def _limit_memory() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, hard))
 
 
-@contextmanager
-def _patched(task: Task, reached: set[str]) -> Iterator[None]:
-    with ExitStack() as stack:
-        if task.mutant is not None:
-            stack.enter_context(seeded(task.mutant, reached))
-        elif task.watched:
-            stack.enter_context(watched(task.watched, reached))
-        yield
-
-
 def _run(task: Task, pipe: Connection) -> None:
     reached: set[str] = set()
-    with _patched(task, reached):
+    with task.patch.applied(reached):
         pipe.send("ready")
         for judge, limit_s in zip(task.judges, task.limits_s, strict=True):
             reached.clear()

@@ -204,9 +204,51 @@ def test_all_goes_on_after_the_first_catch(capsys, green):
         assert entry["cases_run"] == entry["cases_reaching_it"]
 
 
+def test_a_run_that_was_ended_goes_on(capsys, green, monkeypatch, tmp_path):
+    """Ctrl-C keeps what is known, exit code 2; --resume judges the others alone; --last-failed those that were not caught."""
+    arguments = ["--catalogue", f"{TOY}:FEW", "--campaign", green, "--json", "--report", "rep"]
+    told = []
+
+    def tell(_, result, done, total):
+        told.append(f"{done}/{total} {result.mutant.name}")
+        if len(told) == 1:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as during:
+        during.setattr("hil._commands.mutants._Progress.mutant", tell)
+        code, out, err = call(capsys, *arguments)
+        assert code == 2
+        assert "interrupted; --resume goes on" in err
+        assert [entry["name"] for entry in json.loads(out)] == ["slope-inverted"]
+        file = tmp_path / "rep" / "mutants.json"
+        assert json.loads(file.read_text())["interrupted"] is True
+        code, out, _ = call(capsys, *arguments, "--resume")
+        assert code == 1, "one has survived"
+        assert told == ["1/3 slope-inverted", "2/3 stays-closed", "3/3 survives"]
+        found = json.loads(out)
+        assert [entry["status"] for entry in found] == ["caught", "caught", "survived"]
+        assert json.loads(file.read_text())["mutants"] == found
+        told[:] = ["again"]
+        code, out, _ = call(capsys, *arguments, "--resume", "--last-failed")
+        assert (code, told[1:], json.loads(out)[:2]) == (1, ["3/3 survives"], found[:2])
+        told[:] = ["only"]
+        code, out, _ = call(capsys, *arguments, "--last-failed")
+        assert (code, told[1:], [entry["name"] for entry in json.loads(out)]) == (
+            1,
+            ["1/1 survives"],
+            ["survives"],
+        )
+    code, _, err = call(capsys, *arguments, "--resume", "--seed", 5)
+    assert (code, "holds a run with seed 0" in err) == (2, True)
+    code, _, err = call(
+        capsys, *arguments[:2], "--campaign", f"{TOY}@reference", "--report", "rep", "--resume"
+    )
+    assert (code, "other cases have judged" in err) == (2, True)
+
+
 def test_a_red_baseline_stops_everything(capsys):
     """A case that fails without a defect can judge none: it says so, with exit code 2."""
-    code, _, err = call(capsys, "--catalogue", f"{TOY}:MUTANTS", "--campaign", TOY)
+    code, _, err = call(capsys, "stays-closed", "--catalogue", f"{TOY}:MUTANTS", "--campaign", TOY)
     assert code == 2
     assert "red without any defect: red/red" in err
     assert "caught" not in err
@@ -223,6 +265,9 @@ def test_a_red_baseline_stops_everything(capsys):
         (["--campaign", "no.such.module"], "no campaign"),
         (["--campaign", "testcases.campaigns.stop_modes@live"], "real time"),
         (["changed", "--catalogue", f"{TOY}:CHANGED_LIST"], "CHANGED_LIST"),
+        (["--catalogue", f"{TOY}:CHANGED_ONES", "--campaign", TOY], "0 times, not once"),
+        (["--resume"], "--report DIR"),
+        (["--last-failed", "--report", "nowhere"], "does not exist"),
     ],
 )
 def test_what_cannot_run_is_told(capsys, arguments, words):
