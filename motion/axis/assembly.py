@@ -25,7 +25,7 @@ from motion.axis.modulo import NO_MODULO, Modulo
 from motion.axis.monitoring import Monitoring
 from motion.axis.setpoint_filter import DynamicFilter
 from motion.axis.simulation import SimulatedController, SimulatedFeedback, SimulatedPort, VirtualController
-from motion.axis.torque import TorqueControl
+from motion.axis.torque import TORQUE_DATA, TorqueControl
 from motion.drives.encoder import EncoderPort
 
 if TYPE_CHECKING:
@@ -36,10 +36,13 @@ if TYPE_CHECKING:
     from motion.drives.port import DrivePort
     from motion.variables import VariableStore
 
+ALARM_ADDRESS: Final = 109
 ALARM_ADJUSTED: Final = 110
 _STANDS: Final = 1e-6
 """Axis units per second that are none, whatever the standstill threshold is."""
 ALARM_VELOCITY_UNREACHABLE: Final = 551
+_DATA_EXCHANGE: Final = 9
+"""Cause of alarm 109: telegram 750 (TA-013)."""
 _ROUNDING: Final = 1.0 + 1e-9
 
 
@@ -92,6 +95,7 @@ class AxisAssembly:
             interfaces=tuple(one.interface_number for one in self.encoder_ports),
             velocities=tuple(one.brings_speed for one in self.encoder_ports),
             simulated=read("VirtualAxis.Mode") == 1 or read("Simulation.Mode") == 1,
+            analog=port.analog,
         )
         problems = check_configuration(self.variables, abilities, cpu=self.cpu, start=start)
         if number and not abilities.simulated:
@@ -119,6 +123,10 @@ class AxisAssembly:
         self.derive(restart=True, powered_off=powered_off)
         if self.has_position:
             self.limits.check_addresses()
+        if store.read(TORQUE_DATA) and not simulated and not self.drive_port.has_torque_data:
+            self.alarms.raise_alarm(
+                ALARM_ADDRESS, info=_DATA_EXCHANGE, text=f"{TORQUE_DATA} is TRUE without telegram 750"
+            )
         self.homed = (
             self.has_position
             and not simulated

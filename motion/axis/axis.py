@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 from fieldbus.errors import ConfigurationError
 from motion.axis.adaption import Adaption
 from motion.axis.backlash import Backlash
-from motion.axis.configuration import derive_units
+from motion.axis.configuration import given_values
 from motion.axis.control_words import ControlWords
 from motion.axis.data_block import frozen, live_variables, unit_names
 from motion.axis.enabling import EnableControl
@@ -24,6 +24,7 @@ from motion.axis.reset import ALARM_RESTART_REFUSED, Reset
 from motion.axis.servo import ServoCycle
 from motion.axis.state import FACTS, AxisState
 from motion.axis.status import status_word, status_word2
+from motion.axis.torque import TORQUE_DATA
 from motion.axis.trace import TRACE_COLUMNS, trace_row
 from motion.data_blocks import DataBlocks
 from motion.drives.port import INPUT_HOME
@@ -103,7 +104,7 @@ class TechnologyAxis(ServoCycle):
         self.fine = FineInterpolation(ratio, self.cycle_s) if ratio > 1 else None
         """Points on the way between two setpoints of the interpolator; None: it runs in every servo cycle."""
         self._direct_delay_s = 2 * self.cycle_s if delay_s is None else delay_s
-        start_values = derive_units(dict(variables or {}))
+        start_values = given_values(dict(variables or {}))
         self.variables = VariableStore(
             self.object_type, start_values, sensors=len(self.encoder_ports), name=name, history=history
         )
@@ -115,9 +116,10 @@ class TechnologyAxis(ServoCycle):
                     self.variables.preset(f"Sensor[{number}].Interface.Number", one.interface_number)
         if ramp_times:
             self.variables.on_start_value = RampTimes(self.variables, ramp_times, start_values).follow
-        torque_data = "Actor.Interface.EnableTorqueData"
-        if torque_data not in start_values:
-            self.variables.preset(torque_data, port.has_torque_data)
+        if TORQUE_DATA not in start_values:
+            self.variables.preset(TORQUE_DATA, port.has_torque_data)
+        if port.analog and "Actor.Type" not in start_values:
+            self.variables.preset("Actor.Type", 0)
         self.state = AxisState.DISABLED
         self.facts = FACTS[AxisState.DISABLED]
         self.homed = False
@@ -160,7 +162,7 @@ class TechnologyAxis(ServoCycle):
         """`OperativeSensor`: the encoder in position control (CFG-314)."""
         problems = self.check(start=False)
         if problems:
-            raise problems[0].error()
+            raise problems[0].error(problems[1:])
         self.simulated = self.virtual = False
         self._leading = None
         self.encoder_apart: EncoderSource | None = None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from fieldbus.errors import ConfigurationError
@@ -30,6 +31,9 @@ ANALOG_OVERRUN: Final = 1.17
 """The same with an analog output (CFG-396)."""
 
 
+_LARGEST_COUNT: Final = 1 << 32
+"""Values of Gx_XIST1."""
+_ANALOG: Final = 0
 _ROTARY: Final = 1
 _LINEAR_MOTOR: Final = 1
 _LINEAR_SYSTEM: Final = 0
@@ -54,9 +58,12 @@ class Problem(NamedTuple):
     allowed: str
     """What is allowed, and because of which other variable."""
 
-    def error(self) -> ConfigurationError:
-        """Return it as an exception."""
-        return ConfigurationError(self.path, self.value, self.allowed)
+    def error(self, others: Sequence[Problem] = ()) -> ConfigurationError:
+        """Return it as an exception, which names the `others` too."""
+        more = "".join(
+            f"; and {one.path}: {one.value} is not allowed; allowed: {one.allowed}" for one in others
+        )
+        return ConfigurationError(self.path, self.value, self.allowed + more)
 
     def __str__(self) -> str:
         return f"{self.path} = {self.value}; allowed: {self.allowed}"
@@ -73,10 +80,24 @@ class Abilities(NamedTuple):
     """For every encoder in turn, whether its telegram has `NIST_B`."""
     simulated: bool = False
     """Nothing of the connection is used: the axis is virtual or simulated."""
+    analog: bool = False
+    """The setpoint is an analog output (CFG-178)."""
 
 
-def derive_units(variables: dict[str, Any]) -> dict[str, Any]:
-    """Return start values with the units of a rotary object, degrees, where nothing else is given (CFG-069)."""
+_SHOWN: Final = re.compile(r"(?!StatusSensor.*\.(Adjusted|AbsEncoderOffset)$)(Status|Error|Warning|\w+$)")
+"""Variables that show what an object does; those that are retentive of an encoder can be given."""
+
+
+def given_values(variables: dict[str, Any]) -> dict[str, Any]:
+    """Return start values with the units of a rotary object, degrees, where nothing else is given (CFG-069).
+
+    Raises:
+        ConfigurationError: One of the variables is no configuration (VAR-009).
+
+    """
+    for path, value in variables.items():
+        if _SHOWN.match(path):
+            raise ConfigurationError(path, value, "no value: it shows what the object does")
     if variables.get("Properties.MotionType") != _ROTARY:
         return variables
     return {"Units.LengthUnit": 1005, "Units.VelocityUnit": 1521, **variables}
@@ -197,6 +218,11 @@ class _Check:
             yield from self._axis()
 
     def _reference(self) -> Iterator[Problem]:
+        if not self.can.simulated and (self.read("Actor.Type") == _ANALOG) is not self.can.analog:
+            wanted, way = (_ANALOG, "an analog output") if self.can.analog else (1, "a telegram")
+            yield Problem(
+                "Actor.Type", self.read("Actor.Type"), f"{wanted}: the drive is connected by {way} (CFG-178)"
+            )
         linear = self.kind != "SpeedAxis" and self.read("Actor.MotorType") == _LINEAR_MOTOR
         path = (
             "Actor.LinearMotorDriveParameter.ReferenceVelocity"
@@ -250,6 +276,14 @@ class _Check:
                 f"{prefix}.Parameter.DeterminableRevolutions", 0,
                 f"1 or more: {prefix}.Type = 2 counts measuring ranges (CFG-292, CFG-299)",
             )  # fmt: skip
+        steps = read(f"{prefix}.Parameter.StepsPerRevolution")
+        fine = read(f"{prefix}.Parameter.FineResolutionXist1")
+        if read(f"{prefix}.System") != _LINEAR_SYSTEM and steps << fine > _LARGEST_COUNT:
+            yield Problem(
+                f"{prefix}.Parameter.FineResolutionXist1", fine,
+                f"at most {(_LARGEST_COUNT // steps).bit_length() - 1}: with {prefix}.Parameter.StepsPerRevolution = {steps} "
+                "a revolution has more counts than G1_XIST1 can tell apart (CFG-618)",
+            )  # fmt: skip
         interfaces = self.can.interfaces
         place = interfaces[number - 1] if number <= len(interfaces) else 1
         if read(f"{prefix}.Interface.Number") != place and not self.can.simulated:
@@ -296,6 +330,12 @@ class _Check:
             yield Problem(
                 f"Sensor[{existing[1]}].Existent", True, f"FALSE: cpu = {self.cpu} has one encoder (CFG-177)"
             )
+        for number in existing:
+            if number > max(1, len(can.interfaces)):
+                yield Problem(
+                    f"Sensor[{number}].Existent", True,
+                    f"FALSE: the axis is connected to {len(can.interfaces)} encoder(s) (CFG-175)",
+                )  # fmt: skip
         initial = read("PositionControl.InitialOperativeSensor")
         if initial not in existing:
             yield Problem(
@@ -353,7 +393,7 @@ def setpoint_range(store: VariableStore) -> SetpointRange:
         place = "Actor.DriveParameter."
         reference_name, maximum_name, torque_name = "ReferenceSpeed", "MaxSpeed", "ReferenceTorque"
     reference, maximum = read(place + reference_name), read(place + maximum_name)
-    most = reference * (ANALOG_OVERRUN if read("Actor.Type") == 0 else DIGITAL_OVERRUN)
+    most = reference * (ANALOG_OVERRUN if read("Actor.Type") == _ANALOG else DIGITAL_OVERRUN)
     adjusted = ""
     if maximum > most:
         adjusted = (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from motion.alarms import AlarmEngine
 from motion.axis.adaption import Adaption
-from motion.axis.configuration import Abilities, Problem, check_configuration, derive_units
+from motion.axis.configuration import Abilities, Problem, check_configuration, given_values
 from motion.axis.data_block import frozen, in_its_units
 from motion.axis.encoder_enabling import EncoderEnabling
 from motion.axis.feedback import VALID, Feedback
@@ -116,7 +116,7 @@ class ExternalEncoder:
         self.port = port
         self.history = history
         self.cycle_s = cycle_ns * 1e-9
-        start_values = derive_units(dict(variables or {}))
+        start_values = given_values(dict(variables or {}))
         self.variables = VariableStore(self.object_type, start_values, name=name, history=history)
         if "Sensor.Type" not in start_values and port.absolute_encoder:
             self.variables.preset("Sensor.Type", 1)
@@ -141,7 +141,7 @@ class ExternalEncoder:
         self._adaption: Adaption | None = None
         problems = self.check(start=False)
         if problems:
-            raise problems[0].error()
+            raise problems[0].error(problems[1:])
         self._threshold = self.variables.bind("StandstillSignal.VelocityThreshold")
         self._dwell = self.variables.bind("StandstillSignal.MinDwellTime")
         self._farthest = farthest_position(self.variables.read("Units.LengthUnit"))

@@ -84,7 +84,8 @@ class Modulo:
     def limits(self, low: float, high: float, present: float) -> tuple[float, float]:
         """Return software limits around the unwrapped position `present` (VAR-171).
 
-        A limit outside the range does not act alone: the end of the range takes its place. Two of them do not act at all.
+        A limit outside the range does not act alone: the end of the range takes its place. Two of them do not act at all. A
+        negative limit above the positive one permits what lies across the end of the range.
         """
         if not self.enabled:
             return low, high
@@ -93,6 +94,12 @@ class Modulo:
         if not low_inside and not high_inside:
             return -inf, inf
         base = self.cycle(present) * self.length
+        if low_inside and high_inside and low > high:
+            # Between the two, where the axis must not be, it belongs to the nearer one.
+            upper = present - base > 0.5 * (low + high)
+            return (
+                (base + low, base + high + self.length) if upper else (base + low - self.length, base + high)
+            )
         return base + (low if low_inside else self.start), base + (high if high_inside else end)
 
 

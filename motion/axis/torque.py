@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
 
 ALARM_CLAMPING: Final = 542
+TORQUE_DATA: Final = "Actor.Interface.EnableTorqueData"
 
 LIMIT_RANGE: Final = 2147483648.0
 """Greatest magnitude of `MC_TorqueLimiting.Limit` (STP-603)."""
@@ -116,7 +117,7 @@ class TorqueControl:
             self._deviation = bind("Clamping.FollowingErrorDeviation")
             self._tolerance = bind("Clamping.PositionTolerance")
         self._precontrol: TorquePrecontrol | None = None
-        self._selected = bind("Actor.Interface.EnableTorqueData")
+        self._selected = bind(TORQUE_DATA)
         sends = axis.drive_port.has_torque_data and self._selected.value and not axis.simulated
         if axis.has_position and sends and store.read("TorquePreControl.Mode") == 1:
             self._precontrol = TorquePrecontrol(store)

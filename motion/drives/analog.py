@@ -97,6 +97,7 @@ class AnalogPort(LinkedPort):
     )
 
     reports_stop = False
+    analog = True
 
     def __init__(
         self,

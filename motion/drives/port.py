@@ -91,6 +91,8 @@ class DrivePort(ABC):
 
     reports_stop: ClassVar[bool] = True
     """The status word tells when a stop that the drive makes by itself has ended; False: the axis has to look."""
+    analog: ClassVar[bool] = False
+    """The setpoint is an analog output and no telegram (`Actor.Type`)."""
 
     def __init__(self) -> None:
         self.zsw1 = 0

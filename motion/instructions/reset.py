@@ -90,3 +90,7 @@ class MC_Reset(Instruction):
     def done(self) -> bool:
         """Return `Done`."""
         return self.Done
+
+    def ended(self) -> bool:
+        """Return whether it has ended, one way or another."""
+        return self.Done or self.Error

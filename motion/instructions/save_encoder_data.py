@@ -82,3 +82,7 @@ class MC_SaveAbsoluteEncoderData:
     def error(self) -> bool:
         """Return `Error`."""
         return self.Error
+
+    def ended(self) -> bool:
+        """Return whether it has ended, one way or another."""
+        return self.Done or self.Error

@@ -110,15 +110,17 @@ class TravelLimits(HardwareLimits):
     def _follow_range(self, position: float) -> bool:
         """Take limits and position of this cycle over; returns whether the limits act."""
         axis = self._axis
-        if not self._sw_active.value or not axis.homed:
+        active = self._sw_active.value
+        low, high = given = self._sw_min.value, self._sw_max.value
+        modulo = axis.modulo.enabled
+        contradiction = active and (low == high or (low > high and not modulo))
+        if contradiction:
+            axis.alarms.raise_alarm(ALARM_SOFTWARE_SPECIFICATION)
+        if contradiction or not active or not axis.homed:
             self._was_active = False
             self.software_min = self.software_max = False
             return False
-        low, high = given = self._sw_min.value, self._sw_max.value
-        if low >= high:
-            axis.alarms.raise_alarm(ALARM_SOFTWARE_SPECIFICATION)
-            return False
-        if axis.modulo.enabled:
+        if modulo:
             low, high = self._modulo_range(given, position)
         if self._passed and not axis.alarms.blocking:
             # Acknowledged: it may go inwards step by step, and where it is now it has not passed anything anew (LIM-094).

@@ -72,6 +72,18 @@ def refused(settings, *, kind=PositioningAxis, encoders=1, **more):
             marks=pytest.mark.requirement("CFG-090", "CFG-091"), id="six decimals, position"),
         pytest.param({"Modulo.Length": 0.0}, "Modulo.Length: 0.0 is not allowed",
             marks=pytest.mark.requirement("CFG-095"), id="no modulo length"),
+        pytest.param({"Sensor[2].Existent": True},
+            "Sensor[2].Existent: True is not allowed; allowed: FALSE: the axis is connected to 1 encoder(s)",
+            marks=pytest.mark.requirement("CFG-175", "VAR-027"), id="an encoder that is not connected"),
+        pytest.param({"Sensor[1].Parameter.StepsPerRevolution": 8388608, "Sensor[1].Parameter.FineResolutionXist1": 10},
+            "Sensor[1].Parameter.FineResolutionXist1: 10 is not allowed; allowed: at most 9",
+            marks=pytest.mark.requirement("CFG-618"), id="more counts than the word has"),
+        pytest.param({"Actor.Type": 0}, "Actor.Type: 0 is not allowed; allowed: 1: the drive is connected by a telegram",
+            marks=pytest.mark.requirement("CFG-178"), id="analog drive behind a telegram"),
+        pytest.param({"StatusWord": 1}, "StatusWord: 1 is not allowed; allowed: no value: it shows what the object does",
+            marks=pytest.mark.requirement("VAR-009"), id="status word"),
+        pytest.param({"ActualPosition": 5.0}, "ActualPosition: 5.0 is not allowed",
+            marks=pytest.mark.requirement("VAR-009"), id="actual position"),
         pytest.param({"Simulation.Mode": 1, "PositionControl.InitialOperativeSensor": 2},
             "PositionControl.InitialOperativeSensor: 2 is not allowed; allowed: 1",
             marks=pytest.mark.requirement("CFG-159"), id="simulated with the second encoder"),
@@ -81,6 +93,32 @@ def test_contradictions(settings, message):
     """A configuration that contradicts itself is refused; the message names the variables and says why."""
     encoders = 2 if "Simulation.Mode" in settings else 1
     assert refused(settings, encoders=encoders).startswith(message)
+
+
+@pytest.mark.requirement("CFG-618")
+def test_all_contradictions_at_once():
+    """What does not fit is named altogether, not one after the other."""
+    message = refused({"PositionControl.Kv": 0.0, "Sensor[1].System": 0, "Sensor[2].Existent": True})
+    assert all(
+        f"{path}: " in message
+        for path in ("PositionControl.Kv", "Sensor[1].MountingMode", "Sensor[2].Existent")
+    )
+
+
+@pytest.mark.requirement("CTL-053", "CFG-621")
+def test_torque_data_without_their_telegram(make_rig):
+    """Torque data switched on without telegram 750: alarm 109, cause "data exchange", until they are off and a restart."""
+    path = "Actor.Interface.EnableTorqueData"
+    rig = make_rig(variables={path: True, "TorquePreControl.Mode": 1})
+    rig.axis.power()
+    rig.run(0.1)
+    assert (rig.axis.var("ErrorDetail.Number"), rig.axis.var("ErrorDetail.Reaction")) == (109, 4)
+    assert rig.axis.alarms.engine.pending[0].info == 9
+    assert not rig.axis.var("StatusWord.X0")
+    rig.axis.power(False)
+    rig.axis.variables.write_start(path, False)
+    rig.until(rig.axis.reset(restart=True).ended)
+    assert rig.axis.var("ErrorWord") == 0
 
 
 @pytest.mark.requirement("CFG-177", "CFG-063", "CFG-175")

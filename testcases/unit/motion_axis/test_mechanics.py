@@ -7,7 +7,7 @@ from math import pi
 import pytest
 
 from motion.axis import PositioningAxis
-from motion.axis.configuration import derive_units
+from motion.axis.configuration import given_values
 from motion.axis.feedback import Feedback
 from motion.axis.mechanics import Mechanics
 from motion.drives.simulated import SimulatedDrivePort
@@ -27,7 +27,7 @@ def mechanics(*settings, kind="PositioningAxis"):
     variables = {}
     for one in settings:
         variables |= one
-    return Mechanics(VariableStore(kind, derive_units(variables)))
+    return Mechanics(VariableStore(kind, given_values(variables)))
 
 
 class TestRatios:

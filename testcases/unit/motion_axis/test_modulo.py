@@ -82,10 +82,11 @@ class TestRange:
         [
             (10.0, 350.0, (370.0, 710.0)), (-10.0, 350.0, (360.0, 710.0)), (10.0, 400.0, (370.0, 720.0)),
             (-10.0, 400.0, (float("-inf"), float("inf"))),
+            (300.0, 60.0, (300.0, 420.0)), (30.0, 20.0, (390.0, 740.0)), (50.0, 31.0, (50.0, 391.0)),
         ],
     )  # fmt: skip
     def test_software_limits(self, low, high, expected):
-        """A limit outside the range gives way to the end of the range; two of them do nothing."""
+        """A limit outside the range gives way to the end of the range; two of them do nothing; they may stand in either order."""
         assert modulo().limits(low, high, 400.0) == expected
 
 
@@ -213,6 +214,23 @@ class TestAxis:
         rig.until(lambda: rig.axis.alarms.engine.is_pending(533), 10.0)
         rig.run(1.0)
         assert rig.axis.var("Position") == pytest.approx(300.0, abs=0.01)
+
+    @pytest.mark.requirement("LIM-091")
+    @pytest.mark.parametrize(("velocity", "end"), [(100.0, 60.0), (-100.0, 300.0)])
+    def test_software_limits_across_the_end_of_the_range(self, make_rig, velocity, end):
+        """From 300 to 60 degrees over 0: no alarm 104, and the axis stops on either limit."""
+        rig = self.rig(
+            make_rig,
+            **{
+                "PositionLimits_SW.MinPosition": 300.0, "PositionLimits_SW.MaxPosition": 60.0, "PositionLimits_SW.Active": True,
+            },
+        )  # fmt: skip
+        rig.until(rig.axis.home(350.0 if velocity > 0.0 else 10.0).done)
+        rig.axis.move_velocity(velocity)
+        rig.until(lambda: rig.axis.var("ErrorWord") != 0, 10.0)
+        rig.run(1.0)
+        assert rig.axis.var("ErrorDetail.Number") == 533
+        assert rig.axis.var("Position") == pytest.approx(end, abs=0.01)
 
     def test_units_follow_the_type(self, make_rig):
         """A rotary axis counts in degrees, in data block and trace, unless it is told otherwise."""

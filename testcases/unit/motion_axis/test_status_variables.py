@@ -382,9 +382,9 @@ def test_enabled_again_without_an_edge(rig):
     assert isinstance(rig.axis.power_instance, MC_Power)
 
 
-@pytest.mark.requirement("VAR-171")
-@pytest.mark.parametrize("low", [50.0, 60.0])
-def test_software_limits_that_contradict(make_rig, low):
+@pytest.mark.requirement("VAR-171", "LIM-088")
+@pytest.mark.parametrize(("low", "homed"), [(50.0, True), (60.0, True), (60.0, False)])
+def test_software_limits_that_contradict(make_rig, low, homed):
     """A negative limit that is not below the positive one is alarm 104, reaction 2; put right, an acknowledgement suffices."""
     rig = make_rig(
         variables={
@@ -393,7 +393,8 @@ def test_software_limits_that_contradict(make_rig, low):
             "PositionLimits_SW.MaxPosition": 50.0,
         }
     ).enabled()
-    rig.until(rig.axis.home(0.0).done)
+    if homed:
+        rig.until(rig.axis.home(0.0).done)
     rig.axis.write("PositionLimits_SW.MinPosition", low)
     rig.cycles(3)
     assert (rig.axis.var("ErrorDetail.Number"), rig.axis.var("ErrorDetail.Reaction")) == (104, 2)
