@@ -82,8 +82,8 @@ class Drive(Protocol):
     def raise_fault(self, emcy_code: int, *, persistent: bool = False) -> None:
         """Trip with an EMCY code; a persistent cause refuses the fault reset."""
 
-    def clear_fault_cause(self) -> None:
-        """Withdraw the cause of a persistent fault."""
+    def clear_fault_cause(self, emcy_code: int | None = None) -> None:
+        """Withdraw the cause of a persistent fault, or of all of them."""
 
     def set_sto(self, active: bool) -> None:
         """Open or close the safe-torque-off input."""

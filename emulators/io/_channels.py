@@ -331,12 +331,13 @@ class CounterInput:
 
     """
 
-    __slots__ = ("_held", "_read", "_start")
+    __slots__ = ("_broken", "_held", "_read", "_start", "_stuck")
 
     def __init__(self, read: Callable[[], int] | None = None) -> None:
         self._read = read
         self._start = 0
         self._held: int | None = None
+        self._stuck = self._broken = False
 
     def connect(self, read: Callable[[], int]) -> None:
         """Count what an encoder counts from now on."""
@@ -361,12 +362,17 @@ class CounterInput:
 
     def stick(self, stuck: bool) -> None:
         """Let the count stand still; or go on from there: what has passed meanwhile is lost."""
-        if stuck:
+        self._stuck = stuck
+        self._settle()
+
+    def break_wire(self, broken: bool) -> None:
+        """Break the wire: the count stands still; or mend it."""
+        self._broken = broken
+        self._settle()
+
+    def _settle(self) -> None:
+        if self._stuck or self._broken:
             self._held = self.count
         elif self._held is not None:
             held, self._held = self._held, None
             self.set(held)
-
-    def break_wire(self, broken: bool) -> None:
-        """Break the wire: the count stands still; or mend it."""
-        self.stick(broken)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import chain
 from typing import Any, Final
 
 from emulators.io._channels import AnalogInput, AnalogOutput, CounterInput, DigitalInput, DigitalOutput
@@ -83,6 +84,9 @@ class ModbusIoStation:
         self.analog_inputs = list(analog_inputs)
         self.analog_outputs = list(analog_outputs)
         self.counters = list(counters)
+        self._swapped: dict[str, tuple[tuple[int, int], ...]] = {}
+        self._wires: dict[str, list[Any]] = {}
+        """By kind of channel, while wires are exchanged: how they should be."""
         self.image: Final = IoImage(
             digital_inputs=min(len(self.digital_inputs), _MOST),
             digital_outputs=min(len(self.digital_outputs), _MOST),
@@ -202,7 +206,7 @@ class ModbusIoStation:
 
     def stick(self, kind: str, number: int, value: float | None) -> None:
         """Let a channel stand at a value, a level or a quantity in its unit, whatever comes; None: it works again."""
-        channel = self.channel(kind, number)
+        channel = self._wired(kind, number)
         if kind in ("input", "output"):
             channel.stick(None if value is None else bool(value))
         elif kind == "counter":
@@ -213,7 +217,7 @@ class ModbusIoStation:
 
     def break_wire(self, kind: str, number: int, broken: bool) -> None:
         """Break the wire of a channel, or mend it."""
-        channel = self.channel(kind, number)
+        channel = self._wired(kind, number)
         if kind in ("analog_input", "analog_output"):
             channel.disturbance.broken = broken
             self._refresh(channel)
@@ -224,7 +228,7 @@ class ModbusIoStation:
         self, kind: str, number: int, *, offset: float = 0.0, gain: float = 1.0, noise: float = 0.0
     ) -> None:
         """Falsify an analog channel: offset and noise in its unit; without arguments it is right again."""
-        channel = self.channel(kind, number)
+        channel = self._wired(kind, number)
         if kind not in ("analog_input", "analog_output"):
             raise ConfigurationError(f"{self.name}: kind of channel", kind, "analog_input, analog_output")
         channel.disturbance.set_noise(noise)
@@ -233,15 +237,44 @@ class ModbusIoStation:
 
     def swap(self, kind: str, first: int, second: int) -> None:
         """Exchange the wires of two channels; again, and they are right."""
-        one, other = self.channel(kind, first), self.channel(kind, second)
-        channels = self._of(kind)
-        if kind in ("output", "analog_output"):
-            # The written values stay with the terminals, the wires behind them change places.
-            one.on_change, other.on_change = other.on_change, one.on_change
-            for channel in (one, other):
-                self._refresh(channel)
+        pairs = list(self._swapped.get(kind, ()))
+        pair = (first, second)
+        if pair in pairs:
+            pairs.remove(pair)
         else:
-            channels[first], channels[second] = other, one
+            pairs.append(pair)
+        self.rewire(kind, pairs)
+
+    def rewire(self, kind: str, pairs: Sequence[tuple[int, int]]) -> None:
+        """Exchange the wires of pairs of channels, one pair after the other, beginning from how they should be; without pairs they are right."""
+        for number in chain.from_iterable(pairs):
+            self.channel(kind, number)
+        channels = self._of(kind)
+        outputs = kind in ("output", "analog_output")
+        # The written values stay with the terminals of outputs, the wires behind them change places.
+        right = self._wires.setdefault(
+            kind, [one.on_change for one in channels] if outputs else list(channels)
+        )
+        wires = list(right)
+        for first, second in pairs:
+            wires[first], wires[second] = wires[second], wires[first]
+        if outputs:
+            for channel, wire in zip(channels, wires, strict=True):
+                if channel.on_change is not wire:
+                    channel.on_change = wire
+                    self._refresh(channel)
+        else:
+            channels[:] = wires
+        self._swapped[kind] = tuple(pairs)
+        if not pairs:
+            del self._wires[kind]
+
+    def _wired(self, kind: str, number: int) -> Any:
+        """Return the channel whose wire should be at a place, wherever it is now."""
+        channel = self.channel(kind, number)
+        if kind in ("output", "analog_output") or kind not in self._wires:
+            return channel
+        return self._wires[kind][number]
 
     @staticmethod
     def _refresh(channel: DigitalOutput | AnalogOutput | AnalogInput) -> None:

@@ -21,7 +21,7 @@ def _parameter(parameter: Parameter) -> str:
     return f"{parameter.name} ({parameter.allowed}; {default}): {parameter.summary}"
 
 
-def _example(example: Mapping[str, Any]) -> str:
+def example_call(example: Mapping[str, Any]) -> str:
     """Return the example of a kind as a call of the injector."""
     arguments = [repr(example["kind"])]
     if example.get("target"):
@@ -42,7 +42,7 @@ def show_faults(*, as_json: bool) -> int:
         print(f"    {entry.summary}")  # noqa: T201 - the answer
         for parameter in entry.parameters:
             print(f"      {_parameter(parameter)}")  # noqa: T201 - the answer
-        print(f"      example: {_example(entry.example)}")  # noqa: T201 - the answer
+        print(f"      example: {example_call(entry.example)}")  # noqa: T201 - the answer
         for where in ENVIRONMENTS:
             if entry.injectable(where):
                 print(f"      not on {where}: {entry.injectable(where)}")  # noqa: T201 - the answer

@@ -8,45 +8,11 @@ from typing import Any, Final, NamedTuple
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import HilError, UnsupportedFaultError
+from hil.faults._action import Action, refuse_unless_supported
+from hil.faults._claims import Claim, total
 from hil.faults._encoder_kinds import ALARM_BITS, OWN_DEVICE_NAMES, WARNING_BITS
 from hil.faults._fault import Fault
-from hil.faults._parameters import Environment
 from hil.protocols import Bench
-
-Work = Callable[[], None]
-
-
-class Action:
-    """Applying a fault and taking it back.
-
-    Args:
-        target: Resolved name of what is broken.
-        apply: Breaks it.
-        remove: Mends it; None when there is nothing to mend.
-
-    """
-
-    __slots__ = ("apply", "remove", "target")
-
-    def __init__(self, target: str, apply: Work, remove: Work | None) -> None:
-        self.target = target
-        self.apply = apply
-        self.remove = remove
-
-
-def environment(bench: Bench, part: Any) -> Environment:
-    """Return where a part of the bench lives: `virtual`, `live` (emulated elsewhere) or `hardware`."""
-    if getattr(part, "physical", False):
-        return "hardware"
-    return "virtual" if bench.kind == "virtual" else "live"
-
-
-def refuse_unless_supported(bench: Bench, fault: Fault, part: Any) -> None:
-    """Raise `UnsupportedFaultError` when the catalogue says that the fault cannot be injected there."""
-    where = environment(bench, part)
-    reason = fault.entry.injectable(where)
-    if reason:
-        raise UnsupportedFaultError(f"{fault.kind} cannot be injected on a {where} bench: {reason}")
 
 
 def _method(part: Any, name: str, fault: Fault) -> Callable[..., Any]:
@@ -71,6 +37,8 @@ class _Pair(NamedTuple):
     """Arguments of the call back; None: it is over the moment it is applied."""
     end: str = ""
     """Method of the call back, where it is another one."""
+    adds: bool = False
+    """Several of them add up, as forces do; else the newest counts."""
 
 
 _PAIRS: Final[dict[str, _Pair]] = {
@@ -116,10 +84,10 @@ _PAIRS: Final[dict[str, _Pair]] = {
     "pto.step_loss": _Pair("lose_steps", lambda value: (value("periods"),), None),
     "mechanics.jam": _Pair("jam"),
     "switch.swapped": _Pair("swap_limit_switches"),
-    "mechanics.friction": _Pair("add_friction", lambda value: (value("force_N"),), (0.0,)),
+    "mechanics.friction": _Pair("add_friction", lambda value: (value("force_N"),), (0.0,), adds=True),
     "mechanics.slip": _Pair("slip_coupling", lambda value: (value("revolutions"),), None),
     "mechanics.coupling_break": _Pair("break_coupling", lambda value: (value("motor_share"),), None),
-    "mechanics.load_step": _Pair("load_force", lambda value: (value("force_N"),), (0.0,)),
+    "mechanics.load_step": _Pair("load_force", lambda value: (value("force_N"),), (0.0,), adds=True),
 }
 
 
@@ -152,36 +120,52 @@ def drive_action(bench: Bench, fault: Fault, stream: str) -> Action:
         begin = _method(drive, pair.method, fault)
         end = _method(drive, pair.end or pair.method, fault)
         on, off = pair.on(value), pair.off
-        return Action(name, lambda: begin(*on), None if off is None else lambda: end(*off))
+        if off is None:
+            return Action(name, partial(begin, *on), None)
+        return Claim(
+            bench, (name, pair.method), begin, partial(end, *off), on, combine=total if pair.adds else None
+        )
     match fault.kind:
         case "drive.fault":
-            trip = _method(drive, "raise_fault", fault)
-            persistent = bool(value("persistent"))
-            clear = _method(drive, "clear_fault_cause", fault) if persistent else None
-            return Action(name, lambda: trip(value("code"), persistent=persistent), clear)
-        case "drive.overtemperature":
-            force = _method(drive, "force_temperature", fault)
-            part = value("part")
-            return Action(name, lambda: force(part, value("temperature_C")), lambda: force(part, None))
-        case "drive.power_off":
-            return Action(name, _method(drive, "power_off", fault), _method(drive, "power_on", fault))
-        case "switch.press":
-            force = _method(drive, "force_input", fault)
-            return Action(name, lambda: force(value("input"), True), lambda: force(value("input"), None))
-        case "switch.stuck":
-            force = _method(drive, "force_input", fault)
-            return Action(
-                name, lambda: force(value("input"), value("state")), lambda: force(value("input"), None)
+            trip, code = _method(drive, "raise_fault", fault), value("code")
+            if not value("persistent"):
+                return Action(name, partial(trip, code, persistent=False), None)
+            clear = _method(drive, "clear_fault_cause", fault)
+            return Claim(
+                bench,
+                (name, "fault", code),
+                partial(trip, code, persistent=True),
+                partial(clear, code),
+                anew=True,
             )
+        case "drive.overtemperature":
+            force, part = _method(drive, "force_temperature", fault), value("part")
+            return Claim(bench, (name, "temperature", part), partial(force, part), partial(force, part, None),
+                (value("temperature_C"),),
+            )  # fmt: skip
+        case "drive.power_off":
+            return _supply(bench, fault, drive)
         case "switch.inverted":
-            invert = _method(drive, "invert_input", fault)
-            return Action(name, lambda: invert(value("input"), True), lambda: invert(value("input"), False))
+            invert, switch = _method(drive, "invert_input", fault), value("input")
+            return Claim(
+                bench,
+                (name, "polarity", switch),
+                partial(invert, switch, True),
+                partial(invert, switch, False),
+            )
+    switch = value("input")
+    force = _method(drive, "force_input", fault)
+    level = value("state") if fault.kind == "switch.stuck" else True
+    claim = Claim(
+        bench, (name, "input", switch), partial(force, switch), partial(force, switch, None), (level,)
+    )
+    match fault.kind:
+        case "switch.press" | "switch.stuck":
+            return claim
         case "switch.bounce":
-            bounce = _Bounce(bench, fault, _method(drive, "force_input", fault), stream)
-            return Action(name, bounce.apply, bounce.remove)
+            return Bounce(bench, fault, claim, stream, level=bool(value("state")))
         case "probe.pulse":
-            force = _method(drive, "force_input", fault)
-            return Action(name, lambda: _pulse(bench, force, value("input"), value("width_s")), None)
+            return Action(name, partial(_pulse, bench, claim, value("width_s")), None)
     raise UnsupportedFaultError(f"{fault.kind} has no action at a drive")
 
 
@@ -210,9 +194,9 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
     name = str(device.name)
     value = fault.value
 
-    def pair(method: str, on: tuple[Any, ...], off: tuple[Any, ...]) -> Action:
+    def pair(method: str, on: tuple[Any, ...], off: tuple[Any, ...], *key: Any) -> Action:
         call = _method(device, method, fault)
-        return Action(name, lambda: call(*on), lambda: call(*off))
+        return Claim(bench, (name, method, *key), call, partial(call, *off), on)
 
     def once(method: str, argument: int) -> Action:
         call = _method(device, method, fault)
@@ -242,7 +226,7 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
             return pair("break_encoder", (True,), (False,))
         case "encoder.error":
             code = int(value("code"))
-            return pair("set_encoder_error", (code, True), (code, False))
+            return pair("set_encoder_error", (code, True), (code, False), code)
         case "encoder.step_loss":
             return pair("lose_encoder_steps", (value("every"),), (0,))
         case "encoder.preset":
@@ -252,14 +236,14 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
             return once("near_overflow", margin if value("end") == "upper" else -margin)
         case "encoder.alarm":
             bit = ALARM_BITS[str(value("alarm"))]
-            return pair("set_alarm", (bit, True), (bit, False))
+            return pair("set_alarm", (bit, True), (bit, False), bit)
         case "encoder.warning":
             bit = WARNING_BITS[str(value("warning"))]
-            return pair("set_warning", (bit, True), (bit, False))
+            return pair("set_warning", (bit, True), (bit, False), bit)
         case "encoder.cycle":
             return pair("force_cycle_time", (value("period_ms"),), (None,))
         case "encoder.power_off":
-            return Action(name, _method(device, "power_off", fault), _method(device, "power_on", fault))
+            return _supply(bench, fault, device)
         case "encoder.heartbeat_loss":
             return pair("stop_heartbeat", (True,), (False,))
     raise UnsupportedFaultError(f"{fault.kind} has no action at an encoder")
@@ -285,47 +269,61 @@ def alarm_action(bench: Bench, fault: Fault) -> Action:
         call = _method(alarms, "raise_alarm", fault)
         return Action(str(axis.name), lambda: call(number, reaction=reaction), None)
     cause = _method(alarms, "set_cause", fault)
-    return Action(
-        str(axis.name),
-        lambda: cause(number, True, reaction=reaction),
-        lambda: cause(number, False, reaction=reaction),
-    )
+
+    def act(wanted: int | None) -> None:
+        cause(number, True, reaction=wanted)
+
+    return Claim(bench, (str(axis.name), "cause", number), act, partial(cause, number, False), (reaction,))
 
 
-def _pulse(bench: Bench, force: Callable[..., Any], name: str, width_s: float) -> None:
+def _supply(bench: Bench, fault: Fault, device: Any) -> Action:
+    """Return the action that takes the supply away from a device, and gives it back."""
+    off, on = _method(device, "power_off", fault), _method(device, "power_on", fault)
+    return Claim(bench, (str(device.name), "supply"), off, on, anew=True)
+
+
+def _pulse(bench: Bench, claim: Claim, width_s: float) -> None:
     """Actuate an input for `width_s`."""
-    force(name, True)
-    bench.scheduler.after(seconds_to_ns(width_s), partial(force, name, None))
+    claim.lay()
+    bench.scheduler.after(seconds_to_ns(width_s), claim.withdraw)
 
 
-class _Bounce:
-    """A switch that toggles with intervals from a seeded stream."""
+class Bounce(Action):
+    """An input that toggles with intervals from a seeded stream, and stays at its last level.
 
-    __slots__ = ("_bench", "_fault", "_force", "_rng", "_timers")
+    Args:
+        bench: The bench.
+        fault: Number of pulses, shortest and longest interval.
+        claim: On the input; its argument is the level.
+        stream: Name of the random stream.
+        level: Last level.
 
-    def __init__(self, bench: Bench, fault: Fault, force: Callable[..., Any], stream: str) -> None:
+    """
+
+    __slots__ = ("_bench", "_claim", "_edges", "_level", "_limits_s", "_rng", "_timers")
+
+    def __init__(self, bench: Bench, fault: Fault, claim: Claim, stream: str, *, level: bool) -> None:
+        super().__init__(claim.target, self._begin, self._finish)
         self._bench = bench
-        self._fault = fault
-        self._force = force
+        self._claim = claim
+        self._level = level
+        self._edges = 2 * int(fault.value("pulses"))
+        self._limits_s = float(fault.value("shortest_s")), float(fault.value("longest_s"))
         self._rng = bench.rng(stream)
         self._timers: list[Any] = []
 
-    def apply(self) -> None:
-        value = self._fault.value
-        name, final = value("input"), bool(value("state"))
-        edges = 2 * int(value("pulses"))
-        intervals = self._rng.uniform(float(value("shortest_s")), float(value("longest_s")), edges)
-        # The first edge goes to the final state, and an even number of further edges ends there.
-        self._force(name, final)
+    def _begin(self) -> None:
+        # The first edge goes to the final level, and an even number of further edges ends there.
+        self._claim.lay(self._level)
         when = self._bench.scheduler.now
-        state = final
+        level = self._level
         self._timers = []
-        for interval in intervals:
+        for interval in self._rng.uniform(*self._limits_s, self._edges):
             when += seconds_to_ns(float(interval))
-            state = not state
-            self._timers.append(self._bench.scheduler.at(when, partial(self._force, name, state)))
+            level = not level
+            self._timers.append(self._bench.scheduler.at(when, partial(self._claim.lay, level)))
 
-    def remove(self) -> None:
+    def _finish(self) -> None:
         for timer in self._timers:
             timer.cancel()
-        self._force(self._fault.value("input"), None)
+        self._claim.withdraw()

@@ -68,7 +68,7 @@ CATALOGUE: Final[tuple[FaultType, ...]] = (
             Parameter("nodes", "text", "Names of the nodes that read the bit wrongly, with commas between; empty: all", default=""),
         ),
         refused={"live": _NO_WIRE, "hardware": _NO_WIRE},
-        example={"kind": "frame.corrupt", "count": 5, "parameters": {"can_id": 0x181, "attempts": 2}},
+        example={"kind": "frame.corrupt", "count": 5, "parameters": {"message": "tpdo1", "attempts": 2}},
     ),
     FaultType(
         "frame.duplicate", "Frames are sent more than once", "segment", "CAN medium",

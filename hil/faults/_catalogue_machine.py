@@ -56,7 +56,7 @@ MACHINE_FAULTS: Final[tuple[FaultType, ...]] = (
             Parameter("width_s", "float", "How long", "s", 0.000001, 10.0, default=0.001),
         ),
         lasting=False, refused={"hardware": _NO_HAND}, remark="on a live bench the width is that of the pipe to the drive process",
-        example={"kind": "probe.pulse", "target": "drive1", "trigger": {"when": "at", "time_s": 1.0001234}, "parameters": {"input": "probe1", "width_s": 0.0005}},
+        example={"kind": "probe.pulse", "target": "drive1", "parameters": {"input": "probe1", "width_s": 0.0005}},
     ),
     FaultType(
         "mechanics.jam", "The load is blocked where it stands", "mechanics", "mechanics",

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 from fieldbus.clock import MS
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
-from hil.faults._actions import Action, refuse_unless_supported
+from hil.faults._action import Action, refuse_unless_supported
 
 if TYPE_CHECKING:
     from hil.faults._fault import Fault

@@ -96,7 +96,7 @@ class Fault:
                     raise ConfigurationError(
                         "fault.count", self.count, f"1, because the trigger is '{self.trigger}'"
                     )
-                if entry.lasting and self.duration_s is None and self.until is None:
+                if self.lasting and self.duration_s is None and self.until is None:
                     raise ConfigurationError("fault.count", self.count, "1, or give duration_s or until")
 
     def _check_parameters(self) -> None:
@@ -140,6 +140,13 @@ class Fault:
     def entry(self) -> FaultType:
         """Catalogue entry of this kind."""
         return fault_type(self.kind)
+
+    @property
+    def lasting(self) -> bool:
+        """Whether it stays until it is removed; False: it is over the moment it is applied."""
+        kind = self.entry
+        once = any(one.name == "persistent" for one in kind.parameters) and not self.value("persistent")
+        return kind.lasting and not once
 
     def value(self, name: str) -> Any:
         """Return a parameter, or its default."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
-from hil.faults._actions import Action, refuse_unless_supported
+from hil.faults._action import Action, refuse_unless_supported
 from hil.faults._fault import Fault, parse_payload
 from hil.faults._trigger import OnFrame
 from hil.faults._watch import frame_matcher, message_id

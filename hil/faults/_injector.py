@@ -6,7 +6,8 @@ from typing import Any
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import HilError
-from hil.faults._actions import Action, alarm_action, drive_action, encoder_action
+from hil.faults._action import Action
+from hil.faults._actions import alarm_action, drive_action, encoder_action
 from hil.faults._controller import controller_action
 from hil.faults._fault import COUNTED, Fault
 from hil.faults._frames import FrameAction, InjectAction

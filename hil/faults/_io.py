@@ -5,9 +5,10 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import UnsupportedFaultError
-from hil.faults._actions import Action, refuse_unless_supported
+from hil.faults._action import Action, refuse_unless_supported
+from hil.faults._actions import Bounce
+from hil.faults._claims import Claim, each
 from hil.faults._fault import Fault
 from hil.protocols import Bench
 
@@ -32,64 +33,34 @@ def io_action(bench: Bench, fault: Fault, stream: str) -> Action:
     refuse_unless_supported(bench, fault, station)
     name, value = str(station.name), fault.value
     if fault.kind == "io.power_off":
-        return Action(name, station.power_off, station.power_on)
+        return Claim(bench, (name, "supply"), station.power_off, station.power_on, anew=True)
     number = int(value("number"))
     if fault.kind == "io.bounce":
-        station.input(number)
-        bounce = _Bounce(bench, fault, station, number, stream)
-        return Action(name, bounce.apply, bounce.remove)
+        return Bounce(
+            bench, fault, _stuck(bench, station, "input", number), stream, level=bool(value("level"))
+        )
     kind = str(value("channel"))
     station.channel(kind, number)
     if fault.kind == "io.stuck":
-        stuck = float(value("value"))
-        return Action(
-            name, lambda: station.stick(kind, number, stuck), lambda: station.stick(kind, number, None)
-        )
+        return _stuck(bench, station, kind, number, float(value("value")))
     if fault.kind == "io.wire_break":
-        return Action(
-            name,
-            lambda: station.break_wire(kind, number, True),
-            lambda: station.break_wire(kind, number, False),
-        )
+        cut = partial(station.break_wire, kind, number)
+        return Claim(bench, (name, "wire", kind, number), cut, partial(cut, False), (True,))
     if fault.kind == "io.swapped":
-        swap = partial(station.swap, kind, number, int(value("other")))
-        station.channel(kind, int(value("other")))
-        return Action(name, swap, swap)
-    disturb = partial(station.disturb, kind, number)
-    wrong = {"offset": value("offset_V"), "gain": value("gain"), "noise": value("noise_V")}
-    return Action(name, lambda: disturb(**wrong), disturb)
+        pair = number, int(value("other"))
+        station.channel(kind, pair[1])
+        wire = partial(station.rewire, kind)
+        return Claim(bench, (name, "wires", kind), wire, partial(wire, ()), pair, combine=each)
+
+    def disturb(offset: float = 0.0, gain: float = 1.0, noise: float = 0.0) -> None:
+        station.disturb(kind, number, offset=offset, gain=gain, noise=noise)
+
+    wrong = value("offset_V"), value("gain"), value("noise_V")
+    return Claim(bench, (name, "disturbance", kind, number), disturb, disturb, wrong)
 
 
-class _Bounce:
-    """A digital input that toggles with intervals from a seeded stream."""
-
-    __slots__ = ("_bench", "_fault", "_number", "_rng", "_station", "_timers")
-
-    def __init__(self, bench: Bench, fault: Fault, station: Any, number: int, stream: str) -> None:
-        self._bench = bench
-        self._fault = fault
-        self._station = station
-        self._number = number
-        self._rng = bench.rng(stream)
-        self._timers: list[Any] = []
-
-    def apply(self) -> None:
-        value = self._fault.value
-        level = bool(value("level"))
-        edges = 2 * int(value("pulses"))
-        intervals = self._rng.uniform(float(value("shortest_s")), float(value("longest_s")), edges)
-        self._stick(level)
-        when = self._bench.scheduler.now
-        self._timers = []
-        for interval in intervals:
-            when += seconds_to_ns(float(interval))
-            level = not level
-            self._timers.append(self._bench.scheduler.at(when, partial(self._stick, level)))
-
-    def _stick(self, level: bool | None) -> None:
-        self._station.stick("input", self._number, level)
-
-    def remove(self) -> None:
-        for timer in self._timers:
-            timer.cancel()
-        self._stick(None)
+def _stuck(bench: Bench, station: Any, kind: str, number: int, value: float = 0.0) -> Claim:
+    """Return the claim of a value at a channel."""
+    station.channel(kind, number)
+    stick = partial(station.stick, kind, number)
+    return Claim(bench, (str(station.name), "stuck", kind, number), stick, partial(stick, None), (value,))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.errors import UnsupportedFaultError
-from hil.faults._actions import Action, refuse_unless_supported
+from hil.faults._action import Action, refuse_unless_supported
 from hil.faults._fault import Fault, parse_payload
 from hil.faults._frames import selected_identifier
 from hil.protocols import Bench

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from fieldbus.clock import MS
 from fieldbus.errors import BusError, ConfigurationError, UnsupportedFaultError
-from hil.faults._actions import Action
+from hil.faults._action import Action
 from hil.faults._fault import Fault, parse_payload
 from hil.protocols import Bench
 

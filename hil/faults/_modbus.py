@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
-from hil.faults._actions import Action, refuse_unless_supported
+from hil.faults._action import Action, refuse_unless_supported
+from hil.faults._claims import Claim, all_of
 from hil.faults._fault import Fault
 from hil.protocols import Bench
 
@@ -54,7 +55,7 @@ def modbus_action(bench: Bench, fault: Fault, stream: str, ended: Work, note: No
     if fault.kind == "modbus.noise":
         return _Noise(bench, segment, fault, stream)
     if fault.kind == "modbus.cut":
-        return _cut(segment, drives)
+        return _cut(bench, segment, drives)
     choice = _Choice(bench, fault, stream, ended, note)
     if fault.kind == "modbus.exception":
         return _Exceptions(bench, segment, fault, drives, choice)
@@ -255,7 +256,7 @@ def _first_register(function: int, *, request: bool) -> int | None:
 class _Exceptions(Action):
     """Let the server of a drive refuse requests."""
 
-    __slots__ = ("_choice", "_code", "_servers", "_usual", "_wanted")
+    __slots__ = ("_choice", "_claims", "_code", "_wanted")
 
     def __init__(
         self, bench: Bench, segment: Any, fault: Fault, drives: tuple[str, ...], choice: _Choice
@@ -271,17 +272,15 @@ class _Exceptions(Action):
             )
         self._choice = choice
         self._wanted: int = fault.value("function")
-        self._servers = [bench.drive(name).server for name in drives]
-        self._usual: list[Any] = []
+        self._claims = [_hook_of(bench, segment, name) for name in drives]
 
     def _begin(self) -> None:
-        self._usual = [server.exception_hook for server in self._servers]
-        for server in self._servers:
-            server.exception_hook = self._refuse
+        for claim in self._claims:
+            claim.lay(self._refuse)
 
     def _finish(self) -> None:
-        for server, usual in zip(self._servers, self._usual, strict=True):
-            server.exception_hook = usual
+        for claim in self._claims:
+            claim.withdraw()
 
     def _refuse(self, _unit: int, pdu: bytes) -> int:
         if (self._wanted and pdu[0] != self._wanted) or not self._choice.hit():
@@ -290,14 +289,27 @@ class _Exceptions(Action):
         return self._code
 
 
-def _cut(segment: Any, drives: tuple[str, ...]) -> Action:
-    links = [segment.link(name) for name in drives]
+def _hook_of(bench: Bench, segment: Any, name: str) -> Claim:
+    """Return the claim on the exceptions of a drive's server."""
+    server = bench.drive(name).server
+    usual = server.exception_hook
 
-    def switch(cut: bool) -> None:
-        for link in links:
+    def install(hook: Any) -> None:
+        server.exception_hook = hook
+
+    return Claim(bench, (str(segment.name), "exceptions", name), install, lambda: install(usual))
+
+
+def _cut(bench: Bench, segment: Any, drives: tuple[str, ...]) -> Action:
+    def claim(name: str) -> Claim:
+        link = segment.link(name)
+
+        def switch(cut: bool) -> None:
             link.cut = cut
 
-    return Action(str(segment.name), lambda: switch(True), lambda: switch(False))
+        return Claim(bench, (str(segment.name), "link", name), switch, lambda: switch(False), (True,))
+
+    return all_of(str(segment.name), [claim(name) for name in drives])
 
 
 class _Noise(Action):

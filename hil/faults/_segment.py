@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import MS, S, seconds_to_ns
 from fieldbus.errors import BusError, ConfigurationError, UnsupportedFaultError
-from hil.faults._actions import Action, refuse_unless_supported
+from hil.faults._action import Action, refuse_unless_supported
+from hil.faults._claims import Claim, all_of
 from hil.faults._fault import Fault, parse_payload
 from hil.faults._live_segment import break_bridge, live_babble
 from hil.protocols import Bench
@@ -83,7 +84,8 @@ def segment_action(bench: Bench, fault: Fault, stream: str) -> Action:
             return _Noise(bench, segment, fault, stream)
         case "can.stuck_dominant" | "can.stuck_recessive":
             level = int(fault.kind == "can.stuck_recessive")
-            return Action(segment.name, lambda: segment.hold_level(level), lambda: segment.hold_level(None))
+            hold = segment.hold_level
+            return Claim(bench, (segment.name, "level"), hold, lambda: hold(None), (level,))
         case "can.cable_break" | "can.unplug":
             return _Break(segment, _far_side(segment, fault))
         case "can.babble":
@@ -91,40 +93,55 @@ def segment_action(bench: Bench, fault: Fault, stream: str) -> Action:
         case "can.load":
             return _Load(bench, segment, fault, stream)
         case "can.no_ack":
-            return _each(segment, _ports(segment, fault), lambda port, on: port.set_acknowledge(not on))
+            return _each(bench, segment, fault, lambda port, on: port.set_acknowledge(on), (False, True))
         case "can.wrong_bitrate":
-            rate = value("bitrate")
             return _each(
-                segment, _ports(segment, fault), lambda port, on: port.set_bitrate(rate if on else None)
+                bench, segment, fault, lambda port, rate: port.set_bitrate(rate), (value("bitrate"), None)
             )
         case "can.overload":
-            frames = value("frames")
             return _each(
+                bench,
                 segment,
-                _ports(segment, fault),
-                lambda port, on: port.set_overload_frames(frames if on else 0),
+                fault,
+                lambda port, count: port.set_overload_frames(count),
+                (value("frames"), 0),
             )
         case "can.receive_delay":
-            delay_ns = seconds_to_ns(value("delay_s"))
-
-            def delay(port: MediumPort, on: bool) -> None:
-                port.receive_delay_ns = delay_ns if on else 0
-
-            return _each(segment, _ports(segment, fault), delay)
+            return _each(bench, segment, fault, _delay, (seconds_to_ns(value("delay_s")), 0))
         case "can.transmit_overrun":
-            return _ShortQueue(segment, _ports(segment, fault)[0], value("buffers"))
+            usual = _ports(segment, fault)[0].tx_buffers
+            return _each(bench, segment, fault, _shorten, (value("buffers"), usual))
         case "can.bus_off":
-            return _BusOff(segment, _ports(segment, fault)[0], automatic=value("recovery") == "automatic")
+            return _bus_off(bench, segment, fault)
     raise UnsupportedFaultError(f"{fault.kind} has no action at a segment")
 
 
-def _each(segment: Any, ports: list[MediumPort], change: Callable[[MediumPort, bool], object]) -> Action:
-    def switch(on: bool) -> None:
-        for port in ports:
-            if not port.detached:
-                change(port, on)
+def _each(
+    bench: Bench,
+    segment: Any,
+    fault: Fault,
+    change: Callable[[MediumPort, Any], object],
+    values: tuple[Any, Any],
+) -> Action:
+    """Return the action that changes one thing at every node that a fault names: to the first value, and back to the second."""
+    wrong, usual = values
 
-    return Action(segment.name, lambda: switch(True), lambda: switch(False))
+    def claim(port: MediumPort) -> Claim:
+        def operate(value: Any) -> None:
+            if not port.detached:
+                change(port, value)
+
+        return Claim(bench, (segment.name, fault.kind, port.name), operate, lambda: operate(usual), (wrong,))
+
+    return all_of(segment.name, [claim(port) for port in _ports(segment, fault)])
+
+
+def _delay(port: MediumPort, delay_ns: int) -> None:
+    port.receive_delay_ns = delay_ns
+
+
+def _shorten(port: MediumPort, buffers: int) -> None:
+    port.tx_buffers = buffers
 
 
 class _Break(Action):
@@ -150,44 +167,21 @@ class _Break(Action):
             self._mend = None
 
 
-class _BusOff(Action):
-    """Puts a node into bus-off."""
+def _bus_off(bench: Bench, segment: Any, fault: Fault) -> Action:
+    """Return the action that puts a node into bus-off."""
+    (port,) = _ports(segment, fault)
+    usual = port.auto_recovery
 
-    __slots__ = ("_automatic", "_port", "_was_automatic")
+    def leave(automatic: bool) -> None:
+        port.auto_recovery = automatic
+        port.set_error_counters(tec=256)
 
-    def __init__(self, segment: Any, port: MediumPort, *, automatic: bool) -> None:
-        super().__init__(segment.name, self._switch_off, self._recover)
-        self._port = port
-        self._automatic = automatic
-        self._was_automatic = port.auto_recovery
+    def recover() -> None:
+        port.auto_recovery = usual
+        port.recover()
 
-    def _switch_off(self) -> None:
-        self._was_automatic = self._port.auto_recovery
-        self._port.auto_recovery = self._automatic
-        self._port.set_error_counters(tec=256)
-
-    def _recover(self) -> None:
-        self._port.auto_recovery = self._was_automatic
-        self._port.recover()
-
-
-class _ShortQueue(Action):
-    """Leaves a node a few transmit buffers only."""
-
-    __slots__ = ("_buffers", "_port", "_usual")
-
-    def __init__(self, segment: Any, port: MediumPort, buffers: int) -> None:
-        super().__init__(segment.name, self._shorten, self._restore)
-        self._port = port
-        self._buffers = buffers
-        self._usual = port.tx_buffers
-
-    def _shorten(self) -> None:
-        self._usual = self._port.tx_buffers
-        self._port.tx_buffers = self._buffers
-
-    def _restore(self) -> None:
-        self._port.tx_buffers = self._usual
+    automatic = fault.value("recovery") == "automatic"
+    return Claim(bench, (segment.name, fault.kind, port.name), leave, recover, (automatic,), anew=True)
 
 
 class _Noise(Action):

@@ -12,7 +12,7 @@ from typing import Any, Final, Protocol
 
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from hil.faults import _telegram_words as words
-from hil.faults._actions import Action
+from hil.faults._action import Action
 from hil.faults._fault import Fault
 from hil.protocols import Bench
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 
 from hil.faults import CATALOGUE, Fault
-from hil.faults._actions import environment, offered
+from hil.faults._action import environment
+from hil.faults._actions import offered
 from hil.faults._encoder_kinds import NOT_FUZZED
 from hil.faults._io_catalogue import NOT_FUZZED as IO_KINDS
 from hil.fuzz._program import JOBS, Break, Do, Program, Step, Wait

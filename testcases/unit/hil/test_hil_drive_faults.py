@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from itertools import pairwise
 
 import pytest
@@ -10,7 +9,6 @@ import pytest
 from fieldbus.cia402 import DriveState as S
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from hil.bench import BenchFile, load_bench
-from hil.bench.remote import FAULT_METHODS, RemoteDrive
 from hil.faults import CATALOGUE, Fault, Injector
 
 TABLES = """
@@ -546,42 +544,6 @@ def test_every_kind_of_the_drive_has_its_test():
     """A new kind in the catalogue needs a test that it does what it says."""
     kinds = {entry.name for entry in CATALOGUE if entry.name.startswith("drive.")}
     assert kinds | {"encoder.drift", "encoder.wire_break", "encoder.scale"} == set(TESTED) | OLDER
-
-
-class _Pipe:
-    """Stands for the process of the drives: commands pass as JSON, and only those that the process accepts."""
-
-    def __init__(self, drive):
-        self.drive = drive
-
-    def call(self, method, name, args, kwargs):
-        assert method in FAULT_METHODS
-        assert name == "drive1"
-        command = json.loads(json.dumps({"args": list(args), "kwargs": kwargs}))
-        return getattr(self.drive, method)(*command["args"], **command["kwargs"])
-
-
-@pytest.mark.parametrize(
-    "entry", [entry for entry in CATALOGUE if entry.name.startswith(("drive.", "switch.", "probe.", "mechanics."))
-        or entry.name in {"encoder.drift", "encoder.wire_break", "encoder.noise", "encoder.jump", "encoder.scale"}], ids=lambda entry: entry.name
-)  # fmt: skip
-def test_every_kind_works_through_the_process_of_a_live_bench(bench, monkeypatch, entry):
-    """The example of the catalogue is applied and removed by the commands that the process of the drives accepts."""
-    drive = bench.drive()
-    proxy = RemoteDrive(_Pipe(drive), "drive1", FAULT_METHODS)
-    monkeypatch.setattr(bench, "drive", lambda _name=None: proxy)
-    monkeypatch.setattr(bench, "kind", "live")
-    example = dict(entry.example)
-    for key in ("duration_s", "trigger"):
-        example.pop(key, None)
-    before = drive.trace_row()
-    armed = Injector(bench).arm(Fault.from_dict(example))
-    bench.run_for(0.3)
-    assert armed.applied_ns is not None
-    armed.remove()
-    bench.run_for(0.3)
-    assert armed.over
-    assert len(drive.trace_row()) == len(before)
 
 
 @pytest.mark.parametrize("kind", ["drive.brake_stuck", "drive.brake_slip", "drive.interlock"])

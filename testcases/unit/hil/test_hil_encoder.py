@@ -13,8 +13,8 @@ from fieldbus.canopen import PumpedNetwork
 from fieldbus.clock import MS
 from hil.bench import BenchFile, BenchFileError, load_bench
 from hil.errors import ConfigurationError, UnsupportedFaultError
-from hil.faults import CATALOGUE, Fault, Injector, after, on_event, velocity
-from hil.faults._encoder_kinds import ALARM_BITS, OWN_DEVICE_NAMES, WARNING_BITS
+from hil.faults import Injector, after, on_event, velocity
+from hil.faults._encoder_kinds import ALARM_BITS, WARNING_BITS
 
 ENCODERS = """
 [encoder.motor]
@@ -350,24 +350,6 @@ def test_heartbeat_of_an_encoder(bench):
     times = [time for time, _, frame, _ in bench.segment().log if time > begin and frame.can_id == 0x714]
     assert len(times) == 5
     assert times[0] - begin >= 1000 * MS
-
-
-@pytest.mark.parametrize(
-    "entry",
-    [entry for entry in CATALOGUE if entry.target == "encoder" and entry.name != "encoder.error"],
-    ids=lambda one: one.name,
-)
-def test_every_kind_can_be_injected(entry):
-    """Each kind for encoders is applied to an encoder of its own without a target of another kind, and taken back."""
-    with build(ENCODERS.replace("encoder.motor]", "encoder.encoder1]")) as bench:
-        target = str(entry.example["target"]) if entry.name not in OWN_DEVICE_NAMES else ""
-        armed = Injector(bench).arm(Fault.from_dict({**entry.example, "target": target}))
-        bench.run_for(0.05)
-        assert armed.applications == 1
-        armed.remove()
-        assert armed.over
-        if entry.name in OWN_DEVICE_NAMES:
-            assert armed.target == "encoder1"
 
 
 ALONE = """

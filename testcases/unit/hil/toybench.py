@@ -144,7 +144,7 @@ class ToyDrive:
             self._go("FAULT_REACTION_ACTIVE")
             self._go("FAULT")
 
-    def clear_fault_cause(self):
+    def clear_fault_cause(self, emcy_code=None):
         self.cause = False
 
     def set_sto(self, active):
