@@ -1,7 +1,7 @@
 """Setpoints of the interpolator for a servo cycle that is shorter (`T_ipo = n * T_servo`).
 
-`MC_Interpolator` calculates where the setpoint is to be one interpolator cycle later; `MC_Servo` goes there in n steps, on the
-cubic between both states. `<TO>.Position` shows the end of the interval, the position controller gets the points on the way, so
+`MC_Interpolator` calculates where the setpoint is to be one interpolator cycle later; `MC_Servo` goes there in n steps: on the
+profile, so that its limits hold in every servo cycle, or on the cubic between both states where there is no profile. `<TO>.Position` shows the end of the interval, the position controller gets the points on the way, so
 that the setpoint which is controlled lies up to `T_ipo - T_servo` behind (CFG-166 to CFG-170).
 """
 
@@ -23,7 +23,7 @@ class FineInterpolation:
 
     """
 
-    __slots__ = ("_controlled", "_duration", "_from", "_ratio", "_servo", "_step", "_to", "a", "s", "v")
+    __slots__ = ("_controlled", "_duration", "_from", "_points", "_ratio", "_servo", "_step", "_to", "a", "s", "v")
 
     def __init__(self, ratio: int, servo_s: float) -> None:
         self._ratio = ratio
@@ -32,6 +32,8 @@ class FineInterpolation:
         self._step = ratio
         self._controlled = False
         self._from = self._to = (0.0, 0.0)
+        self._points: list[tuple[float, float]] = []
+        """Position and velocity at the ends of the servo cycles, as the profile has them; empty = on the cubic."""
         self.s = 0.0
         """Position setpoint of the present servo cycle, axis unit."""
         self.v = 0.0
@@ -55,7 +57,17 @@ class FineInterpolation:
         self._to = (end.s, end.v)
         self.a = end.a
         self._step = 0
+        self._points = self._profile(end) if controlled else []
         return self.advance()
+
+    def _profile(self, end: SetpointGenerator | Superposition) -> list[tuple[float, float]]:
+        points = []
+        for rest in range(self._ratio - 1, 0, -1):
+            point = end.before(rest * self._servo)
+            if point is None:
+                return []
+            points.append(point)
+        return points
 
     def advance(self) -> FineInterpolation:
         """Go on by one servo cycle; at the end of the interval, because the interpolator is late, stay there."""
@@ -65,6 +77,9 @@ class FineInterpolation:
         (start, v_start), (end, v_end) = self._from, self._to
         if self._step == ratio:
             self.s, self.v = end, v_end
+            return self
+        if self._points:
+            self.s, self.v = self._points[self._step - 1]
             return self
         share = self._step / ratio
         if not self._controlled:
@@ -84,6 +99,7 @@ class FineInterpolation:
         """Go from `position` with `velocity` for the rest of the interval; returns how far that is, axis unit."""
         done = self._step * self._servo
         rest = self._duration - done if self._step < self._ratio else 0.0
+        self._points = []
         self._from = (position - velocity * done, velocity)
         self._to = (position + velocity * rest, velocity)
         self._controlled = (
@@ -95,4 +111,5 @@ class FineInterpolation:
         """Follow a shift of the coordinate system."""
         self._from = (self._from[0] + offset, self._from[1])
         self._to = (self._to[0] + offset, self._to[1])
+        self._points = [(s + offset, v) for s, v in self._points]
         self.s += offset

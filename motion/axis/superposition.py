@@ -134,6 +134,11 @@ class Superposition:
         t, w, b = self.part.peek(dt)
         return s + t, v + w, a + b
 
+    def before(self, dt: float) -> tuple[float, float] | None:
+        """Return (s, v) of `dt` s ago, at most the last step; None if one of both motions has no profile."""
+        basic, part = self._basic.before(dt), self.part.before(dt)
+        return None if basic is None or part is None else (basic[0] + part[0], basic[1] + part[1])
+
     @property
     def done(self) -> bool:
         """Whether both motions have arrived."""
@@ -149,9 +154,11 @@ class Superposition:
         direction = copysign(1.0, self._target - self.part.s)
         basic = self._basic
         present = direction * basic.v
-        if basic.phase is MotionPhase.ACCELERATING:
-            # What it accelerates to counts at once: the sum would else have to be taken back with every cycle.
-            present = max(present, direction * self._basic_velocity())
+        planned = self._basic_velocity()
+        if basic.phase is MotionPhase.ACCELERATING or basic.v * planned < 0.0:
+            # What it accelerates to, if need be after a reversal, counts at once: the sum would else have to be taken back
+            # with every cycle, and may be too high in the end.
+            present = max(present, direction * planned)
         return max(0.0, self._limit() - present)
 
     def _plan(self) -> None:

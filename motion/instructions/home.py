@@ -68,6 +68,8 @@ class MC_Home(ExecuteInstruction):
         mode = self.Mode
         if axis.state is AxisState.RESTARTING:
             return ERROR_STATE
+        if not isinstance(mode, int):
+            return ERROR_MODE
         if mode == _CANCEL:
             return self._cancel()
         moves = axis.object_type != "ExternalEncoder"

@@ -34,6 +34,8 @@ class MC_WriteParameter(ExecuteInstruction):
         axis = self.axis
         if axis.state is AxisState.RESTARTING:
             return ERROR_STATE
+        if not isinstance(self.ParameterNumber, int):
+            return ERROR_PARAMETER_NUMBER
         if self.ParameterNumber in self.level.without_parameters:
             return ERROR_PARAMETER_NUMBER
         if self.ParameterNumber in TIMES and (axis.connection == "direct" or axis.simulated):

@@ -27,6 +27,13 @@ _ROUNDING: Final = 1e-10
 """Time before the end of a piece at which it counts as over, s: whether the last cycle ends with it or not is no matter of rounding."""
 
 
+_MOVING: Final = 0
+_ARRIVED: Final = 1
+"""The last step has come to rest."""
+_AT_REST: Final = 2
+"""The last step was one at rest."""
+
+
 class SetpointGenerator:
     """Position, velocity and acceleration setpoint of one axis.
 
@@ -69,7 +76,7 @@ class SetpointGenerator:
         self._time = self._begun = self._astray_until = 0.0
         self._steps = 0
         self._index = 0
-        self._resting = False
+        self._resting = _MOVING
         self._until = inf
         self._ends = _ENDLESS
         self._piece = (0.0, s, v, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -130,6 +137,7 @@ class SetpointGenerator:
     def advance(self, dt: float) -> None:
         """Go on by `dt` s."""
         if self._resting:
+            self._resting = _AT_REST
             return
         if dt != self._dt:
             self._dt, self._begun, self._steps = dt, self._time, 0
@@ -144,7 +152,7 @@ class SetpointGenerator:
         self.v = v + x * (a + x * half_jerk)
         self.a = a + x * jerk
         if self.done and self.v == 0.0:
-            self._resting = True
+            self._resting = _ARRIVED
 
     def peek(self, dt: float) -> tuple[float, float, float]:
         """Return (s, v, a) as they will be after `advance(dt)`, without advancing."""
@@ -161,6 +169,22 @@ class SetpointGenerator:
             s = self.target if index == len(ends) - 1 and self.positioning else self._base + way
         x = time - start
         return s + x * (v + x * (half + x * sixth)), v + x * (a + x * half_jerk), a + x * jerk
+
+    def before(self, dt: float) -> tuple[float, float] | None:
+        """Return (s, v) of `dt` s ago, at most the last step; None if the profile has begun later, or there is none."""
+        if self._resting == _AT_REST:
+            return self.s, self.v
+        time = self._time - dt
+        if time < -_ROUNDING:
+            return None
+        index = self._index
+        pieces = self._pieces
+        while index and pieces[index][0] > time:
+            index -= 1
+        start, way, v, a, half, jerk, half_jerk, sixth = pieces[index]
+        s = self.target if index == len(pieces) - 1 and self.positioning else self._base + way
+        x = time - start
+        return s + x * (v + x * (half + x * sixth)), v + x * (a + x * half_jerk)
 
     @property
     def phase(self) -> MotionPhase:
@@ -197,7 +221,7 @@ class SetpointGenerator:
 
     def _seek(self, time: float) -> None:
         """Make the piece of `time`, which never lies before the present one, the present one."""
-        self._resting = False
+        self._resting = _MOVING
         index = self._index
         ends = self._ends
         reached = time + _ROUNDING

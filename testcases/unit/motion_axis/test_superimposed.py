@@ -71,6 +71,17 @@ def test_a_basic_motion_that_accelerates_takes_the_room_away(rig):
     assert max(rig.column("velocity_setpoint")) <= 500.0 + 1e-6
 
 
+@pytest.mark.requirement("STP-200", "MC-352")
+def test_a_basic_motion_that_reverses_takes_the_room_away_in_time(make_rig):
+    """What a reversal leads to counts from its beginning, so that the sum is within the limit when the basic motion gets there."""
+    rig = make_rig(variables={"DynamicLimits.MaxJerk": 1.0e6}).travelling(240.0)
+    rig.axis.move_velocity(-500.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0)
+    rig.cycles()
+    rig.axis.move_superimposed(-36.0, VelocityDiff=125.0, Acceleration=900.0, Deceleration=1200.0)
+    rig.run(0.6)
+    assert min(rig.column("velocity_setpoint")) == pytest.approx(-500.0, abs=1e-6)
+
+
 @pytest.mark.requirement("MC-352", "MC-355")
 def test_no_room_at_all_lets_the_superimposed_motion_wait(rig):
     """At full velocity nothing can be added in its direction: the distance comes when the basic motion leaves room."""

@@ -97,7 +97,7 @@ def test_zero(name, key):
 
 
 @pytest.mark.requirement("MC-600")
-@pytest.mark.parametrize("value", [nan, 1.0e30, -1, 99, "0", None])
+@pytest.mark.parametrize("value", [nan, 1.0e30, -1, 99, "0", None, [0]])
 @pytest.mark.parametrize(
     ("name", "key", "error"),
     [
