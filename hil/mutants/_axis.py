@@ -69,9 +69,6 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
                 "if axis.alarms.blocking:\n                axis.set_state(AxisState.ALARM_DISABLED)",
                 "if axis.alarms.blocking and not self.enable:\n                axis.set_state(AxisState.ALARM_DISABLED)",
             ),
-            Edit(
-                f"{_ENABLING}._may_start", "and not axis.alarms.blocking\n", "and axis.alarms is not None\n"
-            ),
         ),
         ("STP-344", "MC-123"),
         ("stop-modes/reaction-2/constant@reference",),

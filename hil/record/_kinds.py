@@ -101,6 +101,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "node.lost": "the controller has lost a node",
         "panel.control": "a control panel takes an axis from the user program, or gives it back",
         "power.status": "MC_Power.Status changes",
+        "power.waits": "MC_Power waits for something before it can enable",
         "program.error": "a variable was accessed wrongly",
         "program.write": "a variable was written",
         "rpdo.timeout": "an RPDO is overdue",

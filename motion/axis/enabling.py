@@ -56,7 +56,7 @@ class EnableControl:
     """Owns control word 1 and every transition that waits for the drive."""
 
     __slots__ = ("_axis", "_cause_411", "_cause_421", "_cause_431", "_disable_pending", "_idle", "_joined", "_phase", "_reaction",
-                 "_start_mode", "_velocity_mode", "acknowledge_drive", "enable", "start_mode", "stw1", "switching_off",
+                 "_start_mode", "_told", "_velocity_mode", "acknowledge_drive", "enable", "start_mode", "stw1", "switching_off",
                  "timeout_s")  # fmt: skip
 
     def __init__(self, axis: TechnologyAxis) -> None:
@@ -79,6 +79,8 @@ class EnableControl:
         """Longest time from the beginning of the enable sequence to operation, s, then alarm 421; None = no limit (STP-043)."""
         self._disable_pending = False
         """`Enable` has fallen during the present ramp, which ends with the drive off even if it rises again."""
+        self._told = ""
+        """What the enabling waits for, as the history knows it."""
         self._reaction = axis.variables.bind("Actor.RemoveEnableReaction")
         self._velocity_mode = (
             axis.variables.bind("PositionControl.VelocityModePowerOn") if axis.has_position else None
@@ -281,15 +283,28 @@ class EnableControl:
             if not encoder:
                 axis.alarms.raise_alarm(ALARM_ENCODER_NOT_READY, info=NOT_INITIALISED)
 
-    def _may_start(self) -> bool:
+    def _obstacle(self) -> str:
+        """Return what the enable sequence waits for, empty if nothing (STP-018, STP-022, STP-023, STP-045)."""
         axis = self._axis
+        if not axis.communication_ok:
+            port = axis.port
+            if not port.link_ok:
+                return "no cyclic communication with the drive"
+            if port.zsw1 & _FAULT:
+                return f"drive fault {port.drive_fault_code:04X}h"
+            return "the drive does not request control"
+        if not axis.sensor_valid:
+            return "the encoder has no valid value"
         adaption = axis.adaption
-        return (
-            axis.communication_ok
-            and axis.sensor_valid
-            and not axis.alarms.blocking
-            and (adaption is None or adaption.ready)
-        )
+        return "" if adaption is None or adaption.ready else "the parameters of the drive are not taken over"
+
+    def _tell(self, obstacle: str) -> None:
+        """Write down, once, what the enabling waits for: there is no alarm that would (STP-020, MC-133)."""
+        if obstacle != self._told:
+            self._told = obstacle
+            history = self._axis.history
+            if obstacle and history is not None:
+                history.emit(self._axis.name, "power.waits", reason=obstacle)
 
     def step(self) -> None:
         """Make the transitions that depend on the drive's answer."""
@@ -304,7 +319,11 @@ class EnableControl:
                 self._watch_start_up()
             if axis.alarms.blocking:
                 axis.set_state(AxisState.ALARM_DISABLED)
-            elif self.enable and self._may_start():
+                return
+            obstacle = self._obstacle() if self.enable else ""
+            if obstacle or self._told:
+                self._tell(obstacle)
+            if self.enable and not obstacle:
                 self._start_mode = self.start_mode
                 if axis.port.simulated:
                     self._arrive()  # nothing to wait for (CFG-132, CFG-164)

@@ -23,7 +23,19 @@ class FineInterpolation:
 
     """
 
-    __slots__ = ("_controlled", "_duration", "_from", "_points", "_ratio", "_servo", "_step", "_to", "a", "s", "v")
+    __slots__ = (
+        "_controlled",
+        "_duration",
+        "_from",
+        "_points",
+        "_ratio",
+        "_servo",
+        "_step",
+        "_to",
+        "a",
+        "s",
+        "v",
+    )
 
     def __init__(self, ratio: int, servo_s: float) -> None:
         self._ratio = ratio

@@ -172,6 +172,7 @@ _WORDS: Final[dict[str, Callable[[Event], Told]]] = {
     "link.heartbeat_lost": _plain("device lost: heartbeat"),
     "link.request_failed": _plain("request failed: {text}"),
     "node.failed": _plain("{message}"),
+    "power.waits": _plain("MC_Power waits: {reason}"),
     "station.down": _plain("I/O station lost", "coming"),
     "station.up": _plain("I/O station answers", "going"),
     "program.error": _plain("programming error, OB {ob}: {path} = {value}"),

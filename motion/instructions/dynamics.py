@@ -18,6 +18,11 @@ _SMALLEST: Final = 1e-12
 """Smallest dynamic value other than 0; less cannot be planned with."""
 
 
+def is_whole(value: object) -> bool:
+    """Return whether an input can be a mode or a number of something: of a type that tables can be asked for."""
+    return isinstance(value, int)
+
+
 def is_number(value: object, limit: float = POSITION_LIMIT) -> bool:
     """Return whether an input is a finite number of at most the magnitude `limit`."""
     if isinstance(value, bool | str):

@@ -24,7 +24,7 @@ from motion.axis.jobs import (
 from motion.axis.mechanics import INCREMENTAL
 from motion.axis.state import AxisState
 from motion.instructions.base import ExecuteInstruction
-from motion.instructions.dynamics import POSITION_LIMIT, is_number
+from motion.instructions.dynamics import POSITION_LIMIT, is_number, is_whole
 
 if TYPE_CHECKING:
     from motion.axis.axis import PositioningAxis
@@ -68,7 +68,7 @@ class MC_Home(ExecuteInstruction):
         mode = self.Mode
         if axis.state is AxisState.RESTARTING:
             return ERROR_STATE
-        if not isinstance(mode, int):
+        if not is_whole(mode):
             return ERROR_MODE
         if mode == _CANCEL:
             return self._cancel()

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Final
 from motion.axis.jobs import ERROR_DIRECT_CONNECTION, ERROR_LIMIT_SWITCH, ERROR_STATE, Job, JobClass
 from motion.axis.state import AxisState
 from motion.instructions.base import ExecuteInstruction
+from motion.instructions.dynamics import is_whole
 from motion.variables import ERROR_PARAMETER_NUMBER, ParameterError
 
 LIMIT_SWITCHES: Final = 1000
@@ -34,7 +35,7 @@ class MC_WriteParameter(ExecuteInstruction):
         axis = self.axis
         if axis.state is AxisState.RESTARTING:
             return ERROR_STATE
-        if not isinstance(self.ParameterNumber, int):
+        if not is_whole(self.ParameterNumber):
             return ERROR_PARAMETER_NUMBER
         if self.ParameterNumber in self.level.without_parameters:
             return ERROR_PARAMETER_NUMBER

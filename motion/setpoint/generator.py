@@ -181,7 +181,7 @@ class SetpointGenerator:
         pieces = self._pieces
         while index and pieces[index][0] > time:
             index -= 1
-        start, way, v, a, half, jerk, half_jerk, sixth = pieces[index]
+        start, way, v, a, half, _, half_jerk, sixth = pieces[index]
         s = self.target if index == len(pieces) - 1 and self.positioning else self._base + way
         x = time - start
         return s + x * (v + x * (half + x * sixth)), v + x * (a + x * half_jerk)

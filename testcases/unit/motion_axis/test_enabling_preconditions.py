@@ -196,6 +196,31 @@ def test_the_reason_of_a_lost_communication_is_in_the_diagnostic_buffer(rig, wha
     assert entry.time_ns > 0
 
 
+@pytest.mark.requirement("STP-020", "STP-045", "MC-133")
+@pytest.mark.parametrize(("what", "reason"), [("link", "no cyclic communication"), ("fault", "drive fault")])
+def test_what_the_enabling_waits_for_is_told_once(rig, what, reason):
+    """No alarm comes for a drive that is not ready when Enable rises: MC_Power waits, tells why, and enables when it is."""
+    rig.enabled()
+    rig.until(rig.axis.power(False).off)
+    if what == "link":
+        rig.port.link = False
+    else:
+        rig.port.fault = True
+    rig.run(0.1)
+    assert rig.events("power.waits") == []
+    power = rig.axis.power()
+    rig.run(0.5)
+    assert (power.Busy, power.Status, power.Error) == (True, False, False)
+    (told,) = rig.events("power.waits")
+    assert reason in told.data["reason"]
+    rig.port.link = True
+    rig.port.fault = False
+    if what == "fault":
+        rig.until(rig.axis.reset().done)
+    rig.until(power.status)
+    assert len(rig.events("power.waits")) == 1
+
+
 # -- time limit of the sequence -------------------------------------------------------------------------------------------
 
 

@@ -58,7 +58,9 @@ def test_the_sum_of_two_motions_is_interpolated_too(make_rig, ratio):
     rig.enabled()
     basic = rig.axis.move_relative(20.0, Velocity=100.0, Acceleration=900.0, Deceleration=900.0, Jerk=0.0)
     rig.run(0.05)
-    part = rig.axis.move_superimposed(7.0, VelocityDiff=90.0, Acceleration=500.0, Deceleration=500.0, Jerk=0.0)
+    part = rig.axis.move_superimposed(
+        7.0, VelocityDiff=90.0, Acceleration=500.0, Deceleration=500.0, Jerk=0.0
+    )
     rig.until(lambda: basic.Done and part.Done)
     assert rig.column("position_setpoint")[-1] == pytest.approx(27.0, abs=1e-9)
     assert max(abs(one) for one in slopes(rig, 0)) <= 1400.0 + 0.1
