@@ -145,15 +145,20 @@ class JobAcceptance(SetpointPlanning):
         ):  # fmt: skip
             return ERROR_LOCKED
         job.start(axis.name, axis.history)
-        if state in (AxisState.ALARM_RAMP, AxisState.ALARM_STANDSTILL):
-            if severity <= max(self.severity, axis.alarms.stop_severity) or axis.enabling.switching_off:
+        acknowledged = state is AxisState.ALARM_RAMP and not (
+            axis.alarms.blocking or axis.enabling.will_disable
+        )
+        if state in (AxisState.ALARM_RAMP, AxisState.ALARM_STANDSTILL) and not acknowledged:
+            # Harder than the alarm; of two stops the later one may be equal (STP-423, STP-441).
+            least = max(axis.alarms.stop_severity, self.severity - 1 if self.stopping else self.severity)
+            if severity <= least or axis.enabling.switching_off:
                 job.abort()
                 return NO_ERROR
             self._take_stop(job, severity)
             if state is AxisState.ALARM_STANDSTILL:
                 axis.set_state(AxisState.ALARM_RAMP)
             return NO_ERROR
-        if state in (AxisState.STOPPING, AxisState.STOP_HOLD) and severity < self.severity:
+        if self.stopping and severity < self.severity:
             job.abort()  # only the same or a higher stop takes over (STP-423)
             return NO_ERROR
         if axis.homings:

@@ -76,6 +76,41 @@ class TestStopAgainstAlarm:
             assert slowest == pytest.approx({3: -4000.0, 2: -2000.0}[WEIGHT[mode]], rel=0.01)
 
 
+@pytest.mark.requirement("STP-395", "STP-437")
+@pytest.mark.parametrize("reaction", [1, 2, 3])
+@pytest.mark.parametrize("mode", WEIGHT)
+def test_stop_after_the_acknowledgement(rig, reaction, mode):
+    """Of an acknowledged alarm only the ramp is left: MC_Stop is accepted as any other job, and locks the axis."""
+    rig.travelling(400.0)
+    rig.axis.alarms.raise_alarm(REACTIONS[reaction], reaction=reaction)
+    rig.cycles(2)
+    rig.until(rig.axis.reset().done)
+    assert rig.axis.state is AxisState.ALARM_RAMP
+    stop = rig.axis.stop(mode, Deceleration=800.0)
+    rig.cycles(2)
+    assert (stop.Busy, stop.CommandAborted) == (True, False)
+    assert rig.axis.var("StatusWord2.X0")
+    refused = rig.axis.move_velocity(10.0)
+    rig.until(stop.done)
+    assert refused.ErrorID == 0x800F
+    assert rig.axis.state is AxisState.STOP_HOLD
+
+
+@pytest.mark.requirement("MC-419", "STP-423", "STP-439")
+def test_stop_over_the_stop_that_has_taken_an_alarm_over(rig):
+    """An equal MC_Stop takes over from it, a lower one does not, although the alarm is still pending."""
+    rig.travelling(400.0)
+    rig.axis.alarms.raise_alarm(REACTIONS[1], reaction=1)
+    rig.cycles(2)
+    first = rig.axis.stop(2)
+    rig.cycles(2)
+    lower = rig.axis.stop(3, Deceleration=800.0)
+    second = rig.axis.stop(2)
+    rig.cycles(2)
+    assert (first.CommandAborted, lower.CommandAborted, second.Busy) == (True, True, True)
+    rig.until(second.done)
+
+
 @pytest.mark.requirement("MC-596", "MC-163", "MC-062", "OVR-103", "STP-251")
 @pytest.mark.parametrize("stop_mode", [0, 1, 2, 3])
 @pytest.mark.parametrize("name", RUNNING)
