@@ -29,6 +29,10 @@ class EncoderSource(Protocol):
     encoder_restarts: int
     actual_speed_rpm: float
 
+    @property
+    def absolute_from_zero(self) -> bool:
+        """Whether an absolute value lies between 0 and the measuring range; else it has a sign."""
+
 
 class Feedback:
     """Position and velocity of the axis from one encoder.
@@ -152,9 +156,12 @@ class Feedback:
             self._base = 0
             known = self._retained if self._fresh else self._count
             self._count = raw
+            if self.source.absolute_from_zero and 0 < scale.range_counts <= self._half:
+                # The count may have run on since the device was switched on: of what the encoder knows that is one range (CFG-296).
+                self._count %= scale.range_counts
             if scale.kind == CYCLIC_ABSOLUTE and scale.range_counts and known is not None:
                 # The measuring ranges passed so far count on, the nearest one of them (CFG-292, CFG-298).
-                self._count += round((known - raw) / scale.range_counts) * scale.range_counts
+                self._count += round((known - self._count) / scale.range_counts) * scale.range_counts
             self._retained = None
         self._fresh = False
         self._restarts = self.source.encoder_restarts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 if TYPE_CHECKING:
     from motion.drives.mark import MarkSearch
@@ -17,6 +17,9 @@ class EncoderPort(ABC):
         "absolute_encoder", "actual_speed_rpm", "brings_speed", "encoder_increments", "encoder_restarts", "has_parameters",
         "interface_number", "link_ok", "mark", "sensor_fault", "sign_lost", "telegram_number",
     )  # fmt: skip
+
+    absolute_from_zero: ClassVar[bool] = True
+    """See `DrivePort.absolute_from_zero`."""
 
     def __init__(self) -> None:
         self.mark: MarkSearch | None = None

@@ -91,6 +91,8 @@ class DrivePort(ABC):
 
     reports_stop: ClassVar[bool] = True
     """The status word tells when a stop that the drive makes by itself has ended; False: the axis has to look."""
+    absolute_from_zero: ClassVar[bool] = False
+    """An absolute value lies between 0 and the measuring range, as in Gx_XIST2; False: it has a sign."""
     analog: ClassVar[bool] = False
     """The setpoint is an analog output and no telegram (`Actor.Type`)."""
 

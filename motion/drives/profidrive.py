@@ -121,6 +121,8 @@ class ProfidrivePort(LinkedPort):
         "_xist2_at", "_xist_at", "_zsw2_at", "actual_seam", "block", "setpoint_seam", "telegram",
     )  # fmt: skip
 
+    absolute_from_zero = True
+
     def __init__(
         self, link: LinkConfig, words: TelegramConfig, *, name: str, history: History | None
     ) -> None:
