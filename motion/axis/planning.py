@@ -112,7 +112,8 @@ class SetpointPlanning:
 
         What is carried over neither accelerates beyond the maximum velocity nor brakes through zero, unless the new motion
         leads there: `towards` is its velocity or way, 0 for a stop. This matters only after a ramp with a higher jerk or
-        without jerk limit, an emergency ramp for example.
+        without jerk limit, an emergency ramp for example. What a jerk no higher than the new one has built up, on the way to
+        the other side, is carried through zero (STP-116).
         """
         gen = self.gen
         a = gen.a
@@ -121,6 +122,8 @@ class SetpointPlanning:
         v = gen.v
         if v * a >= 0.0:
             room = max(0.0, self._max_velocity.value - abs(v))
+        elif 0.0 < gen.jerk <= jerk:
+            return
         else:
             room = abs(v) + (self._max_velocity.value if towards * a > 0.0 else 0.0)
         bound = sqrt(2.0 * jerk * room)

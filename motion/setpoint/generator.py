@@ -43,7 +43,7 @@ class SetpointGenerator:
 
     __slots__ = (
         "_astray_until", "_base", "_begun", "_dt", "_ends", "_index", "_piece", "_pieces", "_resting", "_steps", "_time", "_until",
-        "a", "done", "positioning", "s", "target", "v",
+        "a", "done", "jerk", "positioning", "s", "target", "v",
     )  # fmt: skip
 
     s: float
@@ -52,6 +52,8 @@ class SetpointGenerator:
     """Velocity setpoint, position unit/s."""
     a: float
     """Acceleration setpoint, position unit/s2."""
+    jerk: float
+    """Jerk with which the active profile was planned, position unit/s3; 0.0 for none, or without a profile."""
     done: bool
     """Whether the state has reached the end of the profile: the target position, or the constant velocity."""
     positioning: bool
@@ -71,6 +73,7 @@ class SetpointGenerator:
         self.s = self._base = s
         self.v = self.target = v
         self.a = a
+        self.jerk = 0.0
         self.done = True
         self.positioning = False
         self._time = self._begun = self._astray_until = 0.0
@@ -100,7 +103,7 @@ class SetpointGenerator:
             jerk=jerk,
             abort_acceleration=abort_acceleration,
         )
-        self._take(profile, self.s, v_target, positioning=False)
+        self._take(profile, v_target, jerk, positioning=False)
 
     def start_stop(self, deceleration: float, jerk: float, abort_acceleration: bool = False) -> None:
         """Brake to standstill; arguments and errors as `plan_velocity`."""
@@ -120,7 +123,7 @@ class SetpointGenerator:
             deceleration=deceleration,
             jerk=jerk,
         )
-        self._take(profile, self.s, s_target, positioning=True)
+        self._take(profile, s_target, jerk, positioning=True)
         way = profile.distance
         for phase in profile.phases:
             if phase.velocity * way < 0.0 or way == 0.0:
@@ -207,11 +210,12 @@ class SetpointGenerator:
         """Time to the end of the profile, s; 0.0 when it has been reached."""
         return 0.0 if self.done else self._pieces[-1][0] - self._time
 
-    def _take(self, profile: Profile, base: float, target: float, *, positioning: bool) -> None:
-        """Make `profile`, which starts at the position `base`, the active one."""
+    def _take(self, profile: Profile, target: float, jerk: float, *, positioning: bool) -> None:
+        """Make `profile`, which starts at the present position, the active one."""
         self._pieces = profile.pieces
         self._ends = profile.ends
-        self._base = base
+        self._base = self.s
+        self.jerk = jerk
         self._time = self._begun = self._astray_until = 0.0
         self._steps = 0
         self._index = 0

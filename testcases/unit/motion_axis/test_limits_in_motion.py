@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from motion.axis import AxisState as S
@@ -210,6 +210,27 @@ def test_deceleration_that_leads_through_zero(rig, target):
         assert min(velocities) >= -1e-9
 
 
+@pytest.mark.requirement("STP-116", "STP-122")
+@pytest.mark.parametrize("new", ["halt", "back", "override"])
+def test_reversal_that_is_superseded_as_it_passes_zero(rig, new):
+    """What the same jerk has built up on the way to the other side is carried through zero: no step of acceleration."""
+    dynamics = {"Acceleration": 1000.0, "Deceleration": 1000.0, "Jerk": 5000.0}
+    rig.travelling(100.0)
+    rig.axis.move_velocity(-300.0, **dynamics)
+    rig.until(lambda: rig.column("velocity_setpoint")[-1] < 12.0)
+    since = len(rig.rows) - 1
+    if new == "halt":
+        rig.axis.halt(Deceleration=1000.0, Jerk=5000.0)
+    elif new == "back":
+        rig.axis.move_velocity(50.0, **dynamics)
+    else:
+        rig.axis.write("Override.Velocity", 0.0)
+    rig.run(0.8)
+    assert max(map(abs, slopes(rig, since, "acceleration_setpoint"))) == pytest.approx(5000.0)
+    assert min(rig.column("velocity_setpoint")[since:]) < -50.0
+    assert rig.column("velocity_setpoint")[-1] == (50.0 if new == "back" else 0.0)
+
+
 CHANGES = st.one_of(
     st.tuples(st.just("Override.Velocity"), st.sampled_from([0.0, 25.0, 100.0, 150.0, 200.0])),
     st.tuples(st.just(f"{LIMITS}Velocity"), st.sampled_from([40.0, 200.0, 500.0])),
@@ -225,6 +246,7 @@ CHANGES = st.one_of(
     changes=st.lists(st.tuples(st.integers(1, 120), CHANGES), min_size=1, max_size=5),
     jerk=st.sampled_from([0.0, 5000.0]),
 )
+@example(changes=[(6, ("Override.Velocity", 0.0)), (1, ("target", 0.0)), (9, ("target", 1.0))], jerk=5000.0)
 def test_any_changes_on_the_way(changes, jerk):
     """Override, limits and targets in any order: no step, no limit broken, and the end is the target, exactly, from one side.
 
