@@ -367,6 +367,12 @@ def fuzz(
     seed: SeedOption = 0,
     bench: BenchOption = "",
     steps: Annotated[int, typer.Option("--steps", min=1, max=200, help="Longest program, in steps.")] = 12,
+    configurations: Annotated[
+        bool,
+        typer.Option(
+            "--configurations", help="Change the bench file too: units, cycles, dynamics, drive, ..."
+        ),
+    ] = False,
     jobs: JobsOption = "1",
     corpus: Annotated[
         Path | None,
@@ -381,7 +387,8 @@ def fuzz(
 
     raise typer.Exit(
         fuzz_bench(
-            cases=cases, seed=seed, bench=bench, steps=steps, jobs=parse_jobs(jobs), corpus=corpus, report=report, as_json=as_json
+            cases=cases, seed=seed, bench=bench, steps=steps, configurations=configurations, jobs=parse_jobs(jobs), corpus=corpus,
+            report=report, as_json=as_json,
         )
     )  # fmt: skip
 

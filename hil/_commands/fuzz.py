@@ -22,6 +22,7 @@ def fuzz_bench(
     seed: int,
     bench: str,
     steps: int,
+    configurations: bool,
     jobs: int,
     corpus: Path | None,
     report: Path,
@@ -38,7 +39,8 @@ def fuzz_bench(
                 progress.step(min(count, cases), "" if broken is None else f"shrinking: {broken.invariant}")
 
             found = search(
-                bench_file, cases=cases, seed=seed, longest=steps, bench=bench, jobs=jobs, on_run=on_run,
+                bench_file, cases=cases, seed=seed, longest=steps, configurations=configurations, bench=bench, jobs=jobs,
+                on_run=on_run,
                 parents=() if kept is None else kept.programs, on_new=None if kept is None else kept.keep,
             )  # fmt: skip
     out = console()
@@ -46,6 +48,7 @@ def fuzz_bench(
     result: dict[str, object] = {
         "cases": found.cases,
         "seed": seed,
+        "refused": found.refused,
         "failures": [],
         "report": "",
         "reached": by_family(found.reached),
@@ -62,8 +65,9 @@ def fuzz_bench(
     if (report / RUN_FILE).exists():
         clear_run(report)
     report.mkdir(parents=True, exist_ok=True)
+    failed_on = failure.program.configuration.applied_to(bench_file)
     write_evidence(Execution(failure.result, failure.trace), report, "all")
-    run = RunResult("Fuzz", seed, bench_file.name, bench_file.text, environment_facts(), "", [failure.result])
+    run = RunResult("Fuzz", seed, bench_file.name, failed_on.text, environment_facts(), "", [failure.result])
     save_run(report, run)
     paths = finish(run, report)
     script = report / "program.json"
@@ -107,5 +111,11 @@ def _tell_reached(found: FuzzReport) -> None:
         f"reached {len(found.reached)} situations ({counts}); {len(found.reached) - found.known} of them new"
     )
     out.print(text, markup=False, soft_wrap=True)
+    if found.refused:
+        out.print(
+            f"{found.refused} programs had a configuration that does not hold together",
+            markup=False,
+            soft_wrap=True,
+        )
     if found.never:
         out.print(f"faults that never acted: {', '.join(found.never)}", markup=False, soft_wrap=True)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from hil.bench._toml import dumps, merged
 from hil.bench.config import EMBEDDED, BenchConfig, BenchFileError, digest, parse, read
 
 if TYPE_CHECKING:
@@ -40,6 +43,18 @@ class BenchFile:
     def kind(self) -> str:
         """`virtual` or `live`."""
         return self.config.bench.kind
+
+    def configured(self, tables: Mapping[str, Any]) -> BenchFile:
+        """Return this bench with other content in some places.
+
+        Args:
+            tables: What is laid over the file: tables are merged, everything else takes the place of what was there.
+
+        Raises:
+            BenchFileError: The result is not usable.
+
+        """
+        return BenchFile(self.source, dumps(merged(tomllib.loads(self.text), tables)))
 
     def build(self, *, seed: int = 0) -> Bench:
         """Return a fresh, started bench."""

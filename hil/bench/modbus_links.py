@@ -136,6 +136,11 @@ class ModbusSegment:
     def _rtu_client(self, line: Any) -> RtuClient:
         return RtuClient(self.scheduler, line, name=CONTROLLER, timeout_ns=self.timeout_ns, retries=0)
 
+    @property
+    def server_names(self) -> tuple[str, ...]:
+        """Names of the drives and stations that answer here."""
+        return tuple(name for channel in self._channels for name in channel.drives)
+
     def client(self, name: str) -> TcpClient | RtuClient:
         """Return who carries the controller's requests to a drive."""
         return next(channel.client for channel in self._channels if name in channel.drives)

@@ -51,15 +51,15 @@ def modbus_action(bench: Bench, fault: Fault, stream: str, ended: Work, note: No
         )
     if fault.kind in _WITHOUT_COUNT and fault.count is not None:
         raise ConfigurationError("fault.count", fault.count, f"nothing: {fault.kind} hits no frames")
-    drives = _drives(bench, fault, segment)
+    servers = _servers(fault, segment)
     if fault.kind == "modbus.noise":
         return _Noise(bench, segment, fault, stream)
     if fault.kind == "modbus.cut":
-        return _cut(bench, segment, drives)
+        return _cut(bench, segment, servers)
     choice = _Choice(bench, fault, stream, ended, note)
     if fault.kind == "modbus.exception":
-        return _Exceptions(bench, segment, fault, drives, choice)
-    return _Frames(segment, fault, drives, choice, line=line)
+        return _Exceptions(bench, segment, fault, servers, choice)
+    return _Frames(segment, fault, servers, choice, line=line)
 
 
 def _segment(bench: Bench, fault: Fault) -> Any:
@@ -79,9 +79,9 @@ def _segment(bench: Bench, fault: Fault) -> Any:
     return segment
 
 
-def _drives(bench: Bench, fault: Fault, segment: Any) -> tuple[str, ...]:
-    """Return the drives that are concerned."""
-    there: tuple[str, ...] = bench.nodes_on(segment.name)  # type: ignore[attr-defined]  # a bench with such segments has it
+def _servers(fault: Fault, segment: Any) -> tuple[str, ...]:
+    """Return the drives and stations that are concerned."""
+    there: tuple[str, ...] = segment.server_names
     if fault.kind == "modbus.noise":
         return there
     wanted = str(fault.value("drive"))
@@ -135,23 +135,23 @@ class _Frames(Action):
 
     __slots__ = (
         "_choice",
-        "_drives",
         "_fault",
         "_held",
         "_line",
         "_remove",
         "_request",
         "_segment",
+        "_servers",
         "_wanted",
     )
 
     def __init__(
-        self, segment: Any, fault: Fault, drives: tuple[str, ...], choice: _Choice, *, line: bool
+        self, segment: Any, fault: Fault, servers: tuple[str, ...], choice: _Choice, *, line: bool
     ) -> None:
         super().__init__(str(segment.name), self._begin, self._finish)
         self._segment = segment
         self._fault = fault
-        self._drives = drives
+        self._servers = servers
         self._choice = choice
         self._line = line
         self._request = fault.kind == "modbus.broadcast" or fault.value("direction") == "request"
@@ -186,7 +186,7 @@ class _Frames(Action):
         start = 1 if self._line else _HEADER
         if len(data) <= start:
             return False
-        if sender != _CONTROLLER and sender not in self._drives:
+        if sender != _CONTROLLER and sender not in self._servers:
             return False
         return not self._wanted or data[start] & 0x7F == self._wanted
 
@@ -254,12 +254,12 @@ def _first_register(function: int, *, request: bool) -> int | None:
 
 
 class _Exceptions(Action):
-    """Let the server of a drive refuse requests."""
+    """Let the servers of drives and stations refuse requests."""
 
     __slots__ = ("_choice", "_claims", "_code", "_wanted")
 
     def __init__(
-        self, bench: Bench, segment: Any, fault: Fault, drives: tuple[str, ...], choice: _Choice
+        self, bench: Bench, segment: Any, fault: Fault, names: tuple[str, ...], choice: _Choice
     ) -> None:
         from fieldbus.modbus import ExceptionCode
 
@@ -272,7 +272,7 @@ class _Exceptions(Action):
             )
         self._choice = choice
         self._wanted: int = fault.value("function")
-        self._claims = [_hook_of(bench, segment, name) for name in drives]
+        self._claims = [_hook_of(bench, segment, name) for name in names]
 
     def _begin(self) -> None:
         for claim in self._claims:
@@ -289,9 +289,10 @@ class _Exceptions(Action):
         return self._code
 
 
-def _hook_of(bench: Bench, segment: Any, name: str) -> Claim:
-    """Return the claim on the exceptions of a drive's server."""
-    server = bench.drive(name).server
+def _hook_of(bench: Any, segment: Any, name: str) -> Claim:
+    """Return the claim on the exceptions of the server of a drive or a station."""
+    device = bench.station(name) if name in getattr(bench, "station_names", ()) else bench.drive(name)
+    server = device.server
     usual = server.exception_hook
 
     def install(hook: Any) -> None:
@@ -300,7 +301,7 @@ def _hook_of(bench: Bench, segment: Any, name: str) -> Claim:
     return Claim(bench, (str(segment.name), "exceptions", name), install, lambda: install(usual))
 
 
-def _cut(bench: Bench, segment: Any, drives: tuple[str, ...]) -> Action:
+def _cut(bench: Bench, segment: Any, servers: tuple[str, ...]) -> Action:
     def claim(name: str) -> Claim:
         link = segment.link(name)
 
@@ -309,7 +310,7 @@ def _cut(bench: Bench, segment: Any, drives: tuple[str, ...]) -> Action:
 
         return Claim(bench, (str(segment.name), "link", name), switch, lambda: switch(False), (True,))
 
-    return all_of(str(segment.name), [claim(name) for name in drives])
+    return all_of(str(segment.name), [claim(name) for name in servers])
 
 
 class _Noise(Action):

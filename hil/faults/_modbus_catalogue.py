@@ -11,7 +11,7 @@ _NO_LINK: Final = (
 )
 _REFUSED: Final[dict[Environment, str]] = {"live": _NO_LINK, "hardware": _NO_LINK}
 _DRIVE: Final = Parameter(
-    "drive", "text", "Only frames to and from this drive; empty: all of the segment", default=""
+    "drive", "text", "Only frames to and from this drive or station; empty: all of the segment", default=""
 )
 _FUNCTION: Final = Parameter(
     "function", "int", "Only this function code; 0: every one", minimum=0, maximum=127, default=0

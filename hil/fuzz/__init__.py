@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from hil.fuzz._configuration import Configuration
 from hil.fuzz._corpus import Corpus
 from hil.fuzz._invariants import Invariant, Violation, default_invariants
 from hil.fuzz._program import JOBS, Break, Do, Program, Step, Wait, job_names, step_from_json
@@ -12,12 +13,14 @@ from hil.fuzz._run import FuzzOutcome, check_program, program_token, run_program
 from hil.fuzz._situations import Situation, by_family, situations_of
 
 if TYPE_CHECKING:
+    from hil.fuzz._configuration_strategies import configurations
     from hil.fuzz._search import FuzzReport, search
     from hil.fuzz._strategies import descendants, fault_kinds, programs
 
 __all__ = [
     "JOBS",
     "Break",
+    "Configuration",
     "Corpus",
     "Do",
     "FuzzOutcome",
@@ -30,6 +33,7 @@ __all__ = [
     "Wait",
     "by_family",
     "check_program",
+    "configurations",
     "default_invariants",
     "descendants",
     "fault_kinds",
@@ -51,6 +55,10 @@ def __getattr__(name: str) -> Any:
         from hil.fuzz import _search
 
         return getattr(_search, name)
+    if name == "configurations":
+        from hil.fuzz import _configuration_strategies
+
+        return _configuration_strategies.configurations
     if name in {"descendants", "fault_kinds", "programs"}:
         from hil.fuzz import _strategies
 

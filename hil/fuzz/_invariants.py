@@ -273,6 +273,48 @@ class RestAfterAlarm(Invariant):
         return ""
 
 
+class ComesUp(Invariant):
+    """Enabled before anything else is asked of it, a sound axis comes into operation within a moment, without an alarm."""
+
+    name = "comes up"
+    requirements = ("STP-015", "STP-030")
+    WITHIN_S: Final = 0.27
+    """Less than what a program waits after `PREAMBLE` has enabled the axis, more than a drive needs."""
+
+    def __init__(self, bench: Any, axis: str) -> None:
+        self._axis = axis
+        self._scheduler = bench.scheduler
+        self._enable = _reader(bench, f"{axis}.power_enable")
+        self._status = _reader(bench, f"{axis}.power_status")
+        self._decided = self._enable is None or self._status is None
+        self._since_ns: int | None = None
+        self._alarm = ""
+
+    def event(self, entry: Event) -> None:
+        """Take note of alarms, and of what makes an axis that stays disabled no wonder."""
+        if self._decided:
+            return
+        if entry.kind == "alarm.raised" and entry.source == self._axis:
+            self._alarm = f"alarm {entry.data.get('number')} ({entry.data.get('text')})"
+        elif entry.kind in {"fault.armed", "axis.restart"} or (
+            entry.kind == "job.started" and entry.data.get("instruction") != "MC_Power"
+        ):
+            self._decided = True
+
+    def cycle(self) -> str:
+        """Wait for the status of `MC_Power`."""
+        if self._decided or self._enable is None or self._status is None or not self._enable():
+            return ""
+        now = self._scheduler.now
+        if self._since_ns is None:
+            self._since_ns = now
+        if self._status():
+            self._decided = True
+        elif self._alarm or now - self._since_ns > seconds_to_ns(self.WITHIN_S):
+            return f"not enabled {(now - self._since_ns) * 1e-9:.3f} s after MC_Power, {self._alarm or 'no alarm'}"
+        return ""
+
+
 class OneJobOutput(Invariant):
     """No instance shows two of Done, Error, CommandAborted."""
 
@@ -357,5 +399,6 @@ def default_invariants(bench: Any) -> list[Invariant]:
         NoMotionWithoutTorque(bench, axis, drive),
         RestAfterAlarm(bench, axis, drive),
         OneJobOutput(),
+        ComesUp(bench, axis),
         FeedbackEqualsMechanics(bench, axis, drive),
     ]

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from fieldbus.errors import ConfigurationError
 from hil.faults import Fault, Parameter
+from hil.fuzz._configuration import MILLIMETRES, Configuration, UnitScale
 
 _HOW: Final = (
     Parameter(
@@ -90,6 +91,7 @@ def job_names(axis: Any) -> tuple[str, ...]:
 
 
 LONGEST_WAIT_S: Final = 60.0
+_CONFIGURATION: Final = "configuration"
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,11 +116,14 @@ class Do:
             if parameter.required and parameter.name not in self.parameters:
                 raise ConfigurationError(f"step {self.job}.{parameter.name}", None, parameter.allowed)
 
-    def value(self, name: str) -> Any:
-        """Return a parameter, or its default."""
-        if name in self.parameters:
-            return self.parameters[name]
-        return next(parameter.default for parameter in JOBS[self.job] if parameter.name == name)
+    def value(self, name: str, scale: UnitScale = MILLIMETRES) -> Any:
+        """Return a parameter, or its default, as a number for an axis with these units."""
+        parameter = next(one for one in JOBS[self.job] if one.name == name)
+        value = self.parameters.get(name, parameter.default)
+        if name == "jerk" and value < 0.0:
+            return value  # the default of the axis
+        factor = scale.of(parameter.unit)
+        return value if factor == 1.0 else value * factor
 
     def to_json(self) -> dict[str, Any]:
         """Return the step as JSON values."""
@@ -190,20 +195,30 @@ def step_from_json(content: Any, where: str = "step") -> Step:
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A list of steps."""
+    """A list of steps, and the configuration of the bench that they are done on."""
 
     steps: tuple[Step, ...]
+    configuration: Configuration = field(default_factory=Configuration)
+    """What is laid over the bench file first."""
 
     def to_json(self) -> list[dict[str, Any]]:
-        """Return the program as JSON values."""
-        return [step.to_json() for step in self.steps]
+        """Return the program as JSON values: the configuration, if there is one, stands in front of the steps."""
+        head = [{_CONFIGURATION: self.configuration.to_json()}] if self.configuration else []
+        return [*head, *(step.to_json() for step in self.steps)]
 
     @classmethod
     def from_json(cls, content: Any) -> Program:
         """Build a program from JSON values; `ConfigurationError` names the step that is wrong."""
         if not isinstance(content, Iterable) or isinstance(content, (str, Mapping)):
             raise ConfigurationError("program", content, "a list of steps")
-        return cls(tuple(step_from_json(step, f"program[{index}]") for index, step in enumerate(content)))
+        steps = list(content)
+        configuration, first = Configuration(), 0
+        if steps and isinstance(steps[0], Mapping) and set(steps[0]) == {_CONFIGURATION}:
+            configuration, first = Configuration.from_json(steps[0][_CONFIGURATION]), 1
+        places = range(first, len(steps))
+        return cls(
+            tuple(step_from_json(steps[place], f"program[{place}]") for place in places), configuration
+        )
 
     @property
     def name(self) -> str:
@@ -213,4 +228,5 @@ class Program:
 
     def __str__(self) -> str:
         width = len(str(len(self.steps)))
-        return "\n".join(f"{number:{width}}. {step}" for number, step in enumerate(self.steps, 1))
+        lines = [f"{number:{width}}. {step}" for number, step in enumerate(self.steps, 1)]
+        return "\n".join([*self.configuration.lines(), *lines])

@@ -7,9 +7,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldbus.errors import ConfigurationError
-from hil.campaign import Campaign, Case
+from hil.campaign import Campaign, Case, load_bench_file
 from hil.errors import CannotRunError
+from hil.fuzz._files import file_name, program_in, program_text, read_json, write_files
 from hil.fuzz._program import Program
 from hil.fuzz._run import check_program
 
@@ -32,7 +32,8 @@ _KEYS: Final = {"title": str, "bench": str, "seed": int, "program": list}
 def regressions(folder: Path, title: str = "regressions") -> Campaign:
     """Return a campaign with a case for each kept program of a folder.
 
-    Each case runs its program with the seed that it was found with, and all invariants of a search have to hold.
+    Each case runs its program with the seed that it was found with, and all invariants of a search have to hold. The bench of a
+    program that was found on a configuration of its own is a file beside it.
 
     Args:
         folder: Where `hil keep` has put them, as files with the ending `.json`.
@@ -45,6 +46,7 @@ def regressions(folder: Path, title: str = "regressions") -> Campaign:
     campaign = Campaign(title, tags=["regression"])
     for file in sorted(folder.glob("*.json")):
         content, program = _read(file)
+        beside = folder / content["bench"]
         campaign.add(
             Case(
                 identifier=f"{title}/{file.stem}",
@@ -52,7 +54,7 @@ def regressions(folder: Path, title: str = "regressions") -> Campaign:
                 group=title,
                 function=functools.partial(check_program, program=program),
                 tags=campaign.tags,
-                bench=content["bench"],
+                bench=str(beside) if beside.is_file() else content["bench"],
                 seed=content["seed"],
             )
         )
@@ -60,24 +62,24 @@ def regressions(folder: Path, title: str = "regressions") -> Campaign:
 
 
 def _read(file: Path) -> tuple[dict[str, Any], Program]:
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise CannotRunError(f"{file} cannot be read: {error}") from error
+    content = read_json(file)
     wanted = ", ".join(_KEYS)
     if not isinstance(content, dict) or set(content) != set(_KEYS):
         raise CannotRunError(f"{file} is no kept program: it has to be an object with {wanted}")
     for key, kind in _KEYS.items():
         if not isinstance(content[key], kind) or isinstance(content[key], bool):
             raise CannotRunError(f"{file}: {key} is {content[key]!r}, but has to be of type {kind.__name__}")
-    try:
-        return content, Program.from_json(content["program"])
-    except ConfigurationError as error:
-        raise CannotRunError(f"{file}: {error}") from error
+    program = program_in(file, content["program"])
+    if program.configuration:
+        raise CannotRunError(f"{file}: program has a configuration, but a kept one stands in a bench file")
+    return content, program
 
 
 def keep_program(token: Token, folder: Path, title: str) -> Path:
     """Write the program of a token into a folder, with the campaign that runs it, and return its file.
+
+    A configuration of the program becomes a bench file beside it: what the program was found on stays, whatever becomes of the
+    bench that it was made of.
 
     Args:
         token: Of a program.
@@ -86,6 +88,7 @@ def keep_program(token: Token, folder: Path, title: str) -> Path:
 
     Raises:
         CannotRunError: The token is that of a case, which is in a campaign already; or nothing can be written there.
+        ConfigurationError: The configuration of the program is refused for its bench.
 
     """
     if token.program is None:
@@ -93,18 +96,19 @@ def keep_program(token: Token, folder: Path, title: str) -> Path:
             f"the token is that of case {token.case!r} of {token.campaign}, which is kept there"
         )
     program = Program.from_json(token.program)
-    name = f"{program.name.rpartition('/')[2]}.json"
-    lines = ",\n".join(f"  {json.dumps(step)}" for step in program.to_json())
+    name = file_name(program)
+    files: dict[str, str] = {}
+    bench = token.bench
+    if program.configuration:
+        bench = f"{Path(name).stem}.toml"
+        files[bench] = program.configuration.applied_to(load_bench_file(token.bench or None)).text
+        program = Program(program.steps)
     head = "".join(
         f" {json.dumps(key)}: {json.dumps(value)},\n"
-        for key, value in (("title", title), ("bench", token.bench), ("seed", token.seed))
+        for key, value in (("title", title), ("bench", bench), ("seed", token.seed))
     )
-    file = folder / name
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        file.write_text(f'{{\n{head} "program": [\n{lines}\n ]\n}}\n', encoding="utf-8")
-        if not (folder / MODULE).exists():
-            (folder / MODULE).write_text(_CAMPAIGN, encoding="utf-8")
-    except OSError as error:
-        raise CannotRunError(f"the program cannot be kept in {folder}: {error}") from error
-    return file
+    files[name] = f'{{\n{head} "program": {program_text(program, " ")}\n}}\n'
+    if not (folder / MODULE).exists():
+        files[MODULE] = _CAMPAIGN
+    write_files(folder, files)
+    return folder / name

@@ -7,11 +7,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from fieldbus.errors import ConfigurationError
 from hil.campaign import CaseContext, Token
 from hil.campaign._execute import collect_evidence
 from hil.errors import BlockedError, CaseTimeoutError, ExpectationFailedError, UnsupportedFaultError
 from hil.expect import run_checkers
-from hil.fuzz._invariants import Invariant, OneJobOutput, Violation, default_invariants
+from hil.fuzz._configuration import UnitScale
+from hil.fuzz._invariants import ComesUp, Invariant, OneJobOutput, Violation, default_invariants
 from hil.fuzz._program import Break, Do, Program, Step, Wait
 from hil.record import Trace
 from reports.model import CaseResult, Check, Verdict
@@ -21,6 +23,10 @@ STEP_S: Final = 0.012
 """Bench time after every instruction, so that its edge is seen."""
 SETTLE_S: Final = 1.0
 """Bench time after the last step."""
+
+
+_HOW: Final = {"jerk": "Jerk", "buffer": "BufferMode"}
+"""Parameters that go to inputs only where a program names them: the others keep their defaults."""
 
 
 class _BrokenError(Exception):
@@ -65,9 +71,15 @@ class _Hands:
         self._axis = axis
         self._watch = watch
         self._held: dict[str, Any] = {}
+        self._scale = UnitScale.of_axis(axis)
 
     def do(self, step: Do) -> None:
-        axis, value = self._axis, step.value
+        axis, scale = self._axis, self._scale
+
+        def value(name: str) -> Any:
+            return step.value(name, scale)
+
+        how = {key: value(name) for name, key in _HOW.items() if name in step.parameters}
         if step.job in self._RELEASES:
             of, inputs = self._RELEASES[step.job]
             held = self._held.pop(of, None)
@@ -89,11 +101,11 @@ class _Hands:
             case "home":
                 job = axis.home(value("position"), mode=value("mode"))
             case "move_absolute":
-                job = axis.move_absolute(value("position"), Velocity=value("velocity"), **_how(step))
+                job = axis.move_absolute(value("position"), Velocity=value("velocity"), **how)
             case "move_relative":
-                job = axis.move_relative(value("distance"), Velocity=value("velocity"), **_how(step))
+                job = axis.move_relative(value("distance"), Velocity=value("velocity"), **how)
             case "move_velocity":
-                job = axis.move_velocity(value("velocity"), **_how(step))
+                job = axis.move_velocity(value("velocity"), **how)
             case "move_superimposed":
                 job = axis.move_superimposed(value("distance"), VelocityDiff=value("velocity"))
             case "halt_superimposed":
@@ -113,12 +125,6 @@ class _Hands:
             self._watch.jobs.append(job)
 
 
-def _how(step: Do) -> dict[str, Any]:
-    """Return the inputs that a step gives beside the usual ones: those that it does not name keep their defaults."""
-    inputs = {"jerk": "Jerk", "buffer": "BufferMode"}
-    return {inputs[name]: value for name, value in step.parameters.items() if name in inputs}
-
-
 def run_program(
     program: Program, bench_file: Any, *, seed: int = 0, invariants: InvariantFactory = default_invariants
 ) -> FuzzOutcome:
@@ -132,16 +138,27 @@ def run_program(
         seed: Seed of the bench.
         invariants: Makes the invariants for a bench.
 
+    Raises:
+        ConfigurationError: The configuration of the program is refused for this bench.
+        CannotRunError: The program has a configuration, and the bench comes from no bench file.
+
     """
-    with bench_file.build(seed=seed) as bench:
+    bench_file = program.configuration.applied_to(bench_file)
+    try:
+        bench = bench_file.build(seed=seed)
+    except ConfigurationError:
+        raise
+    except Exception as error:  # noqa: BLE001 - a bench that is described validly has to come up
+        return _not_up(program, seed, error)
+    with bench:
         context = CaseContext(bench, seed=seed)
         watched = invariants(bench)
         violation, skipped = _run_in(context, program, watched)
         trace = context.trace()
         if violation is None:
             violation = _checked(trace)
-        result = _result(program, context, trace, violation, watched)
-        result.seed = seed
+        result = _result(program, seed, violation, watched)
+        collect_evidence(context, trace, result)
         return FuzzOutcome(program, seed, violation, skipped, trace, result)
 
 
@@ -190,9 +207,7 @@ def _run_in(
     except CaseTimeoutError:
         raise
     except Exception as error:  # noqa: BLE001 - whatever escapes is the finding
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        text = f"{type(error).__name__}: {error} at {place.filename}:{place.lineno}"
-        return Violation("no crash", context.now_s, text), skipped
+        return Violation("no crash", context.now_s, _crash(error)), skipped
     return None, skipped
 
 
@@ -216,16 +231,24 @@ def _perform(step: Step, context: CaseContext, hands: _Hands, skipped: list[str]
     if isinstance(step, Break):
         try:
             context.faults.arm(step.fault)
-        except (UnsupportedFaultError, BlockedError) as error:
-            skipped.append(f"{step}: {error}")
-            context.observe(f"skipped: {error}")
+        except (UnsupportedFaultError, BlockedError, ConfigurationError) as error:
+            _skip(step, error, context, skipped)
         return
     context.do(str(step))
     if step.job == "remove_faults":
         context.faults.remove_all()
     else:
-        hands.do(step)
+        try:
+            hands.do(step)
+        except ConfigurationError as error:
+            _skip(step, error, context, skipped)
     context.run_for(STEP_S)
+
+
+def _skip(step: Step, error: Exception, context: CaseContext, skipped: list[str]) -> None:
+    """Take note of a step that the bench cannot do: an instruction, or a word of a telegram, that is not there."""
+    skipped.append(f"{step}: {error}")
+    context.observe(f"skipped: {error}")
 
 
 def _checked(trace: Trace) -> Violation | None:
@@ -240,12 +263,19 @@ def _checked(trace: Trace) -> Violation | None:
     )
 
 
+def _not_up(program: Program, seed: int, error: Exception) -> FuzzOutcome:
+    """Return the outcome of a program whose bench has not even started."""
+    violation = Violation(ComesUp.name, 0.0, _crash(error), ComesUp.requirements)
+    return FuzzOutcome(program, seed, violation, [], Trace(()), _result(program, seed, violation, ()))
+
+
+def _crash(error: Exception) -> str:
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} at {place.filename}:{place.lineno}"
+
+
 def _result(
-    program: Program,
-    context: CaseContext,
-    trace: Trace,
-    violation: Violation | None,
-    watched: Sequence[Invariant],
+    program: Program, seed: int, violation: Violation | None, watched: Sequence[Invariant]
 ) -> CaseResult:
     result = CaseResult(
         identifier=program.name,
@@ -254,9 +284,9 @@ def _result(
         message="" if violation is None else str(violation),
         group="fuzz",
         tags=["fuzz"],
+        seed=seed,
     )
     result.checks.extend(_checks(watched, violation))
-    collect_evidence(context, trace, result)
     return result
 
 

@@ -11,16 +11,19 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+from fieldbus.errors import ConfigurationError
 from hil.campaign import load_bench_file
+from hil.campaign._worker import bench_of
 from hil.errors import CannotRunError
+from hil.fuzz._configuration_strategies import configurations
 from hil.fuzz._invariants import Violation, default_invariants
 from hil.fuzz._program import Program, job_names
 from hil.fuzz._run import FuzzOutcome, InvariantFactory, program_token, run_program
-from hil.fuzz._situations import Situation, situations_of
-from hil.fuzz._strategies import PREAMBLE, descendants, fault_kinds, programs, steps
+from hil.fuzz._situations import Situation, configured, situations_of
+from hil.fuzz._strategies import PREAMBLE, UNCHANGED, descendants, fault_kinds, programs, steps
 from reports.model import Verdict
 
 ROUND: Final = 10
@@ -52,6 +55,8 @@ class FuzzReport:
     """How many of them the programs that were given at the begin had reached."""
     never: tuple[str, ...] = ()
     """Fault kinds that this bench can inject and that never acted."""
+    refused: int = 0
+    """Programs, counted among `cases`, whose configuration the bench file has refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +67,7 @@ class _Round:
     bench_seed: int
     cases: int
     longest: int
+    configurations: bool
     kinds: tuple[str, ...]
     jobs: tuple[str, ...]
     identifiers: dict[str, int]
@@ -74,6 +80,7 @@ class _Found:
 
     tried: list[tuple[Program, frozenset[Situation], bool]] = field(default_factory=list)
     """Programs, what they reached, and whether they broke nothing."""
+    refused: int = 0
     failing: tuple[Program, Violation] | None = None
     shrink_runs: int = 0
     others: list[str] = field(default_factory=list)
@@ -93,6 +100,7 @@ def search(
     cases: int,
     seed: int = 0,
     longest: int = 12,
+    configurations: bool = False,
     bench: str = "",
     invariants: InvariantFactory = default_invariants,
     jobs: int = 1,
@@ -111,6 +119,7 @@ def search(
         cases: Programs to try, those of `parents` included.
         seed: Seed of the search and of the benches.
         longest: Greatest number of steps after the preamble.
+        configurations: Whether the programs change the bench file as well.
         bench: Reference of the bench, for the token and for other processes.
         invariants: Makes the invariants for a bench; with `jobs` > 1 a function that other processes can import.
         jobs: Processes.
@@ -119,85 +128,128 @@ def search(
         on_run: Called after every program, or with `jobs` > 1 after every round.
 
     Raises:
-        CannotRunError: `jobs` < 1, or `jobs` > 1 and no reference of the bench.
+        CannotRunError: `jobs` < 1, or `jobs` > 1 and no reference of the bench, or configurations of a bench without a file.
 
     """
     if jobs < 1:
         raise CannotRunError(f"{jobs} processes are not possible; give 1 or more")
     if jobs > 1 and load_bench_file(bench or None).digest != bench_file.digest:
         raise CannotRunError("a search on several processes needs the reference of its bench")
+    if configurations and not hasattr(bench_file, "configured"):
+        raise CannotRunError(
+            f"the bench {bench_file.name!r} comes from no bench file: it has no configurations"
+        )
+    running = _Search(bench_file, cases, seed, invariants=invariants, on_new=on_new, on_run=on_run)
     with bench_file.build(seed=seed) as sample:
-        kinds, identifiers = tuple(fault_kinds(sample)), _identifiers(sample)
-        names = job_names(sample.axis())
-    report = FuzzReport(0, seed)
-    lineage: list[Program] = []
-    reached: set[Situation] = set()
-    acted: set[str] = set()
-    runs = 0
+        plan = _Round(
+            0, seed, 0, longest, configurations, tuple(fault_kinds(sample)), job_names(sample.axis()),
+            _identifiers(sample), (),
+        )  # fmt: skip
+    running.begin_with(parents)
+    with _pool(jobs) as pool:
+        running.go_on(plan, pool, bench)
+    return running.finish(plan.kinds, bench)
 
-    def count(outcome: FuzzOutcome) -> None:
-        nonlocal runs
-        runs += 1
-        if on_run is not None:
-            on_run(runs, outcome)
 
-    def take(found: _Found) -> None:
-        report.cases += len(found.tried)
+class _Search:
+    """What a search has met so far."""
+
+    def __init__(
+        self,
+        bench_file: Any,
+        cases: int,
+        seed: int,
+        *,
+        invariants: InvariantFactory,
+        on_new: Callable[[Program], None] | None,
+        on_run: OnRun | None,
+    ) -> None:
+        self.report = FuzzReport(0, seed)
+        self._bench_file = bench_file
+        self._cases = cases
+        self._invariants = invariants
+        self._on_new = on_new
+        self._on_run = on_run
+        self._failing: tuple[Program, Violation] | None = None
+        self._lineage: list[Program] = []
+        self._reached: set[Situation] = set()
+        self._acted: set[str] = set()
+        self._runs = 0
+
+    def begin_with(self, parents: Sequence[Program]) -> None:
+        """Run the programs that are there already."""
+        for program in parents[: self._cases]:
+            attempt = _Attempt(self._bench_file, self.report.seed, self._invariants, self._count)
+            with contextlib.suppress(_FoundError):
+                attempt.one(program)
+            if self._take(attempt.finish()):
+                break
+        self.report.known = len(self._reached)
+
+    def go_on(self, plan: _Round, pool: ProcessPoolExecutor | None, bench: str) -> None:
+        """Do rounds until a program fails or there are enough of them."""
+        generation = 0
+        while self._failing is None and self.report.cases < self._cases:
+            orders = self._generation(plan, generation)
+            generation += 1
+            if pool is None:
+                results: Iterator[_Found] = (
+                    _do(order, self._bench_file, self._invariants, self._count) for order in orders
+                )
+            else:
+                results = pool.map(_do_there, [(order, bench, self._invariants) for order in orders])
+            for found in results:
+                failing = self._take(found)
+                if pool is not None and self._on_run is not None:
+                    self._on_run(self.report.cases, None)
+                if failing:
+                    break
+
+    def _generation(self, plan: _Round, generation: int) -> list[_Round]:
+        """Return the next rounds: whatever comes out of one of them, the others know the same parents."""
+        left = self._cases - self.report.cases
+        sizes = [max(min(ROUND, left - number * ROUND), 0) for number in range(ROUNDS)]
+        first = self.report.seed * 1_000_003 + generation * ROUNDS
+        parents = tuple(self._lineage[-PARENTS:])
+        return [
+            replace(plan, seed=first + number, cases=size, parents=parents)
+            for number, size in enumerate(sizes)
+            if size
+        ]
+
+    def _count(self, outcome: FuzzOutcome | None) -> None:
+        self._runs += 1
+        if self._on_run is not None:
+            self._on_run(self._runs, outcome)
+
+    def _take(self, found: _Found) -> bool:
+        """Take note of a round; returns whether it has found a program that fails."""
+        report = self.report
+        report.cases += len(found.tried) + found.refused
+        report.refused += found.refused
         report.shrink_runs += found.shrink_runs
         report.others += [text for text in found.others if text not in report.others]
         for program, situations, sound in found.tried:
-            acted.update(situation[1] for situation in situations if situation[0] == "fault")
-            if not situations <= reached:
-                reached.update(situations)
+            self._acted.update(situation[1] for situation in situations if situation[0] == "fault")
+            if not situations <= self._reached:
+                self._reached.update(situations)
                 if sound:
-                    lineage.append(program)
-                    if on_new is not None:
-                        on_new(program)
+                    self._lineage.append(program)
+                    if self._on_new is not None:
+                        self._on_new(program)
+        self._failing = found.failing
+        return self._failing is not None
 
-    failing = None
-    for program in parents[:cases]:
-        found = _Found()
-        attempt = _Attempt(bench_file, seed, invariants, count, found)
-        with contextlib.suppress(_FoundError):
-            attempt(program)
-        attempt.finish()
-        take(found)
-        failing = found.failing
-        if failing is not None:
-            break
-    report.known = len(reached)
-    with _pool(jobs) as pool:
-        generation = 0
-        while failing is None and report.cases < cases:
-            orders = []
-            left = cases - report.cases
-            for number in range(ROUNDS):
-                size = min(ROUND, left)
-                left -= size
-                if size:
-                    orders.append(
-                        _Round(
-                            seed * 1_000_003 + generation * ROUNDS + number, seed, size,
-                            longest, kinds, names, identifiers, tuple(lineage[-PARENTS:]),
-                        )
-                    )  # fmt: skip
-            generation += 1
-            if pool is None:
-                results: Iterator[_Found] = (_do(order, bench_file, invariants, count) for order in orders)
-            else:
-                results = pool.map(_do_there, [(order, bench, invariants) for order in orders])
-            for found in results:
-                take(found)
-                if pool is not None and on_run is not None:
-                    on_run(report.cases, None)
-                if found.failing is not None:
-                    failing = found.failing
-                    break
-    report.reached = frozenset(reached)
-    report.never = tuple(kind for kind in kinds if kind not in acted)
-    if failing is not None:
-        _tell(report, *failing, bench_file=bench_file, bench=bench, invariants=invariants)
-    return report
+    def finish(self, kinds: Sequence[str], bench: str) -> FuzzReport:
+        """Return the report, with the evidence of the failing program."""
+        report = self.report
+        report.reached = frozenset(self._reached)
+        report.never = tuple(kind for kind in kinds if kind not in self._acted)
+        if self._failing is not None:
+            _tell(
+                report, *self._failing, bench_file=self._bench_file, bench=bench, invariants=self._invariants
+            )
+        return report
 
 
 @contextlib.contextmanager
@@ -231,11 +283,11 @@ def _prepare(path: list[str]) -> None:
 def _do_there(task: tuple[_Round, str, InvariantFactory]) -> _Found:
     """Do a round in another process."""
     order, bench, invariants = task
-    return _do(order, load_bench_file(bench or None), invariants, lambda _outcome: None)
+    return _do(order, bench_of(bench), invariants, lambda _outcome: None)
 
 
 def _do(
-    order: _Round, bench_file: Any, invariants: InvariantFactory, count: Callable[[FuzzOutcome], None]
+    order: _Round, bench_file: Any, invariants: InvariantFactory, count: Callable[[FuzzOutcome | None], None]
 ) -> _Found:
     """Try the programs of a round; the first that breaks an invariant is shrunk, and ends it."""
     import hypothesis
@@ -244,13 +296,18 @@ def _do(
 
     from hil.fuzz._provider import BACKEND
 
-    found = _Found()
-    attempt = _Attempt(bench_file, order.bench_seed, invariants, count, found)
-    strategy = programs(order.kinds, order.identifiers, jobs=order.jobs, longest=order.longest)
+    attempt = _Attempt(bench_file, order.bench_seed, invariants, count)
+    changes = configurations(bench_file.config) if order.configurations else UNCHANGED
+    strategy = programs(
+        order.kinds, order.identifiers, jobs=order.jobs, longest=order.longest, configurations=changes
+    )
     if order.parents:
         step = steps(order.kinds, order.identifiers, order.jobs)
         longest = order.longest + len(PREAMBLE)
-        strategy = st.one_of(strategy, descendants(order.parents, step, longest=longest))
+        others = changes if order.configurations else None
+        strategy = st.one_of(
+            strategy, descendants(order.parents, step, longest=longest, configurations=others)
+        )
     settings = hypothesis.settings(
         max_examples=order.cases, deadline=None, database=None, derandomize=False, print_blob=False,
         report_multiple_bugs=False, verbosity=hypothesis.Verbosity.quiet,
@@ -258,14 +315,10 @@ def _do(
         phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink), backend=BACKEND,
     )  # fmt: skip
 
-    def test(program: Program) -> None:
-        attempt(program)
-
-    run: Any = settings(hypothesis.given(strategy)(test))
+    run: Any = settings(hypothesis.given(strategy)(attempt.one))
     with contextlib.suppress(_FoundError, FlakyFailure):
         hypothesis.seed(order.seed)(run)()
-    attempt.finish()
-    return found
+    return attempt.finish()
 
 
 class _Attempt:
@@ -276,51 +329,64 @@ class _Attempt:
         bench_file: Any,
         seed: int,
         invariants: InvariantFactory,
-        count: Callable[[FuzzOutcome], None],
-        found: _Found,
+        count: Callable[[FuzzOutcome | None], None],
     ) -> None:
         self._run = functools.partial(run_program, bench_file=bench_file, seed=seed, invariants=invariants)
         self._count = count
-        self._found = found
-        self._smallest: tuple[Program, Violation] | None = None
+        self._found = _Found()
 
-    def __call__(self, program: Program) -> None:
+    def one(self, program: Program) -> None:
         """Run a program; raises `_FoundError` when it fails as it should."""
-        outcome = self._run(program)
+        found = self._found
+        smallest = found.failing
+        try:
+            outcome = self._run(program)
+        except ConfigurationError:
+            # The bench file does not hold together with this configuration, and has said so.
+            found.refused += smallest is None
+            self._count(None)
+            return
         self._count(outcome)
         violation = outcome.violation
-        if self._smallest is None:
-            self._found.tried.append((program, situations_of(outcome.trace), violation is None))
+        if smallest is None:
+            reached = situations_of(outcome.trace) | configured(program.configuration)
+            found.tried.append((program, reached, violation is None))
         else:
-            self._found.shrink_runs += 1
+            found.shrink_runs += 1
         if violation is None:
             return
-        if self._smallest is None:
-            self._smallest = program, violation
-        elif violation.invariant != self._smallest[1].invariant:
+        if smallest is not None and violation.invariant != smallest[1].invariant:
             # Shrinking must not slip from one finding to another.
             text = str(violation)
-            if text not in self._found.others:
-                self._found.others.append(text)
+            if text not in found.others:
+                found.others.append(text)
             return
-        elif _weight(program) <= _weight(self._smallest[0]):
-            self._smallest = program, violation
+        if smallest is None or _weight(program) <= _weight(smallest[0]):
+            found.failing = program, violation
         raise _FoundError
 
-    def finish(self) -> None:
-        """Leave out one step after the other as long as the program still fails: those of a parent are not drawn one by one."""
-        if self._smallest is None:
-            return
-        program = self._smallest[0]
+    def finish(self) -> _Found:
+        """Return what was found, a failing program without whatever does not matter: that of a parent is not drawn part by part."""
+        found = self._found
+        if found.failing is None:
+            return found
+        program = found.failing[0]
+        for name in program.configuration.parts:
+            program = self._shorter(program, Program(program.steps, program.configuration.without(name)))
         for place in reversed(range(len(program.steps))):
-            shorter = Program((*program.steps[:place], *program.steps[place + 1 :]))
-            if not shorter.steps:
+            steps = (*program.steps[:place], *program.steps[place + 1 :])
+            if not steps:
                 break
-            try:
-                self(shorter)
-            except _FoundError:
-                program = shorter
-        self._found.failing = self._smallest
+            program = self._shorter(program, Program(steps, program.configuration))
+        return found
+
+    def _shorter(self, program: Program, shorter: Program) -> Program:
+        """Return the shorter one if it fails as well."""
+        try:
+            self.one(shorter)
+        except _FoundError:
+            return shorter
+        return program
 
 
 def _tell(
@@ -353,4 +419,4 @@ def _identifiers(bench: Any) -> dict[str, int]:
 
 
 def _weight(program: Program) -> tuple[int, int]:
-    return len(program.steps), len(str(program))
+    return len(program.steps) + len(program.configuration.parts), len(str(program))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Iterable
 from typing import Final
 
+from hil.fuzz._configuration import Configuration
 from hil.record import Trace
 
 Situation = tuple[str, ...]
@@ -19,6 +21,7 @@ FAMILIES: Final = {
     "fault": "a fault acts in a state of the axis",
     "alarm": "an alarm comes with its reaction in a state of the axis, after a fault (or after none)",
     "together": "an alarm comes while another is pending",
+    "configuration": "a part of a configuration with a certain content",
 }
 """Family -> what it tells."""
 
@@ -57,6 +60,14 @@ def situations_of(trace: Trace) -> frozenset[Situation]:
             case "alarm.cleared":
                 pending.discard(str(data["number"]))
     return frozenset(reached)
+
+
+def configured(configuration: Configuration) -> frozenset[Situation]:
+    """Return the situations that a configuration is by itself: one for each of its parts."""
+    return frozenset(
+        ("configuration", name, json.dumps(part, sort_keys=True))
+        for name, part in configuration.parts.items()
+    )
 
 
 def by_family(reached: Iterable[Situation]) -> dict[str, int]:

@@ -13,6 +13,7 @@ from hil.faults._action import environment
 from hil.faults._actions import offered
 from hil.faults._encoder_kinds import NOT_FUZZED
 from hil.faults._io_catalogue import NOT_FUZZED as IO_KINDS
+from hil.fuzz._configuration import Configuration
 from hil.fuzz._program import JOBS, Break, Do, Program, Step, Wait
 from hil.fuzz._telegram_strategies import TELEGRAM_KINDS, telegram_fault
 
@@ -21,6 +22,8 @@ _ALARMS: Final = ((421, 4), (431, 4), (521, 4), (411, 4), (534, 3), (533, 2), (3
 _FOREIGN_CONTROL: Final = ("rpdo", "sdo_rx", "nmt", "controller")
 """Messages by which a forged frame would take control of the drive: no fault of a bus, but an attack."""
 
+UNCHANGED: Final = st.just(Configuration())
+"""The bench as its file describes it."""
 PREAMBLE: Final[tuple[Step, ...]] = (Do("power_on"), Wait(0.3))
 
 
@@ -223,6 +226,7 @@ def programs(
     jobs: Sequence[str] = tuple(JOBS),
     longest: int = 12,
     preamble: Sequence[Step] = PREAMBLE,
+    configurations: SearchStrategy[Configuration] = UNCHANGED,
 ) -> SearchStrategy[Program]:
     """Return a strategy of programs.
 
@@ -232,18 +236,23 @@ def programs(
         jobs: Instructions, as of `job_names`.
         longest: Greatest number of steps after the preamble.
         preamble: Steps that every program begins with.
+        configurations: What is laid over the bench file, as of `configurations`; none by default.
 
     """
     step = steps(kinds, ids, jobs)
     # Three lists in a row: one long list would nearly always be drawn short.
     thirds = [st.lists(step, max_size=(longest + part) // 3) for part in range(3)]
-    return st.tuples(*thirds).map(
-        lambda parts: Program((*preamble, *(step for part in parts for step in part)))
+    return st.tuples(configurations, *thirds).map(
+        lambda parts: Program((*preamble, *(step for part in parts[1:] for step in part)), parts[0])
     )
 
 
 def descendants(
-    parents: Sequence[Program], step: SearchStrategy[Step], *, longest: int
+    parents: Sequence[Program],
+    step: SearchStrategy[Step],
+    *,
+    longest: int,
+    configurations: SearchStrategy[Configuration] | None = None,
 ) -> SearchStrategy[Program]:
     """Return a strategy of programs that go on from others: cut, joined, with steps left out, put in or repeated.
 
@@ -251,6 +260,7 @@ def descendants(
         parents: The others, at least one.
         step: Strategy of steps that are put in.
         longest: Greatest number of steps.
+        configurations: Of these some take the place of that of the parent; None: it stays.
 
     """
     place = st.integers(0, longest)
@@ -275,7 +285,9 @@ def descendants(
     )
     changes = {"leave out": leave_out, "repeat": repeat, "swap": swap}
 
-    def build(parent: Program, wanted: list[tuple[str, int, Any]]) -> Program:
+    def build(
+        parent: Program, wanted: list[tuple[str, int, Any]], configuration: Configuration | None
+    ) -> Program:
         steps = list(parent.steps)
         for kind, where, what in wanted:
             if kind == "put in":
@@ -285,6 +297,10 @@ def descendants(
                 steps = [*steps[: where % (len(steps) + 1)], *other[where % (len(other) + 1) :]]
             else:
                 changes[kind](steps, where)
-        return Program(tuple((steps or list(parent.steps))[:longest]))
+        return Program(
+            tuple((steps or list(parent.steps))[:longest]),
+            parent.configuration if configuration is None else configuration,
+        )
 
-    return st.builds(build, st.sampled_from(list(parents)), st.lists(change, min_size=1, max_size=4))
+    other = st.none() if configurations is None else st.one_of(st.none(), configurations)
+    return st.builds(build, st.sampled_from(list(parents)), st.lists(change, min_size=1, max_size=4), other)

@@ -42,6 +42,23 @@ def test_every_kind_is_applied_logged_and_taken_back(entry):
         assert machine.run_until(lambda: machine.port().link_ok, 5.0)
 
 
+def test_faults_of_a_network_hit_an_io_station():
+    """What a station sends, and its refusals, are hit as those of a drive are; its link can be cut, and comes back."""
+    of_the_network = [entry for entry in KINDS if entry.name not in ON_LINE]
+    with bench("analog") as machine:
+        for entry in of_the_network:
+            before = len(hits(machine))
+            armed = Injector(machine).arm(Fault.from_dict(dict(entry.example)))
+            machine.run_for(0.2)
+            armed.remove()
+            assert entry.name == "modbus.cut" or len(hits(machine)) > before, entry.name
+            machine.run_for(0.6)
+        with pytest.raises(ConfigurationError, match=r"io \(on net0\)"):
+            Injector(machine).inject("modbus.drop", drive="drive1")
+        machine.run_until(machine.axis().reset().done, 1.0)
+        assert machine.run_until(machine.axis().power().status, 3.0)
+
+
 @pytest.mark.parametrize("entry", KINDS, ids=lambda entry: entry.name)
 def test_what_a_segment_has_not_is_refused(entry):
     """What needs a line is refused on a network, and the other way round; on CAN all of them are."""

@@ -1,0 +1,166 @@
+"""Configurations: what a program changes in the bench file before it begins, as JSON values."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+from fieldbus.errors import ConfigurationError
+from hil.errors import CannotRunError
+
+UNITS: Final = "units"
+"""The part that says in which units the axis counts; its values are codes of `Units.LengthUnit` and `.VelocityUnit`."""
+_UNIT_KEYS: Final = frozenset({"length", "velocity"})
+
+
+class UnitScale(NamedTuple):
+    """What the numbers of a program, which are in mm and s, are multiplied with for an axis that counts otherwise."""
+
+    length: float = 1.0
+    velocity: float = 1.0
+
+    def of(self, unit: str) -> float:
+        """Return the factor for a unit of a program's parameters or a kind of unit of variables; 1.0 for one without length."""
+        if unit in {"mm/s", "velocity"}:
+            return self.velocity
+        if unit in {"mm", "mm/s3", "position", "acceleration", "jerk", "position/revolution"}:
+            return self.length
+        return 1.0
+
+    @classmethod
+    def of_codes(cls, length: int, velocity: int) -> UnitScale:
+        """Return the scale for codes of `Units.LengthUnit` and `Units.VelocityUnit`; 1 where they are no lengths.
+
+        Raises:
+            ConfigurationError: There is no such code.
+
+        """
+        from motion.units import ANGLES, LENGTHS, VELOCITIES, millimetres, velocity_factor
+
+        if length in ANGLES:
+            return cls()
+        if length not in LENGTHS or velocity not in VELOCITIES:
+            raise ConfigurationError("configuration.units", [length, velocity], "codes of two units")
+        size = millimetres(length)
+        return cls(1.0 / size, 1.0 / size / velocity_factor(velocity, length))
+
+    @classmethod
+    def of_axis(cls, axis: Any) -> UnitScale:
+        """Return the scale for an axis; 1 for one that has no unit of length, and for one that does not tell."""
+        variables = getattr(axis, "variables", None)
+        if variables is None or getattr(variables, "object_type", "SpeedAxis") == "SpeedAxis":
+            return cls()
+        return cls.of_codes(variables.read("Units.LengthUnit"), variables.read("Units.VelocityUnit"))
+
+
+MILLIMETRES: Final = UnitScale()
+"""The units of programs themselves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """What is laid over a bench file.
+
+    Args:
+        parts: By a name that says what it is about, tables of a bench file; the part `units` has the codes of `length` and
+            `velocity` instead, and tells the same machine to the axis in these units.
+
+    """
+
+    parts: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, part in self.parts.items():
+            if not isinstance(part, Mapping):
+                raise ConfigurationError(f"configuration.{name}", part, "a table")
+        units = self.parts.get(UNITS)
+        if units is not None:
+            if set(units) != _UNIT_KEYS or not all(type(code) is int for code in units.values()):
+                raise ConfigurationError("configuration.units", dict(units), "codes of length and velocity")
+            UnitScale.of_codes(**units)
+
+    def __bool__(self) -> bool:
+        return bool(self.parts)
+
+    def without(self, name: str) -> Configuration:
+        """Return the configuration without one of its parts."""
+        return Configuration({key: part for key, part in self.parts.items() if key != name})
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the configuration as JSON values."""
+        return {name: dict(part) for name, part in self.parts.items()}
+
+    @classmethod
+    def from_json(cls, content: Any) -> Configuration:
+        """Build a configuration from JSON values; `ConfigurationError` names the part that is wrong."""
+        if not isinstance(content, Mapping):
+            raise ConfigurationError("configuration", content, "an object with parts by name")
+        return cls(dict(content))
+
+    def applied_to(self, bench_file: Any) -> Any:
+        """Return a bench file with this configuration laid over it; the same one when nothing changes.
+
+        Raises:
+            ConfigurationError: The result is no valid bench file.
+            CannotRunError: The bench is no file whose tables can be changed.
+
+        """
+        if not self.parts:
+            return bench_file
+        if not hasattr(bench_file, "configured"):
+            raise CannotRunError(
+                f"the bench {bench_file.name!r} comes from no bench file: it has no configurations"
+            )
+        for name, part in self.parts.items():
+            if name != UNITS:
+                bench_file = bench_file.configured(part)
+        units = self.parts.get(UNITS)
+        return bench_file if units is None else bench_file.configured(_in_units(bench_file, **units))
+
+    def lines(self) -> Iterator[str]:
+        """Yield a line per value."""
+        for name, part in self.parts.items():
+            for path, value in _leaves(part):
+                yield f"{name}: {path} = {json.dumps(value)}"
+
+
+def _leaves(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        here = f"{path}.{key}" if path else key
+        if isinstance(value, Mapping) and value:
+            yield from _leaves(value, here)
+        else:
+            yield here, value
+
+
+def _in_units(bench_file: Any, length: int, velocity: int) -> dict[str, Any]:
+    """Return the variables of all axes with a position, as numbers in other units: the same machine, told otherwise."""
+    from motion.data._variables import elements, variables_of
+
+    scale = UnitScale.of_codes(length, velocity)
+    types = {"positioning": "PositioningAxis", "synchronous": "SynchronousAxis"}
+    tables: dict[str, Any] = {}
+    for name, axis in bench_file.config.axis.items():
+        if axis.type not in types:
+            continue
+        values: dict[str, Any] = {"Units.LengthUnit": length, "Units.VelocityUnit": velocity}
+        for variable in variables_of(types[axis.type]):
+            factor = scale.of(variable.unit)
+            if variable.access == "RON" or factor == 1.0:
+                continue
+            for path in elements(variable):
+                given = axis.variables.get(path, variable.initial)
+                # Encoders that do not exist keep their defaults.
+                if given and not path.startswith(("Sensor[2]", "Sensor[3]", "Sensor[4]")):
+                    low, high = variable.variants.get("LINEAR", (variable.minimum, variable.maximum))
+                    values[path] = _within(float(given) * factor, low, high)
+        tables[name] = {"variables": values}
+    return {"axis": tables}
+
+
+def _within(value: float, low: float | None, high: float | None) -> float:
+    if low is not None:
+        value = max(value, low)
+    return value if high is None else min(value, high)
