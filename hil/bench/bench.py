@@ -347,6 +347,8 @@ class Bench(BenchParts):
             "jerk": read("DynamicDefaults.Jerk"),
             "unit_per_rpm": 1.0 / axis.mechanics.rpm_per_unit,
         }
+        if self.interpolator_ns != self.cycle_ns:
+            constants["interpolator_s"] = self.interpolator_ns / S
         for key, value in constants.items():
             self.recorder.set_constant(f"{name}.{key}", value)
 

@@ -194,11 +194,15 @@ def _stops(trace: Trace, axis: str) -> Iterator[tuple[float, float, int]]:
 class _Ramps:
     """The ramps of an axis by formula."""
 
-    def __init__(self, emergency: float, deceleration: float, jerk: float, cycle_s: float) -> None:
+    def __init__(
+        self, emergency: float, deceleration: float, jerk: float, cycle_s: float, *, plan_s: float
+    ) -> None:
         self._emergency = emergency
         self._deceleration = deceleration
         self._jerk = jerk
         self._cycle_s = cycle_s
+        self._plan_s = max(plan_s, cycle_s)
+        """Cycle in which setpoints are planned: that of the interpolator, where it is slower than the servo."""
 
     @classmethod
     def of(cls, trace: Trace, axis: str) -> _Ramps | None:
@@ -207,7 +211,8 @@ class _Ramps:
         known = [trace.constants.get(f"{axis}.{name}") for name in names]
         if any(value is None for value in known) or not known[0] or not known[1] or not known[3]:
             return None
-        return cls(*(float(value or 0.0) for value in known))
+        interpolator_s = trace.constants.get(f"{axis}.interpolator_s", 0.0)
+        return cls(*(float(value or 0.0) for value in known), plan_s=interpolator_s)
 
     def travel(
         self, velocity: Signal, begin_s: float, end_s: float, reaction: int
@@ -218,7 +223,7 @@ class _Ramps:
         times, values = velocity.time_s[first:last], velocity.values[first:last]
         if len(values) < 4 or float(np.abs(values).max()) < _STEP:
             return None
-        early = values[: _LATE_CYCLES + 1]
+        early = values[: round(_LATE_CYCLES * self._plan_s / self._cycle_s) + 1]
         speed = float(np.abs(early).max())
         sign = -1.0 if early[int(np.argmax(np.abs(early)))] < 0 else 1.0
         rising = max(0.0, sign * float(early[0] - velocity.values[max(first - 1, 0)]) / self._cycle_s)
@@ -228,7 +233,7 @@ class _Ramps:
         if reaction in (0, 2):
             limits.append(self._maximum(speed, rising).distance)
         taken = abs(float(np.trapezoid(values, times)))
-        return taken, max(limits) * _SHARE + speed * _LATE_CYCLES * self._cycle_s + _STEP
+        return taken, max(limits) * _SHARE + speed * _LATE_CYCLES * self._plan_s + _STEP
 
     def _maximum(self, speed: float, acceleration: float) -> StopRamp:
         return stop_ramp(speed, self._deceleration, self._jerk or None, acceleration=acceleration)

@@ -113,6 +113,9 @@ def check_job_outputs(trace: Trace) -> list[Check]:
     ]
 
 
+_CIA402_STATES = frozenset({"", "not_ready_to_switch_on", "fault_reaction_active", *LEGAL_TRANSITIONS})
+
+
 def check_drive_transitions(trace: Trace) -> list[Check]:
     """Every state change of a CiA 402 drive is one of the profile's transitions."""
     checks = []
@@ -123,11 +126,12 @@ def check_drive_transitions(trace: Trace) -> list[Check]:
         drives.setdefault(entry.source, []).append(entry)
     for drive, entries in drives.items():
         problems = []
-        for entry in entries:
-            old, new = (
-                normal_state(str(entry.data.get("from", ""))),
-                normal_state(str(entry.data.get("to", ""))),
-            )
+        steps = [
+            tuple(normal_state(str(entry.data.get(side, ""))) for side in ("from", "to")) for entry in entries
+        ]
+        if not {state for step in steps for state in step} <= _CIA402_STATES:
+            continue  # another profile, which may have a state of the same name
+        for entry, (old, new) in zip(entries, steps, strict=True):
             if new in {"not_ready_to_switch_on", "fault_reaction_active"} or old not in LEGAL_TRANSITIONS:
                 continue
             if new in LEGAL_TRANSITIONS[old] or (new == "fault" and (old in _WITHOUT_TORQUE or sampled)):

@@ -349,7 +349,9 @@ class FeedbackEqualsMechanics(Invariant):
         self._scale = {("mm", "m"): 1000.0, ("mm", "mm"): 1.0, ("m", "m"): 1.0}.get(units)
         self._cycle_s = bench.trace().constants.get(f"{axis}.cycle_s", 0.004)
         self._disturbed = _Faulted(
-            bench, ("encoder.", "frame.", "telegram.", "drive.power_off", "drive.sto"), 0.1
+            bench,
+            ("encoder.", "frame.", "telegram.", "modbus.truncate", "drive.power_off", "drive.sto"),
+            0.1,
         )
         # A controller that does not run leaves the actual values as they were.
         self._halted = _Faulted(bench, ("controller.",), 1.0)

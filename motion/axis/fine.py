@@ -61,7 +61,7 @@ class FineInterpolation:
         Args:
             start: Position and velocity where it begins.
             end: The state that the interpolator has calculated.
-            controlled: Whether the position is controlled; otherwise only the velocity counts, and goes in a straight line.
+            controlled: Whether the position is controlled; otherwise only the velocity counts, and both go in a straight line.
 
         """
         self._controlled = controlled
@@ -95,7 +95,7 @@ class FineInterpolation:
             return self
         share = self._step / ratio
         if not self._controlled:
-            self.s, self.v = end, v_start + (v_end - v_start) * share
+            self.s, self.v = start + (end - start) * share, v_start + (v_end - v_start) * share
             return self
         duration = self._duration
         way = end - start

@@ -33,7 +33,7 @@ class ProfileMotion:
 
     """
 
-    __slots__ = ("_core", "_settings", "halted", "moving", "offset", "planned", "scale")
+    __slots__ = ("_braking", "_core", "_settings", "halted", "moving", "offset", "planned", "scale")
 
     def __init__(self, core: ServoCore, settings: PositionerSettings) -> None:
         self._core = core
@@ -58,6 +58,8 @@ class ProfileMotion:
         """The task is kept, but the axis stands or brakes."""
         self.moving = False
         """The profile is under way."""
+        self._braking = 0.0
+        """Deceleration with which it brakes, 1000 LU/s2; 0 while it does not."""
 
     @property
     def position(self) -> float:
@@ -113,6 +115,7 @@ class ProfileMotion:
         if planned != self.planned or profile.target != angle:
             self.planned = planned
             self.moving = True
+            self._braking = 0.0
             profile.move(
                 angle,
                 velocity=self._speed(planned.velocity),
@@ -122,15 +125,16 @@ class ProfileMotion:
             )
 
     def _brake(self, deceleration: float) -> None:
-        """Brake to standstill from the present demand."""
+        """Brake to standstill from the present demand; a stop in progress may become steeper."""
         if not self.moving and self._core.controls_position:
             return
         profile = self._core.follow_profile()
         if not self.moving and profile.velocity == 0.0:
             return  # it has just been enabled at standstill: it holds its place
-        if self.planned is not None or not self.moving:
+        if self.planned is not None or not self.moving or deceleration > self._braking:
             self.planned = None
             self.moving = True
+            self._braking = deceleration
             slope = self._slope(deceleration)
             speed = profile.velocity
             profile.move(
@@ -141,6 +145,7 @@ class ProfileMotion:
             )
         elif profile.done:
             self.moving = False
+            self._braking = 0.0
 
     def _speed(self, velocity: float) -> float:
         return velocity * 1000.0 / 60.0 * self.scale

@@ -536,6 +536,15 @@ def test_an_endless_block_cannot_wait_for_its_target():
         TraversingBlock(acceleration_percent=0)
 
 
+def test_a_rejection_makes_a_stop_in_progress_steeper():
+    """The intermediate stop brakes as the task says, here with 5 % of the maximum; the rejection that follows with all of it."""
+    axis = Axis().home().go(0.4, pos_stw1=MDI, target=500_000, deceleration=0x4000 // 20)
+    axis.run(0.1, stw1=GO & ~STW1.NO_INTERMEDIATE_STOP)
+    assert axis.mechanics.velocity > 0.09
+    axis.run(0.2, stw1=0)
+    assert axis.shows_2(POS_ZSW2.SETPOINT_STANDS)
+
+
 WORD = st.sampled_from([0, 1, 0x2000, 0x4000, 0x7FFF, -1, -0x8000])
 INT32 = st.sampled_from([0, 1, 20_000, -20_000, 0x7FFF_FFFF, -0x8000_0000])
 ANY = st.tuples(
