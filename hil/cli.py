@@ -426,7 +426,12 @@ def mutants(
         ),
     ] = None,
     catalogue: Annotated[
-        str, typer.Option("--catalogue", metavar="MODULE:NAME", help="Defects of your own: a list of Mutant.")
+        str,
+        typer.Option(
+            "--catalogue",
+            metavar="FILE[:NAME]",
+            help="Defects of your own: a file or module with a list of Mutant.",
+        ),
     ] = "",
     every: Annotated[
         bool, typer.Option("--all", help="Run every case that can notice a defect, not only until the first.")

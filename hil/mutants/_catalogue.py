@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Final
 
 from hil.errors import CannotRunError
-from hil.mutants import _axis, _bus, _cia402, _limits_homing, _machine, _profidrive
+from hil.mutants import _axis, _bus, _cia402, _control, _limits_homing, _machine, _profidrive, _setpoints
 from hil.mutants._mutant import AREAS, Mutant
 from hil.mutants._plan import closest
 
@@ -29,14 +31,19 @@ def by_name(mutants: Sequence[Mutant]) -> dict[str, Mutant]:
 
 CATALOGUE: Final[Mapping[str, Mutant]] = by_name(
     [
-        *_cia402.MUTANTS, *_profidrive.MUTANTS, *_axis.MUTANTS, *_limits_homing.MUTANTS, *_machine.MUTANTS, *_bus.MUTANTS,
+        *_cia402.MUTANTS, *_profidrive.MUTANTS, *_axis.MUTANTS, *_control.MUTANTS, *_setpoints.MUTANTS,
+        *_limits_homing.MUTANTS, *_machine.MUTANTS, *_bus.MUTANTS,
     ]
 )  # fmt: skip
 """The defects that ship with the product, area by area."""
 
 
 def load_catalogue(reference: str) -> Mapping[str, Mutant]:
-    """Return the catalogue that `package.module:NAME` names: a list of mutants; empty: the one that ships with the product.
+    """Return a catalogue; empty: the one that ships with the product.
+
+    Args:
+        reference: `package.module:NAME` or `file.py:NAME` of a list of mutants; without a name `MUTANTS`. Modules of the current
+            folder are found.
 
     Raises:
         CannotRunError: There is none, or it holds something else.
@@ -44,9 +51,17 @@ def load_catalogue(reference: str) -> Mapping[str, Mutant]:
     """
     if not reference:
         return CATALOGUE
-    module_name, _, name = reference.partition(":")
+    where, _, name = reference.partition(":")
+    path = Path(where)
+    if path.suffix == ".py" or (path.parent == Path() and path.with_suffix(".py").is_file()):
+        path = path.with_suffix(".py").resolve()
+        where = path.stem
+        if not path.is_file():
+            raise CannotRunError(f"catalogue {reference!r}: there is no file {path}")
+        if str(path.parent) not in sys.path:
+            sys.path.append(str(path.parent))  # worker processes get it, too
     try:
-        found = getattr(importlib.import_module(module_name), name)
+        found = getattr(importlib.import_module(where), name or "MUTANTS")
     except (ImportError, AttributeError, ValueError) as error:
         raise CannotRunError(f"catalogue {reference!r}: {error}") from error
     if not isinstance(found, (list, tuple)) or not all(isinstance(one, Mutant) for one in found):

@@ -114,9 +114,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "self._limit_low = -10.0 * negative_Nm",
         ids=("STP-148",),
         likely=(
+            "fault-reactions/encoder-jump/-131072@profidrive",
             "fault-reactions/overload",
-            "fault-reactions/jam/*",
-            "telegram-faults/torque-reduced@profidrive",
         ),
     ),
     _defect(

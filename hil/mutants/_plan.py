@@ -29,11 +29,12 @@ CAMPAIGNS: Final = (
     "testcases.campaigns.homing@profidrive",
     "testcases.campaigns.telegram_faults@profidrive",
     "testcases.campaigns.modbus_faults",
+    "testcases.campaigns.axis_motion",
     "testcases.campaigns.limits@reference",
     "testcases.campaigns.monitoring@reference",
     "testcases.campaigns.control@profidrive",
     "testcases.campaigns.motion_in@reference",
-    "testcases.campaigns.external_encoder",
+    "testcases.campaigns.external_encoder@testcases.campaigns.external_encoder:REFERENCE",
     "testcases.campaigns.commissioning@reference",
 )
 """The campaigns that ship with the product, with the benches that they are run on here."""

@@ -253,7 +253,7 @@ class Seeder:
             likely = list(dict.fromkeys(judge for one in left for judge in hints[one.name][:share]))
             if not self._measure(likely):
                 return
-            self._judge(likely, left, last=False)
+            self._judge(likely, left, {one.name: set(hints[one.name][:share]) for one in left})
             if share is None:
                 for mutant in left:
                     result = self._done[mutant.name]
@@ -263,7 +263,7 @@ class Seeder:
             if not left:
                 return
         if self._measure(self._judges):
-            self._judge(self._judges, left, last=True)
+            self._judge(self._judges, left)
 
     # -- baseline -----------------------------------------------------------------------------------------------
 
@@ -295,7 +295,10 @@ class Seeder:
 
     # -- defects ------------------------------------------------------------------------------------------------
 
-    def _judge(self, judges: Sequence[Judge], mutants: Sequence[Mutant], *, last: bool) -> None:
+    def _judge(
+        self, judges: Sequence[Judge], mutants: Sequence[Mutant], only: Mapping[str, set[Judge]] | None = None
+    ) -> None:
+        """Try cases on mutants; `only`: the cases for each, None = all that can notice it, and then it is over."""
         baseline = self._seeding.baseline
         green = [judge for judge in judges if baseline[judge].verdict == "passed"]
         reached = {judge: baseline[judge].reached for judge in green}
@@ -306,18 +309,22 @@ class Seeder:
             result = self._done.setdefault(mutant.name, MutantResult(mutant))
             result.able = len(order)
             tried = {outcome.judge for outcome in result.outcomes}
-            order = [judge for judge in order if judge not in tried]
+            order = [
+                judge
+                for judge in order
+                if judge not in tried and (only is None or judge in only[mutant.name])
+            ]
             if order:
                 limits = tuple(self._limit(seconds[judge]) for judge in order)
                 first = not self._options.every_case
                 tasks.append(
                     Task(tuple(order), self._options.seed, mutant, defect_patch(mutant), first, limits)
                 )
-            elif last:
+            elif only is None:
                 self._tell(result)
         for finished in self._pool.run(tasks):
             result = self._take(finished)
-            if last or result.caught or result.trouble:
+            if only is None or result.caught or result.trouble:
                 self._tell(result)
 
     def _limit(self, seconds: float) -> float:

@@ -159,7 +159,10 @@ def _seeding(run: RunResult, seeding: Seeding) -> dict[str, Any]:
                 "verdict": {
                     "caught": Verdict.PASSED, "explained": Verdict.BLOCKED, "survived": Verdict.FAILED,
                 }.get(one.status, Verdict.ERROR).value,
-                "cases": [(name, _case(name) if name in known else "") for name in one.caught_by[:3]],
+                "cases": [
+                    (name, _case(identifier) if (identifier := name.partition("@")[0]) in known else "")
+                    for name in one.caught_by[:3]
+                ],
                 "more": max(0, len(one.caught_by) - 3),
                 "remark": one.remark,
                 "time": "" if one.seconds is None else duration(one.seconds),

@@ -10,6 +10,7 @@ from hil.campaign import CaseSettings, execute_case, load_bench_file, requiremen
 from reports.model import Verdict
 from testcases.campaigns import (
     axis_faults,
+    axis_motion,
     axis_signals,
     cia402_drive,
     commissioning,
@@ -104,6 +105,10 @@ def bench_file(name):
         *cases("profidrive", "profidrive", [control.CAMPAIGN]),
         *cases("profidrive", "profidrive", [monitoring.CAMPAIGN], every=4),
         *cases("reference", "cia402", [control.CAMPAIGN], every=4),
+        *cases("reference", "cia402", [axis_motion.CAMPAIGN]),
+        *cases("testcases.campaigns.axis_motion:SLOW", "cia402", [axis_motion.INTERPOLATOR]),
+        *cases("testcases.campaigns.axis_motion:TWO", "cia402", [axis_motion.ENCODERS]),
+        *cases("testcases.campaigns.axis_motion:PLAY", "cia402", [axis_motion.BACKLASH]),
         *cases("profidrive_tcp", "profidrive", [modbus_faults.CAMPAIGN]),
         *cases("profidrive_rtu", "profidrive", [modbus_faults.LINE]),
         *cases("testcases.campaigns.modbus_faults:UNWATCHED", "profidrive", [modbus_faults.MONITORED]),

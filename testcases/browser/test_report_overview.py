@@ -90,7 +90,7 @@ def report(run, tmp_path_factory) -> Path:
             "name": "ramp-halved",
             "title": "OFF3 brakes half as hard",
             "area": "drive",
-            "caught_by": [FAILED],
+            "caught_by": [f"{FAILED}@reference"],
             "seconds": 1.5,
         },
         {"name": "sign-lost", "caught_by": [], "seconds": 2},

@@ -92,7 +92,7 @@ def session(ctx: CaseContext, direction: str) -> None:
 
 @CASES.product(
     "refused/{why}",
-    parameters={"why": ("enabled", "moving", "stop", "another-panel", "enabling")},
+    parameters={"why": ("enabled", "moving", "stop", "another-panel", "enabling", "disabling")},
     title="master control is refused: {why}",
     requirements=("COM-022",),
 )
@@ -100,11 +100,14 @@ def refused(ctx: CaseContext, why: str) -> None:
     """Enabled by the program, controller not in RUN, another panel: told in words, and nothing changes on the axis."""
     operator = Operator(ctx)
     name = axis_name(ctx)
-    if why in ("enabled", "moving"):
+    if why in ("enabled", "moving", "disabling"):
         enable(ctx)
-        if why == "moving":
+        if why != "enabled":
             ctx.axis.move_velocity(50.0)
             ctx.run_for(0.3)
+        if why == "disabling":
+            ctx.axis.power(False, stop_mode=2)
+            ctx.run_for(0.008)
         text = "the user program has it enabled"
     elif why == "enabling":
         ctx.axis.power()
@@ -415,6 +418,11 @@ def optimisation(ctx: CaseContext) -> None:
     found = routine.run()
     ctx.observe(f"recommended: {found.start_values}")
     ctx.measure("recommended gain", found.kv, "1/s", low=35.0, high=50.0, requirements=("COM-065",))
+    best = max(one.kv for one in found.attempts if one.good and one.kpc == 0.0)
+    ctx.measure(
+        "recommended gain, of the greatest one without overshoot", found.kv / best, low=0.9 - 1e-9, high=0.9 + 1e-9,
+        requirements=("COM-062",),
+    )  # fmt: skip
     ctx.measure("overshoot with it", found.attempts[-1].overshoot, "mm", high=found.attempts[-1].tolerance)
     operator.give_back()
     ctx.measure(

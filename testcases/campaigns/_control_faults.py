@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import pi
 from typing import Any, Final
 
 import numpy as np
@@ -215,19 +216,20 @@ def safety(ctx: CaseContext, function: str, where: str) -> None:
 
 @CASES.product(
     "torque-limit/{mode}",
-    parameters={"mode": ("controlled", "not-controlled")},
+    parameters={"mode": ("controlled", "not-controlled", "force-at-the-load")},
     title="torque limit, {mode}",
     tags=("torque",),
-    requirements=("CTL-092",),
+    requirements=lambda mode: ("CTL-092", *(("STP-140",) if mode == "force-at-the-load" else ())),
 )
 def torque_limit(ctx: CaseContext, mode: str) -> None:
-    """A limit of MC_TorqueLimiting bounds the torque in either mode, and stays when the mode changes."""
-    controlled = mode == "controlled"
+    """A limit of MC_TorqueLimiting bounds the torque in either mode, and stays when the mode changes; N at the load mean Nm at the motor."""
+    controlled, at_load = mode != "not-controlled", mode == "force-at-the-load"
     if profile_of(ctx) == "profidrive":
         for name, source in (("p1522", 0x0B56FC05), ("p1523", 0x0B56FC0C)):
             ctx.drive.parameters.write(name, source)  # limits of 100 % of p2003, which MOMRED reduces
-    loop(ctx, "controller")
-    limiting = ctx.axis.torque_limiting(0.3)
+    loop(ctx, "controller", {"TorqueLimiting.LimitBase": 1} if at_load else None)
+    lead_m = float(ctx.axis.variables.read("Mechanics.LeadScrew")) * 1e-3
+    limiting = ctx.axis.torque_limiting(0.3 * 2.0 * pi / lead_m if at_load else 0.3)
     ctx.run_for(0.05)
     ctx.require(not limiting.Error, "torque reduction in the telegram of the drive")
     since = ctx.now_s
@@ -246,8 +248,34 @@ def torque_limit(ctx: CaseContext, mode: str) -> None:
         "Nm",
         low=0.9 * limit,
         high=1.03 * limit,
-        requirements=("CTL-092",),
+        requirements=("STP-140",) if at_load else ("CTL-092",),
     )
+
+
+@CASES.product(
+    "torque-limit-watched/{watched}",
+    parameters={"watched": (0, 1)},
+    title="following error under a torque limit, PositionBasedMonitorings = {watched}",
+    tags=("torque",),
+    requirements=("STP-144",),
+)
+def torque_limit_watched(ctx: CaseContext, watched: int) -> None:
+    """An axis that is held under a torque limit lags without an alarm, or with 521 where monitoring stays on."""
+    axis = axis_name(ctx)
+    begin(ctx, {"TorqueLimiting.PositionBasedMonitorings": watched}, UNHURRIED)
+    limiting = ctx.axis.torque_limiting(0.5)
+    ctx.run_for(0.05)
+    ctx.require(not limiting.Error, "torque reduction in the telegram of the drive")
+    travel(ctx, 60.0)
+    ctx.inject("mechanics.jam", drive_name(ctx))
+    since = ctx.now_s
+    ctx.run_for(0.4)
+    if watched:
+        ctx.expect(alarm(521, since=since, axis=axis).covers("STP-144"))
+        return
+    lag = float(Run(ctx, since).following_error[-1])
+    ctx.measure("following error in the end", lag, "mm", low=15.0)
+    ctx.expect(no_alarm(axis=axis, besides=(504,)).covers("STP-144"))
 
 
 @CASES.case("speed-limited", tags=("torque",), requirements=("CTL-038", "CTL-107"))

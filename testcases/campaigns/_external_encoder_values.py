@@ -8,6 +8,7 @@ from hil.campaign import Campaign, CaseContext
 from hil.expect import happens, job_output, status_word_bit
 from hil.record import event
 from testcases.campaigns._external_encoder import KINDS, Part, halt, move, travel
+from testcases.campaigns._reactions import cycles, waited_for_standstill
 from testcases.campaigns.support import enable
 
 CASES: Final = Campaign("external encoder", tags=("encoder",), bench="reference")
@@ -45,7 +46,17 @@ def follows(ctx: CaseContext, encoder: str, direction: str) -> None:
     )
     ctx.expect(status_word_bit(7, False, at=ctx.now_s, axis=part.name).covers("DIA-081"))
     ctx.run_for(0.9)
+    stopping = ctx.now_s
     halt(ctx)
+    read = part.object.variables.read
+    dwell = float(read("StandstillSignal.MinDwellTime"))
+    ctx.measure(
+        "time below the threshold before X7",
+        waited_for_standstill(
+            ctx, part.name, f"{part.name}.velocity", float(read("StandstillSignal.VelocityThreshold")), since_s=stopping
+        ),
+        "s", low=dwell, high=dwell + cycles(ctx, 2), requirements=("DIA-081",),
+    )  # fmt: skip
     ctx.measure("travel", abs(part.load_mm - load), "mm", low=150.0)
     ctx.measure(
         "deviation at rest", abs(part.position - place - scale * (part.load_mm - load)), high=part.tolerance()

@@ -141,33 +141,62 @@ def position_followed(ctx: CaseContext, direction: str, velocity: str) -> None:
         "mm/s",
         high=EXACT,
     )
+    ctx.measure(
+        "deviation of the acceleration",
+        program.deviation(ctx, "acceleration_setpoint", "Acceleration"),
+        "mm/s2",
+        high=EXACT,
+    )
     job.set(Enable=False)
     ctx.run_for(0.2 + settle_s(ctx))
     ctx.expect(job_output(job.name, "Done", since=since))
     at_rest(ctx, since=since, place=start + distance)
 
 
+@CASES.case("velocity-without-way", requirements=("MIN-022",))
+def velocity_without_way(ctx: CaseContext) -> None:
+    """A velocity that comes with a position at rest is precontrol alone: it is not taken for the slope of the position."""
+    enable(ctx)
+    axis = ctx.axis
+    axis.write("DynamicAxisModel.VelocityTimeConstant", 0.03)
+    place, velocity = float(axis.var("Position")), 8.0
+    job = axis.motion_in_position(place)
+    job.set(Position=place, Velocity=velocity)
+    ctx.run_for(0.3)
+    trace = ctx.trace()
+    name = axis_name(ctx)
+    behind = place - float(trace[f"{name}.balanced_position"].values[-1])
+    ctx.measure("balanced position behind the setpoint", behind, "mm", low=-EXACT, high=EXACT, requirements=("MIN-022",))  # fmt: skip
+    ahead = float(trace[f"{name}.actual_position"].values[-1]) - place
+    expected = velocity / float(axis.variables.read("PositionControl.Kv"))
+    ctx.measure("actual position ahead of it", ahead, "mm", low=0.9 * expected, high=1.1 * expected)
+    job.set(Enable=False)
+    ctx.run_for(0.1)
+    ctx.expect(no_alarm(axis=name))
+
+
 @CASES.product(
     "beyond-limits/{what}",
-    parameters={"what": ("velocity", "acceleration")},
+    parameters={"what": ("velocity", "velocity-backwards", "acceleration")},
     title="{what} beyond the dynamic limits of the axis",
     requirements=("MIN-004", "MIN-005"),
 )
 def beyond_limits(ctx: CaseContext, what: str) -> None:
     """Dynamic limits of the axis do not act; a velocity above them is told by MaxVelocityExceeded as long as it lasts."""
     axis = ctx.axis
-    if what == "velocity":
+    exceeded = what != "acceleration"
+    speed = -SPEED if what == "velocity-backwards" else SPEED
+    if exceeded:
         restart_with(ctx, DynamicLimits__MaxVelocity=0.5 * SPEED)
     else:
         axis.write("DynamicLimits.MaxAcceleration", 0.1 * ACCELERATION)
         axis.write("DynamicLimits.MaxDeceleration", 0.1 * ACCELERATION)
     enable(ctx)
     since = ctx.now_s
-    program = Program(ctx, ramp_to(SPEED))
-    ctx.do(f"MC_MotionInVelocity to {SPEED:g} mm/s with {ACCELERATION:g} mm/s2")
+    program = Program(ctx, ramp_to(speed))
+    ctx.do(f"MC_MotionInVelocity to {speed:g} mm/s with {ACCELERATION:g} mm/s2")
     job = program.lead(axis.motion_in_velocity(0.0))
     ctx.run_for(0.4 + settle_s(ctx))
-    exceeded = what == "velocity"
     ctx.measure(
         "MaxVelocityExceeded",
         float(axis.var("StatusMotionIn.StatusWord.X0")),
@@ -181,10 +210,10 @@ def beyond_limits(ctx: CaseContext, what: str) -> None:
         high=EXACT,
     )
     ctx.expect(
-        value_at(f"{drive_name(ctx)}.velocity", ctx.now_s, SPEED / 1000.0, tolerance=0.004).covers("MIN-004"),
+        value_at(f"{drive_name(ctx)}.velocity", ctx.now_s, speed / 1000.0, tolerance=0.004).covers("MIN-004"),
     )
     program.end()
-    job.set(Velocity=0.4 * SPEED)
+    job.set(Velocity=0.4 * speed)
     ctx.run_for(0.2)
     ctx.measure("MaxVelocityExceeded afterwards", float(axis.var("StatusMotionIn.StatusWord.X0")), high=0.0)
     job.set(Enable=False)

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Final
+
+import numpy as np
+
 from hil.campaign import CaseContext
 from hil.expect import no_motion_after, standstill, state_at, value_at
 from testcases.campaigns.support import acknowledge, axis_name, drive_name
+
+_STANDSTILL: Final = 1 << 7
 
 
 def cycles(ctx: CaseContext, number: float) -> float:
@@ -35,6 +41,24 @@ def disabled_by_alarm(ctx: CaseContext, ended: float) -> None:
         value_at(f"{axis}.power_status", ended, 0.0, tolerance=0.0).covers("STP-344"),
         value_at(f"{axis}.power_busy", ended, 1.0, tolerance=0.0).covers("STP-344"),
     )
+
+
+def waited_for_standstill(
+    ctx: CaseContext, name: str, velocity: str, threshold: float, *, since_s: float
+) -> float:
+    """Return how long the velocity of an object was below the threshold before StatusWord.X7 showed standstill, s.
+
+    Raises:
+        BlockedError: It has not moved since `since_s`.
+
+    """
+    trace = ctx.trace()
+    word, speed = trace[f"{name}.status_word"], trace[velocity]
+    fast = np.flatnonzero((speed.time_s > since_s) & (np.abs(speed.values) >= threshold))
+    ctx.require(bool(len(fast)), f"{name} has moved")
+    slow_s = float(speed.time_s[fast[-1]])
+    shown = np.flatnonzero((word.time_s > slow_s) & ((word.values.astype(np.int64) & _STANDSTILL) != 0))
+    return (float(word.time_s[shown[0]]) if len(shown) else ctx.now_s) - slow_s
 
 
 def recovers(ctx: CaseContext) -> None:

@@ -8,12 +8,10 @@ import numpy as np
 
 from hil.campaign import Campaign, CaseContext
 from hil.expect import no_alarm, value_at
-from testcases.campaigns._reactions import cycles
+from testcases.campaigns._reactions import cycles, waited_for_standstill
 from testcases.campaigns.support import axis_name, drive_name, enable
 
 CAMPAIGN: Final = Campaign("axis signals", tags=("axis",), bench="reference")
-
-_STANDSTILL: Final = 1 << 7
 
 
 @CAMPAIGN.product(
@@ -59,19 +57,12 @@ def stands(ctx: CaseContext) -> None:
     begun = ctx.now_s
     ctx.axis.halt()
     ctx.run_for(1.0)
-    trace = ctx.trace()
-    word, velocity = trace[f"{axis}.status_word"], trace[f"{axis}.actual_velocity"]
-    later = velocity.time_s > begun
-    fast = np.flatnonzero(
-        later & (np.abs(velocity.values) >= float(read("StandstillSignal.VelocityThreshold")))
+    waited = waited_for_standstill(
+        ctx, axis, f"{axis}.actual_velocity", float(read("StandstillSignal.VelocityThreshold")), since_s=begun
     )
-    shown = np.flatnonzero((word.time_s > begun) & ((word.values.astype(np.int64) & _STANDSTILL) != 0))
-    ctx.require(len(fast), "the axis has moved")
-    slow_s = float(velocity.time_s[fast[-1]])
-    shown_s = float(word.time_s[shown[0]]) if len(shown) else ctx.now_s
     dwell = float(read("StandstillSignal.MinDwellTime"))
     ctx.measure(
-        "time below the threshold before X7", shown_s - slow_s, "s", low=dwell, high=dwell + cycles(ctx, 2),
+        "time below the threshold before X7", waited, "s", low=dwell, high=dwell + cycles(ctx, 2),
         requirements=("MON-050",),
     )  # fmt: skip
 

@@ -246,6 +246,19 @@ def test_a_run_that_was_ended_goes_on(capsys, green, monkeypatch, tmp_path):
     assert (code, "other cases have judged" in err) == (2, True)
 
 
+def test_a_file_is_a_catalogue(capsys, green, tmp_path):
+    """A file in the current folder, with or without a name in it, is a catalogue as a module is."""
+    text = f"from {TOY} import CAUGHT, SURVIVES\nMUTANTS = [CAUGHT]\nOTHERS = [SURVIVES]\n"
+    (tmp_path / "our_own_defects.py").write_text(text)
+    for reference, name in (
+        ("our_own_defects.py", "slope-inverted"), ("our_own_defects.py:OTHERS", "survives"), ("our_own_defects:MUTANTS", "slope-inverted"),
+    ):  # fmt: skip
+        code, out, _ = call(capsys, "--catalogue", reference, "--campaign", green, "--list", "--json")
+        assert (code, [entry["name"] for entry in json.loads(out)]) == (0, [name])
+    code, _, err = call(capsys, "--catalogue", "our_own_defects.py", "--campaign", green)
+    assert (code, "1 of 1 caught" in err) == (0, True)
+
+
 def test_a_red_baseline_stops_everything(capsys):
     """A case that fails without a defect can judge none: it says so, with exit code 2."""
     code, _, err = call(capsys, "stays-closed", "--catalogue", f"{TOY}:MUTANTS", "--campaign", TOY)
@@ -261,6 +274,7 @@ def test_a_red_baseline_stops_everything(capsys):
         (["off2-as-off1"], "did you mean"),
         (["--area", "kitchen"], "cia402, profidrive, axis, machine, bus"),
         (["--catalogue", "nowhere:X"], "nowhere"),
+        (["--catalogue", "nowhere.py"], "there is no file"),
         (["--catalogue", f"{TOY}:NO_LIST"], "no list"),
         (["--campaign", "no.such.module"], "no campaign"),
         (["--campaign", "testcases.campaigns.stop_modes@live"], "real time"),
