@@ -149,11 +149,11 @@ class CaseResult:
     simulated_s: float = 0.0
     wall_s: float = 0.0
     trace_digest: str = ""
-    story: list[Step] = field(default_factory=list)
+    story: Sequence[Step] = field(default_factory=list)
     checks: list[Check] = field(default_factory=list)
     alarms: list[AlarmRecord] = field(default_factory=list)
     faults: list[FaultRecord] = field(default_factory=list)
-    messages: list[Message] = field(default_factory=list)
+    messages: Sequence[Message] = field(default_factory=list)
     signals: Sequence[Signal] = field(default_factory=list)
     homings: list[HomingDrawing] = field(default_factory=list)
     """Active and passive homings, each as a drawing."""

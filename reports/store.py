@@ -30,6 +30,7 @@ from reports.codec import case_from_plain, case_to_plain, plain_number, run_from
 from reports.errors import StoreError
 from reports.measures import signal_measures
 from reports.model import CaseResult, RunResult, Signal
+from reports.packed import pack_case
 
 RUN_FILE = "run.json"
 JOURNAL_FILE = "cases.jsonl"
@@ -117,8 +118,8 @@ def load_run(directory: str | Path, *, lazy: bool = False) -> RunResult:
 
     Args:
         directory: Folder of the run.
-        lazy: Read the signals of a case when somebody asks for them, each time anew. What is wrong with them is then
-            raised there.
+        lazy: Read the signals of a case when somebody asks for them, each time anew, and keep its long lists packed. What is
+            wrong with signals is then raised there.
 
     Raises:
         StoreError: `directory` holds no run, or a file of it is damaged.
@@ -143,6 +144,8 @@ def load_run(directory: str | Path, *, lazy: bool = False) -> RunResult:
             raise StoreError(f"{folder / JOURNAL_FILE}, line {number}: not a case: {error}") from error
         if stored is not None:
             case.signals = stored if lazy else list(stored)
+        if lazy:
+            pack_case(case)
         cases[case.identifier] = case
     run.cases = list(cases.values())
     return run

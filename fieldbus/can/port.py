@@ -53,6 +53,7 @@ class MediumPort:
         "_receive_delay_ns",
         "acknowledged",
         "acknowledges",
+        "alone",
         "auto_recovery",
         "can_send",
         "confirmation",
@@ -139,6 +140,7 @@ class MediumPort:
         self.mailboxes: Mapping[int, FrameReceiver] | None = None
         self.routes: dict[int, FrameReceiver] = {}  # who takes the frames of this port, by arbitration field
         self.acknowledged = False
+        self.alone = False  # nobody hears this port, nor will when the present frame has ended
         self.queue: list[Entry] = []
         self.dead_sequence = 0  # entries up to this number must not return to the queue
         self.not_before_ns = 0  # suspend transmission

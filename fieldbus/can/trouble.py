@@ -73,10 +73,12 @@ class ErrorHandling(Arbitration):
             port.listening = port.online and port.state is not NodeState.BUS_OFF and not port.joining
             port.receive = port.handler if port.listening else deaf
         ears = [port for port in self._nodes if port.listening]
+        joining = any(port.joining for port in self._nodes)
         for port in self._ports:
             others: list[MediumPort] = [other for other in ears if other is not port]
             port.acknowledged = any(other.acknowledges and not other.listen_only for other in others)
             port.receivers = (*others, port.confirmation) if port.confirmation is not None else tuple(others)
+            port.alone = not others and not joining
             port.routes = {}
         self._assess()
 
@@ -129,15 +131,16 @@ class ErrorHandling(Arbitration):
         entry, sender = self._entry, self._sender
         assert entry is not None
         assert sender is not None
+        if sender.alone:
+            self._spare = self._timer
+            self._miss_acknowledge(entry)
+            return
         audience = self._ears(sender)
         if not any(port.acknowledges and not port.listen_only for port in audience):
             if not all(port.listen_only for port in audience):
                 self._follow_bitwise()
                 return
-            # Nobody answered in the ACK slot: an error flag has taken the place of ACK delimiter and EOF.
-            self._unacknowledged = True
-            self._end_ns = self._start_ns + self._durations[self._unacknowledged_bits(entry[4])]
-            self._timer = self._at(self._end_ns, self._end_of_unacknowledged)
+            self._miss_acknowledge(entry)
             return
         end = self._end_ns
         self._account_recovery(end - self._durations[_ACK_TO_EOF_BITS])
@@ -162,6 +165,12 @@ class ErrorHandling(Arbitration):
             sender.confirmation.receive(entry[3], end)
         self._tell(changes)
 
+    def _miss_acknowledge(self, entry: Entry) -> None:
+        """Go on where nobody has answered in the ACK slot: an error flag takes the place of ACK delimiter and EOF."""
+        self._unacknowledged = True
+        self._end_ns = self._start_ns + self._durations[self._unacknowledged_bits(entry[4])]
+        self._timer = self._at(self._end_ns, self._end_of_unacknowledged)
+
     @staticmethod
     def _unacknowledged_bits(bits: int) -> int:
         """Return the length of an attempt without its intermission, error flag and delimiter included."""
@@ -178,6 +187,12 @@ class ErrorHandling(Arbitration):
         if self._keep_log:
             self._spans[len(self.log)] = (self._start_ns, end + self._intermission_ns)
         self._write(end, sender, entry[3], ErrorCode.ACK.value)
+        if sender.alone and self._only_repeats(sender, entry):
+            self._unacknowledged = False
+            self._free_ns = end + self._intermission_ns
+            sender.not_before_ns = start = end + self._durations[INTERMISSION_BITS + SUSPEND_BITS]
+            self._begin_frame(entry, start)
+            return
         changes: list[StateChange] = []
         if entry[1] > sender.dead_sequence:
             self._give_back(sender, entry, ErrorCode.ACK)
@@ -190,6 +205,22 @@ class ErrorHandling(Arbitration):
         self._unacknowledged = False
         self._release(end)
         self._tell(changes)
+
+    def _only_repeats(self, sender: MediumPort, entry: Entry) -> bool:
+        """Return whether the next attempt is this one again, for sure: nothing has come that would have to be weighed.
+
+        A node without a partner makes some ten thousand attempts a second. Queue, counters and state are the same behind each.
+        """
+        queue = sender.queue
+        return (
+            sender.state is NodeState.ERROR_PASSIVE
+            and not self._careful
+            and entry[5] == ()  # hooks have been asked, or are for frames that come after it
+            and self._commit_timer is None
+            and self._backlog == len(queue)
+            and not (queue and queue[0] < entry)
+            and entry[1] > sender.dead_sequence
+        )
 
     def _give_back(self, port: MediumPort, entry: Entry, code: ErrorCode | None) -> None:
         """Queue a frame again that could not be sent, or give it up; `code` None: it lost the arbitration."""

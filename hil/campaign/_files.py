@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,6 +16,8 @@ Keep = Literal["all", "failed", "none"]
 EPOCH_S: Final = 946_684_800
 """Unix time of time zero of a bench, 2000-01-01: exported logs need an absolute time, and some formats lose early ones."""
 FOLDER: Final = "evidence"
+_LONGEST_NAME: Final = 120
+_PLAIN_NAME: Final = re.compile(r"[A-Za-z0-9-][A-Za-z0-9.-]*(/[A-Za-z0-9-][A-Za-z0-9.-]*)*")
 
 
 def candump_lines(frames: Iterable[TraceFrame]) -> Iterable[str]:
@@ -54,13 +57,24 @@ def write_modbus_log(trace: Trace, path: Path) -> Path:
     return path
 
 
+def folder_name(identifier: str) -> str:
+    """Return the folder of a case: its identifier with `_` for `/`; told apart by a digest where that could mean two of them.
+
+    The second kind are identifiers with characters beyond letters, digits, `.` and `-`, with empty parts, or too long for a name
+    of a file.
+    """
+    if len(identifier) <= _LONGEST_NAME and _PLAIN_NAME.fullmatch(identifier):
+        return identifier.replace("/", "_")
+    readable = re.sub(r"[^A-Za-z0-9._-]+", "_", identifier)[:_LONGEST_NAME].strip("._") or "case"
+    return f"{readable}-{hashlib.sha256(identifier.encode('utf-8', 'replace')).hexdigest()[:12]}"
+
+
 def write_evidence(execution: Execution, directory: Path, keep: Keep) -> None:
     """Write the evidence files of a case below `directory` and note them in the result."""
     result, trace = execution.result, execution.trace
     if trace is None or keep == "none" or (keep == "failed" and result.verdict is Verdict.PASSED):
         return
-    name = re.sub(r"[^A-Za-z0-9._-]+", "_", result.identifier).strip("._") or "case"
-    folder = directory / FOLDER / name
+    folder = directory / FOLDER / folder_name(result.identifier)
     folder.mkdir(parents=True, exist_ok=True)
     archive, document = trace.save(folder / "trace")
     written = {"trace columns": archive, "trace events and frames": document}

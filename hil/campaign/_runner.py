@@ -21,6 +21,7 @@ from hil.campaign._files import FOLDER, Keep
 from hil.campaign._worker import Order, bench_of
 from hil.errors import CannotRunError
 from reports.model import CaseResult, RunResult, Verdict
+from reports.packed import pack_case
 from reports.store import JOURNAL_FILE, RUN_FILE, SIGNAL_FOLDER, finish_run, load_run, start_run, write_case
 
 OnResult = Callable[[CaseResult, int, int], None]
@@ -238,6 +239,7 @@ class Runner:
         self._results[result.identifier] = result
         if self._options.directory is not None:
             result.signals = write_case(self._options.directory, result)
+            pack_case(result)
         if self._on_result is not None:
             self._on_result(result, len(self._results), len(self._cases))
 

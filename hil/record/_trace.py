@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 from struct import Struct
 from typing import Any, Final, NamedTuple, Self
@@ -18,7 +19,8 @@ from hil.record._select import EventSelector, kind_matches
 from hil.record._signal import Signal
 from hil.record._vocabulary import Vocabulary
 
-_FRAME_HEAD: Final = Struct("<qIBBB").pack
+_TIME: Final = Struct("<q").pack
+_FRAME_HEAD: Final = Struct("<IBBB").pack
 _OTHER_HEAD: Final = Struct("<qIH").pack
 
 
@@ -49,11 +51,27 @@ class TraceFrame(NamedTuple):
                 + self.data
                 + f"{self.protocol}\0{self.bus}\0{self.sender}\0{self.error}\0{self.note}\0".encode()
             )
-        return (
-            _FRAME_HEAD(self.time_ns, self.can_id, self.extended | self.remote << 1, self.dlc, len(self.data))
-            + self.data
-            + f"{self.bus}\0{self.sender}\0{self.error}\0".encode()
-        )
+        return _TIME(self.time_ns) + _can_body(self, self.data, f"{self.bus}\0{self.sender}\0{self.error}\0")
+
+
+def _can_body(frame: Any, data: bytes, tail: str) -> bytes:
+    """Return what enters the digest of a CAN frame behind its time."""
+    flags = bool(frame.extended) | bool(frame.remote) << 1
+    return _FRAME_HEAD(frame.can_id, flags, frame.dlc, len(data)) + data + tail.encode()
+
+
+def _can_log(bus: str, log: Sequence[tuple[int, str, Any, str]]) -> Iterator[tuple[int, bytes]]:
+    """Return time and canonical bytes of the frames of a CAN segment.
+
+    The bytes behind the time are made once of a frame that is sent again and again, as one is that nobody acknowledges.
+    """
+    bodies: dict[tuple[int, str, str], bytes] = {}
+    for time_ns, sender, frame, error in log:
+        key = (id(frame), sender, error)
+        body = bodies.get(key)
+        if body is None:
+            body = bodies[key] = _can_body(frame, bytes(frame.data), f"{bus}\0{sender}\0{error}\0")
+        yield time_ns, _TIME(time_ns) + body
 
 
 def protocol_of(log: Sequence[tuple[int, str, Any, str]]) -> str:
@@ -270,9 +288,18 @@ class Trace:
             for entry in self.events:
                 sha.update(event_json(entry).encode())
                 sha.update(b"\n")
-            sha.update(b"".join([frame.canonical() for frame in self.frames]))
+            sha.update(b"".join(self._canonical_frames()))
             self._digest = sha.hexdigest()
         return self._digest
+
+    def _canonical_frames(self) -> list[bytes]:
+        """Return the bytes of all frames of all buses, by time, as of `TraceFrame.canonical`."""
+        if any(protocol_of(log) != "can" for log in self._raw_frames.values()):
+            return [frame.canonical() for frame in self.frames]
+        merged = [entry for bus, log in self._raw_frames.items() for entry in _can_log(bus, log)]
+        if len(self._raw_frames) > 1:
+            merged.sort(key=itemgetter(0))
+        return [content for _time_ns, content in merged]
 
     def save(self, path: str | Path) -> tuple[Path, Path]:
         """Write `<path>.npz` (columns) and `<path>.json` (everything else); see `load`."""

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from bisect import bisect_left
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Any, Final
 from urllib.parse import quote
@@ -231,7 +231,7 @@ def full_story(case: CaseResult) -> list[Step]:
     return sorted(story, key=lambda step: step.time_s)
 
 
-def select_messages(messages: list[Message], focus: list[float], limit: int = MAX_MESSAGES) -> list[int]:
+def select_messages(messages: Sequence[Message], focus: list[float], limit: int = MAX_MESSAGES) -> list[int]:
     """Choose the bus messages to show: frames with errors, then those nearest to the moments of interest.
 
     Without such moments these are the first ones.
@@ -336,7 +336,7 @@ def _check(check: Check) -> dict[str, Any]:
     }
 
 
-def _messages(messages: list[Message], focus: list[float], limit: int) -> list[list[Any]]:
+def _messages(messages: Sequence[Message], focus: list[float], limit: int) -> list[list[Any]]:
     """Return rows of time, bus, identifier, data, sender, text, error, number of messages left out before it."""
     rows = []
     before = -1

@@ -1,11 +1,13 @@
 """The runner: order, seeds, journal, processes, interruption, resume; and how campaigns are found."""
 
 import dataclasses
+import re
 
 import pytest
 
 from hil.campaign import Runner, RunOptions, case_seed, find_campaigns, select_cases
 from hil.campaign._discover import Selected, load_campaign
+from hil.campaign._files import folder_name
 from hil.campaign._runner import shard
 from hil.errors import CampaignNotFoundError, CannotRunError
 from hil.record import Trace
@@ -317,3 +319,26 @@ def test_a_folder_that_was_left_half_cleared_is_used_again(tmp_path, left):
     for name in {"cases.jsonl", "run.json"} - {left}:
         (tmp_path / name).unlink()
     assert run(toy_cases(pattern="chance"), directory=tmp_path).count(Verdict.PASSED) == 1
+
+
+def test_no_two_cases_share_the_folder_of_their_evidence():
+    """Names that differ only in what no file name can hold, or far behind, have folders of their own; plain ones are read as they are."""
+    names = [
+        "toy/a_b",
+        "toy/a/b",
+        "toy/a//b",
+        "toy_a/b",
+        "toy/ä",
+        "toy/ö",
+        "toy/" + "l" * 300,
+        "toy/" + "l" * 301,
+        "..",
+        "/",
+        "",
+    ]
+    folders = [folder_name(name) for name in names]
+
+    assert folders[1] == "toy_a_b"
+    assert len(set(folders)) == len(names)
+    for folder in folders:
+        assert re.fullmatch(r"[A-Za-z0-9-][A-Za-z0-9._-]{0,140}", folder), folder
