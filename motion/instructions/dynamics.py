@@ -41,10 +41,12 @@ def _value(axis: TechnologyAxis, given: Any, default: str, *, zero: bool) -> flo
     value = float(given)
     if value < 0.0:
         value = float(axis.variables.read(f"DynamicDefaults.{default}"))
-        return value if value > 0.0 or zero else None
-    if value < _SMALLEST and not (value == 0.0 and zero):
-        return None
-    return value
+    return value if is_dynamic(value, zero=zero) else None
+
+
+def is_dynamic(value: float, *, zero: bool = False) -> bool:
+    """Return whether a motion can be planned with a velocity, an acceleration, a deceleration or, where 0 is none, a jerk."""
+    return value >= _SMALLEST or (value == 0.0 and zero)
 
 
 def resolve(

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 from motion.axis.homing import ActiveHoming, PassiveHoming, abort_passive
 from motion.axis.jobs import (
     ERROR_ABSOLUTE,
+    ERROR_ACCELERATION,
     ERROR_ACTUAL_VALUE,
     ERROR_ALARM,
+    ERROR_DECELERATION,
     ERROR_INCREMENTAL,
+    ERROR_JERK,
     ERROR_LOCKED,
     ERROR_MODE,
     ERROR_NOT_CONTROLLED,
@@ -24,7 +27,7 @@ from motion.axis.jobs import (
 from motion.axis.mechanics import INCREMENTAL
 from motion.axis.state import AxisState
 from motion.instructions.base import ExecuteInstruction
-from motion.instructions.dynamics import POSITION_LIMIT, is_number, is_whole
+from motion.instructions.dynamics import POSITION_LIMIT, is_dynamic, is_number, is_whole
 
 if TYPE_CHECKING:
     from motion.axis.axis import PositioningAxis
@@ -137,6 +140,12 @@ class MC_Home(ExecuteInstruction):
             factor = axis.variables.factors.acceleration
             job.acceleration, job.deceleration = (factor * value for value in self.dynamics[:2])
             job.jerk = factor * self.dynamics[2]
+        if not is_dynamic(job.acceleration):
+            return ERROR_ACCELERATION
+        if not is_dynamic(job.deceleration):
+            return ERROR_DECELERATION
+        if not is_dynamic(job.jerk, zero=True):
+            return ERROR_JERK
         job.position_controlled = True
         homing = ActiveHoming(axis, job, position, self.Mode)
         refusal = axis.motion.submit(job)

@@ -46,6 +46,18 @@ class TestConditions:
         for mode in modes:
             assert home(rig, 1.0, mode=mode).ErrorID == error
 
+    @pytest.mark.requirement("HOM-028", "VAR-166")
+    @pytest.mark.parametrize(("name", "error"), [("Acceleration", 0x8004), ("Deceleration", 0x8005)])
+    @pytest.mark.parametrize("value", [0.0, 1e-13])
+    def test_without_dynamics(self, rig, name, error, value):
+        """A dynamic default with which nothing can move: active homing is refused as any other motion, and the axis stays as it is."""
+        rig.enabled()
+        rig.axis.write(f"DynamicDefaults.{name}", value)
+        jobs = [home(rig, mode=mode) for mode in (3, 5)] + [rig.axis.move_relative(5.0)]
+        rig.cycles(2)
+        assert [job.ErrorID for job in jobs] == [error] * 3
+        assert rig.axis.var("ErrorWord") == 0
+
     @pytest.mark.requirement("HOM-025", "HOM-026", "MC-622")
     def test_without_position_control(self, rig):
         """Modes 3 and 5 close it; all others but 9 are rejected with 16#8071."""
