@@ -169,6 +169,9 @@ class TravelLimits(HardwareLimits):
         next_position, velocity, acceleration = following
         speed = velocity * direction
         growth = acceleration * direction
+        at_once = growth > 0.0 and self._ends_at_once()
+        if at_once:
+            growth = 0.0
         target = motion.destination
         if target is not None:
             inside = self._range_min - _PASSED_TOLERANCE <= target <= self._range_max + _PASSED_TOLERANCE
@@ -187,7 +190,16 @@ class TravelLimits(HardwareLimits):
             stop_distance(speed, growth, deceleration, jerk)
             > (limit - next_position) * direction + _PASSED_TOLERANCE
         ):
-            self._reach(limit, direction)
+            self._reach(limit, direction, at_once=at_once)
+
+    def _ends_at_once(self) -> bool:
+        """Return whether the motion has no jerk limit, so that its acceleration needs no way to end before a limit."""
+        motion = self._axis.motion
+        if motion.given:
+            return False
+        moving = motion.superimposed.job if motion.superimposed is not None else None
+        jobs = [one for one in (motion.job, moving) if one is not None]
+        return bool(jobs) and not any(one.jerk for one in jobs)
 
     def _exceed(self, side: float) -> None:
         """Alarm 534 of the positive limit, with `side` below 0 of the negative one."""
@@ -209,8 +221,8 @@ class TravelLimits(HardwareLimits):
             return motion.limit_braking(job.deceleration, job.jerk)
         return motion.limit_braking(read("DynamicDefaults.Deceleration"), read("DynamicDefaults.Jerk"))
 
-    def _reach(self, limit: float, direction: float) -> None:
-        """Alarm 533: the motion is aborted and ends exactly at the limit (LIM-075)."""
+    def _reach(self, limit: float, direction: float, *, at_once: bool) -> None:
+        """Alarm 533: the motion is aborted and ends exactly at the limit (LIM-075); `at_once`: its acceleration ends now."""
         axis = self._axis
         motion = axis.motion
         deceleration, jerk = self._dynamics()
@@ -218,6 +230,8 @@ class TravelLimits(HardwareLimits):
         reaction = 1 if self._sw_reached.value == 1 else 2
         axis.alarms.raise_alarm(ALARM_SOFTWARE_REACHED, reaction=reaction, info=2 if direction > 0.0 else 1)
         if axis.state is AxisState.ALARM_RAMP and not stopping:
+            if at_once:
+                motion.gen.a = 0.0
             motion.gen.start_position(limit, abs(motion.gen.v) or _CREEP, deceleration, deceleration, jerk)
 
     def shift(self, offset: float) -> None:

@@ -60,6 +60,26 @@ def test_software_limit_with_maximum_dynamics(make_rig):
     assert rig.axis.var("ErrorDetail.Reaction") == 2
 
 
+@pytest.mark.requirement("LIM-075", "LIM-077")
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_job_without_jerk_limit_near_a_software_limit(make_rig, side):
+    """Its acceleration ends at once: it is not stopped where it stands because the maximum jerk would take long to end it."""
+    soft = SOFT | {"PositionLimits_SW.MinPosition": -100.0, "DynamicLimits.MaxJerk": 5000.0}
+    rig = homed(
+        make_rig, **soft, **{"DynamicLimits.MaxAcceleration": 1500.0, "DynamicLimits.MaxDeceleration": 2000.0}
+    )
+    rig.until(rig.axis.home(side * 60.0).done)
+    job = rig.axis.move_relative(
+        side * 300.0, Velocity=400.0, Acceleration=1500.0, Deceleration=1000.0, Jerk=0.0
+    )
+    rig.until(lambda: rig.axis.state is AxisState.ALARM_STANDSTILL, 2.0)
+    assert job.ErrorID == 0x8001
+    assert max(side * v for v in rig.column("velocity_setpoint")) > 100.0
+    assert max(side * s for s in rig.column("position_setpoint")) <= 100.0 + 1e-9
+    assert rig.axis.var("Position") == pytest.approx(side * 100.0, abs=1e-9)
+    assert rig.axis.var("ErrorDetail.Number") == 533
+
+
 @pytest.mark.requirement("LIM-073", "VAR-170")
 def test_software_limit_needs_homing(make_rig):
     """Without homing the software limits do not act."""
