@@ -23,7 +23,7 @@ class TestZeroMarkBehindCam:
     """`ActiveHoming.Mode` = 1: cam from 100 to 120 mm, zero marks at 3, 13, 23, ..."""
 
     @pytest.mark.requirement(
-        "HOM-092", "HOM-089", "HOM-090", "HOM-091", "HOM-068", "HOM-081", "HOM-083", "HOM-086", "HOM-045", "HOM-040",
+        "HOM-092", "HOM-089", "HOM-090", "HOM-091", "HOM-068", "HOM-081", "HOM-083", "HOM-086", "HOM-045", "HOM-040", "VAR-156",
         "HOM-004", "HOM-043", "HOM-041", "HOM-042", "MC-196", "MC-202", "HOM-052", "HOM-054", "HOM-056", "HOM-050", "HOM-049",
     )  # fmt: skip
     def test_same_direction(self, name):
@@ -76,7 +76,7 @@ class TestZeroMarkBehindCam:
             assert run.phases() == ["search+"]
             assert run.place == pytest.approx(128.0, abs=0.01)
 
-    @pytest.mark.requirement("HOM-048", "HOM-089")
+    @pytest.mark.requirement("HOM-048", "HOM-089", "VAR-155")
     def test_approach_in_negative_direction(self, name):
         """From above the cam in negative direction, homing in negative direction: mark at 93."""
         variables = NEGATIVE | BACKWARDS
@@ -152,7 +152,9 @@ EDGES = [
 class TestDigitalInput:
     """`ActiveHoming.Mode` = 2: an edge of the input that is active from 100 to 120 mm."""
 
-    @pytest.mark.requirement("HOM-102", "HOM-053", "HOM-057", "HOM-067", "HOM-070", "HOM-107", "HOM-055")
+    @pytest.mark.requirement(
+        "HOM-102", "HOM-053", "HOM-057", "HOM-067", "HOM-070", "HOM-107", "HOM-055", "VAR-155"
+    )
     @pytest.mark.parametrize("low", [False, True], ids=["active high", "active low"])
     @pytest.mark.parametrize(("variables", "edge", "phases"), EDGES)
     @pytest.mark.parametrize("name", PROFILES)

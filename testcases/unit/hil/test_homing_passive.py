@@ -133,6 +133,7 @@ class TestModes:
         "HOM-009",
         "HOM-011",
         "HOM-125",
+        "VAR-157",
         "HOM-180",
         "MC-201",
         "MC-209",

@@ -25,7 +25,16 @@ class TestReversal:
     """`Homing.AutoReversal` = TRUE."""
 
     @pytest.mark.requirement(
-        "HOM-108", "HOM-109", "HOM-110", "HOM-113", "HOM-046", "HOM-047", "LIM-043", "HOM-045", "HOM-111"
+        "HOM-108",
+        "HOM-109",
+        "HOM-110",
+        "HOM-113",
+        "HOM-046",
+        "HOM-047",
+        "LIM-043",
+        "HOM-045",
+        "HOM-111",
+        "VAR-160",
     )
     def test_beyond_the_cam(self):
         """From 300: turned round at 550 with the default deceleration, past the cam with approach velocity, then the mark."""

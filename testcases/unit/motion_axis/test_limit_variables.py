@@ -36,7 +36,7 @@ def raised(rig, number=531):
     return [one.data["info"] for one in rig.events("alarm.raised") if one.data["number"] == number]
 
 
-@pytest.mark.requirement("LIM-016", "LIM-069", "LIM-071")
+@pytest.mark.requirement("LIM-016", "LIM-069", "LIM-071", "VAR-023")
 def test_addresses_by_their_parts(make_rig):
     """Byte 4, bits 0 and 1: offsets 32 and 33; eight start values, in force after the restart and not before."""
     rig = wired(make_rig)

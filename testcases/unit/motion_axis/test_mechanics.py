@@ -57,7 +57,7 @@ class TestRatios:
             )
             assert 3 * 1000 * ratios.increment == pytest.approx(360.0)
 
-    @pytest.mark.requirement("CFG-510", "VAR-149", "CFG-526")
+    @pytest.mark.requirement("CFG-510", "VAR-149", "CFG-526", "VAR-148")
     def test_measuring_wheel(self):
         """Two wheel revolutions per encoder revolution, 200 mm per wheel revolution: 400 mm."""
         ratios = mechanics(
@@ -263,7 +263,7 @@ class TestCounts:
         encoder.power_cycle()
         assert encoder.show(12500) == 0.0
 
-    @pytest.mark.requirement("CFG-291", "CFG-296", "CFG-299", "HOM-154")
+    @pytest.mark.requirement("CFG-291", "CFG-296", "CFG-299", "HOM-154", "VAR-147")
     def test_absolute_beyond_its_range(self):
         """A single-turn encoder of 10 mm that was moved from 2 to 27 mm shows 7 mm after power-on."""
         encoder = Encoder(Type=1, **SINGLE_TURN)

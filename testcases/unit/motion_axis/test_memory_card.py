@@ -48,7 +48,7 @@ def told(rig, kind):
     return [event.data for event in rig.events(f"controller.encoder_data_{kind}")]
 
 
-@pytest.mark.requirement("MC-466", "MC-467", "MC-468", "MC-471", "MC-033", "HOM-158")
+@pytest.mark.requirement("MC-466", "MC-467", "MC-468", "MC-471", "MC-033", "HOM-158", "VAR-207")
 def test_saving(card):
     """One file in UserFiles with the adjustment of every absolute encoder; Done is held with Execute."""
     rig = adjusted(card)

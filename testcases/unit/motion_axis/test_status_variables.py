@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from motion.instructions import MC_Power
+from testcases.unit.motion_axis.conftest import TorquePort
 
 
 def on(rig, bit, word="StatusWord"):
@@ -481,3 +482,43 @@ def test_one_wrong_direction(make_rig, flag):
     rig.axis.move_relative(20.0)
     rig.until(lambda: rig.axis.var("ErrorDetail.Number") == 521)
     assert rig.axis.var("ErrorDetail.Reaction") == 4
+
+
+COMMANDS = {
+    "homing": ("StatusWord", 11, lambda axis: axis.home(5.0, mode=8), lambda axis, _: axis.home(mode=9)),
+    "superimposed": ("StatusWord", 23, lambda axis: axis.move_superimposed(50.0), lambda axis, _: axis.halt_superimposed()),
+    "torque limit": ("StatusWord", 26, lambda axis: axis.torque_limiting(1.0), lambda _, job: job.set(Enable=False)),
+    "motion in": ("StatusWord", 31, lambda axis: axis.motion_in_velocity(20.0), lambda _, job: job.set(Enable=False)),
+    "motion in, superimposed": (
+        "StatusWord2", 6, lambda axis: axis.motion_in_superimposed(0.0, VelocityDiff=0.0), lambda _, job: job.set(Enable=False),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.requirement("VAR-226")
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.requirement(identifier), id=name) for name, identifier in
+     zip(COMMANDS, ("VAR-039", "VAR-047", "VAR-049", "VAR-054", "VAR-063"), strict=True)],
+)  # fmt: skip
+def test_bit_of_a_command(make_rig, name):
+    """The bit is there while the instruction runs and neither before nor after; bits without a name stay 0 all the time."""
+    word, bit, start, end = COMMANDS[name]
+    rig = make_rig(port=TorquePort()).enabled()
+    axis = rig.axis
+    named = {
+        path: sum(1 << one for one in axis.variables.describe(path).bits)
+        for path in ("StatusWord", "StatusWord2")
+    }
+
+    def shown():
+        assert all(axis.var(path) & ~bits == 0 for path, bits in named.items())
+        return axis.var(word) >> bit & 1
+
+    seen = [shown()]
+    job = start(axis)
+    rig.run(0.1)
+    seen.append(shown())
+    end(axis, job)
+    rig.run(1.0)
+    assert [*seen, shown()] == [0, 1, 0]

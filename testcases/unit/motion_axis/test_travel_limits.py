@@ -213,7 +213,7 @@ def test_switching_off_forgets_everything(make_rig):
 # -- hardware: wrong wiring -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.requirement("LIM-061", "LIM-063", "LIM-064", "TA-016")
+@pytest.mark.requirement("LIM-061", "LIM-063", "LIM-064", "TA-016", "VAR-174")
 @pytest.mark.parametrize("mode", [0, 1])
 def test_both_switches_active(make_rig, mode):
     """531 for both; retraction is refused in both directions; a traversable pair needs a restart; switched off the axis gets free."""
@@ -245,7 +245,7 @@ def test_both_switches_active(make_rig, mode):
     rig.until(rig.axis.move_relative(-5.0).done)
 
 
-@pytest.mark.requirement("LIM-062", "LIM-063", "LIM-064", "TA-016")
+@pytest.mark.requirement("LIM-062", "LIM-063", "LIM-064", "TA-016", "VAR-174")
 @pytest.mark.parametrize("mode", [0, 1])
 def test_the_wrong_switch(make_rig, mode):
     """The negative switch in positive direction: reversed, whichever way it goes on; for traversable ones a restart is needed."""
