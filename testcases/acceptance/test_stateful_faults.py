@@ -1,95 +1,19 @@
-"""Motion commands and faults in any order: the invariants hold; a failure shrinks to a program that replays.
-
-The machine decides what to do next from what it has done so far (a stop is released only after it was given, a fault is
-removed only after it was injected); the finished program runs on a fresh bench with all invariants watched in every
-cycle, and its token stands in the message of a failure.
-"""
+"""Motion commands and faults in any order on one axis, behind CiA 402 and behind PROFIdrive."""
 
 from __future__ import annotations
 
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from hypothesis.stateful import precondition, rule
 
-from hil.bench import load_bench
-from hil.faults import Fault
-from hil.fuzz import Break, Do, Program, Wait, program_token, run_program
-
-BENCH = load_bench("reference")
-LONGEST = 14
-
-velocities = st.sampled_from([-450.0, -300.0, -20.0, 20.0, 100.0, 300.0, 450.0])
+from testcases.acceptance.motion_machine import MotionUnderFaults
 
 
-class MotionUnderFaults(RuleBasedStateMachine):
-    """Builds a program step by step."""
+class Cia402UnderFaults(MotionUnderFaults):
+    """An axis on a CiA 402 drive."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.steps = [Do("power_on"), Wait(0.1), Do("home")]
-        self.stopped = False
-        self.jogging = False
-        self.faults = 0
-
-    def add(self, step) -> None:
-        if len(self.steps) < LONGEST:
-            self.steps.append(step)
-
-    @rule(seconds=st.sampled_from([0.004, 0.02, 0.1, 0.4, 1.0]))
-    def wait(self, seconds):
-        self.add(Wait(seconds))
-
-    @rule(mode=st.sampled_from([0, 1, 2, 3]))
-    def power_off(self, mode):
-        self.add(Do("power_off", {"stop_mode": mode}))
-
-    @rule()
-    def power_on(self):
-        self.add(Do("power_on"))
-
-    @rule()
-    def reset(self):
-        self.add(Do("reset"))
-
-    @rule(velocity=velocities)
-    def move_velocity(self, velocity):
-        self.add(Do("move_velocity", {"velocity": velocity}))
-
-    @rule(
-        distance=st.sampled_from([-60.0, -1.0, 0.0, 1.0, 60.0]),
-        velocity=st.sampled_from([10.0, 100.0, 500.0]),
-    )
-    def move_relative(self, distance, velocity):
-        self.add(Do("move_relative", {"distance": distance, "velocity": velocity}))
-
-    @rule(position=st.sampled_from([-80.0, 0.0, 80.0]))
-    def move_absolute(self, position):
-        self.add(Do("move_absolute", {"position": position}))
-
-    @rule(backward=st.booleans())
-    def jog(self, backward):
-        self.jogging = True
-        self.add(Do("jog", {"velocity": 150.0, "backward": backward}))
-
-    @precondition(lambda self: self.jogging)
-    @rule()
-    def jog_release(self):
-        self.add(Do("jog_release"))
-
-    @rule()
-    def halt(self):
-        self.add(Do("halt"))
-
-    @rule(mode=st.sampled_from([0, 2, 3]))
-    def stop(self, mode):
-        self.stopped = True
-        self.add(Do("stop", {"mode": mode}))
-
-    @precondition(lambda self: self.stopped)
-    @rule()
-    def stop_release(self):
-        self.add(Do("stop_release"))
+    bench = "reference"
 
     @precondition(lambda self: self.faults < 2)
     @rule(code=st.sampled_from([0x2310, 0x3210, 0x7305, 0x8611]))
@@ -102,44 +26,62 @@ class MotionUnderFaults(RuleBasedStateMachine):
         self.fault(kind, "drive1", duration_s=0.5)
 
     @precondition(lambda self: self.faults < 2)
-    @rule(name=st.sampled_from(["negative_limit", "positive_limit"]))
-    def limit_switch(self, name):
-        self.fault("switch.press", "drive1", input=name, duration_s=0.5)
-
-    @precondition(lambda self: self.faults < 2)
     @rule(message=st.sampled_from(["tpdo1", "rpdo1", "sync"]), count=st.sampled_from([1, 2, 5, 50]))
     def lost_frames(self, message, count):
         self.fault("frame.drop", "can0", count=count, message=message)
 
+
+class ProfidriveUnderFaults(MotionUnderFaults):
+    """An axis behind a PROFIdrive telegram: the words of the telegram may lie, come late or not at all."""
+
+    bench = "profidrive"
+
     @precondition(lambda self: self.faults < 2)
-    @rule(number_and_reaction=st.sampled_from([(533, 1), (104, 2), (304, 3), (521, 4), (550, 5)]))
-    def alarm(self, number_and_reaction):
-        number, reaction = number_and_reaction
-        self.fault("axis.alarm", "axis1", number=number, reaction=reaction)
+    @rule(code=st.sampled_from([7900, 7802, 30001, 30002, 30005]))
+    def drive_fault(self, code):
+        self.fault("drive.fault", "drive1", code=code)
 
-    @precondition(lambda self: self.faults > 0)
-    @rule()
-    def remove_faults(self):
-        self.add(Do("remove_faults"))
-
-    def fault(self, kind, target, *, duration_s=None, count=None, **parameters):
-        self.faults += 1
-        self.add(Break(Fault(kind, target, duration_s=duration_s, count=count, parameters=parameters)))
-
-    @invariant()
-    def steps_are_bounded(self):
-        assert len(self.steps) <= LONGEST
-
-    def teardown(self):
-        program = Program(tuple(self.steps))
-        outcome = run_program(program, BENCH, seed=1)
-        token = program_token(program, seed=1, bench="reference", bench_digest=BENCH.digest)
-        assert outcome.violation is None, (
-            f"{outcome.violation}\n{program}\nrepeat it with: hil replay {token}"
+    @precondition(lambda self: self.faults < 2)
+    @rule(
+        kind=st.sampled_from(
+            ["drive.sto", "drive.ss1", "drive.power_off", "safety.ss2", "safety.sos", "mechanics.jam"]
         )
+    )
+    def broken_device(self, kind):
+        self.fault(kind, "drive1", duration_s=0.5)
+
+    @precondition(lambda self: self.faults < 2)
+    @rule(
+        signal=st.sampled_from(
+            ["STW1.0", "STW1.1", "STW1.2", "STW1.3", "STW1.4", "ZSW1.1", "ZSW1.2", "ZSW1.3", "ZSW1.9"]
+        ),
+        cycles=st.sampled_from([1, 5, 50]),
+    )
+    def wrong_bit(self, signal, cycles):
+        self.fault("telegram.flip", "drive1", count=cycles, signal=signal)
+
+    @precondition(lambda self: self.faults < 2)
+    @rule(
+        kind=st.sampled_from(
+            ["telegram.lost", "telegram.freeze", "telegram.control_lost", "telegram.sign_of_life"]
+        ),
+        direction=st.sampled_from(["actual", "setpoint"]),
+        cycles=st.sampled_from([1, 3, 50]),
+    )
+    def disturbed_telegram(self, kind, direction, cycles):
+        self.fault(kind, "drive1", count=cycles, direction=direction)
+
+    @precondition(lambda self: self.faults < 2)
+    @rule(direction=st.sampled_from(["actual", "setpoint"]), cycles=st.integers(1, 4))
+    def late_telegram(self, direction, cycles):
+        self.fault("telegram.late", "drive1", duration_s=0.3, direction=direction, cycles=cycles)
 
 
-MotionUnderFaults.TestCase.settings = settings(max_examples=120, stateful_step_count=12)
-TestMotionUnderFaults = pytest.mark.requirement("STP-514", "MC-071", "STP-331", "STP-346")(
-    MotionUnderFaults.TestCase
+Cia402UnderFaults.TestCase.settings = settings(max_examples=60, stateful_step_count=12)
+ProfidriveUnderFaults.TestCase.settings = settings(max_examples=40, stateful_step_count=12)
+TestCia402UnderFaults = pytest.mark.requirement("STP-514", "MC-071", "STP-331", "STP-346")(
+    Cia402UnderFaults.TestCase
+)
+TestProfidriveUnderFaults = pytest.mark.requirement("STP-514", "MC-071", "STP-331", "PD-104")(
+    ProfidriveUnderFaults.TestCase
 )
