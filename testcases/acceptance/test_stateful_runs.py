@@ -16,7 +16,7 @@ from pathlib import Path
 
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from hil.campaign import Runner, RunOptions, find_campaigns, select_cases
 from hil.errors import CannotRunError
@@ -38,9 +38,9 @@ from hil.expect import alarm
 CAMPAIGN = Campaign("runs", bench="testcases.unit.hil.toybench:BENCH")
 
 
-@CAMPAIGN.product("{name}", parameters={"name": ["a", "b", "c", "d", "e"]}, wall_limit_s=0.4)
+@CAMPAIGN.product("{name}", parameters={"name": ["a", "b", "c", "d", "e"]}, wall_limit_s=0.2)
 def case(ctx, name):
-    ctx.run_for(0.02)
+    ctx.run_for(0.01)
     match json.loads((Path(__file__).parent / "ends.json").read_text())[name]:
         case "fails":
             ctx.expect(alarm(999))
@@ -158,6 +158,19 @@ class RunsOfACampaign(RuleBasedStateMachine):
         assert code == expected
         self.held, self.shard = held, shard
 
+    @initialize(ends=st.lists(st.sampled_from(list(VERDICTS)), min_size=len(NAMES), max_size=len(NAMES)))
+    def begin(self, ends):
+        self.ends = dict(zip(NAMES, ends, strict=True))
+        self.write()
+
+    def failing(self) -> tuple[str, ...]:
+        """Return the cases that failed or broke in the folder."""
+        return tuple(name for name in NAMES if (self.held or {}).get(name) in AGAIN)
+
+    def mend(self, names: tuple[str, ...]) -> None:
+        self.ends.update(dict.fromkeys(names, "passes"))
+        self.write()
+
     @rule(name=st.sampled_from(NAMES), end=st.sampled_from(list(VERDICTS)))
     def change(self, name, end):
         self.ends[name] = end
@@ -171,15 +184,29 @@ class RunsOfACampaign(RuleBasedStateMachine):
     def killed(self, resume, cases):
         self.run(resume=resume, shard=self.shard if resume else None, kill_after=cases)
 
-    @rule(repeat_failed=st.booleans(), other_shard=st.booleans())
-    def resume(self, repeat_failed, other_shard):
-        shard = {None: (1, 2), (1, 2): None, (2, 2): (1, 2)}[self.shard] if other_shard else self.shard
-        self.run(resume=True, repeat_failed=repeat_failed, shard=shard)
-
-    @precondition(lambda self: self.held is not None and set(self.held.values()) & AGAIN)
     @rule()
-    def last_failed(self):
-        self.run(names=tuple(name for name in NAMES if self.held.get(name) in AGAIN))
+    def resume(self):
+        self.run(resume=True, shard=self.shard)
+
+    @precondition(lambda self: self.held is not None)
+    @rule()
+    def resume_as_another_part(self):
+        self.run(resume=True, shard={None: (1, 2), (1, 2): None, (2, 2): (1, 2)}[self.shard])
+
+    @precondition(lambda self: self.failing())
+    @rule(mended=st.booleans(), kill_after=st.sampled_from([None, None, 1]))
+    def repeat_failed(self, mended, kill_after):
+        if mended:
+            self.mend(self.failing())
+        self.run(resume=True, repeat_failed=True, shard=self.shard, kill_after=kill_after)
+
+    @precondition(lambda self: self.failing())
+    @rule(mended=st.booleans())
+    def last_failed(self, mended):
+        names = self.failing()
+        if mended:
+            self.mend(names)
+        self.run(names=names)
 
     @precondition(lambda self: self.with_workers < 1)
     @rule(resume=st.booleans())
@@ -198,5 +225,5 @@ class RunsOfACampaign(RuleBasedStateMachine):
         assert run.shard == ("/".join(map(str, self.shard)) if self.shard else "")
 
 
-RunsOfACampaign.TestCase.settings = settings(max_examples=12, stateful_step_count=8, deadline=None)
+RunsOfACampaign.TestCase.settings = settings(max_examples=8, stateful_step_count=7, deadline=None)
 TestRunsOfACampaign = RunsOfACampaign.TestCase
