@@ -169,6 +169,11 @@ def _stops(trace: Trace, axis: str) -> Iterator[tuple[float, float, int]]:
         (entry.time_ns, int(entry.data.get("reaction") or 0))
         for entry in trace.select(source=axis, kind="alarm.raised")
     ]
+    halts = [
+        entry.time_ns
+        for entry in trace.select(kind="fault.applied")
+        if str(entry.data.get("fault")).startswith("controller.")
+    ]
     cycle_ns = round(trace.constants.get(f"{axis}.cycle_s", 0.004) * 1e9)
     for number, entry in enumerate(changes):
         kind = normal_state(str(entry.data.get("to")))
@@ -186,8 +191,8 @@ def _stops(trace: Trace, axis: str) -> Iterator[tuple[float, float, int]]:
             continue
         else:
             reaction = 0
-        if later:
-            continue  # another alarm may have taken over with its own ramp
+        if later or any(entry.time_ns <= time_ns < end_ns for time_ns in halts):
+            continue  # another alarm may have taken over with its own ramp; a controller that hangs makes no setpoints
         yield entry.time_ns * 1e-9, end_ns * 1e-9, reaction
 
 

@@ -19,6 +19,10 @@ FINDINGS = {
     "a stop within a cycle of the interpolator": (
         "reference", [SLOW, *ON, {"do": "move_velocity", "velocity": 10.0}, {"do": "power_off", "stop_mode": 2}],
     ),
+    "a stop while the controller stands still": (
+        "reference",
+        [*ON, {"do": "move_relative", "distance": 10.0, "velocity": 10.0}, {"do": "power_off", "stop_mode": 2}, {"fault": {"kind": "controller.stall", "duration_s": 0.02}}],
+    ),
     "a speed axis between cycles of the interpolator": ("speed", [SLOW, *ON, {"do": "move_velocity", "velocity": 100.0}]),
 }  # fmt: skip
 

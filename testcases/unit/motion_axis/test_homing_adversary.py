@@ -107,7 +107,12 @@ class Machine:
         """Do what an operator does before he homes anew."""
         self.plant.sensor_fault = False
         self.plant._wrong = "nothing"
-        for what in ("release", "override 100", "approach 80"):
+        for what in (
+            "release",
+            "halt",
+            "override 100",
+            "approach 80",
+        ):  # a jog would go on to the limit switch
             self.do(what)
         self.rig.run(3.0)
         for _ in range(3):
@@ -158,6 +163,7 @@ class Machine:
     1,
     [("home 3", 20), ("limit bounces", 20), ("reset", 20), ("home 3", 20), ("off", 5), ("on", 100)],
 )
+@example(ZERO_MARK, 1, [("relative", 64), ("jog", 199)])
 def test_nothing_confuses_homing(mode, direction, deeds):
     """Jobs, faults, overrides and switches in any order; afterwards an operator homes the axis, on the right mark."""
     machine = Machine(mode, direction)
