@@ -455,7 +455,7 @@ def mutants(
     ] = False,
     report: Annotated[
         Path | None,
-        typer.Option("--report", "-r", metavar="DIR", help="Folder for mutants.json and mutants.md."),
+        typer.Option("--report", "-r", metavar="DIR", help="Folder for mutants.json, .md, .html and .xml."),
     ] = None,
     seed: SeedOption = 0,
     jobs: JobsOption = "1",

@@ -17,6 +17,7 @@ from hil.mutants import (
     Seeding,
     SeedingOptions,
     Stored,
+    as_run,
     find_judges,
     load_catalogue,
     load_stored,
@@ -24,6 +25,10 @@ from hil.mutants import (
     store,
 )
 from hil.mutants._store import TABLE_FILE
+from reports import render_html, write_junit
+
+PAGE_FILE: Final = "mutants.html"
+JUNIT_FILE: Final = "mutants.xml"
 
 _STYLE: Final = {"caught": "green", "explained": "yellow"}
 
@@ -104,10 +109,18 @@ def seed_defects(request: MutantsRequest) -> int:
         seeding = seeder.run()
     if request.report is not None:
         store(seeding, request.report)
+        write_report(seeding, request.report)
     if request.as_json:
         print_json([result.as_dict() for result in seeding.results])
     _tell(seeding, request.report)
     return seeding.exit_code
+
+
+def write_report(seeding: Seeding, directory: Path) -> None:
+    """Write `mutants.html` and `mutants.xml` (JUnit), where every defect is a case."""
+    run = as_run(seeding)
+    render_html(run, directory / PAGE_FILE)
+    write_junit(run, directory / JUNIT_FILE)
 
 
 def _stored(request: MutantsRequest) -> Stored:
@@ -156,4 +169,4 @@ def _tell(seeding: Seeding, report: Path | None) -> None:
         markup=False,
     )
     if report is not None:
-        out.print(f"table: {report / TABLE_FILE}", markup=False)
+        out.print(f"report: {report / PAGE_FILE}, table: {report / TABLE_FILE}", markup=False)

@@ -7,6 +7,7 @@ points at a missing expectation.
 
 from __future__ import annotations
 
+from hil.mutants._as_run import as_run
 from hil.mutants._catalogue import CATALOGUE, load_catalogue, select_mutants
 from hil.mutants._mutant import AREAS, Edit, Mutant, defect
 from hil.mutants._patch import TargetChangedError, seeded, watched
@@ -30,6 +31,7 @@ __all__ = [
     "SeedingOptions",
     "Stored",
     "TargetChangedError",
+    "as_run",
     "catalogue_table",
     "defect",
     "find_judges",

@@ -57,7 +57,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "if zsw1 & ZSW1.SWITCHING_ON_INHIBITED or not zsw1 & ZSW1.READY_TO_SWITCH_ON:",
         "if not zsw1:",
         ids=("STP-046", "STP-510"),
-        likely=("axis-faults/enabling/*", "fault-reactions/drive-fault/*"),
+        likely=("axis-faults/enabling/pushed/0@profidrive", "axis-faults/enabling/*"),
     ),
     Mutant(
         "enabled-again-before-acknowledgement",

@@ -76,8 +76,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         f"{_ACTIVE}._enter",
         "velocity = self._homing_velocity if phase is Phase.SEARCH else self._approach_velocity",
         "velocity = self._approach_velocity",
-        ids=("HOM-080",),
-        likely=("homing/cam/*",),
+        ids=("HOM-045", "HOM-098"),
+        likely=("homing/zero-mark/positive/above",),
     ),
     _defect(
         "home-offset-added",

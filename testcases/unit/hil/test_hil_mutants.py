@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -163,14 +164,19 @@ def test_every_defect_caught(capsys, green, tmp_path):
     assert (stored["caught"], stored["survived"], stored["baseline_cases"]) == (6, 0, 3)
     table = (tmp_path / "rep" / "mutants.md").read_text()
     assert all(f"`{mutant.name}`" in table for mutant in toy.MUTANTS)
+    assert "slope-inverted" in (tmp_path / "rep" / "mutants.html").read_text()
 
 
 def test_fates_of_defects(capsys, green):
     """Survivors and defects that never run make it 1; what hangs, is deaf to its limit, or kills its process is caught."""
     code, out, err = call(
-        capsys, "--catalogue", f"{TOY}:FATES", "--campaign", green, "--jobs", 2, "--json", "--limit", 3
-    )
+        capsys, "--catalogue", f"{TOY}:FATES", "--campaign", green, "--jobs", 2, "--json", "--limit", 3, "--report", "rep"
+    )  # fmt: skip
     assert code == 1
+    suite = ET.parse("rep/mutants.xml").getroot()
+    failed = [case.get("name") for case in suite.iter("testcase") if case.find("failure") is not None]
+    skipped = [case.get("name") for case in suite.iter("testcase") if case.find("skipped") is not None]
+    assert (len(failed), len(skipped), len(list(suite.iter("testcase")))) == (2, 1, 7), (failed, skipped)
     fates = {entry["name"]: (entry["status"], entry["how"]) for entry in json.loads(out)}
     assert fates == {
         "slope-inverted": ("caught", "failed"),
