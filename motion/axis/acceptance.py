@@ -216,8 +216,7 @@ class JobAcceptance(SetpointPlanning):
         self.job = job
         self.severity = 0
         self._leave_target()
-        if job.position_controlled is not None and axis.has_position:
-            self.set_position_control(job.position_controlled)
+        self.control_position_of(job)
         job.activate()
         cls = job.job_class
         if cls is _MOTION_IN:
@@ -248,6 +247,17 @@ class JobAcceptance(SetpointPlanning):
             _, deceleration, jerk = self._plan_limits(job)
             gen.start_stop(deceleration, jerk, abort_acceleration=job.abort_acceleration)
             axis.set_state(AxisState.HALTING)
+
+    def control_position_of(self, job: Job) -> None:
+        """Switch position control as `job` wants it; what is superimposed ends where there is none (MC-098 to MC-103)."""
+        controlled = job.position_controlled
+        if controlled is None or controlled is self.position_controlled or not self._axis.has_position:
+            return
+        if not controlled and self.superimposed is not None:
+            moved = self._merge()
+            if moved is not None:
+                moved.abort()
+        self.set_position_control(controlled)
 
     def _merge(self) -> Job | None:
         """End the superimposed motion by making it part of the basic one; returns its job."""

@@ -55,6 +55,7 @@ class MC_MoveJog(Instruction):
             self.Acceleration,
             self.Deceleration,
             self.Jerk,
+            self.PositionControlled,
         )
 
     def _call(self) -> None:
@@ -79,7 +80,8 @@ class MC_MoveJog(Instruction):
             return
         if job.busy:
             self._steer(job, wanted=wanted)
-        self._show(job, wanted=wanted)
+        if self._job is job:
+            self._show(job, wanted=wanted)
 
     def _fill(self, job: Job) -> int:
         if not is_number(self.Velocity):
@@ -116,13 +118,16 @@ class MC_MoveJog(Instruction):
         given = self._inputs()
         if given != self._given or job.released:
             self._given = given
-            error = self._fill(job)
+            motion = self.axis.motion
+            job.position_controlled = bool(self.PositionControlled)
+            error = self._fill(job) or self.axis.torque.refuses(job)
             if error:
                 self._fail(error)
                 return
             job.released = False
             job.set_in_velocity(False)
-            self.axis.motion.replan()
+            motion.control_position_of(job)
+            motion.replan()
 
     def _fail(self, error_id: int) -> None:
         """Show the error; a running jog brakes with its own deceleration (MC-329)."""
@@ -130,6 +135,7 @@ class MC_MoveJog(Instruction):
         self._job = None
         if job is not None and job.busy:
             job.released = True
+            job.set_in_velocity(False)
             self.axis.motion.replan()
         self.Busy = self.InVelocity = False
         self.Error = True

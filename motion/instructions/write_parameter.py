@@ -41,7 +41,9 @@ class MC_WriteParameter(ExecuteInstruction):
             return ERROR_PARAMETER_NUMBER
         if self.ParameterNumber in TIMES and (axis.connection == "direct" or axis.simulated):
             return ERROR_DIRECT_CONNECTION
-        if self.ParameterNumber == LIMIT_SWITCHES and self.Value is True and axis.limits.address_problem():
+        limits = getattr(axis, "limits", None)  # a speed axis and an external encoder have none
+        switches = self.ParameterNumber == LIMIT_SWITCHES and self.Value is True
+        if switches and limits is not None and limits.address_problem():
             return ERROR_LIMIT_SWITCH
         try:
             axis.variables.write_parameter(self.ParameterNumber, self.Value)

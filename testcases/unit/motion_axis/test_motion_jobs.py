@@ -255,3 +255,56 @@ def test_a_drive_that_shuts_down_by_itself(rig):
     assert (entry.number, entry.reaction) == (421, 4)
     assert "switched itself off" in entry.text
     assert rig.axis.var("ErrorWord") == 1 << 4
+
+
+# -- MC_MoveJog that changes while it runs ------------------------------------------------------------------------------
+
+
+@pytest.mark.requirement("MC-071", "MC-329", "MC-085")
+@pytest.mark.parametrize(
+    ("name", "value", "error"),
+    [
+        ("Velocity", float("nan"), 0x8003), ("Acceleration", 0.0, 0x8004), ("Deceleration", 0.0, 0x8005),
+        ("Jerk", float("inf"), 0x8006),
+    ],
+)  # fmt: skip
+def test_an_input_that_gets_wrong_while_jogging(rig, name, value, error):
+    """Error and not Busy, braking with the deceleration of the instruction; over when the jog input falls."""
+    rig.enabled()
+    jog = rig.axis.jog(100.0, Deceleration=500.0, Jerk=0.0)
+    rig.until(jog.in_velocity)
+    start = len(rig.rows)
+    jog.set(**{name: value})
+    for _ in range(3):
+        rig.cycles()
+        assert (jog.Busy, jog.InVelocity, jog.Error, jog.ErrorID) == (False, False, True, error)
+    rig.run(0.3)
+    assert min(since(rig, "acceleration_setpoint", start)) == pytest.approx(-500.0)
+    assert rig.axis.state is AxisState.STANDSTILL
+    jog.set(JogForward=False)
+    rig.cycles()
+    assert not jog.Error
+
+
+@pytest.mark.requirement("MC-026", "MC-323", "STP-230", "MC-098", "MC-099")
+def test_position_control_is_switched_while_jogging(rig):
+    """PositionControlled is taken over with every call, without a step of the velocity; superimposed motion ends without it."""
+    rig.enabled()
+    jog = rig.axis.jog(100.0)
+    rig.until(jog.in_velocity)
+    start = len(rig.rows) - 1
+    jog.set(PositionControlled=False)
+    rig.cycles(2)
+    assert rig.axis.var("StatusWord.X28")
+    jog.set(PositionControlled=True)
+    rig.run(0.1)
+    assert not rig.axis.var("StatusWord.X28")
+    assert jog.InVelocity
+    assert max(abs(one - 100.0) for one in since(rig, "velocity_setpoint", start)) < 1e-6
+    top = rig.axis.move_superimposed(50.0, VelocityDiff=40.0)
+    rig.run(0.2)
+    jog.set(PositionControlled=False)
+    rig.cycles(2)
+    assert (top.CommandAborted, jog.Busy, rig.axis.var("StatusWord.X28")) == (True, True, True)
+    velocities = since(rig, "velocity_setpoint", start)
+    assert max(abs(b - a) for a, b in pairwise(velocities)) <= 2000.0 * CYCLE + 1e-6

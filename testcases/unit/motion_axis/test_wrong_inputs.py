@@ -223,6 +223,16 @@ def test_set_axis_stw_needs_a_telegram(mode):
     assert not rig.axis.stw1_sent & 0x1000
 
 
+@pytest.mark.requirement("MC-454", "MC-450", "MC-620")
+@pytest.mark.parametrize("value", [True, False])
+def test_a_speed_axis_has_no_limit_switches(make_rig, value):
+    """Index 1000 is not allowed for it: 16#805A."""
+    rig = make_rig(speed=True).enabled()
+    job = rig.axis.write_parameter(1000, value)
+    rig.cycles(2)
+    assert (job.Error, job.ErrorID) == (True, 0x805A)
+
+
 @pytest.mark.requirement("MC-447", "MC-620", "MC-451", "OVR-111")
 def test_write_parameter(rig):
     """Without enable, over nothing: unknown number 16#805A, wrong type 16#805C, times with a direct connection 16#805D."""
