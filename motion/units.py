@@ -14,6 +14,8 @@ LENGTHS: Final = {
     1010: 1.0, 1011: 1e3, 1013: 1e-3, 1014: 1e-6, 1015: 1e-9, 1018: 0.3048, 1019: 0.0254, 1021: 1609.344, 1536: 1e-3,
 }  # fmt: skip
 """Codes of `Units.LengthUnit` that are lengths, with their size in metres (CFG-076)."""
+NANOMETRE: Final = 1015
+"""Code of `Units.LengthUnit`."""
 
 ANGLES: Final = {1004: 1.0, 1005: pi / 180.0}
 """Codes of `Units.LengthUnit` that are angles, with their size in radians (CFG-077)."""

@@ -324,6 +324,8 @@ class VariableStore:
             return
         cell = self.bind(parameter.variable)
         variable = self.describe(parameter.variable)
+        if variable.data_type == "BOOL" and not isinstance(value, bool):
+            raise ParameterError(f"{parameter.variable} takes a BOOL, not {value!r}", ERROR_PARAMETER_TYPE)
         try:
             converted = variable.convert(parameter.variable, value)
         except VariableError as error:

@@ -19,11 +19,14 @@ from motion.axis.state import ACCEPTS_MOTION
 from motion.compatibility import level_of
 from motion.instructions.base import DEFAULT, ExecuteInstruction
 from motion.instructions.dynamics import POSITION_LIMIT, is_number, resolve
+from motion.units import NANOMETRE
 
 _DYNAMICS: Final = {"Acceleration": DEFAULT, "Deceleration": DEFAULT, "Jerk": DEFAULT}
 
 _ACTIVE: Final = JobState.ACTIVE
 ALARM_NOT_HOMED: Final = 321
+_LEAST_NANOMETRES: Final = 1000.0
+"""Shortest way of `MC_MoveRelative` on an axis with the unit nm."""
 
 
 class _Positioning(ExecuteInstruction):
@@ -101,7 +104,8 @@ class MC_MoveAbsolute(_Positioning):
 class MC_MoveRelative(_Positioning):
     """Move by a distance from the setpoint at which the job takes control (MC-284).
 
-    Inputs as `MC_MoveAbsolute`, with `Distance` in the axis unit instead of `Position`.
+    Inputs as `MC_MoveAbsolute`, with `Distance` in the axis unit instead of `Position`. An axis with the unit nm does not move for
+    a distance of less than 1000.0 (MC-277).
     """
 
     instruction = "MC_MoveRelative"
@@ -113,7 +117,10 @@ class MC_MoveRelative(_Positioning):
     def _start(self) -> Job | int:
         if not is_number(self.Distance, POSITION_LIMIT):
             return ERROR_DISTANCE
-        job = self._prepare(relative=True, distance=float(self.Distance))
+        distance = float(self.Distance)
+        if abs(distance) < _LEAST_NANOMETRES and self.axis.variables.read("Units.LengthUnit") == NANOMETRE:
+            distance = 0.0
+        job = self._prepare(relative=True, distance=distance)
         if isinstance(job, int):
             return job
         return self.axis.motion.submit(job) or job

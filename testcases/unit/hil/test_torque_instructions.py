@@ -189,7 +189,7 @@ def test_range_limits_the_drive_and_the_reference_does_without():
         assert (word(machine, HIGH_WORD), word(machine, LOW_WORD)) == (0x4000, -0x4000)
 
 
-@pytest.mark.requirement("MON-029", "MC-530", "STP-184")
+@pytest.mark.requirement("MON-029", "MC-530", "STP-184", "VAR-142")
 @pytest.mark.parametrize("monitored", [0, 1])
 def test_range_suspends_following_error_monitoring(monitored):
     """A torque that does not suffice raises 521 only where position-related monitoring is left enabled."""
@@ -224,7 +224,7 @@ def test_range_and_limiting_exclude_each_other(first):
 
 
 @pytest.mark.requirement(
-    "MC-549", "MC-544", "STP-133", "STP-134", "STP-135", "STP-136", "STP-158", "STP-172", "MC-113"
+    "MC-549", "MC-544", "STP-133", "STP-134", "STP-135", "STP-136", "STP-158", "STP-172", "MC-113", "VAR-049"
 )
 def test_limit_is_a_reduction_in_the_telegram():
     """A limit of 0.5 of 2 Nm is a reduction of 75 % = 3000h; it follows the input; STW2.8 and X26 are set meanwhile."""
@@ -293,7 +293,7 @@ def test_limiting_needs_no_enabled_axis_but_detection_does():
         assert other.ErrorID == 0x800F
 
 
-@pytest.mark.requirement("MON-029", "MON-044", "STP-144", "MC-551")
+@pytest.mark.requirement("MON-029", "MON-044", "STP-144", "MC-551", "VAR-142")
 @pytest.mark.parametrize("monitored", [0, 1])
 def test_limiting_suspends_following_error_monitoring(monitored):
     """As the torque range does."""
@@ -307,7 +307,7 @@ def test_limiting_suspends_following_error_monitoring(monitored):
         assert (521 in raised) is bool(monitored)
 
 
-@pytest.mark.requirement("MC-547", "STP-157", "STP-145", "STP-146", "MC-552")
+@pytest.mark.requirement("MC-547", "STP-157", "STP-145", "STP-146", "MC-552", "VAR-050")
 def test_the_drive_says_that_it_is_at_its_limit():
     """Too little torque: X27 and InLimitation; when the limit goes, the axis catches up."""
     with torque_bench(**{"FollowingError.EnableMonitoring": False}) as machine:
@@ -381,7 +381,7 @@ def clamp(machine):
 
 
 @pytest.mark.requirement("OVR-024", "STP-160", "STP-162", "STP-165", "STP-166", "STP-173", "STP-174", "STP-175", "MC-553", "MC-561",
-                         "MC-562", "MC-546", "VAR-144")  # fmt: skip
+                         "MC-562", "MC-546", "VAR-144", "VAR-053")  # fmt: skip
 def test_the_fixed_stop_is_detected():
     """Stop at 100 mm, deviation 5 mm: the job is aborted, the setpoint stays near 105 mm, the drive presses with its limit."""
     with stop_bench() as machine:

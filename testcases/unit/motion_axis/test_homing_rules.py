@@ -136,7 +136,16 @@ class TestStatus:
     """X5, X11, `Adjusted`, outputs."""
 
     @pytest.mark.requirement(
-        "MC-109", "HOM-034", "HOM-082", "HOM-180", "MC-216", "MC-219", "MC-215", "HOM-033", "HOM-083"
+        "MC-109",
+        "VAR-039",
+        "HOM-034",
+        "HOM-082",
+        "HOM-180",
+        "MC-216",
+        "MC-219",
+        "MC-215",
+        "HOM-033",
+        "HOM-083",
     )
     def test_active_homing(self, rig):
         """X11 to the end; X5 falls at the start and rises at the mark, before the home position is reached."""

@@ -530,6 +530,23 @@ def test_direct_homing_moves_nothing(rig, mode, position, expected):
     assert rig.job.Busy
 
 
+@pytest.mark.requirement("MC-210", "MC-211")
+@pytest.mark.parametrize("mode", [11, 12])
+def test_the_setpoint_is_set_and_the_following_error_kept(rig, mode):
+    """Mode 11 makes the setpoint the given position, mode 12 shifts it; the axis moves on and stays as far behind."""
+    rig.travelling(50.0)
+    error = rig.axis.var("StatusPositioning.FollowingError")
+    before = rig.axis.var("Position")
+    home = rig.axis.home(-250.0, mode=mode)
+    rig.cycles()
+    assert home.Done
+    expected = -250.0 if mode == 11 else before - 250.0
+    assert rig.axis.var("Position") == pytest.approx(expected, abs=50.0 * 0.004 + 1e-9)
+    rig.cycles()
+    assert rig.axis.var("Position") > expected
+    assert rig.axis.var("StatusPositioning.FollowingError") == pytest.approx(error, abs=1e-3)
+
+
 @pytest.mark.requirement("MC-194")
 @pytest.mark.parametrize("mode", [4, 14, -1])
 def test_illegal_homing_mode(rig, mode):

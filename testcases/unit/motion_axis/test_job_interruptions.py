@@ -294,7 +294,31 @@ def test_both_jog_inputs(rig, first, deceleration):
     assert rig.axis.var("Velocity") == pytest.approx(100.0)
 
 
-@pytest.mark.requirement("MC-463", "MC-454", "LIM-063", "LIM-068")
+@pytest.mark.requirement("MC-464", "MC-454")
+@pytest.mark.parametrize("watched", [True, False])
+def test_homing_on_a_limit_switch(make_rig, watched):
+    """The axis gets onto its limit switch, and is homed there, with index 1000 = FALSE; watched, that is alarm 531."""
+    rig = make_rig(variables={"PositionLimits_HW.Active": True}).enabled()
+    if not watched:
+        rig.until(rig.axis.write_parameter(1000, False).done)
+    move = rig.axis.move_velocity(50.0)
+    rig.until(move.in_velocity)
+    rig.port.switches = 0b10
+    rig.cycles(3)
+    assert rig.axis.var("ErrorDetail.Number") == (531 if watched else 0)
+    if watched:
+        return
+    rig.until(rig.axis.halt().done)
+    rig.until(rig.axis.home(500.0).done)
+    rig.until(rig.axis.move_absolute(480.0).done)
+    rig.port.switches = 0
+    rig.cycles(2)
+    rig.until(rig.axis.write_parameter(1000, True).done)
+    rig.run(0.1)
+    assert (rig.axis.var("ErrorWord"), rig.axis.var("StatusWord.X5")) == (0, True)
+
+
+@pytest.mark.requirement("MC-463", "MC-454", "LIM-063", "LIM-068", "VAR-174")
 def test_retracting_with_the_limit_switches_off(make_rig):
     """Both switches active: 531. Index 1000 FALSE, acknowledged, retracted, TRUE again: the axis is as before."""
     rig = make_rig(variables={"PositionLimits_HW.Active": True})

@@ -228,7 +228,7 @@ def test_position_on_a_modulo_axis(make_rig):
 # -- what surrounds it --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.requirement("MIN-011", "MIN-013", "MC-114", "VAR-120")
+@pytest.mark.requirement("MIN-011", "MIN-013", "MC-114", "VAR-120", "VAR-054")
 def test_status_of_the_jobs(rig):
     """FunctionState 1 and 2, X31 while one of them is in control, and none of the other command bits."""
     rig.enabled()

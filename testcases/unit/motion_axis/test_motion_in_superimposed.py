@@ -16,7 +16,17 @@ LOOSE = {"FollowingError.EnableMonitoring": False}
 
 
 @pytest.mark.requirement(
-    "MIN-014", "MIN-033", "MIN-034", "MIN-016", "MIN-035", "MC-504", "MC-505", "MC-510", "MC-511", "MC-111"
+    "MIN-014",
+    "MIN-033",
+    "MIN-034",
+    "MIN-016",
+    "MIN-035",
+    "MC-504",
+    "MC-505",
+    "MC-510",
+    "MC-511",
+    "MC-111",
+    "VAR-063",
 )
 def test_a_distance_on_top_of_a_basic_motion(rig):
     """The setpoints are sums in every cycle; the command bit is X6 of the second word, not X23, and FunctionState stays 0."""

@@ -257,6 +257,24 @@ def test_a_drive_that_shuts_down_by_itself(rig):
     assert rig.axis.var("ErrorWord") == 1 << 4
 
 
+# -- MC_MoveRelative in nanometres -------------------------------------------------------------------------------------
+
+
+@pytest.mark.requirement("MC-277")
+@pytest.mark.parametrize(
+    ("distance", "way"), [(999.9, 0.0), (-999.9, 0.0), (1000.0, 1000.0), (-1000.0, -1000.0)]
+)
+def test_the_shortest_way_in_nanometres(make_rig, distance, way):
+    """With the unit nm a distance of less than 1000.0 is Done without motion; with mm any distance is one."""
+    window = {"PositioningMonitoring.Window": 1.0e6, "FollowingError.EnableMonitoring": False}
+    rig = make_rig(variables={"Units.LengthUnit": 1015, "Mechanics.LeadScrew": 1.0e7} | window).enabled()
+    before = rig.axis.var("Position")
+    rig.until(
+        rig.axis.move_relative(distance, Velocity=500.0, Acceleration=2000.0, Deceleration=2000.0).done, 9.0
+    )
+    assert rig.axis.var("Position") - before == pytest.approx(way, abs=1e-6)
+
+
 # -- MC_MoveJog that changes while it runs ------------------------------------------------------------------------------
 
 

@@ -100,7 +100,7 @@ def test_no_room_at_all_lets_the_superimposed_motion_wait(rig):
     assert rig.axis.var("Position") > before
 
 
-@pytest.mark.requirement("STP-197", "STP-007", "MC-353", "MC-110")
+@pytest.mark.requirement("STP-197", "STP-007", "MC-353", "MC-110", "VAR-047")
 def test_status_bit_and_distance(rig):
     """X23 while it runs, SuperimposedDistance counts what it has covered, and is 0 again when both have ended."""
     rig.enabled()

@@ -223,6 +223,18 @@ def test_set_axis_stw_needs_a_telegram(mode):
     assert not rig.axis.stw1_sent & 0x1000
 
 
+@pytest.mark.requirement("MC-451", "MC-454", "MC-620")
+@pytest.mark.parametrize("value", [1, 0, 2, 1.0, "TRUE", None])
+def test_limit_switches_take_a_bool(rig, value):
+    """A value of another type is 16#805C, and the switches stay as they are."""
+    rig.enabled()
+    before = rig.axis.var("PositionLimits_HW.Active")
+    job = rig.axis.write_parameter(1000, value)
+    rig.cycles(2)
+    assert (job.Error, job.ErrorID) == (True, 0x805C)
+    assert rig.axis.var("PositionLimits_HW.Active") is before
+
+
 @pytest.mark.requirement("MC-454", "MC-450", "MC-620")
 @pytest.mark.parametrize("value", [True, False])
 def test_a_speed_axis_has_no_limit_switches(make_rig, value):
