@@ -168,10 +168,11 @@ class Runtime:
 
     def _wake(self) -> None:
         """Call those again that have been laid aside and whose `Execute` has fallen."""
-        for one in self._dormant:
-            if not one.Execute:
-                self._dormant = [other for other in self._dormant if other is not one]
-                self.program = [*self.program, one]
+        woken = [one for one in self._dormant if not one.Execute]
+        if woken:
+            # In front: what has been laid aside is older than what the program has got since, as a rule.
+            self._dormant = [one for one in self._dormant if one.Execute]
+            self.program = [*woken, *self.program]
 
     def cycle(self) -> None:
         """Run one application cycle."""

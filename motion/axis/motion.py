@@ -170,6 +170,11 @@ class MotionControl(JobAcceptance):
             self.severity = 0
             self._axis.set_state(AxisState.STANDSTILL)
 
+    def release(self, stop: Job) -> None:
+        """End the lock of an `MC_Stop` that has stopped the axis; jobs that are called next are accepted (MC-407, STP-431)."""
+        if self.job is stop and self._axis.state is _STOP_HOLD:
+            self.come_to_rest()
+
     def _next(self) -> None:
         self.severity = 0
         if self.queue:

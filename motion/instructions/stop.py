@@ -71,3 +71,4 @@ class MC_Stop(ExecuteInstruction):
     def _released(self) -> None:
         if self._job is not None:
             self._job.released = True
+            self.axis.motion.release(self._job)

@@ -96,6 +96,22 @@ def test_stop_after_the_acknowledgement(rig, reaction, mode):
     assert rig.axis.state is AxisState.STOP_HOLD
 
 
+@pytest.mark.requirement("MC-407", "STP-431", "STP-478")
+def test_a_job_that_is_called_after_the_falling_edge(rig):
+    """The lock ends with the call that sees Execute = FALSE: a job that the program calls behind it moves the axis."""
+    rig.travelling(100.0)
+    stop = rig.axis.stop(2)
+    rig.until(stop.done)
+    refused = rig.axis.move_relative(5.0)
+    rig.cycles(2)
+    assert refused.ErrorID == 0x800F
+    stop.set(Execute=False)
+    move = rig.axis.move_relative(5.0)  # called in the same cycle, behind the stop
+    rig.cycles()
+    assert (stop.Done, move.Busy, move.Error) == (False, True, False)
+    rig.until(move.done)
+
+
 @pytest.mark.requirement("MC-419", "STP-423", "STP-439")
 def test_stop_over_the_stop_that_has_taken_an_alarm_over(rig):
     """An equal MC_Stop takes over from it, a lower one does not, although the alarm is still pending."""
