@@ -146,6 +146,10 @@ class MachineFaults(TravelFaults, EncoderFaults):
         """Part motor and load for good; see `AxisMechanics.break_coupling`."""
         self.mechanics.break_coupling(motor_share)
 
+    def wear_out(self, backlash: float, growth_s: float = 0.0) -> None:
+        """Let the play between motor and load grow by `backlash`, m or rad, within a time; 0 = as it was built."""
+        self.mechanics.wear_out(backlash, growth_s)
+
     # -- brake -------------------------------------------------------------------------------------------------------
 
     def stick_brake(self, closed: bool | None) -> None:
@@ -200,6 +204,11 @@ class PowerFaults:
     def cut_mains(self, missing: bool) -> None:
         """Take the mains away, or give them back; the DC link lives on its charge and on braking energy."""
         self.power.dc_link.mains_on = not missing
+        self._link_changed()
+
+    def sag_mains(self, share: float) -> None:
+        """Let the mains have this share of their voltage, above 0; 1 = all of it."""
+        self.power.dc_link.mains_share = share
         self._link_changed()
 
     def cut_phase(self, missing: bool) -> None:

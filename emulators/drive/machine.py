@@ -71,6 +71,7 @@ class LinearAxisConfig:
         stop_damping: Ns/m.
         position_m: Start position, m.
         switches: Switches by input name: `negative_limit`, `positive_limit`, `home`, `probe1`, `probe2`.
+        backlash_m: Play between nut and slide, m.
 
     """
 
@@ -88,6 +89,7 @@ class LinearAxisConfig:
     stop_damping: float = 2e4
     position_m: float = 0.0
     switches: Mapping[str, SwitchConfig] = field(default_factory=dict)
+    backlash_m: float = 0.0
 
     def __post_init__(self) -> None:
         self.build()
@@ -117,6 +119,7 @@ class LinearAxisConfig:
             stop_damping=self.stop_damping,
             position_m=self.position_m,
             switches=switches.values(),
+            backlash_m=self.backlash_m,
         )
         return mechanics, switches
 
@@ -136,6 +139,7 @@ class RotaryAxisConfig:
         stops_rad: Lower and upper end stop, rad; None = none on that side.
         position_rad: Start position, rad.
         switches: Switches by input name.
+        backlash_rad: Play between gear and load, rad.
 
     """
 
@@ -149,6 +153,7 @@ class RotaryAxisConfig:
     stops_rad: tuple[float | None, float | None] = (None, None)
     position_rad: float = 0.0
     switches: Mapping[str, SwitchConfig] = field(default_factory=dict)
+    backlash_rad: float = 0.0
 
     def __post_init__(self) -> None:
         self.build()
@@ -173,6 +178,7 @@ class RotaryAxisConfig:
             upper_stop_rad=self.stops_rad[1],
             position_rad=self.position_rad,
             switches=switches.values(),
+            backlash_rad=self.backlash_rad,
         )
         return mechanics, switches
 

@@ -90,6 +90,7 @@ class DcLink:
         "config",
         "forced_V",
         "mains_on",
+        "mains_share",
         "phase_missing",
         "voltage_V",
     )
@@ -99,6 +100,8 @@ class DcLink:
         self.voltage_V = self.config.nominal_V
         """Present voltage, V."""
         self.mains_on = True
+        self.mains_share = 1.0
+        """What there is of the voltage of the mains: less than 1 in a brown-out."""
         self.phase_missing = False
         """One phase of the mains is missing: the rectifier charges at half the pace."""
         self.forced_V: float | None = None
@@ -112,6 +115,11 @@ class DcLink:
         self.chopper_power_W = 0.0
         """Mean power in the brake resistor in the last step, W."""
         self.chopping = False
+
+    @property
+    def mains_V(self) -> float:
+        """Voltage to which the mains charge the DC link, V."""
+        return self.config.nominal_V * self.mains_share
 
     @property
     def low(self) -> bool:
@@ -129,7 +137,7 @@ class DcLink:
         return (
             self.mains_on
             and self.forced_V is None
-            and self.voltage_V == self.config.nominal_V
+            and self.voltage_V == self.mains_V
             and not self.chopper_load
         )
 
@@ -156,7 +164,7 @@ class DcLink:
             self._cool(0.0, dt_s)
             return
         voltage = self.voltage_V
-        nominal = config.nominal_V
+        nominal = self.mains_V
         if self.mains_on and voltage <= nominal and power_W >= 0.0:
             # Under load the rectifier lags behind; at rest it ends exactly at its voltage.
             charging = config.charging_time_s * (2.0 if self.phase_missing else 1.0)
@@ -199,4 +207,4 @@ class DcLink:
             self.chopper_overloaded = False
 
     def _resting_voltage(self) -> float:
-        return self.config.nominal_V if self.mains_on else 0.0
+        return self.mains_V if self.mains_on else 0.0

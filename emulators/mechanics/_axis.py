@@ -1,4 +1,4 @@
-"""Rigid axis: motor, gear, lead screw and load as one inertia, with friction, end stops, load force and switches.
+"""An axis: motor, gear, lead screw and load as one inertia, with friction, end stops, load force and switches.
 
 The model is one degree of freedom in the coordinate of the load (m or rad, called *load unit* below). Per step:
 
@@ -7,6 +7,10 @@ The model is one degree of freedom in the coordinate of the load (m or rad, call
 * Coulomb friction is a bound on the momentum that friction can take away in one step: where it suffices to stop the load, the load stands
   exactly still. There is no threshold speed, hence neither creep nor chatter.
 * The end stops are stiff springs with dampers; in contact the step is implicit Euler, stable at any stiffness.
+
+With backlash, or a broken coupling, motor and load are two bodies: `_step_parted`. Within the play each moves by itself; where its end
+is reached they collide without bouncing, and go on as one body for as long as they press against each other. A broken coupling is a play
+without end.
 
 The common case costs one comparison against the *quiet range*: the interval of positions in which no switch changes and
 no end stop is touched.
@@ -17,24 +21,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from emulators.mechanics._parted import PartedBodies, checked, checked_share
 from emulators.mechanics._switch import SwitchModel
 from fieldbus.errors import ConfigurationError
 
 
-def checked(where: str, value: float, *, minimum: float | None = None, positive: bool = False) -> float:
-    """Return a finite number in its range, or raise ConfigurationError."""
-    if not math.isfinite(value) or (positive and value <= 0.0) or (minimum is not None and value < minimum):
-        allowed = (
-            "a finite number > 0"
-            if positive
-            else "a finite number" + (f" >= {minimum:g}" if minimum is not None else "")
-        )
-        raise ConfigurationError(where, value, allowed)
-    return float(value)
-
-
-class AxisMechanics:
-    """One rigid inertia behind a transmission, in the coordinate of the load.
+class AxisMechanics(PartedBodies):
+    """Inertia behind a transmission, in the coordinate of the load: in one piece, or in two with backlash between them.
 
     Use `LinearAxisMechanics` or `RotaryAxisMechanics`.
 
@@ -51,6 +44,8 @@ class AxisMechanics:
         stop_damping: Damper of an end stop, Ns/m or Nms/rad, >= 0.
         position: Start position of the load, load unit.
         switches: Switches on the travel.
+        backlash: Play between motor and load from one side to the other, load unit, >= 0.
+        motor_share: Share of the inertia that is on the motor's side of the play, above 0, below 1.
 
     Raises:
         ConfigurationError: A value is outside its range.
@@ -59,7 +54,6 @@ class AxisMechanics:
 
     __slots__ = (
         "_angle_per_unit",
-        "_apart",
         "_brake",
         "_breakaway",
         "_coulomb",
@@ -68,7 +62,6 @@ class AxisMechanics:
         "_external",
         "_extra_friction",
         "_force_per_torque",
-        "_free_speed",
         "_friction_step",
         "_gain",
         "_gravity",
@@ -79,19 +72,14 @@ class AxisMechanics:
         "_load_force",
         "_low",
         "_lower_stop",
-        "_motor_share",
         "_static",
         "_stop_damping",
         "_stop_stiffness",
         "_upper_stop",
         "_viscous",
         "in_contact",
-        "motor_angle",
-        "position",
         "ratio",
-        "step_start",
         "switches",
-        "velocity",
     )
 
     def __init__(
@@ -109,6 +97,8 @@ class AxisMechanics:
         stop_damping: float = 2e4,
         position: float = 0.0,
         switches: Iterable[SwitchModel] = (),
+        backlash: float = 0.0,
+        motor_share: float = 0.5,
     ) -> None:
         self.ratio = checked("ratio", ratio, positive=True)
         self._inertia = checked("inertia", inertia, positive=True)
@@ -139,9 +129,12 @@ class AxisMechanics:
         self._brake = 0.0
         self._jammed = False
         self._extra_friction = 0.0
-        self._apart = False
-        self._motor_share = 1.0
+        self._motor_share = checked_share(motor_share)
         self._free_speed = 0.0
+        # Half of the play, how far it is to become, and how fast; where the motor stands in it, seen from the load.
+        self._play = self._worn_play = self._own_play = 0.5 * checked("backlash", backlash, minimum=0.0)
+        self._wear = self._gap = 0.0
+        self._parted = self._play > 0.0
         self._dt = 0.0
         self._half_dt = self._decay = self._gain = self._friction_step = 0.0
         self._breakaway = self._load_force = 0.0
@@ -154,7 +147,7 @@ class AxisMechanics:
     @property
     def motor_speed(self) -> float:
         """Speed of the motor shaft, rad/s."""
-        return self._free_speed if self._apart else self.velocity * self._angle_per_unit
+        return self._free_speed if self._parted else self.velocity * self._angle_per_unit
 
     @property
     def motor_inertia(self) -> float:
@@ -165,6 +158,11 @@ class AxisMechanics:
     def jammed(self) -> bool:
         """Whether the shaft is blocked."""
         return self._jammed
+
+    @property
+    def backlash(self) -> float:
+        """Present play between motor and load, load unit; inf where the coupling is broken."""
+        return 2.0 * self._play
 
     @property
     def external_force(self) -> float:
@@ -205,41 +203,6 @@ class AxisMechanics:
         self._extra_friction = checked("force", force, minimum=0.0)
         self._refresh_forces()
 
-    def slip(self, distance: float) -> bool:
-        """Displace the load by `distance` (m or rad) while the motor shaft turns on.
-
-        Returns:
-            Whether the angle of the shaft has moved with it, by `distance / ratio`, which who measures it has to take
-            back; False where motor and load are apart already.
-
-        """
-        self.position += checked("distance", distance)
-        if not self._apart:
-            self.motor_angle = self.position * self._angle_per_unit
-        self._settle()
-        return not self._apart
-
-    def break_coupling(self, motor_share: float) -> None:
-        """Part motor and load for good: the motor turns alone, the load coasts; a brake on the motor holds the motor only.
-
-        Args:
-            motor_share: Share of the whole inertia that is on the side of the motor, above 0, below 1.
-
-        Raises:
-            ConfigurationError: The share is not between 0 and 1.
-
-        """
-        share = checked("motor_share", motor_share, positive=True)
-        if share >= 1.0:
-            raise ConfigurationError("motor_share", motor_share, "above 0, below 1")
-        if self._apart:
-            return
-        self._free_speed = self.motor_speed
-        self._motor_share = share
-        self._apart = True
-        self._refresh_forces()
-        self._settle()
-
     def set_stops(self, lower: float | None, upper: float | None) -> None:
         """Place or remove (None) the end stops, load unit; also while the axis runs (STP-536)."""
         low = -math.inf if lower is None else checked("lower_stop", lower)
@@ -255,13 +218,15 @@ class AxisMechanics:
         self._jammed = jammed
         if jammed:
             self.velocity = 0.0
+            if self._play == 0.0:
+                self._free_speed = 0.0
         self._settle()
 
     def place(self, position: float) -> None:
         """Put the load at rest at `position` (load unit), as before the start of a test."""
         self.position = checked("position", position)
         self.motor_angle = self.position * self._angle_per_unit
-        self.velocity = 0.0
+        self.velocity = self._free_speed = self._gap = 0.0
         self._settle()
 
     # -- integration -----------------------------------------------------------------------------------------
@@ -298,9 +263,9 @@ class AxisMechanics:
         return self.motor_angle
 
     def _step_special(self, force: float, free_velocity: float, free_position: float) -> None:
-        """Finish a step that ends outside the quiet range: jam, end stop or switch edge."""
-        if self._apart:
-            self._step_apart(force)
+        """Finish a step that ends outside the quiet range: play, jam, end stop or switch edge."""
+        if self._parted:
+            self._step_parted(force)
             return
         if self._jammed:
             self.velocity = 0.0
@@ -313,33 +278,6 @@ class AxisMechanics:
         self.velocity = velocity
         self.position = position
         self.motor_angle = position * self._angle_per_unit
-        self._settle(moving=True)
-
-    def _step_apart(self, force: float) -> None:
-        """Advance motor and load each for itself."""
-        dt, share = self._dt, self._motor_share
-        # Of `gain` (time over inertia, at the load) each side has its own part of the inertia.
-        motor_gain = self._gain / share
-        drive_force = force - self._load_force
-        speed, unit = self._free_speed, self._angle_per_unit
-        turning = _towards_rest(speed / unit + drive_force * motor_gain, self._brake * motor_gain) * unit
-        self._free_speed = turning
-        self.motor_angle += 0.5 * (speed + turning) * dt
-        if self._jammed:
-            self.velocity = 0.0
-            return
-        load_gain = self._gain / (1.0 - share)
-        dry = self._coulomb + self._extra_friction
-        if self.velocity == 0.0 and abs(self._load_force) <= self._static + self._extra_friction:
-            return
-        start, velocity = self.position, self.velocity
-        new = _towards_rest(velocity * self._decay + self._load_force * load_gain, dry * load_gain)
-        position = start + 0.5 * (velocity + new) * dt
-        if position > self._upper_stop or position < self._lower_stop:
-            position, new = self._contact(self._load_force, new, position)
-        self.step_start = start
-        self.velocity = new
-        self.position = position
         self._settle(moving=True)
 
     def _contact(self, force: float, free_velocity: float, free_position: float) -> tuple[float, float]:
@@ -383,7 +321,7 @@ class AxisMechanics:
         self._load_force = self._gravity + self._external
         extra = self._extra_friction
         self._friction_step = (self._coulomb + self._brake + extra) * self._gain
-        special = self.in_contact or self._apart
+        special = self.in_contact or self._parted
         self._breakaway = -1.0 if special else self._static + self._brake + extra
 
     def _settle(self, *, moving: bool = False) -> None:
@@ -397,17 +335,10 @@ class AxisMechanics:
             low = max(low, quiet_low)
             high = min(high, quiet_high)
         contact = position > self._upper_stop or position < self._lower_stop
-        if contact or self._jammed or self._apart:
+        if contact or self._jammed or self._parted:
             low, high = math.inf, -math.inf
         self._low = low
         self._high = high
         if contact is not self.in_contact:
             self.in_contact = contact
             self._refresh_forces()
-
-
-def _towards_rest(speed: float, step: float) -> float:
-    """Return a speed that dry friction has taken a step towards zero, and not beyond."""
-    if speed > step:
-        return speed - step
-    return speed + step if speed < -step else 0.0

@@ -6,10 +6,12 @@ import math
 from collections.abc import Iterable
 from typing import Final
 
-from emulators.mechanics._axis import AxisMechanics, checked
+from emulators.mechanics._axis import AxisMechanics
+from emulators.mechanics._parted import checked
 from emulators.mechanics._switch import SwitchModel
 
 _TAU: Final = 2.0 * math.pi
+_LARGEST_SHARE: Final = 0.99
 
 
 class LinearAxisMechanics(AxisMechanics):
@@ -31,6 +33,7 @@ class LinearAxisMechanics(AxisMechanics):
         stop_damping: Ns/m.
         position_m: Start position, m.
         switches: Switches on the travel, positions in m.
+        backlash_m: Play between nut and slide, from one side to the other, m, >= 0; motor and screw are on one side of it.
 
     """
 
@@ -54,6 +57,7 @@ class LinearAxisMechanics(AxisMechanics):
         stop_damping: float = 2e4,
         position_m: float = 0.0,
         switches: Iterable[SwitchModel] = (),
+        backlash_m: float = 0.0,
     ) -> None:
         lead = checked("lead_screw_m", lead_screw_m, positive=True)
         gear = checked("gear_ratio", gear_ratio, positive=True)
@@ -62,9 +66,12 @@ class LinearAxisMechanics(AxisMechanics):
         mass = checked("load_mass_kg", load_mass_kg, minimum=0.0)
         per_screw = lead / _TAU
         ratio = per_screw / gear
+        turning = screw / (per_screw * per_screw) + motor / (ratio * ratio)
         super().__init__(
             ratio=ratio,
-            inertia=mass + screw / (per_screw * per_screw) + motor / (ratio * ratio),
+            inertia=mass + turning,
+            backlash=backlash_m,
+            motor_share=_motor_share(turning, mass),
             viscous_friction=viscous_friction,
             coulomb_friction=coulomb_friction,
             static_friction=static_friction,
@@ -95,6 +102,7 @@ class RotaryAxisMechanics(AxisMechanics):
         stop_damping: Nms/rad.
         position_rad: Start position, rad.
         switches: Switches on the travel, positions in rad.
+        backlash_rad: Play between gear and load, from one side to the other, rad, >= 0.
 
     """
 
@@ -116,6 +124,7 @@ class RotaryAxisMechanics(AxisMechanics):
         stop_damping: float = 1e1,
         position_rad: float = 0.0,
         switches: Iterable[SwitchModel] = (),
+        backlash_rad: float = 0.0,
     ) -> None:
         gear = checked("gear_ratio", gear_ratio, positive=True)
         motor = checked("motor_inertia_kgm2", motor_inertia_kgm2, positive=True)
@@ -123,6 +132,8 @@ class RotaryAxisMechanics(AxisMechanics):
         super().__init__(
             ratio=1.0 / gear,
             inertia=load + motor * gear * gear,
+            backlash=backlash_rad,
+            motor_share=_motor_share(motor * gear * gear, load),
             viscous_friction=viscous_friction,
             coulomb_friction=coulomb_friction,
             static_friction=static_friction,
@@ -134,3 +145,8 @@ class RotaryAxisMechanics(AxisMechanics):
             position=position_rad,
             switches=switches,
         )
+
+
+def _motor_share(motor: float, load: float) -> float:
+    """Return the share of the motor's side; a load without inertia has still a little, which keeps it apart from nothing."""
+    return min(motor / (motor + load), _LARGEST_SHARE)

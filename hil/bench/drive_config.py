@@ -105,6 +105,8 @@ class MechanicsSection(Section):
     """Breakaway force at standstill; None = as the sliding friction."""
     gravity_n: Finite = 0.0
     """Constant force on the load in positive direction, N; a hanging load has a negative one."""
+    backlash_mm: NotNegative = 0.0
+    """Play between nut and slide, from one side to the other, mm."""
     negative_stop_mm: Finite | None = -600.0
     positive_stop_mm: Finite | None = 600.0
     start_position_mm: Finite = 0.0

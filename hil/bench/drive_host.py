@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from fieldbus.modbus import SocketNetwork
 
 FAULT_METHODS: Final = frozenset((
-    "raise_fault", "clear_fault_cause", "set_sto", "freeze_encoder", "jump_encoder", "miss_index", "invert_input", "swap_limit_switches", "jam", "load_force", "add_friction", "slip_coupling", "break_coupling",
+    "raise_fault", "clear_fault_cause", "set_sto", "freeze_encoder", "jump_encoder", "miss_index", "invert_input", "swap_limit_switches", "jam", "load_force", "add_friction", "slip_coupling", "break_coupling", "wear_out",
     "force_input", "stop_heartbeat", "power_off", "power_on",
     "set_encoder_noise", "reverse_encoder", "lose_encoder_steps",
-    "set_ss1", "set_ss2", "set_sos", "set_sbc", "set_sls", "set_sdi", "set_slp", "acknowledge_safety", "open_interlock", "delay_heartbeat", "cut_mains",
+    "set_ss1", "set_ss2", "set_sos", "set_sbc", "set_sls", "set_sdi", "set_slp", "acknowledge_safety", "open_interlock", "delay_heartbeat", "cut_mains", "sag_mains",
     "cut_phase", "set_dc_link_voltage", "restore_dc_link", "break_chopper", "limit_torque", "stick_brake", "slip_brake",
     "scale_ramps", "set_local_control", "refuse_transitions", "fall_to_switch_on_disabled", "show_warning",
     "freeze_statusword", "lie_in_statusword", "toggle_target_reached", "show_mode_as", "reset_node", "abort_sdo",

@@ -116,6 +116,7 @@ def _machine(section: DriveSection) -> dict[str, Any]:
             ),
             position_m=mechanics.start_position_mm / 1000.0,
             switches=switches,
+            backlash_m=mechanics.backlash_mm / 1000.0,
         ),
         "encoder": EncoderConfig(
             kind=section.encoder,

@@ -272,6 +272,10 @@ def check_drive_keys(drive: DriveSection) -> None:
     if drive.profile == "analog" and drive.encoder == "absolute":
         raise ValueError("encoder: the encoder of an analog drive goes to a counter; allowed: incremental")
     if drive.profile in ("tm_pto", "tm41"):
+        if drive.mechanics.backlash_mm:
+            raise ValueError(
+                f"mechanics.backlash_mm: {drive.mechanics.backlash_mm:g} is not allowed; allowed: 0, a stepper motor moves its load without play"
+            )
         from hil.bench.io_devices import stepper_config
 
         try:

@@ -55,6 +55,7 @@ _PAIRS: Final[dict[str, _Pair]] = {
     "drive.heartbeat_loss": _Pair("stop_heartbeat"),
     "drive.heartbeat_late": _Pair("delay_heartbeat", lambda value: (value("delay_s"),), (0.0,)),
     "drive.mains_off": _Pair("cut_mains"),
+    "drive.brown_out": _Pair("sag_mains", lambda value: (value("mains_percent") / 100.0,), (1.0,)),
     "drive.phase_loss": _Pair("cut_phase"),
     "drive.dc_link": _Pair("set_dc_link_voltage", lambda value: (value("voltage_V"),), (), "restore_dc_link"),
     "drive.chopper_failure": _Pair("break_chopper"),
@@ -87,6 +88,9 @@ _PAIRS: Final[dict[str, _Pair]] = {
     "mechanics.friction": _Pair("add_friction", lambda value: (value("force_N"),), (0.0,), adds=True),
     "mechanics.slip": _Pair("slip_coupling", lambda value: (value("revolutions"),), None),
     "mechanics.coupling_break": _Pair("break_coupling", lambda value: (value("motor_share"),), None),
+    "mechanics.backlash": _Pair(
+        "wear_out", lambda value: (value("backlash_mm") / 1000.0, value("growth_s")), (0.0,)
+    ),
     "mechanics.load_step": _Pair("load_force", lambda value: (value("force_N"),), (0.0,), adds=True),
 }
 

@@ -49,6 +49,14 @@ DRIVE_FAULTS: Final[tuple[FaultType, ...]] = (
         example={"kind": "drive.mains_off", "target": "drive1", "duration_s": 0.5},
     ),
     FaultType(
+        "drive.brown_out", "The voltage of the mains dips: below its threshold the DC link is undervoltage, above it there is less power", "drive", "drive supply",
+        (
+            Parameter("mains_percent", "float", "What is left of the voltage", "%", 1.0, 100.0, required=True),
+        ),
+        refused={"hardware": _NO_HAND}, remark="depth is mains_percent, length is duration_s; drive.mains_off takes all of it, drive.reset and drive.power_off the control supply too",
+        example={"kind": "drive.brown_out", "target": "drive1", "duration_s": 0.3, "parameters": {"mains_percent": 50.0}},
+    ),
+    FaultType(
         "drive.phase_loss", "One phase of the mains is missing: warning, and 3130h after a time in operation", "drive", "drive supply",
         refused={"hardware": _NO_HAND},
         example={"kind": "drive.phase_loss", "target": "drive1", "duration_s": 0.5},

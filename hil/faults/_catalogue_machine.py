@@ -81,6 +81,15 @@ MACHINE_FAULTS: Final[tuple[FaultType, ...]] = (
         example={"kind": "mechanics.slip", "target": "drive1", "parameters": {"revolutions": -0.5}},
     ),
     FaultType(
+        "mechanics.backlash", "Play between motor and load grows: an encoder at the motor sees nothing of it, one at the load does", "mechanics", "mechanics",
+        (
+            Parameter("backlash_mm", "float", "Play that is added, from one side to the other", "mm", 0.0, 100.0, required=True),
+            Parameter("growth_s", "float", "Time within which it grows, evenly; 0: at once", "s", 0.0, 36000.0, default=0.0),
+        ),
+        refused={"hardware": _NO_HAND}, remark="mended, the load is drawn to where the motor is",
+        example={"kind": "mechanics.backlash", "target": "drive1", "duration_s": 0.5, "parameters": {"backlash_mm": 0.5}},
+    ),
+    FaultType(
         "mechanics.coupling_break", "The coupling breaks for good: the motor turns alone, the load coasts or falls", "mechanics", "mechanics",
         (Parameter("motor_share", "float", "Share of the whole inertia that stays with the motor", minimum=0.01, maximum=0.99, default=0.3),),
         lasting=False, refused={"hardware": _NO_HAND},

@@ -182,10 +182,10 @@ def halt(ctx: CaseContext) -> None:
     ctx.run_for(0.1 + settle_s(ctx))
 
 
-def move(ctx: CaseContext, distance: float, velocity: float = 100.0) -> None:
+def move(ctx: CaseContext, distance: float, velocity: float = 100.0, *, deceleration: float = 1000.0) -> None:
     """Move the load and wait until it stands, mm."""
     job = ctx.axis.move_relative(
-        distance, Velocity=velocity, Acceleration=1000.0, Deceleration=1000.0, Jerk=0.0
+        distance, Velocity=velocity, Acceleration=1000.0, Deceleration=deceleration, Jerk=0.0
     )
     ctx.wait_until(job.done, 10.0, f"the load has moved by {distance:g} mm")
     ctx.run_for(0.1 + settle_s(ctx))

@@ -9,7 +9,7 @@ from hil.expect import happens, no_alarm, status_word_bit
 from hil.record import event
 from testcases.campaigns._external_encoder import KINDS, Part, halt, move, travel
 from testcases.campaigns._reactions import cycles
-from testcases.campaigns.support import acknowledge, axis_name, enable, grace_s, settle_s
+from testcases.campaigns.support import acknowledge, axis_name, drive_name, enable, grace_s, settle_s
 
 CASES: Final = Campaign("external encoder", tags=("encoder", "fault"), bench="reference")
 
@@ -79,6 +79,40 @@ def error_code(ctx: CaseContext, encoder: str, code: str) -> None:
     _axis_goes_on(ctx, since)
     ctx.run_for(0.6)
     _recovers(ctx, part, homed=part.kind.absolute)
+
+
+@CASES.product(
+    "backlash/{encoder}/{play}",
+    parameters={"encoder": ("scale", "drum"), "play": (0.4, 2.0)},
+    title="{encoder} sees a backlash of {play} mm grow",
+    tags=("mechanics",),
+)
+def backlash(ctx: CaseContext, encoder: str, play: float) -> None:
+    """The axis measures at its motor and knows nothing of the play; what measures the load misses it at every reversal."""
+    part = _homed(ctx, encoder)
+    halt(ctx)
+    since = ctx.now_s
+    ctx.inject("mechanics.backlash", drive_name(ctx), backlash_mm=play, growth_s=0.2)
+    ctx.run_for(0.3)
+    # As gently as the friction of the load would stop it by itself, so that it stays at the flank that pushes it.
+    for distance, missed in ((10.0, None), (-10.0, play), (-5.0, 0.0), (10.0, play)):
+        shown, axis = part.position, ctx.axis.var("ActualPosition")
+        move(ctx, distance, 50.0, deceleration=400.0)
+        ctx.measure(
+            "way of the axis",
+            ctx.axis.var("ActualPosition") - axis,
+            "mm",
+            low=distance - 0.1,
+            high=distance + 0.1,
+        )
+        if missed is not None:
+            way = part.kind.unit_per_mm * (abs(distance) - missed)
+            ctx.measure("way of the load", abs(part.position - shown), low=way - part.tolerance() - 0.1 * part.kind.unit_per_mm,
+                        high=way + part.tolerance() + 0.1 * part.kind.unit_per_mm)  # fmt: skip
+    ctx.expect(
+        no_alarm(since=since, axis=axis_name(ctx)).named("the axis knows nothing of it"),
+        part.no_alarm(since=since),
+    )
 
 
 @CASES.product(

@@ -54,6 +54,7 @@ def _file(name: str, tables: str = "") -> BenchFile:
 FILES: dict[str, Callable[[], BenchFile]] = {
     "servo": lambda: _file("reference", SERVO + ENCODER),
     "hanging": lambda: _file("reference", SERVO + "\n[drive.drive1.mechanics]\ngravity_n = -400.0\n"),
+    "small link": lambda: _file("reference", "\n[drive.drive1.supply]\ncapacitance_uf = 50.0\n"),
     "home": lambda: _file("reference", "\n[drive.drive1.mechanics]\nstart_position_mm = -510.0\n"),
     "profidrive": lambda: _file("profidrive", SAFETY),
     "tcp": lambda: _file("profidrive_tcp"),
@@ -92,6 +93,7 @@ SITUATIONS = {
     "can.transmit_overrun": Situation(meanwhile="crowd"),
     "drive.brake_slip": Situation("hanging", "disabled"),
     "drive.brake_stuck": Situation("hanging", "disabled", "enable"),
+    "drive.brown_out": Situation("small link", velocity=400.0, acts_s=0.4),
     "drive.chopper_failure": Situation(meanwhile="push", velocity=400.0, acts_s=0.3),
     "drive.slow_ramp": Situation(meanwhile="disable"),
     "drive.statusword_stuck": Situation(meanwhile="disable"),
@@ -190,6 +192,7 @@ class Stage:
         bench.run_until(lambda: axis.port.link_ok, 3.0)  # supplies come back, nodes boot
         self.power.set(Enable=False)
         bench.run_for(0.1)
+        bench.run_until(lambda: abs(drive.mechanics.velocity) < 1e-4, 3.0)
         if self.situation.bench == "profidrive":
             drive.acknowledge_safety()
         for _ in range(2):

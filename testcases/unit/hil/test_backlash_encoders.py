@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from hil.bench.bench import Bench
-from hil.bench.config import parse, read
+from hil.bench.config import BenchFileError, parse, read
+from hil.faults import Injector
 
 SIZE = 0.2
 SCALE = f"""
@@ -165,3 +166,103 @@ class TestMotorAndScale:
         assert abs(before) <= SIZE + 0.02
         move(bench, -7.0)
         assert shown(axis, 1) - shown(axis, 2) == pytest.approx(before, abs=0.02)
+
+
+# -- play of the machine -------------------------------------------------------------------------------------------------
+
+RIGID_SCALE = SCALE.replace(f"backlash_mm = {SIZE}\n", "")
+
+
+def worn(encoders, play_mm, **variables):
+    """Return a bench whose machine, not its encoder, has play."""
+    extra = RIGID_SCALE + f"\n[drive.drive1.mechanics]\nbacklash_mm = {play_mm}\n"
+    return machine(encoders, extra, **variables)
+
+
+def load(bench):
+    """Return the place of the load by the true mechanics, mm."""
+    return bench.drive().mechanics.position * 1000.0
+
+
+def alarms(bench):
+    """Return the numbers of all alarms."""
+    return [entry.data["number"] for entry in bench.history.events if entry.kind == "alarm.raised"]
+
+
+@pytest.mark.requirement("CFG-545", "CFG-558")
+def test_the_motor_encoder_knows_nothing_of_the_play_of_the_machine():
+    """The axis moves by what it was told, the load by less after each reversal, and nothing is alarmed."""
+    with worn('["drive1"]', 0.5) as bench:
+        axis = enabled(bench)
+        for distance, missed in ((10.0, None), (-10.0, 0.5), (-5.0, 0.0), (5.0, 0.5)):
+            before, shown = load(bench), axis.var("ActualPosition")
+            axis.move_relative(distance, Velocity=50.0, Deceleration=400.0)
+            bench.run_for(0.8)
+            assert axis.var("ActualPosition") - shown == pytest.approx(distance, abs=0.02)
+            if missed is not None:
+                assert abs(load(bench) - before) == pytest.approx(abs(distance) - missed, abs=0.05)
+        assert alarms(bench) == []
+
+
+@pytest.mark.requirement("CFG-546", "CFG-558")
+def test_compensation_takes_the_play_of_the_machine_back():
+    """With the size of the real play as compensation, the load is where the axis is in either direction."""
+    play = {"Sensor[1].Backlash.Enable": True, "Sensor[1].Backlash.Size": 0.5}
+    with worn('["drive1"]', 0.5, **play) as bench:
+        axis = enabled(bench)
+        ways = []
+        for distance in (10.0, -10.0, 10.0):
+            before = load(bench)
+            axis.move_relative(distance, Velocity=50.0, Deceleration=400.0)
+            bench.run_for(0.8)
+            ways.append(load(bench) - before)
+        assert ways[1:] == pytest.approx([-10.0, 10.0], abs=0.06)
+
+
+@pytest.mark.requirement("MON-038", "MON-040")
+@pytest.mark.parametrize(("play", "alarm"), [(0.2, 0), (6.0, 521)])
+def test_an_encoder_at_the_load_sees_play_grow(play, alarm):
+    """At a reversal the load stands until the motor has passed the play: a following error, which is beyond what is permitted if it is long."""
+    with machine(
+        '["scale"]', RIGID_SCALE, **{"FollowingError.MinValue": 2.0, "FollowingError.MaxValue": 2.0}
+    ) as bench:
+        axis = enabled(bench)
+        move(bench, 10.0)
+        assert alarms(bench) == []
+        Injector(bench).inject("mechanics.backlash", backlash_mm=play, growth_s=0.1)
+        bench.run_for(0.2)
+        assert bench.drive().mechanics.backlash == pytest.approx(play / 1000.0)
+        axis.move_relative(-20.0, Velocity=100.0)
+        largest = max(abs(axis.var("StatusPositioning.FollowingError")) for _ in cycles(bench, 0.6))
+        assert (alarm in alarms(bench)) is bool(alarm)
+        assert (largest > 2.0) is bool(alarm)
+
+
+@pytest.mark.requirement("MON-018")
+def test_play_can_keep_a_position_from_being_reached():
+    """The motor hunts for a load in a wide play that comes to rest on no flank: the window is not reached in time, alarm 541."""
+    window = {
+        "PositioningMonitoring.Window": 0.005,
+        "PositioningMonitoring.ToleranceTime": 0.3,
+        "FollowingError.MinValue": 50.0,
+    }
+    with machine('["scale"]', RIGID_SCALE, **window, **{"FollowingError.MaxValue": 50.0}) as bench:
+        axis = enabled(bench)
+        move(bench, 10.0)
+        assert alarms(bench) == []
+        Injector(bench).inject("mechanics.backlash", backlash_mm=10.0)
+        axis.move_relative(-20.0, Velocity=100.0)
+        bench.run_for(2.0)
+        told = [
+            entry.data
+            for entry in bench.history.events
+            if entry.kind == "alarm.raised" and entry.data["number"] == 541
+        ]
+        assert [data["info"] for data in told] == [1]
+
+
+def test_a_stepper_motor_has_no_play():
+    """The bench file says so, instead of ignoring it."""
+    text = read("stepper")[1].replace("load_mass_kg = 5.0", "load_mass_kg = 5.0\nbacklash_mm = 0.1")
+    with pytest.raises(BenchFileError, match=r"mechanics\.backlash_mm: 0\.1 is not allowed; allowed: 0"):
+        parse(text, "bench.toml")
