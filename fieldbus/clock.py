@@ -15,7 +15,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
-from heapq import heappop, heappush, heapreplace
+from heapq import heapify, heappop, heappush, heapreplace
 from itertools import count
 from threading import Condition
 from typing import Final
@@ -125,6 +125,16 @@ class Scheduler(ABC):
         timer = Timer(due, callback, priority, period_ns)
         heappush(self._heap, (due, priority, self._next_sequence(), timer))
         return timer
+
+    def move(self, new_due_ns: Callable[[Timer], int | None]) -> None:
+        """Ask for every entered event when it is due from now on, ns; None: as before."""
+        heap = self._heap
+        for place, (_, priority, sequence, timer) in enumerate(heap):
+            moved = new_due_ns(timer)
+            if moved is not None:
+                timer.due_ns = moved
+                heap[place] = (moved, priority, sequence, timer)
+        heapify(heap)
 
     @abstractmethod
     def post(self, callback: Callback) -> None:

@@ -9,6 +9,7 @@ from emulators.drive.inputs import LIMIT_SWITCHES
 from emulators.encoder import EncoderFaults
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
+from fieldbus.node_clock import OwnClock
 
 if TYPE_CHECKING:
     from emulators.drive.core import ServoCore
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from fieldbus.clock import Scheduler, Timer
 
 
-class TravelFaults:
+class TravelFaults(OwnClock):
     """What a test can do to switches, end stops and load of a drive.
 
     The drive has the attributes named here.

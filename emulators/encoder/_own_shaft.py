@@ -1,16 +1,18 @@
-"""What a test can do to the shaft of an encoder that sits on none of a drive."""
+"""What a test can do to an encoder with a node of its own: to its clock, and to its shaft if it sits on none of a drive."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from fieldbus.errors import UnsupportedFaultError
+from fieldbus.node_clock import OwnClock
 
 if TYPE_CHECKING:
     from emulators.mechanics import DrivenShaft
+    from fieldbus.clock import Scheduler
 
 
-class OwnShaft:
+class OwnShaft(OwnClock):
     """Doors to the encoder's own shaft or slide. The owner has the attributes named here."""
 
     __slots__ = ()
@@ -18,6 +20,12 @@ class OwnShaft:
     if TYPE_CHECKING:
         name: str
         shaft: DrivenShaft | None
+        _scheduler: Scheduler
+
+    @property
+    def scheduler(self) -> Scheduler:  # type: ignore[override]  # the base reads it only
+        """Time of the encoder."""
+        return self._scheduler
 
     def turn_shaft(self, speed: float, ramp_s: float = 0.0) -> None:
         """Turn the encoder's own shaft, rad/s (m/s linear), reached linearly within `ramp_s`.

@@ -13,11 +13,17 @@ Route = tuple[int, bool, FrameHandler]
 
 
 class Dispatcher:
-    """Tables from identifier to handler, made anew when state or configuration change; one look-up per frame."""
+    """Tables from identifier to handler, made anew when state or configuration change; one look-up per frame.
 
-    __slots__ = ("_data", "_extended", "_remote", "_remote_extended", "on_change")
+    Args:
+        heard: Makes of a handler one that gets times by the clock of the node; None: its clock is that of the bus.
 
-    def __init__(self) -> None:
+    """
+
+    __slots__ = ("_data", "_extended", "_heard", "_remote", "_remote_extended", "on_change")
+
+    def __init__(self, heard: Callable[[FrameHandler], FrameHandler] | None = None) -> None:
+        self._heard = heard
         self.on_change: Callable[[Mapping[int, FrameHandler]], None] | None = None
         """Told of the table for data frames with 11-bit identifiers when it has changed."""
         self._data: dict[int, FrameHandler] = {}
@@ -38,10 +44,19 @@ class Dispatcher:
 
     def replace(self, data: Iterable[Route], remote: Iterable[Route]) -> None:
         """Put new tables in force; services that share an identifier all get the frame, in the given order."""
-        self._data, self._extended = _tables(data)
-        self._remote, self._remote_extended = _tables(remote)
+        self._data, self._extended = self._tables(data)
+        self._remote, self._remote_extended = self._tables(remote)
         if self.on_change is not None:
             self.on_change(self._data)
+
+    def _tables(self, routes: Iterable[Route]) -> tuple[dict[int, FrameHandler], dict[int, FrameHandler]]:
+        basic, extended = _tables(routes)
+        heard = self._heard
+        if heard is None:
+            return basic, extended
+        return {key: heard(take) for key, take in basic.items()}, {
+            key: heard(take) for key, take in extended.items()
+        }
 
 
 def _tables(routes: Iterable[Route]) -> tuple[dict[int, FrameHandler], dict[int, FrameHandler]]:

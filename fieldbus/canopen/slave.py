@@ -36,6 +36,7 @@ from fieldbus.canopen.time_stamp import TimeService
 from fieldbus.clock import S, Scheduler, Timer
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
+from fieldbus.node_clock import NodeClock
 
 _OVERRUN_REPORT_NS: Final = 10_000_000  # later than the loss, so that the EMCY finds room itself
 
@@ -135,7 +136,7 @@ class CanopenSlave(DeviceAccess):
         store.predefine(node_id)
         self.values: dict[int, Any] = store.values
         """Present values, keyed `index << 8 | sub-index`; what PDOs send and SDO reads."""
-        self._dispatcher = Dispatcher()
+        self._dispatcher = Dispatcher(scheduler.heard if isinstance(scheduler, NodeClock) else None)
         self._port = segment.attach(name, self._dispatcher.receive)
         self._port.online = False
         # A controller in virtual time looks up itself who takes a frame.

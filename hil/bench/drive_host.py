@@ -29,7 +29,7 @@ FAULT_METHODS: Final = frozenset((
     "silence_sdo", "storm_emcy", "force_temperature", "drift_encoder", "scale_encoder",
     "break_encoder", "set_encoder_error",
     "force_ready", "short_outputs", "mend_outputs", "cut_supply", "fail_module", "report_encoder_error", "heal_encoder",
-    "lose_steps",
+    "lose_steps", "drift_clock", "jitter_clock",
 ))  # fmt: skip
 """Methods of a drive that may be called through the pipe."""
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import MS, US
+from fieldbus.node_clock import NodeClock
 from hil.bench._profidrive_encoder import second_encoder_config
 from hil.bench.io_devices import build_analog_drive, build_stepper
 
@@ -237,6 +238,7 @@ def build_drive(
 ) -> CiA402Drive | ProfidriveCanDrive | ProfidriveModbusDrive | AnalogDrive | StepperCanDrive:
     """Return the emulated drive `name`, still switched off; one on Modbus hangs on no bus yet."""
     section = config.drive[name]
+    scheduler = NodeClock(scheduler, lambda: rng.spawn(1)[0])
     if section.profile == "analog":
         return build_analog_drive(scheduler, config, name, _machine(section), history=history, rng=rng)
     if section.profile in ("tm_pto", "tm41"):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.canopen.node_setup import NodeSetup
 from fieldbus.clock import MS
+from fieldbus.node_clock import NodeClock
 from hil.bench._profidrive_encoder import coupling, profidrive_encoder_config
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ _SENSOR_SHARE: Final = 0.25
 ENCODER_METHODS: Final = frozenset((
     "freeze_encoder", "jump_encoder", "set_encoder_noise", "reverse_encoder", "lose_encoder_steps", "miss_index", "preset_encoder",
     "near_overflow", "set_alarm", "set_warning", "force_cycle_time", "stop_heartbeat", "power_off", "power_on",
-    "turn_shaft", "place_shaft", "set_encoder_error", "break_encoder", "freeze_sign_of_life",
+    "turn_shaft", "place_shaft", "set_encoder_error", "break_encoder", "freeze_sign_of_life", "drift_clock", "jitter_clock",
 ))  # fmt: skip
 """Methods of an encoder that may be called through the pipe to another process."""
 
@@ -96,6 +97,7 @@ def build_encoder(
 
     section = config.encoder[name]
     mounting, shaft = _mounting(scheduler, config, section, drives)
+    scheduler = NodeClock(scheduler, lambda: rng.spawn(1)[0])
     if section.profile == "profidrive":
         from emulators.encoder.profidrive.can import ProfidriveCanEncoder
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final, NamedTuple
 
-from fieldbus.clock import seconds_to_ns
+from fieldbus.clock import US, seconds_to_ns
 from fieldbus.errors import HilError, UnsupportedFaultError
 from hil.faults._action import Action, refuse_unless_supported
 from hil.faults._claims import Claim, total
@@ -75,6 +75,8 @@ _PAIRS: Final[dict[str, _Pair]] = {
     "drive.sdo_abort": _Pair("abort_sdo", lambda value: (value("code"), value("index")), (None,)),
     "drive.sdo_timeout": _Pair("silence_sdo"),
     "drive.emcy_storm": _Pair("storm_emcy", lambda value: (value("code"), value("period_s")), (None,)),
+    "drive.clock_drift": _Pair("drift_clock", lambda value: (value("drift_ppm"),), (0.0,)),
+    "drive.clock_jitter": _Pair("jitter_clock", lambda value: (round(value("jitter_us") * US),), (0,)),
     "terminal.ready_stuck": _Pair("force_ready", lambda value: (value("level"),), (None,)),
     "pto.output_short": _Pair("short_outputs", lambda value: (True, value("channel")), (), "mend_outputs"),
     "pto.supply_off": _Pair("cut_supply"),
@@ -246,6 +248,8 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
             return pair("set_warning", (bit, True), (bit, False), bit)
         case "encoder.cycle":
             return pair("force_cycle_time", (value("period_ms"),), (None,))
+        case "encoder.clock_drift":
+            return pair("drift_clock", (value("drift_ppm"),), (0.0,))
         case "encoder.power_off":
             return _supply(bench, fault, device)
         case "encoder.heartbeat_loss":

@@ -185,6 +185,22 @@ DRIVE_FAULTS: Final[tuple[FaultType, ...]] = (
         example={"kind": "drive.heartbeat_late", "target": "drive1", "duration_s": 0.5, "parameters": {"delay_s": 0.2}},
     ),
     FaultType(
+        "drive.clock_drift", "The clock of the drive runs fast or slow: its cycles, ramps, times, heartbeats and time stamps", "drive", "clock of the node",
+        (
+            Parameter("drift_ppm", "float", "By how much it is fast; negative: slow", "ppm", -100000.0, 100000.0, required=True),
+        ),
+        refused={"hardware": _NO_HAND}, remark="at the end it is as fast as the others again, but not set",
+        example={"kind": "drive.clock_drift", "target": "drive1", "duration_s": 0.5, "parameters": {"drift_ppm": 200.0}},
+    ),
+    FaultType(
+        "drive.clock_jitter", "The cycles of the drive begin late by a random time, and so do the frames that it sends by itself", "drive", "clock of the node",
+        (
+            Parameter("jitter_us", "float", "Longest delay; each is drawn evenly from 0 to it, from the seeded stream", "us", 0.0, 10000.0, required=True),
+        ),
+        refused={"hardware": _NO_HAND},
+        example={"kind": "drive.clock_jitter", "target": "drive1", "duration_s": 0.5, "parameters": {"jitter_us": 50.0}},
+    ),
+    FaultType(
         "drive.sdo_abort", "SDO accesses are aborted", "drive", "CANopen service",
         (
             Parameter("code", "int", "Abort code", minimum=1, maximum=0xFFFFFFFF, default=0x08000000),

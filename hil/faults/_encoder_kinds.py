@@ -104,6 +104,12 @@ OWN_DEVICE: Final[tuple[FaultType, ...]] = (
         example={"kind": "encoder.cycle", "target": "encoder1", "duration_s": 0.5, "parameters": {"period_ms": 40}},
     ),
     FaultType(
+        "encoder.clock_drift", "The clock of the encoder runs fast or slow: its cycle, heartbeats, measured speeds", "encoder", "clock of the node",
+        (Parameter("drift_ppm", "float", "By how much it is fast; negative: slow", "ppm", -100000.0, 100000.0, required=True),),
+        refused={"hardware": _NO_HAND}, remark="at the end it is as fast as the others again, but not set",
+        example={"kind": "encoder.clock_drift", "target": "encoder1", "duration_s": 0.5, "parameters": {"drift_ppm": -500.0}},
+    ),
+    FaultType(
         "encoder.power_off", "The encoder vanishes from the bus without a word; it boots again at the end", "encoder", "CANopen node",
         refused={"hardware": _NO_HAND}, example={"kind": "encoder.power_off", "target": "encoder1", "duration_s": 0.5},
     ),
