@@ -51,10 +51,16 @@ def _job_text(entry: Event) -> str:
     return f"{entry.data.get('job')}: {words.get(entry.kind, entry.kind)}{code}"
 
 
+_VERBS: Final = {
+    "fault.armed": "armed",
+    "fault.applied": "applied",
+    "fault.removed": "removed",
+    "fault.waiting": "never fired",
+}
+
+
 def _fault_text(entry: Event) -> str:
-    verb = {"fault.armed": "armed", "fault.applied": "applied", "fault.removed": "removed"}.get(
-        entry.kind, "disarmed"
-    )
+    verb = _VERBS.get(entry.kind, "disarmed")
     details = ", ".join(
         f"{key} {value}" for key, value in entry.data.items() if key not in {"fault", "injection", "trigger"}
     )
@@ -87,6 +93,7 @@ _TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
     "fault.applied": ("inject", _fault_text),
     "fault.removed": ("inject", _fault_text),
     "fault.disarmed": ("inject", _fault_text),
+    "fault.waiting": ("inject", _fault_text),
 }  # fmt: skip
 
 

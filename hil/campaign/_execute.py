@@ -145,6 +145,7 @@ def _run_once(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
             limit_simulated(bench, case.simulated_limit_s)
             result.requirements = requirements_here(case.requirements, getattr(bench, "profiles", ()))
             result.verdict, result.message = _call(case, context)
+            context.faults.note_waiting()
             trace = context.trace()
             _judge(case, context, trace, result)
             if result.verdict is Verdict.FAILED:

@@ -91,7 +91,10 @@ class ArmedFault:
 
     def _fired(self) -> None:
         """Apply outside of the component that caused the trigger, at the same instant."""
-        if self.over or self.active or self._pending:
+        if self.over:
+            return
+        if self.active or self._pending:
+            self._emit("fault.skipped", applications=self.applications)
             return
         if self._bench.scheduler.running:
             self._pending = True
@@ -194,6 +197,11 @@ class ArmedFault:
         if not was_active and self.applied_ns is None:
             self._emit("fault.disarmed")
 
+    def note_waiting(self) -> None:
+        """Log that the fault waits for its trigger, if it does: it has never come, or fewer times than wanted."""
+        if not self.over and not self.active:
+            self._emit("fault.waiting", applications=self.applications, trigger=str(self.fault.trigger))
+
     def _emit(self, kind: str, **data: Scalar) -> None:
         self._bench.history.emit(self.target, kind, fault=self.fault.kind, injection=self.number, **data)
 
@@ -256,7 +264,23 @@ class Injector:
             )
         )
 
+    def note_waiting(self) -> None:
+        """Log every fault that waits for its trigger still, as at the end of a recording."""
+        for armed in self.armed:
+            armed.note_waiting()
+
     def remove_all(self) -> None:
-        """End every fault, newest first."""
+        """End every fault, newest first; one that cannot be ended does not keep the others from it.
+
+        Raises:
+            HilError: What the first of those told that could not be ended.
+
+        """
+        troubles = []
         for armed in reversed(self.armed):
-            armed.remove()
+            try:
+                armed.remove()
+            except HilError as error:
+                troubles.append(error)
+        if troubles:
+            raise troubles[0]

@@ -70,6 +70,8 @@ EVENT_KINDS: Final = MappingProxyType(
         "fault.disarmed": "a fault has ended before its trigger came",
         "fault.hit": "a fault has hit a frame",
         "fault.removed": "an injected fault is taken back",
+        "fault.skipped": "the trigger of a fault has come while the fault acts already",
+        "fault.waiting": "the recording ends while a fault still waits for its trigger",
         "guarding.back": "the node is guarded again",
         "guarding.lost": "the guarding of a node has failed",
         "heartbeat.back": "a heartbeat is there again",
