@@ -162,10 +162,11 @@ _LIES = frozenset((
     "drive.brake_slip", "drive.brake_stuck", "drive.interlock",
     "drive.local_control", "drive.mode_display", "drive.slow_ramp", "drive.statusword_bits", "drive.statusword_stuck",
     "drive.target_toggle", "drive.torque_limit", "drive.heartbeat_late", "drive.emcy_storm", "drive.sdo_abort",
-    "encoder.drift", "encoder.wire_break", "encoder.scale", "mechanics.slip", "mechanics.coupling_break",
+    "encoder.drift", "encoder.wire_break", "encoder.scale", "mechanics.slip", "mechanics.coupling_break", "mechanics.backlash",
+    "drive.clock_drift", "drive.clock_jitter", "drive.brown_out",
 ))  # fmt: skip
-"""Kinds that a fuzz search leaves out: what the bench does not fit, and drives that lie or do not do what they are told, under
-which no invariant can hold."""
+"""Kinds that a fuzz search leaves out: what the bench does not fit, drives that lie or do not do what they are told, or have another
+time, under which no invariant can hold, and what is a milder form of another kind."""
 
 
 def fault_kinds(bench: Any) -> list[str]:
