@@ -8,6 +8,7 @@ __all__ = [
     "BlockedError",
     "CampaignNotFoundError",
     "CannotRunError",
+    "CaseEndedError",
     "CaseTimeoutError",
     "ConfigurationError",
     "ExpectationFailedError",
@@ -51,6 +52,10 @@ class BlockedError(HilError):
 
 class CaseTimeoutError(HilError):
     """A case has used up its limit of simulated or wall time."""
+
+
+class CaseEndedError(BaseException):
+    """A case that has used up its limit of wall time has gone on regardless; no `except Exception` of a case takes this."""
 
 
 class RecordingError(HilError):

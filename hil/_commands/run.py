@@ -12,6 +12,7 @@ from hil._requirements import complete
 from hil._summary import check_summary, give_summary
 from hil.campaign import Runner, RunOptions, Selected, find_campaigns, load_bench_file, select_cases
 from hil.campaign._files import Keep
+from hil.campaign._lock import only_run_in
 from hil.campaign._runner import shard
 from hil.errors import CannotRunError
 from reports import Background, ReportPaths, replay_command, summary, write_report
@@ -156,7 +157,7 @@ def run_selected(cases: list[Selected], request: RunRequest) -> int:
         repeat_failed=request.last_failed, shard=parse_shard(request.shard), wall_limit_s=request.wall_limit_s,
         cluster=request.cluster,
     )  # fmt: skip
-    with quiet_stdout(request.as_json):
+    with quiet_stdout(request.as_json), only_run_in(request.report):
         with CaseProgress(len(shard(cases, options.shard))) as progress:
             run = Runner(cases, options, on_result=progress.case_done).run()
         background = kept(run, request.report, request.history)

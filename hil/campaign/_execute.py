@@ -21,7 +21,7 @@ from hil.campaign._evidence import (
 )
 from hil.campaign._limits import limit_simulated, limit_wall
 from hil.campaign._token import Token
-from hil.errors import BlockedError, CaseTimeoutError, UnsupportedFaultError
+from hil.errors import BlockedError, CaseEndedError, CaseTimeoutError, UnsupportedFaultError
 from hil.expect import describe, run_checkers
 from hil.record import Difference, Trace, first_difference, homing_drawings
 from reports.model import CaseResult, Check, Verdict
@@ -154,7 +154,7 @@ def _run_once(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
             context.faults.remove_all()
     except (BlockedError, UnsupportedFaultError) as error:
         result.verdict, result.message = Verdict.BLOCKED, str(error)
-    except CaseTimeoutError as error:
+    except (CaseTimeoutError, CaseEndedError) as error:
         result.verdict, result.message = Verdict.ERROR, str(error)
     except Exception as error:  # noqa: BLE001 - whatever breaks outside the case is an error of the harness
         result.verdict, result.message = Verdict.ERROR, _told(error)

@@ -10,8 +10,10 @@ from types import FrameType
 from typing import Any, Final
 
 from fieldbus.clock import MS, seconds_to_ns
-from hil.errors import CaseTimeoutError
+from hil.errors import CaseEndedError, CaseTimeoutError
 
+AGAIN_S: Final = 5.0
+"""Time that a case has to end, and its bench to be closed, once it has been told to."""
 USED_UP: Final = "the case has used up its limit"
 """How the message of a case begins that ran into one of its limits."""
 
@@ -35,17 +37,25 @@ def limit_simulated(bench: Any, seconds: float) -> None:
 def limit_wall(seconds: float) -> Iterator[None]:
     """Raise `CaseTimeoutError` in this thread once `seconds` of wall time have passed.
 
+    A case that swallows it and goes on gets `CaseEndedError` some seconds later, and again, which no `except Exception` takes.
     Works in the main thread of a POSIX system, which is where cases run; elsewhere there is no limit.
     """
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
 
+    told = False
+
     def expire(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - signature of a signal handler
-        raise CaseTimeoutError(f"{USED_UP} of {seconds:g} s of wall time")
+        nonlocal told
+        text = f"{USED_UP} of {seconds:g} s of wall time"
+        if told:
+            raise CaseEndedError(f"{text}, and did not end when it was told so")
+        told = True
+        raise CaseTimeoutError(text)
 
     old_handler = signal.signal(signal.SIGALRM, expire)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN_S)
     try:
         yield
     finally:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from fieldbus.errors import ConfigurationError
 from hil.campaign._case import Campaign, Case, slug
@@ -14,6 +15,10 @@ from hil.matrix._combine import Combined, combine
 from hil.matrix._file import BENCH, MatrixFile, read_matrix
 from hil.matrix._vocabulary import Vocabulary
 
+MOST_CASES: Final = 100_000
+"""Cases of one matrix: some hours of computing."""
+MOST_COMBINATIONS: Final = 20_000_000
+"""Combinations that are looked through; some minutes."""
 _NO_BENCH = "no bench has this drive and transport"
 
 
@@ -33,8 +38,21 @@ class MatrixCampaign(Campaign):
         super().__init__(
             matrix.title, tags=matrix.tags, requirements=matrix.requirements, signals=matrix.signals
         )
+        self._path = path
+        total = math.prod(map(len, matrix.factors.values()))
+        if total > MOST_COMBINATIONS:
+            raise ConfigurationError(
+                f"{path}: factors",
+                f"{total} combinations",
+                f"at most {MOST_COMBINATIONS} to choose from: name fewer words",
+            )
         self.combined = combined(matrix)
         """What came of the factors: how many combinations there are, and why which were left out."""
+        if len(self.combined.rows) * matrix.seeds > MOST_CASES:
+            raise ConfigurationError(
+                f"{path}: factors", f"more than {MOST_CASES} cases",
+                'at most that many: name fewer words, exclude more, choose reduction = "pairwise" or fewer seeds',
+            )  # fmt: skip
         if not self.combined.rows and not matrix.cases:
             raise ConfigurationError(
                 f"{path}: factors", f"{sum(self.combined.left_out.values())} combinations, all of them left out",
@@ -58,9 +76,14 @@ class MatrixCampaign(Campaign):
         tags = tuple(tag for tag in tags if tag not in {"", "none"} and not tag.endswith(".toml"))
         for number in range(1, matrix.seeds + 1):
             again = f"/{number}" if matrix.seeds > 1 else ""
+            identifier = f"{slug(matrix.title)}/{slug(name)}{again}"
+            if identifier in self:
+                raise ConfigurationError(
+                    f"{self._path}: case", identifier, "a name that no combination of the factors has"
+                )
             self.add(
                 Case(
-                    identifier=f"{slug(matrix.title)}/{slug(name)}{again}",
+                    identifier=identifier,
                     title=(title or vocabulary.title(values)) + (f", run {number}" if again else ""),
                     group=matrix.title,
                     function=partial(_run, vocabulary, dict(values)),
@@ -110,7 +133,8 @@ def _objection(matrix: MatrixFile, values: Mapping[str, str], *, exclusions: boo
 
 def combined(matrix: MatrixFile) -> Combined:
     """Return the combinations of a matrix."""
-    return combine(matrix.factors, lambda values: _objection(matrix, values), matrix.strength)
+    most = MOST_CASES // matrix.seeds
+    return combine(matrix.factors, lambda values: _objection(matrix, values), matrix.strength, most=most)
 
 
 def load_matrix(path: str | Path) -> MatrixCampaign:

@@ -25,7 +25,13 @@ class Combined:
     """Number of combinations by the reason for which they were left out."""
 
 
-def combine(factors: Mapping[str, Sequence[str]], objection: Objection, strength: int | None) -> Combined:
+def combine(
+    factors: Mapping[str, Sequence[str]],
+    objection: Objection,
+    strength: int | None,
+    *,
+    most: int | None = None,
+) -> Combined:
     """Combine the values of factors.
 
     Args:
@@ -33,6 +39,7 @@ def combine(factors: Mapping[str, Sequence[str]], objection: Objection, strength
         objection: What speaks against a combination.
         strength: Every so many values of different factors, where nothing speaks against them, are together in at least
             one combination; None: all combinations.
+        most: Stop with the first combination beyond so many; None: go on to the end.
 
     """
     names = list(factors)
@@ -49,6 +56,8 @@ def combine(factors: Mapping[str, Sequence[str]], objection: Objection, strength
         possible += 1
         if full:
             rows.append(row)
+            if most is not None and len(rows) > most:
+                break
     if not full and possible:
         assert strength is not None
         rows = _covering(factors, objection, strength)

@@ -10,6 +10,7 @@ import pytest
 from hil._commands.terminal import time_left
 from hil._plugin_results import RequirementLog, write_results
 from hil._requirements import requirements
+from hil.campaign._lock import only_run_in
 from hil.cli import main
 from hil.faults import CATALOGUE
 from reports.store import load_run
@@ -28,6 +29,28 @@ def call(capsys, *arguments):
     code = main([str(argument) for argument in arguments])
     captured = capsys.readouterr()
     return code, captured.out, captured.err
+
+
+def test_one_run_in_a_folder_at_a_time(capsys, tmp_path):
+    """While a run goes on in a folder another one is refused and takes nothing of it away; afterwards it may run."""
+    run = ("run", TOY, "--select", "chance", "--report", tmp_path / "rep")
+    assert call(capsys, *run)[0] == 0
+    with only_run_in(tmp_path / "rep"):
+        code, _, err = call(capsys, *run)
+        assert (code, load_run(tmp_path / "rep").interrupted) == (2, False)
+        assert "another run is going on in this folder" in err
+        assert call(capsys, *run[:-1], tmp_path / "other")[0] == 0
+    assert call(capsys, *run)[0] == 0
+
+
+def test_a_report_that_cannot_be_there_is_told(capsys, tmp_path):
+    """A file in place of the folder is named before anything runs."""
+    (tmp_path / "rep").write_text("mine")
+    code, _, err = call(capsys, "run", TOY, "--select", "chance", "--report", "rep/sub")
+
+    assert code == 2
+    assert "rep/sub: no folder for a report can be made here: Not a directory" in err
+    assert "passed" not in err
 
 
 def test_run_json_is_the_only_thing_on_standard_output(capsys, tmp_path):

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from hil.campaign import Runner, RunOptions, find_campaigns, select_cases
+from hil.campaign import Runner, RunOptions, _limits, find_campaigns, select_cases
 from hil.campaign import _runner as runner_module
 from hil.campaign._executor import InProcess, LocalProcesses
 from hil.errors import CannotRunError
@@ -43,6 +43,15 @@ def test_a_case_has_the_time_that_it_is_given():
     assert asleep.verdict is Verdict.ERROR
     assert "limit of 0.4 s of wall time" in asleep.message
     assert fine.verdict is Verdict.PASSED
+
+
+def test_a_case_that_goes_on_regardless_is_ended(monkeypatch):
+    """What swallows its time limit is ended from inside, in this process as well, and the run goes on."""
+    monkeypatch.setattr(_limits, "AGAIN_S", 0.1)
+    stubborn, fine = Runner(hanging("stubborn"), RunOptions(jobs=1, wall_limit_s=0.3)).run().cases
+
+    assert (stubborn.verdict, fine.verdict) == (Verdict.ERROR, Verdict.PASSED)
+    assert "limit of 0.3 s of wall time, and did not end when it was told so" in stubborn.message
 
 
 def test_a_process_that_does_not_hear_its_limit_is_ended(monkeypatch):

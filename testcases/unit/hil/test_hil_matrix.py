@@ -13,7 +13,7 @@ from fieldbus.errors import ConfigurationError
 from hil.campaign import CaseSettings, execute_case, find_campaigns, load_bench_file, load_campaign
 from hil.cli import main
 from hil.errors import CampaignNotFoundError
-from hil.matrix import combine, load_matrix
+from hil.matrix import _campaign, combine, load_matrix
 from reports.model import Verdict
 
 FILE = """
@@ -175,6 +175,44 @@ def test_mistakes_are_told_with_place_and_what_is_allowed(write, old, new, words
     for part in words.split(".*"):
         assert part in rest
         rest = rest.partition(part)[2]
+
+
+EVERYTHING = "\n".join(
+    f'{name} = ["*"]' for name in ("drive", "transport", "job", "moment", "stop", "then", "fault")
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (f"seeds = 1000\n[factors]\n{EVERYTHING}", "more than 100000 cases"),
+        (f"[factors]\n{EVERYTHING}", "more than 100000 cases"),
+        (
+            '[factors]\ndrive = ["cia402"]\ntransport = ["can"]\nstop = ["halt"]\n[[case]]\nname = "cia402/can/halt"',
+            "'x/cia402/can/halt' is not allowed; allowed: a name that no combination of the factors has",
+        ),
+    ],
+)
+def test_more_cases_than_anybody_runs_and_names_twice_are_refused(monkeypatch, write, text, words):
+    """A product of all words is refused before it fills the memory; a named case keeps off the names of combinations."""
+    if "seeds" not in text and "case" not in text:
+        monkeypatch.setattr(_campaign, "MOST_CASES", 200)
+        words = words.replace("100000", "200")
+    path = write(f'title = "x"\n{text}\n')
+    with pytest.raises(ConfigurationError) as caught:
+        load_matrix(path)
+
+    assert str(path) in str(caught.value)
+    assert words in str(caught.value)
+
+
+def test_more_combinations_than_anybody_looks_through_are_refused(monkeypatch, write):
+    """Reduced or not: all combinations are asked whether they can be."""
+    monkeypatch.setattr(_campaign, "MOST_COMBINATIONS", 10)
+    with pytest.raises(
+        ConfigurationError, match=r"factors: '\d+ combinations' is not allowed; allowed: at most 10 "
+    ):
+        load_matrix(write())
 
 
 def test_a_matrix_of_which_nothing_is_left_is_refused(write):

@@ -2,6 +2,7 @@
 
 import signal
 import time
+from contextlib import suppress
 
 from hil.campaign import Campaign
 
@@ -19,6 +20,14 @@ def deaf(ctx):
     """A case that does not even hear its time limit, as a library that never returns."""
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})
     time.sleep(1000.0)
+
+
+@CAMPAIGN.case("stubborn", wall_limit_s=1000.0)
+def stubborn(ctx):
+    """A case that takes whatever is raised for a small trouble."""
+    while True:
+        with suppress(Exception):
+            time.sleep(1000.0)
 
 
 @CAMPAIGN.case("fine")
