@@ -6,7 +6,9 @@ reading, missing ones take the default of the model, so that older journals stay
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import gc
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from typing import Any
 
@@ -63,8 +65,18 @@ def case_from_plain(plain: Mapping[str, Any]) -> CaseResult:
     for name, kind in _ROWS.items():
         values[name] = [kind(**record) for record in values.get(name, [])]
     values["homings"] = [HomingDrawing.from_plain(drawing) for drawing in values.get("homings", [])]
-    values["messages"] = [Message(*row) for row in values.get("messages", [])]
+    values["messages"] = messages_from_plain(values.get("messages", []))
     return CaseResult(**values)
+
+
+def messages_from_plain(rows: Iterable[Sequence[Any]]) -> list[Message]:
+    """Return the bus messages of the rows of `case_to_plain`.
+
+    Raises:
+        TypeError: A row is not one.
+
+    """
+    return [Message(*row) for row in rows]
 
 
 def run_to_plain(run: RunResult) -> dict[str, Any]:
@@ -84,6 +96,18 @@ def run_from_plain(plain: Mapping[str, Any]) -> RunResult:
     values = dict(plain)
     values["requirements"] = [RequirementInfo(**record) for record in values.get("requirements", [])]
     return RunResult(**values)
+
+
+@contextmanager
+def without_collector() -> Iterator[None]:
+    """Leave out the search for cycles, of which results have none: it would look at every object of a large run time and again."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def plain_number(value: object) -> object:

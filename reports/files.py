@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
+from reports.codec import without_collector
 from reports.compare import Background
 from reports.junit import write_junit
 from reports.model import RunResult
@@ -72,9 +73,10 @@ def write_report(
     paths = ReportPaths(
         *(folder / name for name in ("report.html", "junit.xml", "summary.json", "cases.csv"))
     )
-    render_html(run, paths.report, points=points, background=background, seeding=load_seeding(folder))
-    write_junit(run, paths.junit)
-    changes = background.comparison.as_dict() if background else None
-    write_summary(run, paths.summary, report=str(paths.report), junit=str(paths.junit), changes=changes)
-    write_cases(run, paths.cases)
+    with without_collector():
+        render_html(run, paths.report, points=points, background=background, seeding=load_seeding(folder))
+        write_junit(run, paths.junit)
+        changes = background.comparison.as_dict() if background else None
+        write_summary(run, paths.summary, report=str(paths.report), junit=str(paths.junit), changes=changes)
+        write_cases(run, paths.cases)
     return paths

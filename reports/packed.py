@@ -60,5 +60,5 @@ def pack_case(case: CaseResult) -> None:
     """Make a finished case small: a run keeps thousands of them until its report is written."""
     for name in ("story", "messages"):
         items = getattr(case, name)
-        if items and not isinstance(items, Packed):
+        if items and isinstance(items, list):  # not what is packed, or read when it is asked for
             setattr(case, name, Packed(items))

@@ -9,36 +9,41 @@ NaN and infinities stand in the journal as the words that Python's `json` reads 
 
 from __future__ import annotations
 
-import ast
-import hashlib
 import io
 import json
-import math
 import os
-import re
-import zipfile
-import zlib
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar, cast, overload
+from typing import Any, ClassVar, overload
 
-import numpy as np
-from numpy.typing import NDArray
-
-from reports.codec import case_from_plain, case_to_plain, plain_number, run_from_plain, run_to_plain
+from reports.archive import SIGNAL_FOLDER, StoredSignals, sync_folder, write_signals, write_whole
+from reports.codec import (
+    case_from_plain,
+    case_to_plain,
+    messages_from_plain,
+    plain_number,
+    run_from_plain,
+    run_to_plain,
+    without_collector,
+)  # fmt: skip
 from reports.errors import StoreError
-from reports.measures import signal_measures
-from reports.model import CaseResult, RunResult, Signal
+from reports.model import CaseResult, Message, RunResult
 from reports.packed import pack_case
+
+__all__ = [
+    "JOURNAL_FILE", "RUN_FILE", "SIGNAL_FOLDER", "StoredMessages", "StoredSignals", "finish_run", "load_run", "save_run",
+    "start_run", "stored_cases", "write_case",
+]  # fmt: skip
 
 RUN_FILE = "run.json"
 JOURNAL_FILE = "cases.jsonl"
-SIGNAL_FOLDER = "signals"
-_PLACES = {b"\x93NUMPY\x01": (2, 10), b"\x93NUMPY\x02": (4, 12), b"\x93NUMPY\x03": (4, 12)}
-"""Size of the length of a header, and where the header begins, by magic and version (numpy.lib.format)."""
-FORMAT = 1
-"""Version of the stored form; another one is refused."""
+FORMAT = 2
+"""Version of the stored form."""
+READABLE = (1, 2)
+"""Versions that are read; another one is refused. In the first, an archive had a member for every column."""
+_LOG = b',"messages":['
+_AFTER_LOG = b'],"signals":'
 
 
 def start_run(directory: str | Path, run: RunResult) -> None:
@@ -59,12 +64,12 @@ def start_run(directory: str | Path, run: RunResult) -> None:
     _write_header(folder, {**run_to_plain(run), "interrupted": True})
 
 
-def write_case(directory: str | Path, case: CaseResult) -> Sequence[Signal]:
+def write_case(directory: str | Path, case: CaseResult) -> CaseResult:
     """Append a finished case; on return it is on the disk.
 
     Returns:
-        Its signals as they are on the disk, which are read when somebody asks for them: a run of thousands of cases keeps
-        these rather than the samples.
+        The same case, whose signals and bus log are read when somebody asks for them: a run of thousands of cases keeps
+        this one.
 
     Raises:
         StoreError: `directory` holds no run.
@@ -74,7 +79,7 @@ def write_case(directory: str | Path, case: CaseResult) -> Sequence[Signal]:
     if not (folder / RUN_FILE).exists():
         raise StoreError(f"{folder}: no run here; {RUN_FILE} is missing (call start_run first)")
     plain = case_to_plain(case)
-    plain["signals"] = _write_signals(folder, case)
+    plain["signals"] = write_signals(folder, case)
     line = json.dumps(plain, default=plain_number, separators=(",", ":")).encode("ascii") + b"\n"
     path = folder / JOURNAL_FILE
     with path.open("r+b" if path.exists() else "w+b") as file:
@@ -82,8 +87,12 @@ def write_case(directory: str | Path, case: CaseResult) -> Sequence[Signal]:
         file.write(line)
         file.flush()
         os.fsync(file.fileno())
-    _sync_folder(folder)
-    return StoredSignals(folder, plain["signals"]) if plain["signals"] else []
+    sync_folder(folder)
+    return replace(
+        case,
+        signals=StoredSignals(folder, plain["signals"]) if plain["signals"] else [],
+        messages=StoredMessages(_split(line)[1]),
+    )
 
 
 def finish_run(directory: str | Path, *, interrupted: bool = False) -> None:
@@ -118,8 +127,8 @@ def load_run(directory: str | Path, *, lazy: bool = False) -> RunResult:
 
     Args:
         directory: Folder of the run.
-        lazy: Read the signals of a case when somebody asks for them, each time anew, and keep its long lists packed. What is
-            wrong with signals is then raised there.
+        lazy: Read signals and bus log of a case when somebody asks for them, each time anew, and keep its story packed. What
+            is wrong with signals or bus log is then raised there.
 
     Raises:
         StoreError: `directory` holds no run, or a file of it is damaged.
@@ -130,23 +139,8 @@ def load_run(directory: str | Path, *, lazy: bool = False) -> RunResult:
         run = run_from_plain(_read_header(folder))
     except (TypeError, ValueError, KeyError) as error:
         raise StoreError(f"{folder / RUN_FILE}: not a run: {error}") from error
-    cases: dict[str, CaseResult] = {}
-    for number, plain in _journal(folder):
-        try:
-            signals = plain.pop("signals", None)
-            case = case_from_plain(plain)
-            stored = (
-                None
-                if signals is None
-                else StoredSignals(folder, {**signals, "columns": [*signals["columns"]]})
-            )
-        except (TypeError, ValueError, KeyError, AttributeError) as error:
-            raise StoreError(f"{folder / JOURNAL_FILE}, line {number}: not a case: {error}") from error
-        if stored is not None:
-            case.signals = stored if lazy else list(stored)
-        if lazy:
-            pack_case(case)
-        cases[case.identifier] = case
+    with without_collector():
+        cases = _cases(folder, lazy=lazy)
     run.cases = list(cases.values())
     return run
 
@@ -158,79 +152,107 @@ def stored_cases(directory: str | Path) -> list[str]:
         StoreError: The journal is damaged.
 
     """
-    return list(dict.fromkeys(str(plain["identifier"]) for _number, plain in _journal(Path(directory))))
+    return list(dict.fromkeys(str(plain["identifier"]) for _number, plain, _log in _journal(Path(directory))))
 
 
-class StoredSignals(Sequence[Signal]):
-    """The signals of a case on the disk, read when they are asked for; only those asked for last stay in memory.
+class StoredMessages(Sequence[Message]):
+    """The bus log of a case as it stands in the journal, taken apart when it is asked for: as text it takes a tenth of the memory.
 
     Args:
-        folder: Folder of the run.
-        plain: What the journal says about the archive.
+        text: The JSON array of its messages.
 
     """
 
-    __slots__ = ("_folder", "_plain")
+    __slots__ = ("_text",)
     __hash__ = None  # type: ignore[assignment]  # as equal as lists are
-    _last: ClassVar[tuple[StoredSignals, list[Signal]] | None] = None
+    _last: ClassVar[tuple[StoredMessages, list[Message]] | None] = None
 
-    def __init__(self, folder: Path, plain: dict[str, Any]) -> None:
-        self._folder = folder
-        self._plain = plain
+    def __init__(self, text: bytes) -> None:
+        self._text = text
 
-    @property
-    def texts(self) -> list[dict[int, str]]:
-        """Texts of the values of each signal, without reading a sample."""
-        return [{int(value): text for value, text in column[-1]} for column in self._plain["columns"]]
-
-    @property
-    def numbers(self) -> list[list[Any]] | None:
-        """Rows of `reports.measures.Measure`; None in a journal without them."""
-        return cast("list[list[Any]] | None", self._plain.get("numbers"))
-
-    def _read(self) -> list[Signal]:
-        last = StoredSignals._last
+    def _read(self) -> list[Message]:
+        last = StoredMessages._last
         if last is None or last[0] is not self:
-            last = StoredSignals._last = (self, _read_signals(self._folder, self._plain))
+            try:
+                last = StoredMessages._last = (self, messages_from_plain(json.loads(self._text)))
+            except (TypeError, ValueError) as error:
+                raise StoreError(f"bus log of a case damaged: {error}") from error
         return last[1]
 
     def __len__(self) -> int:
-        return len(self._plain["columns"])
+        return len(self._read())
 
     @overload
-    def __getitem__(self, index: int) -> Signal: ...
+    def __getitem__(self, index: int) -> Message: ...
 
     @overload
-    def __getitem__(self, index: slice) -> list[Signal]: ...
+    def __getitem__(self, index: slice) -> list[Message]: ...
 
-    def __getitem__(self, index: int | slice) -> Signal | list[Signal]:
-        """Return a signal, or some of them."""
+    def __getitem__(self, index: int | slice) -> Message | list[Message]:
+        """Return a message, or some of them."""
         return self._read()[index]
 
-    def __iter__(self) -> Iterator[Signal]:
+    def __iter__(self) -> Iterator[Message]:
         return iter(self._read())
 
     def __eq__(self, other: object) -> bool:
         return list(self) == list(other) if isinstance(other, Sequence) else NotImplemented
 
 
-def _journal(folder: Path) -> Iterator[tuple[int, dict[str, Any]]]:
+def _cases(folder: Path, *, lazy: bool) -> dict[str, CaseResult]:
+    cases: dict[str, CaseResult] = {}
+    for number, plain, log in _journal(folder):
+        try:
+            signals = plain.pop("signals", None)
+            case = case_from_plain(plain)
+            stored = (
+                None
+                if signals is None
+                else StoredSignals(folder, {**signals, "columns": [*signals["columns"]]})
+            )
+            if log:
+                case.messages = StoredMessages(log) if lazy else messages_from_plain(json.loads(log))
+        except (TypeError, ValueError, KeyError, AttributeError) as error:
+            raise StoreError(f"{folder / JOURNAL_FILE}, line {number}: not a case: {error}") from error
+        if stored is not None:
+            case.signals = stored if lazy else list(stored)
+        if lazy:
+            pack_case(case)
+        cases[case.identifier] = case
+    return cases
+
+
+def _journal(folder: Path) -> Iterator[tuple[int, dict[str, Any], bytes]]:
+    """Give line number, object and bus log of every case, the log as text where it stands as `write_case` puts it."""
     path = folder / JOURNAL_FILE
     if not path.exists():
         return
-    lines = path.read_bytes().split(b"\n")
-    for number, line in enumerate(lines, start=1):
-        if not line:
-            continue
-        try:
-            plain = json.loads(line)
-        except ValueError as error:
-            if number == len(lines):  # no newline after it: the writer was killed
-                return
-            raise StoreError(f"{path}, line {number}: damaged: {error}") from error
-        if not isinstance(plain, dict) or "identifier" not in plain:
-            raise StoreError(f"{path}, line {number}: not a case")
-        yield number, plain
+    with path.open("rb") as file:
+        for number, line in enumerate(file, start=1):
+            if line == b"\n":
+                continue
+            head, log = _split(line)
+            try:
+                plain = json.loads(head)
+            except ValueError as error:
+                if not line.endswith(b"\n"):  # the writer was killed
+                    return
+                raise StoreError(f"{path}, line {number}: damaged: {error}") from error
+            if not isinstance(plain, dict) or "identifier" not in plain:
+                raise StoreError(f"{path}, line {number}: not a case")
+            yield number, plain, log
+
+
+def _split(line: bytes) -> tuple[bytes, bytes]:
+    """Return the line of a case without its bus log, and the log.
+
+    Inside a string every quotation mark has a backslash before it, so the marks are keys; behind the log, which is the last
+    but one, there is none of these names.
+    """
+    start, end = line.rfind(_LOG), line.rfind(_AFTER_LOG)
+    if not 0 < start < end:
+        return line, b""
+    return line[:start] + line[end + 1 :], line[start + len(_LOG) - 1 : end + 1]
 
 
 def _mend_tail(file: io.BufferedRandom) -> None:
@@ -264,94 +286,11 @@ def _read_header(folder: Path) -> dict[str, Any]:
         raise StoreError(f"{folder}: no run here; {RUN_FILE} is missing") from None
     except ValueError as error:
         raise StoreError(f"{path}: damaged: {error}") from error
-    if not isinstance(plain, dict) or plain.pop("format", None) != FORMAT:
-        raise StoreError(f"{path}: not a run of format {FORMAT}")
+    if not isinstance(plain, dict) or plain.pop("format", None) not in READABLE:
+        raise StoreError(f"{path}: not a run of format {' or '.join(map(str, READABLE))}")
     return plain
 
 
 def _write_header(folder: Path, plain: dict[str, Any]) -> None:
     text = json.dumps({"format": FORMAT, **plain}, default=plain_number, indent=1)
-    _write_whole(folder / RUN_FILE, text.encode("ascii"))
-
-
-def _write_signals(folder: Path, case: CaseResult) -> dict[str, Any] | None:
-    """Write the archive of a case; return what the journal says about it."""
-    if not case.signals:
-        return None
-    arrays: dict[str, NDArray[Any]] = {}
-    names: dict[bytes, str] = {}
-    columns: list[list[Any]] = []
-    for signal in case.signals:
-        # Most signals share one time axis: store each distinct one once.
-        key = hashlib.sha256(signal.time_s.tobytes() + str(signal.time_s.dtype).encode()).digest()
-        if key not in names:
-            names[key] = f"time{len(names)}"
-            arrays[names[key]] = signal.time_s
-        column = f"column{len(columns)}"
-        arrays[column] = signal.values
-        columns.append([signal.name, signal.unit, names[key], column, list(signal.enum.items())])
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    content = buffer.getvalue()
-    # Named by content: writing a case again never touches the archive that an older line of the journal points at.
-    readable = re.sub(r"[^A-Za-z0-9._-]+", "_", case.identifier)[:60].strip("._") or "case"
-    name = f"{SIGNAL_FOLDER}/{readable}-{hashlib.sha256(content).hexdigest()[:16]}.npz"
-    (folder / SIGNAL_FOLDER).mkdir(exist_ok=True)
-    _write_whole(folder / name, content)
-    numbers = [list(one) for one in signal_measures(case.signals) if math.isfinite(one.value)]
-    return {"file": name, "columns": columns, "numbers": numbers}
-
-
-def _read_signals(folder: Path, plain: dict[str, Any]) -> list[Signal]:
-    path = folder / SIGNAL_FOLDER / Path(str(plain.get("file", ""))).name
-    try:
-        with zipfile.ZipFile(path) as archive:
-            arrays = {name.removesuffix(".npy"): _array(archive.read(name)) for name in archive.namelist()}
-        return [
-            Signal(name, unit, arrays[time], arrays[column], {int(value): text for value, text in enum})
-            for name, unit, time, column, enum in plain["columns"]
-        ]
-    except (OSError, ValueError, KeyError, TypeError, SyntaxError, zlib.error, zipfile.BadZipFile) as error:
-        raise StoreError(f"{path}: signals missing or damaged: {error}") from error
-
-
-def _array(content: bytes) -> NDArray[Any]:
-    """Return the array of a member: as `numpy.load` does, which would parse the same few headers thousands of times."""
-    size, start = _PLACES.get(content[:7], (0, 0))
-    length = int.from_bytes(content[8 : 8 + size], "little")
-    if not length:
-        raise ValueError("a member is no NumPy array")
-    kind, shape = _header(content[start : start + length])
-    return np.frombuffer(content, kind, offset=start + length).reshape(shape).copy()
-
-
-@lru_cache(maxsize=256)
-def _header(text: bytes) -> tuple[np.dtype[Any], tuple[int, ...]]:
-    plain = ast.literal_eval(text.decode("latin-1"))
-    kind = np.dtype(plain["descr"])
-    if kind.hasobject or (plain["fortran_order"] and len(plain["shape"]) > 1):
-        raise ValueError(f"a member holds {plain['descr']}, which no signal has")
-    return kind, plain["shape"]
-
-
-def _write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that a reader sees the old one or the whole new one."""
-    draft = path.with_name(path.name + ".part")
-    with draft.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    draft.replace(path)
-    _sync_folder(path.parent)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make new names durable where the system lets a folder be opened (not on Windows)."""
-    try:
-        handle = os.open(folder, os.O_RDONLY)
-    except OSError:
-        return
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+    write_whole(folder / RUN_FILE, text.encode("ascii"))

@@ -236,10 +236,10 @@ class Runner:
             )
 
     def _keep(self, result: CaseResult) -> None:
-        self._results[result.identifier] = result
         if self._options.directory is not None:
-            result.signals = write_case(self._options.directory, result)
+            result = write_case(self._options.directory, result)
             pack_case(result)
+        self._results[result.identifier] = result
         if self._on_result is not None:
             self._on_result(result, len(self._results), len(self._cases))
 

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator
-from itertools import chain
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from reports.html.payload import case_payload, script_json
+from reports.html.packing import Order, case_text, pack_files, write_text
 from reports.model import RunResult
 from reports.summary import run_digest
 
@@ -57,24 +55,19 @@ def pack(run: RunResult, page: Path, *, points: int, library: str, limit: int = 
     ).hexdigest()[:16]
     held: list[str] = []
     size = 0
-    texts = _texts(run, points)
-    for text in texts:
-        held.append(text)
-        size += len(text)
+    for case in run.cases:
+        held.append(case_text(case, points))
+        size += len(held[-1])
         if size > limit:
             break
     else:
         return Bundle(held, "", key)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / PLOT_LIBRARY).write_bytes(library.encode("utf-8", "replace"))
-    for place, text in enumerate(chain(held, texts)):
-        (folder / f"{place}.js").write_bytes(f'hilData("{key}",{place},{text});\n'.encode("utf-8", "replace"))
+    for place, text in enumerate(held):
+        write_text(folder, key, place, text)
+    pack_files(Order(folder, key, points, len(held), run.cases[len(held) :]))
     return Bundle([], folder.name, key)
-
-
-def _texts(run: RunResult, points: int) -> Iterator[str]:
-    for case in run.cases:
-        yield script_json(case_payload(case, points=points))
 
 
 def _clear(folder: Path) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -18,9 +17,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-_DIGITS: Final = np.frombuffer(
-    b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_", dtype=np.uint8
-)
+_DIGITS: Final = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_".ljust(256)
+"""Characters of the numbers below 64, as a table for `bytes.translate`."""
 _LEVELS: Final = 2e-6
 """Greatest quantum as a part of the range of a signal; the decimal quantum is up to ten times finer."""
 
@@ -53,14 +51,14 @@ def thin(time_s: Floats, values: Floats, points: int, focus_s: Sequence[float]) 
         keep[max(0, index - half) : index + half + 1] = True
     buckets = max(1, (points - int(keep.sum())) // 3)
     edges = np.linspace(0, size, buckets + 1).astype(np.intp)
+    places = edges[:-1, None] + np.arange(int(np.diff(edges).max()))
+    inside = places < edges[1:, None]
+    places = np.minimum(places, size - 1)
     finite = np.isfinite(values)
-    low = np.where(finite, values, np.inf)
-    high = np.where(finite, values, -np.inf)
-    for start, end in pairwise(edges.tolist()):
-        if end > start:
-            keep[start] = True
-            keep[start + int(np.argmin(low[start:end]))] = True
-            keep[start + int(np.argmax(high[start:end]))] = True
+    keep[edges[:-1]] = True
+    for sign in (1.0, -1.0):
+        extremes = np.where(inside & finite[places], sign * values[places], np.inf).argmin(axis=1)
+        keep[edges[:-1] + extremes] = True
     # A gap must stay one: keep the samples at both of its edges.
     edge = np.flatnonzero(finite[1:] != finite[:-1])
     if len(edge) <= points:
@@ -82,36 +80,98 @@ def encode(values: Floats, quantum: float | None = None) -> dict[str, Any]:
         for little-endian float32 in base 64, to be added to `a`, where samples are missing or infinite.
 
     """
-    size = len(values)
-    if size == 0:
-        return {"n": 0, "c": 0}
-    if not np.isfinite(values).all():
-        return _floats(values)
-    low, high = float(values.min()), float(values.max())
-    if low == high:
-        return {"n": size, "c": low}
+    return encode_all([(values, quantum)])[0]
+
+
+def encode_all(columns: Sequence[tuple[Floats, float | None]]) -> list[dict[str, Any]]:
+    """Return `encode` of many columns: all at once, since a column is short and a call of NumPy is not free."""
+    found: list[dict[str, Any]] = [{"n": 0, "c": 0}] * len(columns)
+    filled = [place for place, (values, _quantum) in enumerate(columns) if len(values)]
+    if not filled:
+        return found
+    flat = np.concatenate([columns[place][0] for place in filled])
+    starts = _starts([len(columns[place][0]) for place in filled])
+    lows = np.minimum.reduceat(flat, starts).tolist()
+    highs = np.maximum.reduceat(flat, starts).tolist()
+    counts = np.logical_and.reduceat(flat == np.rint(flat), starts).tolist()
+    chosen: list[int] = []
+    exponents: list[int] = []
+    for place, low, high, whole in zip(filled, lows, highs, counts, strict=True):
+        values, quantum = columns[place]
+        if low == high and math.isfinite(low):
+            found[place] = {"n": len(values), "c": low}
+            continue
+        exponent = _exponent(low, high, quantum, whole=whole)
+        if exponent is None:
+            found[place] = _floats(values)
+        else:
+            chosen.append(place)
+            exponents.append(exponent)
+    if chosen:
+        quantised = _quantised([columns[place][0] for place in chosen], exponents)
+        for place, plain in zip(chosen, quantised, strict=True):
+            found[place] = plain
+    return found
+
+
+def _exponent(low: float, high: float, quantum: float | None, *, whole: bool) -> int | None:
+    """Return the decimal exponent of the quantum for samples between two limits; None where there can be none.
+
+    `whole`: all samples are whole numbers, which stay exact unless a quantum is given.
+    """
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return None
     finest = (high - low) * _LEVELS if quantum is None else quantum * 1.0000001
     if not 0 < finest < math.inf:  # a subnormal range, or one beyond the largest float
-        return _floats(values)
+        return None
     exponent = math.floor(math.log10(finest))
-    if quantum is None and high - low <= 2**41 and np.array_equal(values, np.rint(values)):
+    if quantum is None and whole and high - low <= 2**41:
         exponent = 0  # counts and encoder increments stay exact
     peak = max(abs(low), abs(high))
-    if (
-        exponent < 290 and peak > 2**50 * 10.0**exponent
-    ):  # a small change on a large offset: as fine as a float is
+    if exponent < 290 and peak > 2**50 * 10.0**exponent:
+        # A small change on a large offset: as fine as a float is.
         exponent = math.ceil(math.log10(peak / 2**50))
-    if not -300 < exponent < 290:
-        return _floats(values)
+    return exponent if -300 < exponent < 290 else None
+
+
+def _quantised(columns: Sequence[Floats], exponents: Sequence[int]) -> list[dict[str, Any]]:
+    """Return the objects of columns of at least two samples, of differences of the first or second order each."""
     # Multiply or divide by a whole power of ten: that is exact to the last digit, 10**-6 itself is not.
-    scaled = values * 10.0**-exponent if exponent < 0 else values / 10.0**exponent
-    whole = np.rint(scaled).astype(np.int64)
-    first = np.diff(whole)
-    second = np.diff(first)
+    scaled = [
+        values * 10.0**-exponent if exponent < 0 else values / 10.0**exponent
+        for values, exponent in zip(columns, exponents, strict=True)
+    ]
+    whole = np.rint(np.concatenate(scaled)).astype(np.int64)
+    sizes = [len(values) for values in columns]
+    starts = _starts(sizes)
+    first = np.zeros_like(whole)
+    np.subtract(whole[1:], whole[:-1], out=first[1:])
+    first[starts] = 0
+    second = np.zeros_like(whole)
+    np.subtract(first[1:], first[:-1], out=second[1:])
+    second[starts] = 0
+    second[starts + 1] = 0
     one, two = _fold(first), _fold(second)
-    if size > 2 and _length(two) < _length(one):
-        return {"n": size, "q": exponent, "b": [int(whole[0]), int(first[0])], "o": 2, "d": _digits(two)}
-    return {"n": size, "q": exponent, "b": [int(whole[0])], "o": 1, "d": _digits(one)}
+    width_one, width_two = _widths(one), _widths(two)
+    # What has no difference before it has the width of a zero, and is not written.
+    length_one = np.add.reduceat(width_one, starts) - 1
+    length_two = np.add.reduceat(width_two, starts) - 2
+    twice = (np.array(sizes) > 2) & (length_two < length_one)
+    everywhere = np.repeat(twice, sizes)
+    used = np.ones(len(whole), dtype=bool)
+    used[starts] = False
+    used[starts[twice] + 1] = False
+    digits = _digits(np.where(everywhere, two, one)[used], np.where(everywhere, width_two, width_one)[used])
+    ends = np.where(twice, length_two, length_one).cumsum().tolist()
+    found = []
+    end = 0
+    for size, exponent, start, second_order, next_end in zip(
+        sizes, exponents, starts.tolist(), twice.tolist(), ends, strict=True
+    ):
+        base = [int(whole[start]), int(first[start + 1])] if second_order else [int(whole[start])]
+        found.append({"n": size, "q": exponent, "b": base, "o": 1 + second_order, "d": digits[end:next_end]})
+        end = next_end
+    return found
 
 
 def decode(plain: dict[str, Any]) -> Floats:
@@ -121,7 +181,7 @@ def decode(plain: dict[str, Any]) -> Floats:
         return np.full(size, float(plain["c"]))
     if "f" in plain:
         return np.frombuffer(base64.b64decode(plain["f"]), dtype="<f4").astype(np.float64) + float(plain["a"])
-    digits = {int(code): value for value, code in enumerate(_DIGITS)}
+    digits = {code: value for value, code in enumerate(_DIGITS[:64])}
     numbers, number, scale = [], 0, 1
     for code in plain["d"].encode("ascii"):
         digit = digits[code]
@@ -138,32 +198,35 @@ def decode(plain: dict[str, Any]) -> Floats:
     return samples / 10.0**-exponent if exponent < 0 else samples * 10.0**exponent
 
 
-def _fold(numbers: NDArray[np.int64]) -> NDArray[np.unsignedinteger]:
-    """Return the numbers with their signs as lowest bits, as narrow as they may be."""
-    folded = (np.abs(numbers).astype(np.uint64) << np.uint64(1)) | (numbers < 0).astype(np.uint64)
-    return folded.astype(np.uint32) if len(folded) == 0 or folded.max() < 2**32 else folded
+def _starts(sizes: Sequence[int]) -> NDArray[np.intp]:
+    """Return where each of several columns begins that stand one after the other."""
+    starts = np.zeros(len(sizes), dtype=np.intp)
+    np.cumsum(sizes[:-1], out=starts[1:])
+    return starts
 
 
-def _width(folded: NDArray[np.unsignedinteger]) -> int:
-    return max(1, -(-int(folded.max()).bit_length() // 5)) if len(folded) else 0
+def _fold(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the numbers with their signs as lowest bits: of at most 2**54, for none is beyond 2**53."""
+    return (np.abs(numbers) << 1) | (numbers < 0)
 
 
-def _length(folded: NDArray[np.unsignedinteger]) -> int:
-    """Return the number of digits that the numbers take."""
-    return sum(int(np.count_nonzero(folded >= 32**place)) for place in range(1, _width(folded))) + len(folded)
+def _widths(folded: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the number of digits that each number takes."""
+    bits = np.frexp(folded.astype(np.float64))[1].astype(np.int64)
+    return np.maximum(1, (bits + 4) // 5)
 
 
-def _digits(folded: NDArray[np.unsignedinteger]) -> str:
-    width = _width(folded)
-    if width == 0:
-        return ""
-    kind = folded.dtype.type
-    parts = folded[:, None] >> (np.arange(width, dtype=folded.dtype) * kind(5))[None, :]
-    more = parts > kind(31)
-    codes = (parts & kind(31)).astype(np.uint8) | (more.astype(np.uint8) << np.uint8(5))
-    used = np.ones_like(more)
-    used[:, 1:] = more[:, :-1]
-    return str(_DIGITS[codes[used]].tobytes(), "ascii")
+def _digits(folded: NDArray[np.int64], widths: NDArray[np.int64]) -> str:
+    """Return the digits of all numbers, lowest first."""
+    most = int(widths.max())
+    codes = np.empty((len(folded), most), dtype=np.uint8)
+    rest = folded
+    for place in range(most):
+        codes[:, place] = rest & 31
+        rest = rest >> 5
+    used = np.arange(most) < widths[:, None]
+    codes[:, :-1] |= used[:, 1:].view(np.uint8) << np.uint8(5)
+    return str(codes[used].tobytes().translate(_DIGITS), "ascii")
 
 
 def _floats(values: Floats) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from reports.coverage import reactions_to, state_of, stop_modes
 from reports.html.homing import drawing_payload
-from reports.html.numbers import encode, thin
+from reports.html.numbers import encode_all, thin
 from reports.html.signals import Lane, Panel, arrange, bands, component, is_setpoint
 from reports.model import CaseResult, Check, Message, Scalar, Signal, Step, Verdict
 from reports.words import (
@@ -114,8 +114,11 @@ def case_payload(case: CaseResult, *, points: int) -> dict[str, Any]:
 
     """
     focus = focus_times(case)
+    messages = list(case.messages)
     panels, lanes = arrange(_clean(case.signals), _interest(case))
-    times = _TimeTable()
+    columns = _Columns()
+    shown = [_panel(panel, columns, points, focus) for panel in panels]
+    columns.encode()
     applied = [fault.applied_s for fault in case.faults if fault.applied_s is not None]
     start = min((float(signal.time_s[0]) for signal in case.signals if len(signal.time_s)), default=0.0)
     return {
@@ -167,12 +170,12 @@ def case_payload(case: CaseResult, *, points: int) -> dict[str, Any]:
             for f in case.faults
         ],
         "messages": _messages(
-            case.messages, focus, MAX_MESSAGES if case.verdict is not Verdict.PASSED else MAX_MESSAGES // 2
+            messages, focus, MAX_MESSAGES if case.verdict is not Verdict.PASSED else MAX_MESSAGES // 2
         ),
-        "messageTotal": len(case.messages),
-        "panels": [_panel(panel, times, points, focus) for panel in panels],
+        "messageTotal": len(messages),
+        "panels": shown,
         "lanes": [_lane(lane) for lane in lanes],
-        "times": times.encoded,
+        "times": columns.times,
         "homings": [drawing_payload(drawing) for drawing in case.homings],
         "files": [[name, path, file_link(path)] for name, path in case.files.items()],
     }
@@ -249,49 +252,75 @@ def select_messages(messages: Sequence[Message], focus: list[float], limit: int 
     return sorted(sorted(range(len(messages)), key=distance)[:limit])
 
 
-class _TimeTable:
-    """Time axes of a case, each distinct one stored once."""
+class _Columns:
+    """The samples of a case, which are encoded all at once, and its time axes, each distinct one stored once."""
 
     def __init__(self) -> None:
-        self.encoded: list[dict[str, Any]] = []
+        self.times: list[dict[str, Any]] = []
+        self._columns: list[tuple[NDArray[np.float64], float | None]] = []
+        self._places: list[dict[str, Any]] = []
         self._known: dict[bytes, int] = {}
+        self._seen: dict[int, tuple[NDArray[np.float64], int]] = {}
 
-    def add(self, time_s: NDArray[np.float64]) -> int:
+    def add(self, values: NDArray[np.float64], quantum: float | None = None) -> dict[str, Any]:
+        """Return the object that holds the samples after `encode`."""
+        place: dict[str, Any] = {}
+        self._columns.append((values, quantum))
+        self._places.append(place)
+        return place
+
+    def add_time(self, time_s: NDArray[np.float64]) -> int:
+        """Return the number of a time axis."""
+        seen = self._seen.get(id(time_s))  # most signals share the very array, which stays alive in here
+        if seen is not None:
+            return seen[1]
         key = hashlib.sha256(time_s.tobytes()).digest()
         if key not in self._known:
-            self._known[key] = len(self.encoded)
-            self.encoded.append(encode(time_s, _TIME_QUANTUM_S))
+            self._known[key] = len(self.times)
+            self.times.append(self.add(time_s, _TIME_QUANTUM_S))
+        self._seen[id(time_s)] = time_s, self._known[key]
         return self._known[key]
+
+    def encode(self) -> None:
+        """Fill the objects."""
+        for place, plain in zip(self._places, encode_all(self._columns), strict=True):
+            place.update(plain)
 
 
 def _clean(signals: Iterable[Signal]) -> list[Signal]:
     """Return the signals as float64 with ascending times; a recording of a real machine may have neither."""
     found = []
+    known: dict[int, tuple[NDArray[np.float64], bool]] = {}
     for signal in signals:
         time = np.asarray(signal.time_s, dtype=np.float64)
         values = np.asarray(signal.values, dtype=np.float64)
-        size = min(len(time), len(values))
-        time, values = time[:size], values[:size]
-        usable = np.isfinite(time)
-        if not usable.all():
+        if len(time) != len(values):
+            size = min(len(time), len(values))
+            time, values = time[:size], values[:size]
+        if id(time) not in known:
+            known[id(time)] = time, bool(np.isfinite(time).all() and (np.diff(time) >= 0).all())
+        if not known[id(time)][1]:
+            usable = np.isfinite(time)
             time, values = time[usable], values[usable]
-        if len(time) > 1 and (np.diff(time) < 0).any():
             order = np.argsort(time, kind="stable")
             time, values = time[order], values[order]
         found.append(Signal(signal.name, signal.unit, time, values, signal.enum))
     return found
 
 
-def _panel(panel: Panel, times: _TimeTable, points: int, focus: list[float]) -> dict[str, Any]:
+def _panel(panel: Panel, columns: _Columns, points: int, focus: list[float]) -> dict[str, Any]:
     traces = []
     for signal in panel.signals:
-        index = thin(signal.time_s, signal.values, points, focus)
+        time_s, values = signal.time_s, signal.values
+        if len(values) > points:
+            index = thin(time_s, values, points, focus)
+            time_s, values = time_s[index], values[index]
         traces.append(
             {
                 "name": signal.name,
                 "set": is_setpoint(signal.name),
-                "t": times.add(signal.time_s[index]),
-                "y": encode(signal.values[index]),
+                "t": columns.add_time(time_s),
+                "y": columns.add(values),
             }
         )
     return {"title": panel.title, "unit": panel.unit, "on": panel.shown, "traces": traces}

@@ -6,9 +6,11 @@ for something (alarm number, mode) say nothing as a curve; they become lanes: co
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -76,6 +78,14 @@ def base_name(name: str) -> str:
     return name.rpartition(".")[2].lower()
 
 
+@lru_cache(maxsize=4096)
+def _quantity(name: str) -> str:
+    """Return the title of the panel of a signal; names repeat from case to case."""
+    own = base_name(name)
+    return next((title for pattern, title in _QUANTITIES if re.search(pattern, own)), "") or name
+
+
+@lru_cache(maxsize=4096)
 def is_setpoint(name: str) -> bool:
     """Return whether the signal is what the axis was told, not what it did."""
     return _SETPOINT.search(base_name(name)) is not None
@@ -106,10 +116,7 @@ def arrange(signals: Iterable[Signal], interest: Iterable[str] = ()) -> tuple[li
         if kind:
             lanes.append(Lane(signal, kind, shown=kind == "state"))
             continue
-        title = next(
-            (title for pattern, title in _QUANTITIES if re.search(pattern, base_name(signal.name))), ""
-        )
-        title = title or signal.name
+        title = _quantity(signal.name)
         panels.setdefault((title, signal.unit), Panel(title, signal.unit)).signals.append(signal)
     wanted = set(interest)
     ranked = sorted(
@@ -161,8 +168,8 @@ def bands(lane: Lane) -> tuple[list[float], list[float | None]]:
         span = max(float(signal.time_s[-1] - signal.time_s[0]), 1e-9)
         slots = ((signal.time_s[index] - signal.time_s[0]) / span * (_MAX_BANDS - 1)).astype(np.int64)
         index = index[np.unique(slots, return_index=True)[1]]
-    starts = [round(float(time), 7) for time in signal.time_s[index]]
-    return starts, [float(value) if np.isfinite(value) else None for value in values[index]]
+    starts = [round(time, 7) for time in signal.time_s[index].tolist()]
+    return starts, [value if math.isfinite(value) else None for value in values[index].tolist()]
 
 
 def _lane_kind(signal: Signal) -> str:

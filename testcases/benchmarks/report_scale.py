@@ -85,9 +85,7 @@ def large_run(source: RunResult, cases: int, folder: Path) -> RunResult:
         clear_run(folder)
     start_run(folder, run)
     for number in range(cases):
-        case = variation(source.cases[number % len(source.cases)], number)
-        case.signals = write_case(folder, case)
-        run.cases.append(case)
+        run.cases.append(write_case(folder, variation(source.cases[number % len(source.cases)], number)))
     finish_run(folder)
     complete(run)
     return run

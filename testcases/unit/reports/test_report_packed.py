@@ -41,5 +41,6 @@ def test_a_case_with_packed_lists_is_stored_as_any_other(tmp_path):
 
     assert load_run(tmp_path).cases[0].messages == MESSAGES
     (lazy,) = load_run(tmp_path, lazy=True).cases
-    assert isinstance(lazy.messages, Packed)
+    assert isinstance(lazy.story, Packed)
+    assert not isinstance(lazy.messages, list)
     assert (lazy.story, lazy.messages, lazy.alarms) == (case.story, MESSAGES, [])

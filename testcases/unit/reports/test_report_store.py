@@ -18,9 +18,11 @@ from reports import (
     CaseResult,
     Check,
     FaultRecord,
+    Message,
     ReportError,
     RunResult,
     Signal,
+    Step,
     StoreError,
     Verdict,
     fault_state_matrix,
@@ -70,9 +72,11 @@ def test_writing_a_case_gives_what_need_not_stay_in_memory(run, tmp_path):
     case = next(dataclasses.replace(case) for case in run.cases if case.signals)
     start_run(tmp_path, bare(run))
     stored = write_case(tmp_path, case)
-    assert stored == case.signals
-    assert not isinstance(stored, list)
-    assert write_case(tmp_path, CaseResult("bare", "", Verdict.PASSED)) == []
+    assert stored == case
+    assert not isinstance(stored.signals, list)
+    assert not isinstance(stored.messages, list)
+    bare_case = CaseResult("bare", "", Verdict.PASSED)
+    assert write_case(tmp_path, bare_case) == bare_case
 
 
 def test_hostile_texts_read_back_equal(hostile, tmp_path):
@@ -299,3 +303,41 @@ def test_damaged_header_and_archive_are_named(run, tmp_path):
     (tmp_path / "a" / "run.json").write_text("{", encoding="ascii")
     with pytest.raises(ReportError, match=r"run\.json: damaged"):
         load_run(tmp_path / "a")
+
+
+def test_archive_with_a_member_for_every_column_is_read(tmp_path):
+    """A run of the first format, as earlier versions have left it, loads and goes on."""
+    start_run(tmp_path, RunResult("t", 1, "b", "", {}, ""))
+    header = json.loads((tmp_path / "run.json").read_bytes())
+    (tmp_path / "run.json").write_text(json.dumps({**header, "format": 1}), encoding="ascii")
+    (tmp_path / "signals").mkdir()
+    time, values = np.arange(3.0), np.array([1.0, math.nan, -2.5])
+    np.savez_compressed(tmp_path / "signals" / "old.npz", time0=time, column0=values, column1=-values)
+    columns = [["a.x", "mm", "time0", "column0", []], ["a.s", "", "time0", "column1", [[1, "one"]]]]
+    old = {"identifier": "old", "title": "", "verdict": "passed", "messages": []}
+    old["signals"] = {"file": "signals/old.npz", "columns": columns}
+    (tmp_path / "cases.jsonl").write_text(json.dumps(old) + "\n", encoding="ascii")
+    new = CaseResult("new", "", Verdict.PASSED, signals=[Signal("b.y", "V", time, values)])
+    write_case(tmp_path, new)
+    finish_run(tmp_path)
+    signals = [Signal("a.x", "mm", time, values), Signal("a.s", "", time, -values, {1: "one"})]
+    for lazy in (False, True):
+        assert load_run(tmp_path, lazy=lazy).cases == [
+            CaseResult("old", "", Verdict.PASSED, signals=signals),
+            new,
+        ]
+
+
+def test_texts_that_look_like_the_bus_log_of_the_journal(tmp_path):
+    """The log is found by its key, whatever stands in texts, details and names around it."""
+    trap = ',"messages":[[1]],"signals":{"messages":['
+    case = CaseResult(
+        trap, trap, Verdict.FAILED, trap, tags=[trap, ",", "messages"],
+        story=[Step(0.0, "do", trap, {"messages": trap, "signals": "[", trap: None})],
+        messages=[Message(0.1, "can0", 1, "00", trap, f"],{trap}", trap)],
+        signals=[Signal(trap, "],", np.arange(2.0), np.zeros(2), {0: trap, 1: '],"signals":'})],
+    )  # fmt: skip
+    run = RunResult("t", 1, "b", "", {}, "", [case, CaseResult("none", "", Verdict.PASSED)])
+    save_run(tmp_path, run)
+    assert load_run(tmp_path) == run
+    assert load_run(tmp_path, lazy=True) == run
