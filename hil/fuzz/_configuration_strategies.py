@@ -189,6 +189,13 @@ def _profidrive(tables: _Tables, drive: Any, *, on_can: bool) -> dict[str, Part]
         "reaction": _variable(tables, "Actor.RemoveEnableReaction", 1, 3, 5),
         "reference": st.sampled_from([3000.0, 6000.0]).map(lambda rpm: own(reference_speed_rpm=rpm)),
     }  # fmt: skip
+    parts["velocity"] = _variable(tables, "Sensor[1].ActualVelocityMode", 1)
+    if on_can:
+        # Over Modbus the transfer takes longer than an axis may need to come up, and a register map has no room for more words.
+        parts["transfer"] = st.just(tables.variables({"Actor.DataAdaption": 1, "Sensor[1].DataAdaption": 1}))
+        parts["supplement"] = st.one_of(
+            _one(own, "torque_telegram", True), _one(own, "safety_telegram", 700, 701)
+        )
     if on_can and drive.telegram in {5, 105}:
         parts["position control"] = _variable(tables, "PositionControl.EnableDSC", True)
     return parts
