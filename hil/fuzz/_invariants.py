@@ -278,8 +278,10 @@ class ComesUp(Invariant):
 
     name = "comes up"
     requirements = ("STP-015", "STP-030")
-    WITHIN_S: Final = 0.27
-    """Less than what a program waits after `PREAMBLE` has enabled the axis, more than a drive needs."""
+    WITHIN_S: Final = 0.2
+    """What a drive may need by itself; a program waits longer after `PREAMBLE` has enabled the axis."""
+    CYCLES: Final = 25
+    """What the handshake of control and status word may take besides."""
 
     def __init__(self, bench: Any, axis: str) -> None:
         self._axis = axis
@@ -287,6 +289,8 @@ class ComesUp(Invariant):
         self._enable = _reader(bench, f"{axis}.power_enable")
         self._status = _reader(bench, f"{axis}.power_status")
         self._decided = self._enable is None or self._status is None
+        cycle_s = bench.trace().constants.get(f"{axis}.cycle_s", 0.004)
+        self._within_ns = seconds_to_ns(self.WITHIN_S + self.CYCLES * cycle_s)
         self._since_ns: int | None = None
         self._alarm = ""
 
@@ -310,7 +314,7 @@ class ComesUp(Invariant):
             self._since_ns = now
         if self._status():
             self._decided = True
-        elif self._alarm or now - self._since_ns > seconds_to_ns(self.WITHIN_S):
+        elif self._alarm or now - self._since_ns > self._within_ns:
             return f"not enabled {(now - self._since_ns) * 1e-9:.3f} s after MC_Power, {self._alarm or 'no alarm'}"
         return ""
 

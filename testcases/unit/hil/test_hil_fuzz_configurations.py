@@ -137,7 +137,7 @@ def test_a_bench_whose_axis_does_not_come_up_is_a_finding():
     slow = Configuration({"power on": {"drive": {"drive1": {"power_on_delay_ms": 2000.0}}}})
     violation = run_program(Program(ON, slow), REFERENCE).violation
     assert violation.invariant == "comes up"
-    assert "not enabled 0.27" in violation.text
+    assert "not enabled 0.30" in violation.text
     assert run_program(Program(ON), REFERENCE).violation is None
     excused = Program.from_json([{"fault": {"kind": "drive.sto"}}, *Program(ON).to_json()])
     assert run_program(excused, REFERENCE).violation is None

@@ -23,6 +23,7 @@ FINDINGS = {
         "reference",
         [*ON, {"do": "move_relative", "distance": 10.0, "velocity": 10.0}, {"do": "power_off", "stop_mode": 2}, {"fault": {"kind": "controller.stall", "duration_s": 0.02}}],
     ),
+    "an axis with a slow bus that comes up": ("profidrive_rtu", ON),
     "a speed axis between cycles of the interpolator": ("speed", [SLOW, *ON, {"do": "move_velocity", "velocity": 100.0}]),
 }  # fmt: skip
 
