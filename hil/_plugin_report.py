@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from hil._requirements import complete
 from hil.campaign import environment_facts
 from hil.campaign._evidence import build_alarms, build_faults, build_messages, build_signals, build_story
 from hil.campaign._runner import clear_run
+from hil.pytest_plugin import WORKERS
 from hil.record import homing_drawings
 from reports import write_report
 from reports.model import CaseResult, RunResult, Verdict
@@ -22,8 +24,6 @@ if TYPE_CHECKING:
 
     from hil.faults import Injector
     from hil.testing import CurrentTrace
-
-_WORKERS = "workers"
 
 
 class _Entry:
@@ -49,7 +49,7 @@ class PluginReport:
     """
 
     def __init__(self, directory: Path, seed: int, worker: str = "") -> None:
-        self.directory = directory / _WORKERS / worker if worker else directory
+        self.directory = directory / WORKERS / worker if worker else directory
         self._seed = seed
         self._entries: dict[str, _Entry] = {}
         self._started = False
@@ -138,14 +138,24 @@ def new_run(seed: int, bench_name: str, bench_text: str) -> RunResult:
     return RunResult("pytest", seed, bench_name, bench_text, environment_facts(), started)
 
 
-def finish_report(config: pytest.Config, report: PluginReport | None, *, worker: bool) -> None:
-    """End the run of this process; the main process gathers what its workers have left and writes the report."""
+def finish_report(
+    config: pytest.Config, report: PluginReport | None, *, worker: bool, crashed: Mapping[str, str]
+) -> None:
+    """End the run of this process; the main process gathers what its workers have left and writes the report.
+
+    Args:
+        config: Of pytest.
+        report: What this process has collected.
+        worker: Whether it is a worker of xdist.
+        crashed: What is said of tests that have taken their worker along.
+
+    """
     if report is not None and report.started:
         finish_run(report.directory)
     if worker:
         return
     directory = Path(str(config.getoption("--hil-report")))
-    _gather(directory)
+    _gather(directory, crashed)
     if not (directory / RUN_FILE).exists():
         return
     run = load_run(directory, lazy=True)
@@ -157,16 +167,29 @@ def finish_report(config: pytest.Config, report: PluginReport | None, *, worker:
         reporter.write_line(f"bench report: {written.report}")
 
 
-def _gather(directory: Path) -> None:
-    """Merge the runs of xdist workers into the main one, in the order of test names."""
-    folder = directory / _WORKERS
+def _gather(directory: Path, crashed: Mapping[str, str]) -> None:
+    """Merge the runs of xdist workers into the main one, in the order of test names; a test that crashed is an error."""
+    folder = directory / WORKERS
     if not folder.is_dir():
         return
     runs = [load_run(part, lazy=True) for part in sorted(folder.iterdir()) if (part / RUN_FILE).exists()]
     if runs:
         if (directory / RUN_FILE).exists():
             clear_run(directory)
-        cases = sorted((case for run in runs for case in run.cases), key=lambda case: case.identifier)
+        lost = [
+            CaseResult(
+                name,
+                name.partition("::")[2] or name,
+                Verdict.ERROR,
+                message,
+                name.partition("::")[0],
+                seed=runs[0].seed,
+            )
+            for name, message in crashed.items()
+        ]
+        cases = sorted(
+            [*lost, *(case for run in runs for case in run.cases)], key=lambda case: case.identifier
+        )
         start_run(directory, runs[0])
         for case in cases:
             write_case(directory, case)

@@ -6,6 +6,7 @@ for it.
 
 from __future__ import annotations
 
+import shutil
 import warnings
 from collections.abc import Generator, Iterator
 from pathlib import Path
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
     from hil._plugin_results import RequirementLog
 
 _PROPERTY = "requirement"
+_CRASHED = "???"
+"""Phase that xdist gives for a test whose worker has died."""
+WORKERS = "workers"
+"""Folder, in that of the report, in which xdist workers leave their runs for the main process."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -91,6 +96,8 @@ class _Session:
         )
         self.log: RequirementLog | None = None
         self._report: PluginReport | None = None
+        self.crashed: dict[str, str] = {}
+        """Tests that have taken their xdist worker along, with what xdist says of it."""
 
     @property
     def report(self) -> PluginReport | None:
@@ -102,8 +109,17 @@ class _Session:
             self._report = PluginReport(Path(directory), run_seed(self.config), self.worker)
         return self._report
 
+    @pytest.hookimpl(tryfirst=True)  # before xdist starts its workers
+    def pytest_sessionstart(self) -> None:
+        """Take away what workers of a killed session have left: it belongs to no run of now."""
+        directory = self.config.getoption("--hil-report")
+        if directory and not self.worker and not self.config.getoption("collectonly", default=False):
+            shutil.rmtree(Path(directory) / WORKERS, ignore_errors=True)
+
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Note the outcome of a test that carries requirement marks; workers leave that to the main process."""
+        if cast("str", report.when) == _CRASHED:
+            self.crashed[report.nodeid] = report.longreprtext
         identifiers = [str(value) for name, value in report.user_properties if name == _PROPERTY]
         if not identifiers or self.worker:
             return
@@ -147,7 +163,7 @@ class _Session:
         if self.config.getoption("--hil-report") and not self.config.getoption("collectonly", default=False):
             from hil._plugin_report import finish_report
 
-            finish_report(self.config, self._report, worker=bool(self.worker))
+            finish_report(self.config, self._report, worker=bool(self.worker), crashed=self.crashed)
 
 
 def _session(config: pytest.Config) -> _Session:

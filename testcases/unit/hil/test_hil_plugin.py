@@ -6,10 +6,11 @@ import sys
 
 import pytest
 
+from hil._plugin_report import new_run
 from hil._plugin_results import RequirementLog, passed_requirements, read_results, write_results
 from hil.campaign import Runner, RunOptions, find_campaigns, select_cases
-from reports.model import Verdict
-from reports.store import load_run
+from reports.model import CaseResult, Verdict
+from reports.store import load_run, start_run, write_case
 
 pytest_plugins = ["pytester"]
 
@@ -107,6 +108,32 @@ def test_workers_of_xdist_leave_the_same_results(suite):
     assert not (suite.path / "rep" / "workers").exists()
     assert (suite.path / "rep" / "report.html").exists()
     assert not (suite.path / "rep" / "history.sqlite").exists()
+
+
+def test_a_test_that_kills_its_worker_is_an_error_in_the_report(pytester):
+    """The others keep their results, and what a killed session has left is not taken for theirs."""
+    pytester.makepyfile(
+        test_deadly="""
+import os, pytest
+@pytest.mark.parametrize("n", range(3))
+def test_one(bench, n):
+    bench.run_for(0.1)
+    if n == 1:
+        os._exit(5)
+"""
+    )
+    stale = pytester.path / "rep" / "workers" / "gw7"
+    start_run(stale, new_run(0, "old", ""))
+    write_case(stale, CaseResult("test_old.py::test_old", "old", Verdict.FAILED))
+    pytester.runpytest_subprocess(
+        "-p", "no:cacheprovider", "-n", "1", BENCH, "--hil-report=rep", "--hil-history=none"
+    )
+
+    run = load_run(pytester.path / "rep")
+    assert [(case.identifier[-3:], case.verdict) for case in run.cases] == [
+        ("[0]", Verdict.PASSED), ("[1]", Verdict.ERROR), ("[2]", Verdict.PASSED),
+    ]  # fmt: skip
+    assert "worker 'gw0' crashed" in run.cases[1].message
 
 
 def test_the_report_holds_the_tests_that_used_a_bench(suite):
