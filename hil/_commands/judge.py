@@ -189,7 +189,13 @@ def _judge(
 
     begun = time.perf_counter()
     trace = recording.trace
-    checks = [check for expectation in expectations for check in expectation.evaluate(trace)]
+    checks: list[Check] = []
+    judged: list[str] = []
+    for expectation in expectations:
+        found = expectation.evaluate(trace)
+        checks += found
+        if any(check.verdict is not Verdict.PASSED for check in found):
+            judged += expectation.signals_named()
     checks += [check for check in run_checkers(trace) if not without & set(check.requirements)]
     result = CaseResult(name, f"{request.log.name}: {name}", _verdict(checks), group=request.expect.stem)
     bad = [check for check in checks if check.verdict is not Verdict.PASSED]
@@ -201,9 +207,10 @@ def _judge(
     result.trace_digest = trace.digest()
     result.story = build_story(trace, [], checks)
     result.alarms = build_alarms(trace)
+    judged += [check.signal for check in bad if check.signal]
     times = [check.time_s for check in bad if check.time_s is not None]
     result.messages = build_messages(trace, recording.decode, times_s=times)
-    result.signals = build_signals(trace)
+    result.signals = build_signals(trace, judged=judged)
     result.wall_s = time.perf_counter() - begun
     return result
 

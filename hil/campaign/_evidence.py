@@ -88,6 +88,8 @@ _TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
     "encoder.alarm": ("observe", lambda entry: f"Alarms of {entry.source}: {entry.data.get('text')}"),
     "encoder.warning": ("observe", lambda entry: f"Warnings of {entry.source}: {entry.data.get('text')}"),
     "encoder.preset": ("observe", lambda entry: f"{entry.source}: preset {entry.data.get('value')}"),
+    "log.silent": ("observe", lambda entry: f"{entry.source} is not known from here on: {entry.data.get('reason')}"),
+    "log.heard": ("observe", lambda entry: f"{entry.source} is heard again"),
     "power.status": ("observe", lambda entry: f"{entry.source}: MC_Power.Status {entry.data.get('value')}"),
     "fault.armed": ("inject", _fault_text),
     "fault.applied": ("inject", _fault_text),
@@ -217,10 +219,13 @@ def _decoded(decode: Callable[[Any], str], frame: Any) -> str:
         return f"(not decoded: {error})"
 
 
-def build_signals(trace: Trace, wanted: Sequence[str] = ()) -> list[Signal]:
-    """Return the signals for the report: the usual ones, the named ones, or with `*` all."""
-    if not wanted:
-        return [signal for signal in trace if signal.name.partition(".")[2] in USUAL_SIGNALS]
+def build_signals(trace: Trace, wanted: Sequence[str] = (), *, judged: Iterable[str] = ()) -> list[Signal]:
+    """Return the signals for the report: the usual ones, the named ones, or with `*` all; and those of failed checks."""
     if "*" in wanted:
         return list(trace)
-    return [trace[name] for name in wanted]
+    if wanted:
+        chosen = list(wanted)
+    else:
+        chosen = [name for name in trace.names() if name.partition(".")[2] in USUAL_SIGNALS]
+    chosen += [name for name in judged if name in trace]
+    return [trace[name] for name in dict.fromkeys(chosen)]

@@ -147,10 +147,12 @@ def _run_once(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
             result.verdict, result.message = _call(case, context)
             context.faults.note_waiting()
             trace = context.trace()
-            _judge(case, context, trace, result)
+            judged = _judge(case, context, trace, result)
             if result.verdict is Verdict.FAILED:
                 late_s = _lateness(bench)
-            collect_evidence(context, trace, result, signals=case.signals, window=settings.message_window)
+            collect_evidence(
+                context, trace, result, signals=case.signals, judged=judged, window=settings.message_window
+            )
             context.faults.remove_all()
     except (BlockedError, UnsupportedFaultError) as error:
         result.verdict, result.message = Verdict.BLOCKED, str(error)
@@ -205,12 +207,16 @@ def _told(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}{place}"
 
 
-def _judge(case: Case, context: CaseContext, trace: Trace, result: CaseResult) -> None:
-    """Evaluate what the case expects and what every run must obey."""
+def _judge(case: Case, context: CaseContext, trace: Trace, result: CaseResult) -> list[str]:
+    """Evaluate what the case expects and what every run must obey; returns the signals of what does not hold."""
     checks = list(context.checks)
+    judged: list[str] = []
     if result.verdict is not Verdict.BLOCKED:
         for expectation in context.expectations:
-            checks.extend(expectation.evaluate(trace))
+            found = expectation.evaluate(trace)
+            checks.extend(found)
+            if any(check.verdict is not Verdict.PASSED for check in found):
+                judged.extend(expectation.signals_named())
     without = set(case.without)
     checks.extend(check for check in run_checkers(trace) if not without & set(check.requirements))
     result.checks = checks
@@ -221,6 +227,7 @@ def _judge(case: Case, context: CaseContext, trace: Trace, result: CaseResult) -
         result.message = "; ".join(describe(check) for check in bad[:3])
         if len(bad) > 3:
             result.message += f"; and {len(bad) - 3} more"
+    return [*judged, *(check.signal for check in bad if check.signal)]
 
 
 def collect_evidence(
@@ -229,6 +236,7 @@ def collect_evidence(
     result: CaseResult,
     *,
     signals: Sequence[str] = (),
+    judged: Sequence[str] = (),
     window: int = MESSAGE_WINDOW,
 ) -> None:
     """Fill a result with story, alarms, faults, messages, signals and digest; its checks must be there already."""
@@ -238,7 +246,7 @@ def collect_evidence(
     result.alarms = build_alarms(trace)
     result.faults = build_faults(trace, context.faults.armed)
     result.messages = build_messages(trace, context.bench.decode, window)
-    result.signals = build_signals(trace, signals)
+    result.signals = build_signals(trace, signals, judged=judged)
     result.homings = homing_drawings(trace)
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Self
 
 from hil.errors import NotRecordedError, RecordingError
-from hil.record import EventSelector, Trace, check_selector
+from hil.record import EventSelector, Signal, Trace, check_selector
 from reports.model import Check, Verdict
 from reports.words import margin_text
 
@@ -26,13 +27,17 @@ class ReferenceMissingError(Exception):
         super().__init__(f"the reference event '{reference}' did not happen")
 
 
+class UnknownYetError(Exception):
+    """A signal has no value yet at the instant at which it is judged."""
+
+    def __init__(self, signal: Signal, time_s: float) -> None:
+        first = f"before {signal.time_s[0]:.6f} s" if len(signal) else "at all"
+        super().__init__(f"{signal.name} has no value {first}")
+        self.time_s = time_s
+
+
 _BEGINS = ("since", "at", "by", "after")
 """Fields that say from when on something is judged."""
-
-
-def _is_log(trace: Trace) -> bool:
-    """Whether the trace is of a recording that could have ended earlier than what is asked about."""
-    return trace.vocabulary is not None and bool(trace.vocabulary.kinds)
 
 
 def instant(trace: Trace, reference: Reference) -> float:
@@ -47,6 +52,19 @@ def instant(trace: Trace, reference: Reference) -> float:
 def end_of(trace: Trace, until: Reference | None) -> float:
     """Return the end of an observation: `until`, or the end of the trace."""
     return trace.end_s if until is None else instant(trace, until)
+
+
+def value_in_force(trace: Trace, name: str, time_s: float) -> float:
+    """Return the value of a signal at an instant.
+
+    Raises:
+        UnknownYetError: Its first sample is later, or there is none.
+
+    """
+    signal = trace[name]
+    if len(signal) == 0 or signal.time_s[0] > time_s + SLACK_S:
+        raise UnknownYetError(signal, time_s)
+    return signal.at(time_s)
 
 
 def words_of(reference: Reference) -> str:
@@ -90,6 +108,20 @@ class Expectation(ABC):
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace; may raise `ReferenceMissingError`, which `evaluate` turns into a failed check."""
 
+    def signals_named(self) -> tuple[str, ...]:
+        """Return the signals that this expectation judges: a plot of a failed one has to show them."""
+        return ()
+
+    def components_named(self) -> tuple[str, ...]:
+        """Return the components that have to be heard for it to pass; by default those of its signals."""
+        return tuple(dict.fromkeys(name.partition(".")[0] for name in self.signals_named()))
+
+    def needed_until(self, trace: Trace) -> Reference:
+        """Return to when everything has to be recorded for it to pass: by default `until`, the instant itself, or the end."""
+        until: Reference | None = getattr(self, "until", None)
+        at: Reference | None = getattr(self, "at", None)
+        return next((one for one in (at, until) if one is not None), trace.end_s)
+
     def events_named(self) -> Iterator[EventSelector]:
         """Return the events that this expectation names."""
         for item in fields(self):
@@ -116,15 +148,12 @@ class Expectation(ABC):
         """
         try:
             self.verify(trace)
-            late = self._begins_after(trace)
-            if late:
-                verdict = Verdict.BLOCKED if _is_log(trace) else Verdict.FAILED
-                return [
-                    self.check(
-                        verdict, f"the recording ends at {trace.end_s:.6f} s, before {late}", trace.end_s
-                    )
-                ]
-            return self.judge(trace)
+            refused = self._outside(trace)
+            if refused:
+                return [self.unseen(trace, *refused)]
+            return [self._as_far_as_recorded(trace, check) for check in self.judge(trace)]
+        except UnknownYetError as unknown:
+            return [self.unseen(trace, str(unknown), unknown.time_s)]
         except ReferenceMissingError as missing:
             return [self.outcome(passed=False, observed=str(missing), time_s=trace.end_s)]
         except NotRecordedError as error:
@@ -132,15 +161,72 @@ class Expectation(ABC):
         except RecordingError as error:
             return [self.check(Verdict.ERROR, str(error), None)]
 
-    def _begins_after(self, trace: Trace) -> str:
-        """Return the reference that lies behind the end of the recording, in words; empty when there is none."""
+    def unseen(self, trace: Trace, observed: str, time_s: float) -> Check:
+        """Return the check for what was not recorded: *blocked* where a log of somebody else ends, *failed* on the bench."""
+        return self.check(Verdict.BLOCKED if trace.from_log else Verdict.FAILED, observed, time_s)
+
+    def missing(self, trace: Trace, observed: str, time_s: float, bound_s: float | None) -> Check:
+        """Return the check for what did not come until `bound_s`; a log that ended before then cannot tell."""
+        if trace.from_log and bound_s is not None and bound_s > trace.end_s + SLACK_S:
+            text = f"{observed}, and the recording ends at {trace.end_s:.6f} s, before {bound_s:.6f} s"
+            return self.check(Verdict.BLOCKED, text, trace.end_s)
+        return self.outcome(passed=False, observed=observed, time_s=time_s, since_s=self._begin(trace))
+
+    def _begin(self, trace: Trace) -> float | None:
+        """Return from when on it is judged."""
         for item in fields(self):
             value = getattr(self, item.name)
-            if item.name not in _BEGINS or value is None:
-                continue
-            if instant(trace, value) > trace.end_s + SLACK_S:
-                return words_of(value)
-        return ""
+            if item.name in _BEGINS and value is not None:
+                return instant(trace, value)
+        return None
+
+    def _outside(self, trace: Trace) -> tuple[str, float] | None:
+        """Return what of the observation lies outside of the recording, or makes it none, and when; None: nothing."""
+        begin_s = self._begin(trace)
+        if begin_s is None:
+            return None
+        if math.isnan(begin_s):
+            return "the observation begins at a time that is no number", 0.0
+        if begin_s > trace.end_s + SLACK_S:
+            return f"the recording ends at {trace.end_s:.6f} s, before {self._begin_words()}", trace.end_s
+        if begin_s < -SLACK_S:
+            return f"the observation begins at {begin_s:.6f} s, before the recording", 0.0
+        until: Reference | None = getattr(self, "until", None)
+        if until is not None:
+            until_s = instant(trace, until)
+            if not until_s >= begin_s - SLACK_S:
+                return (
+                    f"the observation ends at {until_s:.6f} s, before it begins at {begin_s:.6f} s",
+                    begin_s,
+                )
+        return None
+
+    def _begin_words(self) -> str:
+        return next(
+            words_of(getattr(self, item.name))
+            for item in fields(self)
+            if item.name in _BEGINS and getattr(self, item.name) is not None
+        )
+
+    def _as_far_as_recorded(self, trace: Trace, check: Check) -> Check:
+        """Return a check; a passed one only where everything that it speaks of was recorded."""
+        if check.verdict is not Verdict.PASSED:
+            return check
+        needed = self.needed_until(trace)
+        begin_s, end_s = self._begin(trace), instant(trace, needed)
+        if end_s > trace.end_s + SLACK_S:
+            observed = (
+                f"{check.observed}, but the recording ends at {trace.end_s:.6f} s, before {words_of(needed)}"
+            )
+            return replace(self.unseen(trace, observed, trace.end_s), name=check.name)
+        if begin_s is None:
+            return check
+        for component in self.components_named():
+            for silent_s, heard_s, reason in trace.silences(component, values=bool(self.signals_named())):
+                if silent_s < end_s - SLACK_S and heard_s > begin_s + SLACK_S:
+                    observed = f"{check.observed}, but {component} is not known from {silent_s:.6f} s to {heard_s:.6f} s: {reason}"
+                    return replace(self.unseen(trace, observed, max(silent_s, begin_s)), name=check.name)
+        return check
 
     def outcome(
         self,

@@ -8,7 +8,16 @@ from typing import Final
 
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import Event
-from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of, words_of_span
+from hil.expect._base import (
+    SLACK_S,
+    Expectation,
+    Reference,
+    end_of,
+    instant,
+    value_in_force,
+    words_of,
+    words_of_span,
+)
 from hil.record import EventSelector, Trace, check_state
 from hil.record import event as select_event
 from reports.model import Check
@@ -22,6 +31,12 @@ JOB_OUTPUTS: Final = {
     "Error": "job.error",
 }
 """Output of an instruction and the kind of event of its rising edge."""
+
+
+def nth_of(entries: Sequence[Event], nth: int) -> Event | None:
+    """Return the `nth` of some events, counted from the last one if negative; None where there are fewer."""
+    index = nth - 1 if nth > 0 else nth
+    return entries[index] if -len(entries) <= index < len(entries) else None
 
 
 def _told(entry: Event, *keys: str) -> str:
@@ -68,13 +83,18 @@ class AlarmExpectation(Expectation):
         yield select_event("alarm.raised", self.axis, number=self.number)
         yield from super(AlarmExpectation, self).events_named()
 
+    def needed_until(self, trace: Trace) -> Reference:  # noqa: ARG002 - see `Expectation`
+        """See `Expectation`: what has come has come."""
+        return self.since
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         since_s = instant(trace, self.since)
         entries = _alarms(trace, since_s, trace.end_s, self.axis)
         mine = [entry for entry in entries if entry.data.get("number") == self.number]
         if not mine:
-            return [self.outcome(passed=False, observed=_listed(entries), time_s=since_s)]
+            bound_s = None if self.within_s is None else since_s + self.within_s
+            return [self.missing(trace, _listed(entries), since_s, bound_s)]
         entry = mine[0]
         delay_s = entry.time_ns * 1e-9 - since_s
         good = self.within_s is None or delay_s <= self.within_s + SLACK_S
@@ -144,6 +164,14 @@ class HappensExpectation(Expectation):
         until = "" if self.until is None else f" until {words_of(self.until)}"
         return f"{self.title}{bound} after {words_of(self.since)}{until}"
 
+    def needed_until(self, trace: Trace) -> Reference:
+        """See `Expectation`: what has come has come, what never comes has to be watched to the end."""
+        return super(HappensExpectation, self).needed_until(trace) if self.never else self.since
+
+    def components_named(self) -> tuple[str, ...]:
+        """See `Expectation`: who has to be heard to say that it does not happen."""
+        return (self.selector.source,) if self.selector.source is not None else ("",)
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
@@ -152,20 +180,18 @@ class HappensExpectation(Expectation):
             for entry in self.selector.select(trace.events)
             if since_s - SLACK_S <= entry.time_ns * 1e-9 <= until_s + SLACK_S
         ]
+        entry = nth_of(inside, self.selector.nth)
         if self.never:
             observed = (
-                "it did not happen" if not inside else f"{inside[0].kind} at {inside[0].time_ns * 1e-9:.6f} s"
+                "it did not happen" if entry is None else f"{entry.kind} at {entry.time_ns * 1e-9:.6f} s"
             )
-            return [
-                self.outcome(
-                    passed=not inside, observed=observed, time_s=inside[0].time_ns * 1e-9 if inside else None
-                )
-            ]
-        index = self.selector.nth - 1 if self.selector.nth > 0 else self.selector.nth
-        if not -len(inside) <= index < len(inside):
-            seen = self._seen_instead(trace, since_s)
-            return [self.outcome(passed=False, observed=f"it did not happen{seen}", time_s=since_s)]
-        entry = inside[index]
+            when = None if entry is None else entry.time_ns * 1e-9
+            return [self.outcome(passed=entry is None, observed=observed, time_s=when, since_s=since_s)]
+        if entry is None:
+            bounds = [since_s + self.within_s] if self.within_s is not None else []
+            bounds += [until_s] if self.until is not None else []
+            observed = f"it did not happen{self._seen_instead(trace, since_s)}"
+            return [self.missing(trace, observed, since_s, min(bounds, default=None))]
         delay_s = entry.time_ns * 1e-9 - since_s
         return [
             self.outcome(
@@ -212,20 +238,29 @@ class OrderExpectation(Expectation):
         """What is expected, in words."""
         return f"{', then '.join(map(str, self.selectors))} after {words_of(self.since)}"
 
+    def needed_until(self, trace: Trace) -> Reference:  # noqa: ARG002 - see `Expectation`
+        """See `Expectation`: what has come has come."""
+        return self.since
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace: every event must come in the log behind the one before it."""
         since_s = instant(trace, self.since)
-        position = 0
-        while position < len(trace.events) and trace.events[position].time_ns * 1e-9 < since_s - SLACK_S:
-            position += 1
-        start = position
+        start = next(
+            (n for n, entry in enumerate(trace.events) if entry.time_ns * 1e-9 >= since_s - SLACK_S),
+            len(trace.events),
+        )
+        position = start
         found: list[str] = []
         for selector in self.selectors:
-            at = next(
-                (i for i in range(position, len(trace.events)) if selector.matches(trace.events[i])), None
-            )
+            places = [n for n in range(start, len(trace.events)) if selector.matches(trace.events[n])]
+            if selector.nth == 1:
+                at = next((n for n in places if n >= position), None)
+            else:
+                index = selector.nth - 1 if selector.nth > 0 else selector.nth
+                at = places[index] if -len(places) <= index < len(places) else None
+                at = at if at is not None and at >= position else None
             if at is None:
-                early = next((i for i in range(start, position) if selector.matches(trace.events[i])), None)
+                early = next((n for n in places if n < position), None)
                 missing = (
                     "did not happen"
                     if early is None
@@ -233,7 +268,11 @@ class OrderExpectation(Expectation):
                 )
                 before = f" after {', '.join(found)}" if found else ""
                 when = (trace.events[position - 1].time_ns * 1e-9) if found else since_s
-                return [self.outcome(passed=False, observed=f"'{selector}' {missing}{before}", time_s=when)]
+                return [
+                    self.outcome(
+                        passed=False, observed=f"'{selector}' {missing}{before}", time_s=when, since_s=since_s
+                    )
+                ]
             entry = trace.events[at]
             found.append(f"{entry.kind} at {entry.time_ns * 1e-9:.6f} s")
             position = at + 1
@@ -260,6 +299,10 @@ class StateExpectation(Expectation):
         """What is expected, in words."""
         return f"{self.component} in state {self.text} at {words_of(self.at)}"
 
+    def components_named(self) -> tuple[str, ...]:
+        """See `Expectation`: the component itself."""
+        return (self.component,)
+
     def verify(self, trace: Trace) -> None:
         """See `Expectation`: the component has to have this state."""
         super(StateExpectation, self).verify(trace)
@@ -282,9 +325,19 @@ class StateExpectation(Expectation):
                 f"{entry.data['to']} since {entry.time_ns * 1e-9:.6f} s" for entry in found.values()
             )
         else:
-            states = [trace[f"{self.component}.state"].text_at(at_s)]
+            name = f"{self.component}.state"
+            states = [trace[name].text(value_in_force(trace, name, at_s))]
             observed = states[0]
         return [self.outcome(passed=self.text in states, observed=observed, time_s=at_s)]
+
+
+def _checked_event(where: str, selector: EventSelector) -> EventSelector:
+    """Refuse an instant (`event(...).plus(s)`) where an event itself is meant."""
+    if selector.offset_s:
+        raise ConfigurationError(
+            where, str(selector), "an event; times after it go to since, until or within_s"
+        )
+    return selector
 
 
 def _checked_bound(where: str, within_s: float | None) -> float | None:
@@ -324,23 +377,22 @@ def happens(
     until: Reference | None = None,
 ) -> HappensExpectation:
     """Expect an event at most `within_s` after `since`, and not after `until`."""
-    return HappensExpectation(
-        selector, since, until, _checked_bound("happens.within_s", within_s), never=False
-    )
+    bound = _checked_bound("happens.within_s", within_s)
+    return HappensExpectation(_checked_event("happens", selector), since, until, bound, never=False)
 
 
 def never_happens(
     selector: EventSelector, *, since: Reference = 0.0, until: Reference | None = None
 ) -> HappensExpectation:
-    """Expect that an event does not happen from `since` to `until` (default: the end)."""
-    return HappensExpectation(selector, since, until, None, never=True)
+    """Expect that an event does not happen from `since` to `until` (default: the end); with nth=2 not a second time."""
+    return HappensExpectation(_checked_event("never_happens", selector), since, until, None, never=True)
 
 
 def event_order(selectors: Sequence[EventSelector], *, since: Reference = 0.0) -> OrderExpectation:
     """Expect events in this order in the log, others in between allowed."""
     if not selectors:
         raise ConfigurationError("event_order.selectors", selectors, "at least one event")
-    return OrderExpectation(tuple(selectors), since)
+    return OrderExpectation(tuple(_checked_event("event_order", one) for one in selectors), since)
 
 
 def state_at(component: str, at: Reference, text: str, *, kind: str = "") -> StateExpectation:

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldbus.errors import ConfigurationError
-from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of, words_of_span
+from hil.errors import NotRecordedError
+from hil.expect._base import (
+    SLACK_S,
+    Expectation,
+    Reference,
+    end_of,
+    instant,
+    value_in_force,
+    words_of,
+    words_of_span,
+)
 from hil.expect._words import has_torque, word_samples
 from hil.record import Signal, Trace
-from reports.model import Check
+from reports.model import Check, Verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,24 +52,29 @@ class TelegramBitsExpectation(Expectation):
         stay = f", and for {self.for_s:g} s" if self.for_s else ""
         return f"{', '.join(parts)} {bound} {words_of(self.at)}{stay}"
 
+    def signals_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return (self.word,)
+
+    def needed_until(self, trace: Trace) -> Reference:  # noqa: ARG002 - see `Expectation`
+        """See `Expectation`: `judge` itself looks at what has been recorded."""
+        return self.at
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace: the value in force at the reference counts, then every change."""
         at_s = instant(trace, self.at)
-        times, words = word_samples(trace[self.word], at_s, at_s + self.within_s + self.for_s)
-        if len(words) == 0:
-            return [
-                self.outcome(passed=False, observed="no value at that time", time_s=at_s, signal=self.word)
-            ]
+        if not self.within_s:
+            value_in_force(trace, self.word, at_s)
+        bound_s = at_s + self.within_s
+        times, words = word_samples(trace[self.word], at_s, bound_s + self.for_s)
         good = (words & self.ones == self.ones) & (words & self.zeros == 0)
-        hit = np.flatnonzero(good & (times <= at_s + self.within_s + SLACK_S))
+        hit = np.flatnonzero(good & (times <= bound_s + SLACK_S))
         if len(hit) == 0:
-            wrong = (words[0] & self.ones ^ self.ones) | (words[0] & self.zeros)
-            return [
-                self.outcome(
-                    passed=False, observed=f"16#{int(words[0]):04X}: wrong are {_bits(int(wrong))}",
-                    time_s=at_s + self.within_s, since_s=at_s,
-                )
-            ]  # fmt: skip
+            observed = "no value at that time"
+            if len(words):
+                wrong = (words[0] & self.ones ^ self.ones) | (words[0] & self.zeros)
+                observed = f"16#{int(words[0]):04X}: wrong are {_bits(int(wrong))}"
+            return [self.missing(trace, observed, bound_s, bound_s)]
         first = int(hit[0])
         begin_s = float(times[first])
         left = np.flatnonzero(~good[first:] & (times[first:] < begin_s + self.for_s - SLACK_S))
@@ -72,6 +87,12 @@ class TelegramBitsExpectation(Expectation):
                     value=held_s, unit="s", low=self.for_s, since_s=begin_s,
                 )
             ]  # fmt: skip
+        if begin_s + self.for_s > trace.end_s + SLACK_S:
+            held_s = trace.end_s - begin_s
+            observed = (
+                f"16#{int(words[first]):04X} from {begin_s:.6f} s to the end of the recording, {held_s:.6f} s"
+            )
+            return [self.unseen(trace, observed, trace.end_s)]
         return [
             self.outcome(
                 passed=True, observed=f"16#{int(words[first]):04X} at {begin_s:.6f} s", time_s=begin_s,
@@ -106,17 +127,18 @@ class SettlesExpectation(Expectation):
         until = "" if self.until is None else f" until {words_of(self.until)}"
         return f"{self.target:g} +- {self.tolerance:g} within {self.within_s:g} s of {words_of(self.since)}, and from then on{until}"
 
+    def signals_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return (self.signal,)
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace: the time of settling is that of the first sample from which on all are within the band."""
         since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
         part = trace[self.signal].between(since_s, until_s)
         if len(part) == 0 or float(part.time_s[-1]) < since_s + self.within_s - SLACK_S:
-            seen = (
-                "no samples"
-                if len(part) == 0
-                else f"recorded is only up to {float(part.time_s[-1]) - since_s:.6f} s after"
-            )
-            return [self.outcome(passed=False, observed=seen, time_s=since_s, signal=self.signal)]
+            last_s = float(part.time_s[-1]) - since_s if len(part) else 0.0
+            seen = f"recorded is only up to {last_s:.6f} s after" if len(part) else "no samples"
+            return [self.unseen(trace, seen, since_s)]
         outside = np.flatnonzero(~(np.abs(part.values - self.target) <= self.tolerance))
         low, high = self.target - self.tolerance, self.target + self.tolerance
         if len(outside) and int(outside[-1]) == len(part) - 1:
@@ -156,13 +178,25 @@ class DisabledExpectation(Expectation):
         """What is expected, in words."""
         return f"no enable, no torque {words_of_span(self.by, self.until)}"
 
+    def signals_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        axis = (f"{self.axis}.power_status",) if self.axis else ()
+        return (*axis, f"{self.drive}.state") if self.drive else axis
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace, a check for the axis and one for the drive."""
         by_s, until_s = instant(trace, self.by), end_of(trace, self.until)
         checks = []
         if self.axis:
-            word = trace[f"{self.axis}.power_status"]
-            checks.append(self._check(word, word.values != 0, by_s, until_s, "MC_Power.Status is TRUE"))
+            name = f"{self.axis}.power_status"
+            try:
+                word = trace[name]
+            except NotRecordedError as error:
+                # The drive may still tell that it gives torque, and that would be the answer.
+                blocked = self.check(Verdict.BLOCKED, str(error), None)
+                checks.append(replace(blocked, name=f"{blocked.name}: {self.axis}"))
+            else:
+                checks.append(self._check(word, word.values != 0, by_s, until_s, "MC_Power.Status is TRUE"))
         if self.drive:
             word, on = _torque_possible(trace, self.drive)
             checks.append(self._check(word, on, by_s, until_s, "it shows torque"))
@@ -187,15 +221,33 @@ class DisabledExpectation(Expectation):
 
 
 def _torque_possible(trace: Trace, drive: str) -> tuple[Signal, NDArray[np.bool_]]:
-    """Return a word of a drive of either profile, and where it says that the drive may give torque."""
+    """Return a word of a drive of either profile, and where it says that the drive may give torque, or says nothing."""
     if f"{drive}.drive_zsw2" in trace:
         word = trace[f"{drive}.drive_zsw2"]
-        return word, np.nan_to_num(word.values).astype(np.int64) & 0x0400 != 0
-    if f"{drive}.drive_zsw1" in trace:
+        on = _integers(word) & 0x0400 != 0
+    elif f"{drive}.drive_zsw1" in trace:
+        # Without ZSW2 switched on (S3) and a stop with torque (S5) are the same bits; S5 comes from operation alone.
         word = trace[f"{drive}.drive_zsw1"]
-        return word, np.nan_to_num(word.values).astype(np.int64) & 0x0004 != 0
-    word = trace[f"{drive}.statusword"]
-    return word, has_torque(np.nan_to_num(word.values).astype(np.int64))
+        on = _from_operation(_integers(word))
+    else:
+        word = trace[f"{drive}.statusword"]
+        on = has_torque(_integers(word))
+    return word, on | np.isnan(word.values)
+
+
+def _integers(word: Signal) -> NDArray[np.int64]:
+    return np.nan_to_num(word.values).astype(np.int64)
+
+
+def _from_operation(zsw1: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return where ZSW1 shows operation (S4), or a stop that has begun there (S5)."""
+    bits = zsw1 & 0x47
+    result = np.zeros(len(bits), dtype=bool)
+    torque = False
+    for index, one in enumerate(bits):
+        torque = one == 0x07 or (torque and one == 0x03)
+        result[index] = torque
+    return result
 
 
 def telegram_bits(

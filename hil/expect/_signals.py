@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldbus.errors import ConfigurationError
-from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of, words_of_span
+from hil.expect._base import (
+    SLACK_S,
+    Expectation,
+    Reference,
+    end_of,
+    instant,
+    value_in_force,
+    words_of,
+    words_of_span,
+)
 from hil.expect._words import word_samples
 from hil.record import Signal, Trace
 from reports.model import Check
@@ -42,44 +52,53 @@ class AlwaysExpectation(Expectation):
         """What is expected, in words."""
         return f"{self.title} {words_of_span(self.since, self.until)}"
 
+    def signals_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return self.signals
+
     def judge(self, trace: Trace) -> list[Check]:
-        """Evaluate on the samples of the first signal; the others hold their last value."""
-        base = trace[self.signals[0]].between(instant(trace, self.since), end_of(trace, self.until))
-        columns = [base.values, *(_held(trace[name], base) for name in self.signals[1:])]
+        """Evaluate on the samples of the first signal; the others hold their last value.
+
+        Samples at which another signal has no value yet are left out; a value that is no number is broken.
+        """
+        since_s = instant(trace, self.since)
+        base = trace[self.signals[0]].between(since_s, end_of(trace, self.until))
+        columns = [base.values]
         looked_at = np.ones(len(base), dtype=bool)
-        if self.condition is not None:
-            looked_at = np.broadcast_to(np.asarray(self.condition(*columns), dtype=bool), looked_at.shape)
+        for name in self.signals[1:]:
+            held, begun = _held(trace[name], base)
+            columns.append(held)
+            looked_at &= begun
+        if self.condition is not None and looked_at.any():
+            looked_at &= np.broadcast_to(np.asarray(self.condition(*columns), dtype=bool), looked_at.shape)
+        lost = np.flatnonzero(looked_at & np.isnan(np.array(columns)).any(axis=0))
+        if len(lost):
+            return [self._broken(base, columns, int(lost[0]), f"{len(lost)} samples are no numbers")]
         if not looked_at.any():
-            return [
-                self.outcome(
-                    passed=self.never, observed="no sample to judge", time_s=instant(trace, self.since)
-                )
-            ]
+            while_ = " where the condition holds" if self.condition is not None and len(base) else ""
+            return [self.unseen(trace, f"no sample to judge{while_}", since_s)]
         holds = np.broadcast_to(np.asarray(self.predicate(*columns), dtype=bool), looked_at.shape)
         broken = np.flatnonzero(looked_at & (holds if self.never else ~holds))
         if len(broken) == 0:
             return [self.outcome(passed=True, observed=f"so at all {int(looked_at.sum())} samples")]
-        index = int(broken[0])
+        return [self._broken(base, columns, int(broken[0]), f"{len(broken)} samples break it")]
+
+    def _broken(self, base: Signal, columns: list[NDArray[np.float64]], index: int, text: str) -> Check:
         values = ", ".join(
             f"{name} = {float(column[index]):g}" for name, column in zip(self.signals, columns, strict=True)
         )
-        when = float(base.time_s[index])
-        return [
-            self.outcome(
-                passed=False,
-                observed=f"{values}; {len(broken)} samples break it, this is the first",
-                time_s=when,
-                signal=self.signals[0],
-            )
-        ]
+        return self.outcome(
+            passed=False, observed=f"{values}; {text}, this is the first",
+            time_s=float(base.time_s[index]), signal=self.signals[0],
+        )  # fmt: skip
 
 
-def _held(signal: Signal, base: Signal) -> NDArray[np.float64]:
-    """Return `signal` at the sample times of `base`, each time the last value so far."""
+def _held(signal: Signal, base: Signal) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return `signal` at the sample times of `base`, each time the last value so far, and where there is one."""
     if len(signal) == 0:
-        return np.full(len(base), np.nan)
+        return np.full(len(base), np.nan), np.zeros(len(base), dtype=bool)
     index = np.searchsorted(signal.time_s, base.time_s + SLACK_S / 2, side="right") - 1
-    return signal.values[np.maximum(index, 0)]
+    return signal.values[np.maximum(index, 0)], index >= 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,13 +120,14 @@ class ValueExpectation(Expectation):
         """What is expected, in words."""
         return f"{self.expected:g} +- {self.tolerance:g}"
 
+    def signals_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return (self.signal,)
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         at_s = instant(trace, self.at)
-        signal = trace[self.signal]
-        if len(signal) == 0:
-            return [self.outcome(passed=False, observed="no samples", time_s=at_s)]
-        value = signal.at(at_s)
+        signal, value = trace[self.signal], value_in_force(trace, self.signal, at_s)
         low, high = self.expected - self.tolerance, self.expected + self.tolerance
         return [
             self.outcome(
@@ -139,12 +159,16 @@ class RangeExpectation(Expectation):
         high = "" if self.high is None else f"<= {self.high:g}"
         return f"{' and '.join(filter(None, (low, high)))} {words_of_span(self.since, self.until)}"
 
+    def signals_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return (self.signal,)
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace; the measurement is the value that comes nearest to, or goes farthest over, a limit."""
         since_s = instant(trace, self.since)
         part = trace[self.signal].between(since_s, end_of(trace, self.until))
         if len(part) == 0:
-            return [self.outcome(passed=False, observed="no samples", time_s=since_s)]
+            return [self.unseen(trace, "no samples", since_s)]
         over = np.maximum(
             -np.inf if self.high is None else part.values - self.high,
             -np.inf if self.low is None else self.low - part.values,
@@ -182,15 +206,16 @@ class SequenceExpectation(Expectation):
         extra = "" if self.exact else " (others in between allowed)"
         return f"{_chain(self.words)}{extra} from {words_of(self.since)}, mask 16#{self.mask:04X}"
 
+    def signals_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return (self.signal,)
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace: the value in force at the reference is the first of the sequence."""
         since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
-        signal = trace[self.signal]
-        if len(signal) == 0:
-            return [self.outcome(passed=False, observed="no samples", time_s=since_s)]
-        times, numbers = word_samples(signal, since_s, until_s)
+        times, numbers = word_samples(trace[self.signal], since_s, until_s)
         if len(numbers) == 0:
-            return [self.outcome(passed=False, observed="no value yet", time_s=since_s)]
+            return [self.unseen(trace, "no value until then", since_s)]
         values = numbers & self.mask
         changes = np.flatnonzero(np.concatenate(([True], np.diff(values) != 0)))
         seen = [(float(times[i]), int(values[i])) for i in changes]
@@ -207,7 +232,7 @@ class SequenceExpectation(Expectation):
             when = seen[-1][0]
         shown = words if len(words) <= 12 else words[:12]
         more = "" if len(words) <= 12 else f" ... ({len(words)} values)"
-        return [self.outcome(passed=good, observed=_chain(shown) + more, time_s=when)]
+        return [self.outcome(passed=good, observed=_chain(shown) + more, time_s=when, since_s=since_s)]
 
 
 def _chain(words: Sequence[int]) -> str:
@@ -270,6 +295,8 @@ def stays_within(
     """Expect `signal` within limits, in its unit, from `since` to `until`."""
     if low is None and high is None:
         raise ConfigurationError("stays_within", None, "low, high or both")
+    if not (-math.inf if low is None else low) <= (math.inf if high is None else high):
+        raise ConfigurationError("stays_within", (low, high), "numbers, low not above high")
     return RangeExpectation(signal, low, high, since, until)
 
 
@@ -322,20 +349,26 @@ class BitExpectation(Expectation):
         bound = f" within {self.within_s:g} s of" if self.within_s else " at"
         return f"{'TRUE' if self.state else 'FALSE'}{bound} {words_of(self.since)}"
 
+    def signals_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return (self.signal,)
+
+    def needed_until(self, trace: Trace) -> Reference:  # noqa: ARG002 - see `Expectation`
+        """See `Expectation`: what has come has come."""
+        return self.since
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         since_s = instant(trace, self.since)
         signal = trace[self.signal]
-        if len(signal) == 0:
-            return [self.outcome(passed=False, observed="no samples", time_s=since_s)]
+        if not self.within_s:
+            value_in_force(trace, self.signal, since_s)
         times, values = word_samples(signal, since_s, since_s + self.within_s)
         good = np.flatnonzero(((values >> self.bit) & 1) == int(self.state))
         if len(good) == 0:
-            return [
-                self.outcome(
-                    passed=False, observed="FALSE" if self.state else "TRUE", time_s=since_s + self.within_s
-                )
-            ]
+            observed = "no value" if len(values) == 0 else "FALSE" if self.state else "TRUE"
+            bound_s = since_s + self.within_s
+            return [self.missing(trace, observed, bound_s, bound_s)]
         when = float(times[good[0]])
         observed = f"{'TRUE' if self.state else 'FALSE'} at {when:.6f} s"
         if not self.within_s:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from fieldbus.errors import ConfigurationError
-from hil.expect._base import Expectation, Reference, instant, words_of
+from hil.expect._base import Expectation, Reference, instant, value_in_force, words_of
 from hil.expect._stops import ramp
 from hil.expect.golden import StopRamp, stop_ramp
 from hil.record import Trace
@@ -18,6 +18,8 @@ MODES: Final = {
     "default": ("deceleration", "jerk"),
 }
 """Name of a ramp, and the constants of the axis that make it: deceleration and jerk."""
+
+_REST: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,10 @@ class StopExpectation(Expectation):
         """What is expected, in words."""
         return f"the {self.mode} ramp of {self.axis} after {words_of(self.since)}"
 
+    def signals_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return tuple(f"{self.axis}.{name}" for name in ("velocity_setpoint", "position_setpoint"))
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace: time and travel by formula, from velocity and acceleration at the reference."""
         constants = [f"{self.axis}.{name}" for name in (*MODES[self.mode], "cycle_s") if name]
@@ -49,6 +55,9 @@ class StopExpectation(Expectation):
             return [self.check(Verdict.ERROR, f"the trace does not hold {', '.join(missing)}", None)]
         since_s = instant(trace, self.since)
         expected, speed = self._ramp(trace, since_s)
+        if speed <= _REST:
+            observed = f"the axis does not move at {since_s:.6f} s: there is nothing to stop"
+            return [self.outcome(passed=False, observed=observed, time_s=since_s)]
         cycles_s = 2 * trace.constants[f"{self.axis}.cycle_s"]
         judged = ramp(
             self.since, expected, axis=self.axis, made_by="controller", until=self.until,
@@ -61,16 +70,18 @@ class StopExpectation(Expectation):
         """Return the ramp by formula and the speed with which it begins."""
         deceleration, jerk = MODES[self.mode]
         of = trace.constants
-        velocity = trace[f"{self.axis}.velocity_setpoint"].at(since_s)
+        limit = of[f"{self.axis}.{deceleration}"]
+        if not jerk:
+            # The emergency ramp begins with the actual velocity.
+            speed = abs(value_in_force(trace, f"{self.axis}.actual_velocity", since_s))
+            return stop_ramp(speed, limit), speed
+        velocity = value_in_force(trace, f"{self.axis}.velocity_setpoint", since_s)
+        # A setpoint that has gone at the reference itself was no ramp: the cycle before tells what there was to stop.
+        before = trace[f"{self.axis}.velocity_setpoint"].at(since_s - of[f"{self.axis}.cycle_s"])
+        velocity = max(velocity, before, key=abs)
         acceleration = trace[f"{self.axis}.acceleration_setpoint"].at(since_s) * (
             -1.0 if velocity < 0 else 1.0
         )
-        limit = of[f"{self.axis}.{deceleration}"]
-        if not jerk:
-            speed = abs(
-                trace[f"{self.axis}.actual_velocity"].at(since_s)
-            )  # it begins with the actual velocity
-            return stop_ramp(speed, limit), speed
         present = max(acceleration, -limit)
         return stop_ramp(abs(velocity), limit, of[f"{self.axis}.{jerk}"], acceleration=present), abs(velocity)
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from fieldbus.errors import ConfigurationError
-from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, words_of
+from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, value_in_force, words_of
 from hil.expect._measure import measure_stop
 from hil.expect.golden import StopRamp
 from hil.record import Trace
@@ -45,6 +45,10 @@ class RampExpectation(Expectation):
     def wanted(self) -> str:
         """What is expected, in words."""
         return f"standstill after {words_of(self.since)}"
+
+    def signals_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return (self.velocity, self.position)
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace: one check for every quantity that is expected."""
@@ -196,12 +200,16 @@ class StandstillExpectation(Expectation):
         """What is expected, in words."""
         return f"at most {self.tolerance:g} from {words_of(self.by)} on"
 
+    def signals_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return (self.velocity,)
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         by_s = instant(trace, self.by)
         part = trace[self.velocity].between(by_s, end_of(trace, self.until))
         if len(part) == 0:
-            return [self.outcome(passed=False, observed="nothing was recorded after that", time_s=by_s)]
+            return [self.unseen(trace, "nothing was recorded after that", by_s)]
         # A value that is not a number is no standstill.
         speeds = np.where(np.isnan(part.values), np.inf, np.abs(part.values))
         moving = np.flatnonzero(speeds > self.tolerance)
@@ -234,14 +242,18 @@ class NoMotionExpectation(Expectation):
         """What is expected, in words."""
         return f"at most {self.tolerance:g} of displacement after {words_of(self.after)}"
 
+    def signals_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return (self.position,)
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         after_s = instant(trace, self.after)
         signal = trace[self.position]
         part = signal.between(after_s, end_of(trace, self.until))
         if len(part) == 0:
-            return [self.outcome(passed=False, observed="nothing was recorded after that", time_s=after_s)]
-        displacement = part.values - signal.at(after_s)
+            return [self.unseen(trace, "nothing was recorded after that", after_s)]
+        displacement = part.values - value_in_force(trace, self.position, after_s)
         distances = np.where(np.isnan(displacement), np.inf, np.abs(displacement))
         index = int(np.argmax(distances))
         value = float(displacement[index])

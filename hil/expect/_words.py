@@ -47,11 +47,10 @@ def normal_state(text: str) -> str:
 def word_samples(
     signal: Signal, since_s: float, until_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return times and words: the one in force at `since_s`, then those up to `until_s`; what is no number is left out."""
-    if len(signal) == 0:
-        return np.zeros(0), np.zeros(0, dtype=np.int64)
+    """Return times and words: the one in force at `since_s`, if any, then those up to `until_s`; what is no number is left out."""
     part = signal.between(since_s, until_s)
-    values = np.concatenate(([signal.at(since_s)], part.values))
-    times = np.concatenate(([since_s], part.time_s))
+    values, times = part.values, part.time_s
+    if len(signal) and signal.time_s[0] <= since_s:
+        values, times = np.concatenate(([signal.at(since_s)], values)), np.concatenate(([since_s], times))
     known = ~np.isnan(values)
     return times[known], values[known].astype(np.int64)

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.cia402 import decode_state, emcy_text
+from fieldbus.clock import S
 from hil.logs._facts import NodeFacts
 from hil.logs._table import Table
 
@@ -18,6 +19,8 @@ _WORDS: Final = {
     0x60FD00: "inputs", 0x60FE01: "outputs", 0x100100: "error_register",
 }  # fmt: skip
 _WRAP: Final = 1 << 32
+_SILENCE_NS: Final = S
+"""A node without heartbeat that sends nothing for so long is not known."""
 _EMCY_NS: Final = 100_000_000
 """An EMCY this long before the change of state belongs to it."""
 
@@ -36,10 +39,54 @@ class LogNode:
         self._emcy_ns = 0
         self._heartbeat_ns: int | None = None
         self._emcy = 0
+        self._heard_ns: int | None = None
+        self._silence_ns = facts.consumer_heartbeat_ns or _SILENCE_NS
+        self._led: bool | None = None
+        """Whether process data come; None before the first."""
+
+    def begin(self, time_ns: int) -> None:
+        """Take the begin of the log: until its first frame nothing is known of the node."""
+        self._heard_ns = time_ns
+
+    def heard(self, time_ns: int) -> None:
+        """Take note that the node has sent something."""
+        self.seen = True
+        last = self._heard_ns
+        if last is not None and time_ns - last > self._silence_ns:
+            self.unknown(last, time_ns, "it sends nothing")
+        self._heard_ns = time_ns
+
+    def end(self, time_ns: int) -> None:
+        """Take the end of the log."""
+        self.silence(time_ns)
+        last = self._heard_ns
+        if last is not None and time_ns - last > self._silence_ns:
+            self.unknown(last, None, "it sends nothing")
+
+    def unknown(self, from_ns: int, to_ns: int | None, reason: str, *, values: bool = False) -> None:
+        """Tell that nothing is known of the node and its axis for a time; with `values` but for what is no process data."""
+        for name in self._names():
+            self._emit(from_ns, name, "log.silent", reason=reason, values=values)
+            if to_ns is not None:
+                self._emit(to_ns, name, "log.heard", values=values)
+
+    def _names(self) -> tuple[str, ...]:
+        axis = self.facts.axis
+        return (self.facts.name,) if axis is None else (self.facts.name, axis.name)
+
+    def _takes_part(self, time_ns: int, sent: bool) -> None:
+        """Take note of process data: those of a node that is not operational are of long ago."""
+        if not sent:
+            return
+        self.heard(time_ns)
+        if self._led is False:
+            for name in self._names():
+                self._emit(time_ns, name, "log.heard", values=True)
+        self._led = True
 
     def error_control(self, time_ns: int, data: bytes) -> None:
         """Take boot-up, heartbeat or guarding answer."""
-        self.seen = True
+        self.heard(time_ns)
         if len(data) != 1:
             return
         self.silence(time_ns)
@@ -55,6 +102,9 @@ class LogNode:
             self._emit(time_ns, name, "nmt.state", **details)
             self._emit(time_ns, name, "drive.nmt", **details)
             self._nmt = state
+            if state != NmtState.OPERATIONAL and self._led:
+                self._led = False
+                self.unknown(time_ns, None, f"it sends no process data, {_nmt_name(state)}", values=True)
         self.table.set("nmt_state", state)
         self.table.row(time_ns)
 
@@ -67,7 +117,7 @@ class LogNode:
 
     def emergency(self, time_ns: int, data: bytes) -> None:
         """Take an EMCY."""
-        self.seen = True
+        self.heard(time_ns)
         if len(data) != 8:
             return
         code, register, name = int.from_bytes(data[:2], "little"), data[2], self.facts.name
@@ -90,7 +140,7 @@ class LogNode:
         sent: bool,
     ) -> None:
         """Take a PDO; `sent`: by the node itself. Objects without a meaning known here are columns of their number."""
-        self.seen = self.seen or sent
+        self._takes_part(time_ns, sent)
         for key, value in values:
             if key >= 0x100000:
                 self.table.set(_column(key), value)
@@ -153,7 +203,7 @@ class Cia402Node(LogNode):
         self, time_ns: int, values: list[tuple[int, int]], *, sync_ns: int | None, sent: bool
     ) -> None:
         """See `LogNode.process_data`."""
-        self.seen = self.seen or sent
+        self._takes_part(time_ns, sent)
         table, axis = self.table, self.axis
         for key, value in values:
             match key:
@@ -235,7 +285,7 @@ class ProfidriveNode(LogNode):
         self, time_ns: int, values: list[tuple[int, int]], *, sync_ns: int | None, sent: bool
     ) -> None:
         """See `LogNode.process_data`; a telegram is taken when its last word has come."""
-        self.seen = self.seen or sent
+        self._takes_part(time_ns, sent)
         whole = False
         for key, value in values:
             index = key >> 8

@@ -20,10 +20,13 @@ if TYPE_CHECKING:
 
 LOG_KINDS: Final = (
     "drive.state", "drive.fault", "drive.fault_cleared", "drive.inputs", "drive.nmt", "nmt.state", "node.bootup", "emcy.", "heartbeat.lost",
-    "can.bus_error",
+    "can.bus_error", "log.",
 )  # fmt: skip
 """Events that frames tell of."""
 _SHORTEST_NS: Final = S // 100
+_SHORTEST_GAP_NS: Final = S // 20
+_GAP_PERIODS: Final = 10
+"""A time without any frame, in periods of SYNC, that is a gap of the recording."""
 _CONTROLLER: Final = 127
 _FROM_NODES: Final = (0x180, 0x280, 0x380, 0x480, COB_SDO_SERVER, COB_ERROR_CONTROL)
 """Services whose frames come from nodes."""
@@ -130,6 +133,41 @@ def _pair(log: BusLog, facts: BenchFacts, given: Mapping[str, str]) -> dict[str,
     return pairs
 
 
+class _Bus:
+    """A channel of the log: SYNC, and pauses in which frames have been lost to the recorder."""
+
+    def __init__(self, segment: str, nodes: list[LogNode], emit: Callable[..., None]) -> None:
+        self._segment = segment
+        self._nodes = nodes
+        self._emit = emit
+        self.sync_ns: int | None = None
+        self.last_ns = 0
+        self._period_ns = 0
+        self._pause: tuple[int, int] | None = None
+
+    def sync(self, time_ns: int) -> None:
+        """Take a SYNC: where it ran before a pause and runs on behind it, the bus was not silent, but not recorded."""
+        before = self.sync_ns
+        if self._pause is not None and before is not None:
+            from_ns, to_ns = self._pause
+            near_ns = 2 * self._period_ns
+            if from_ns - before <= near_ns and time_ns - to_ns <= near_ns:
+                self._emit(from_ns, self._segment, "log.silent", reason="nothing was recorded", values=False)
+                self._emit(to_ns, self._segment, "log.heard", values=False)
+                for node in self._nodes:
+                    node.unknown(from_ns, to_ns, "nothing was recorded")
+            self._pause = None
+        elif before is not None and time_ns > before:
+            step_ns = time_ns - before
+            self._period_ns = min(self._period_ns, step_ns) if self._period_ns else step_ns
+        self.sync_ns = time_ns
+
+    def pause(self, time_ns: int) -> None:
+        """Take a time without any frame that ends now."""
+        if self._period_ns and time_ns - self.last_ns > _GAP_PERIODS * self._period_ns:
+            self._pause = (self.last_ns, time_ns)
+
+
 class _Reading:
     """Reads the frames of all segments of a bench."""
 
@@ -144,37 +182,44 @@ class _Reading:
         decoder = self._facts.decoder(segment)
         self._words[segment] = decoder
         here = {node.facts.node_id: node for node in self.nodes if node.facts.segment == segment}
-        sync_ns: int | None = None
+        bus = _Bus(segment, list(here.values()), self._emit)
         unknown: dict[int, int] = {}
+        for node in here.values():
+            node.begin(log[0][0])
         for time_ns, _, frame, error in log:
+            if time_ns - bus.last_ns > _SHORTEST_GAP_NS:
+                bus.pause(time_ns)
+            bus.last_ns = time_ns
             if error:
                 self._emit(time_ns, segment, "can.bus_error", code=error)
                 continue
+            if frame.extended:
+                continue
             can_id = frame.can_id
-            if can_id == decoder.sync_id and not frame.extended:
-                sync_ns = time_ns
+            if can_id == decoder.sync_id:
+                bus.sync(time_ns)
                 continue
             found = decoder.mapped(frame)
             if found is not None and found[0] in here:
                 service = can_id & 0x780
                 sent = service in (0x180, 0x280, 0x380, 0x480) or service not in (0x200, 0x300, 0x400, 0x500)
-                here[found[0]].process_data(time_ns, found[1], sync_ns=sync_ns, sent=sent)
+                here[found[0]].process_data(time_ns, found[1], sync_ns=bus.sync_ns, sent=sent)
                 continue
             node_id = decoder.emcy_node(can_id)
             if node_id in here:
-                here[node_id].emergency(time_ns, frame.data)
+                if not frame.remote:
+                    here[node_id].emergency(time_ns, frame.data)
                 continue
             service, node_id = can_id & 0x780, can_id & 0x7F
             if service == COB_ERROR_CONTROL and node_id in here and not frame.remote:
                 here[node_id].error_control(time_ns, frame.data)
             elif service == COB_SDO_SERVER and node_id in here:
-                here[node_id].seen = True
-            elif service in _FROM_NODES and node_id not in (0, _CONTROLLER, *here) and not frame.extended:
+                here[node_id].heard(time_ns)
+            elif service in _FROM_NODES and node_id not in (0, _CONTROLLER, *here) and not frame.remote:
                 unknown[node_id] = unknown.get(node_id, 0) + 1
             decoder.observe(frame)
-        if log:
-            for node in here.values():
-                node.silence(log[-1][0])
+        for node in here.values():
+            node.end(log[-1][0])
         return unknown
 
     def decode(self, frame: CanFrame) -> str:

@@ -92,6 +92,8 @@ EVENT_KINDS: Final = MappingProxyType(
         "link.node_lost": "a drive is lost to its controller",
         "link.request_failed": "a request to a drive on Modbus has failed, the first of a row",
         "link.up": "the cyclic data of a drive are there",
+        "log.heard": "a node, an axis or a segment is there again in a bus log",
+        "log.silent": "nothing is known of a node, an axis or a segment from here on in a bus log",
         "lss.bitrate": "LSS sets a bit rate",
         "lss.node_id": "LSS sets a node-ID",
         "nmt.state": "a node changes its NMT state",

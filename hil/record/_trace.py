@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldbus.history import Event
+from fieldbus.history import Event, Scalar
 from hil.errors import NotRecordedError, RecordingError
 from hil.record._select import EventSelector, kind_matches
 from hil.record._signal import Signal
@@ -109,6 +109,10 @@ class TraceGroup(NamedTuple):
         return cls(name, columns, {column: dict(texts) for column, texts in enums.items()}, times, values)
 
 
+def _span(silent: Event, heard_ns: int) -> tuple[float, float, str]:
+    return silent.time_ns * 1e-9, heard_ns * 1e-9, str(silent.data.get("reason", ""))
+
+
 def event_json(entry: Event) -> str:
     """Return an event as canonical JSON: fixed key order, no blanks, shortest floats."""
     return json.dumps(
@@ -176,7 +180,13 @@ class Trace:
                 if known == column:
                     enum = dict(group.enums.get(column, {}))
                     time_s = (group.time_ns * 1e-9).astype(np.float64)
-                    signal = Signal(name, unit, time_s, group.values[:, index], enum)
+                    values = group.values[:, index]
+                    if self.from_log:
+                        # Rows begin with the first frame of the node; a value that came later begins later.
+                        there = np.flatnonzero(~np.isnan(values))
+                        first = int(there[0]) if len(there) else len(values)
+                        time_s, values = time_s[first:], values[first:]
+                    signal = Signal(name, unit, time_s, values, enum)
                     self._signals[name] = signal
                     return signal
         if self.vocabulary is not None and name in self.vocabulary.absent:
@@ -195,6 +205,30 @@ class Trace:
 
     def __iter__(self) -> Iterator[Signal]:
         return (self[name] for name in self.names())
+
+    @property
+    def from_log(self) -> bool:
+        """Whether it was read from a log of somebody else, which cannot tell everything and may end anywhere."""
+        return self.vocabulary is not None and bool(self.vocabulary.kinds)
+
+    def silences(self, component: str, *, values: bool = True) -> list[tuple[float, float, str]]:
+        """Return when a component (empty: any) was not heard of in a log: begin and end (s), and why; on a bench never.
+
+        With `values` also when it sent no process data, though it told of itself otherwise.
+        """
+        if not self.from_log:
+            return []
+        found: list[tuple[float, float, str]] = []
+        begun: dict[tuple[str, Scalar], Event] = {}
+        for entry in self.select(source=component or None, kind="log."):
+            key = (entry.source, entry.data["values"])
+            if entry.data["values"] and not values:
+                continue
+            if entry.kind == "log.silent":
+                begun.setdefault(key, entry)
+            elif key in begun:
+                found.append(_span(begun.pop(key), entry.time_ns))
+        return sorted([*found, *(_span(entry, self.end_ns) for entry in begun.values())])
 
     @property
     def end_s(self) -> float:

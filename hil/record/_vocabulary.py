@@ -56,6 +56,8 @@ EVENT_DETAILS: Final[Mapping[str, tuple[str, ...]]] = {
     "job.in_velocity": _JOB,
     "job.leaves_velocity": _JOB,
     "job.started": _JOB,
+    "log.heard": ("values",),
+    "log.silent": ("reason", "values"),
     "nmt.state": ("from", "to"),
     "power.status": ("value",),
 }
