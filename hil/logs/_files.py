@@ -5,14 +5,16 @@ from __future__ import annotations
 import re
 import struct
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from fieldbus.can.frame import CanFrame
 from fieldbus.clock import S
 from fieldbus.errors import BusError
 from hil.errors import CannotRunError
+from hil.record import PackedFrames
 
 BENCH_EPOCH_NS: Final = 946_684_800 * S
 """Unix time of time zero of a bench in the logs that this product writes (2000-01-01)."""
@@ -24,11 +26,12 @@ _LINE: Final = re.compile(
     r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?P<body>\S*)(?:\s+[RT])?\s*"
 )
 _REMOTE: Final = re.compile(r"R([0-8]?)")
-_DATA: Final = re.compile(r"(?:[0-9A-Fa-f]{2}){0,8}")
+_DATA: Final = re.compile(r"((?:[0-9A-Fa-f]{2}){0,8})(?:_([9A-Fa-f]))?")
 _ERROR_FLAG: Final = 0x20000000
 
-Entry = tuple[int, str, CanFrame, str]
-"""Time (ns), sender (never known), frame, error (empty: none)."""
+Stamped = Iterator[tuple[int, str, CanFrame, str]]
+"""Stamp (ns), channel, frame, error (empty: none)."""
+_ERROR_FRAME: Final = CanFrame(0)
 
 
 @dataclass(slots=True)
@@ -36,7 +39,7 @@ class BusLog:
     """A log file: frames by channel, in the order of the file."""
 
     path: Path
-    channels: dict[str, list[Entry]] = field(default_factory=dict)
+    channels: dict[str, PackedFrames] = field(default_factory=dict)
     """Times are from time zero: that of the bench in logs of this product, else the first frame."""
     left_out: int = 0
     """CAN FD frames."""
@@ -51,11 +54,11 @@ class BusLog:
     @property
     def end_ns(self) -> int:
         """Time of the last frame."""
-        return max((log[-1][0] for log in self.channels.values() if log), default=0)
+        return max((log.last_ns for log in self.channels.values()), default=0)
 
 
 def read_bus_log(path: str | Path) -> BusLog:
-    """Read a log of CAN frames.
+    """Read a log of CAN frames, one after the other: a long one takes 21 bytes a frame.
 
     Raises:
         CannotRunError: There is no such file, it is empty, cut off, no CAN log, or its timestamps go backwards.
@@ -68,95 +71,122 @@ def read_bus_log(path: str | Path) -> BusLog:
         raise CannotRunError(f"{path} is empty")
     log = BusLog(path)
     stamped = _read_candump(log) if path.suffix.lower() == ".log" else _read_with_library(log)
-    if not stamped:
-        more = f"; {log.left_out} CAN FD frames are left out" if log.left_out else ""
-        raise CannotRunError(f"{path} holds no CAN frame{more}")
-    first = min(time_ns for time_ns, _, _, _ in stamped)
-    if BENCH_EPOCH_NS <= first < BENCH_EPOCH_NS + _BENCH_DAYS_NS:
-        log.origin_ns = BENCH_EPOCH_NS
-    elif first >= S * 100_000_000:
-        log.origin_ns = first
-    last: dict[str, tuple[int, int]] = {}
+    numbers: dict[str, int] = {}
     for number, (stamp_ns, channel, frame, error) in enumerate(stamped, start=1):
-        time_ns = stamp_ns - log.origin_ns
-        before = last.get(channel)
-        if before is not None and time_ns < before[0]:
+        frames = log.channels.get(channel)
+        if frames is None:
+            frames = log.channels[channel] = PackedFrames()
+        elif stamp_ns < frames.last_ns:
+            origin_ns = _origin(log)
             raise CannotRunError(
                 f"{path}: timestamps go backwards: frame {number} of the file, on {channel}, is at "
-                f"{time_ns / S:.6f} s, and frame {before[1]} before it at {before[0] / S:.6f} s"
+                f"{(stamp_ns - origin_ns) / S:.6f} s, and frame {numbers[channel]} before it at "
+                f"{(frames.last_ns - origin_ns) / S:.6f} s; where the clock was set, the parts before and behind it are logs of their own"
             )
-        last[channel] = (time_ns, number)
-        log.channels.setdefault(channel, []).append((time_ns, "", frame, error))
+        frames.append(stamp_ns, frame, error)
+        numbers[channel] = number
+    if not log.channels:
+        more = f"; {log.left_out} CAN FD frames are left out" if log.left_out else ""
+        raise CannotRunError(f"{path} holds no CAN frame{more}")
+    log.origin_ns = _origin(log)
+    for frames in log.channels.values():
+        frames.shift(-log.origin_ns)
     return log
 
 
-def _read_candump(log: BusLog) -> list[tuple[int, str, CanFrame, str]]:
+def _origin(log: BusLog) -> int:
+    """Return the stamp that is time zero: that of a bench in logs of this product, else the first frame, or 0."""
+    first = min(frames.first_ns for frames in log.channels.values())
+    if BENCH_EPOCH_NS <= first < BENCH_EPOCH_NS + _BENCH_DAYS_NS:
+        return BENCH_EPOCH_NS
+    return first if first >= S * 100_000_000 else 0
+
+
+def _read_candump(log: BusLog) -> Stamped:
     """Return the frames of a candump log with their stamps; the reader of python-can names no line."""
-    found: list[tuple[int, str, CanFrame, str]] = []
     try:
-        lines = log.path.read_text(encoding="ascii").splitlines()
+        with log.path.open(encoding="ascii") as stream:
+            held = ""
+            number = 0
+            for number, line in enumerate(stream, start=1):
+                # One line behind, so that the last one is known for it.
+                if held.strip():
+                    yield from _candump_line(log, held, number - 1, last=False)
+                held = line
+            if held.strip():
+                yield from _candump_line(log, held, number, last=True)
     except (OSError, UnicodeDecodeError) as error:
         raise CannotRunError(f"{log.path} cannot be read as a candump log: {error}") from error
-    for number, line in enumerate(lines, start=1):
-        if not line.strip():
-            continue
-        match = _LINE.fullmatch(line)
-        where = f"{log.path}, line {number}"
-        if match is None:
-            cut = " (the file is cut off there)" if number == len(lines) else ""
-            raise CannotRunError(
-                f"{where}: {line[:60]!r} is no line of a candump log such as "
-                f"'(1735689600.000000) can0 181#3702000000000000'{cut}"
-            )
-        if match["body"].startswith("#"):
-            log.left_out += 1
-            continue
-        stamp_ns = int(match["seconds"]) * S + int(match["fraction"].ljust(9, "0"))
-        can_id, extended = int(match["id"], 16), len(match["id"]) == 8
-        remote = _REMOTE.fullmatch(match["body"])
-        if extended and can_id & _ERROR_FLAG:
-            found.append((stamp_ns, match["channel"], CanFrame(0), "bus error"))
-            continue
-        if remote is None and _DATA.fullmatch(match["body"]) is None:
-            cut = ": the file is cut off there" if number == len(lines) else ""
-            raise CannotRunError(
-                f"{where}: {match['body']!r} are no 0 to 8 bytes in hexadecimal, and no R{cut}"
-            )
-        try:
-            if remote is not None:
-                frame = CanFrame(can_id, b"", extended=extended, remote=True, dlc=int(remote[1] or 0))
-            else:
-                frame = CanFrame(can_id, bytes.fromhex(match["body"]), extended=extended)
-        except BusError as error:
-            raise CannotRunError(f"{where}: {error}") from error
-        found.append((stamp_ns, match["channel"], frame, ""))
-    return found
 
 
-def _read_with_library(log: BusLog) -> list[tuple[int, str, CanFrame, str]]:
+def _candump_line(log: BusLog, line: str, number: int, *, last: bool) -> Stamped:
+    match = _LINE.fullmatch(line)
+    if match is None:
+        cut = " (the file is cut off there)" if last else ""
+        raise CannotRunError(
+            f"{log.path}, line {number}: {line[:60].rstrip()!r} is no line of a candump log such as "
+            f"'(1735689600.000000) can0 181#3702000000000000'{cut}"
+        )
+    seconds, fraction, channel, identifier, body = match.groups()
+    if body[:1] == "#":
+        log.left_out += 1
+        return
+    stamp_ns = int(seconds) * S + int(fraction.ljust(9, "0"))
+    can_id, extended = int(identifier, 16), len(identifier) == 8
+    if extended and can_id & _ERROR_FLAG:
+        yield stamp_ns, channel, _ERROR_FRAME, "bus error"
+        return
+    try:
+        frame = _classical(can_id, extended, body)
+    except BusError as error:
+        raise CannotRunError(f"{log.path}, line {number}: {error}") from error
+    if frame is None:
+        cut = ": the file is cut off there" if last else ""
+        raise CannotRunError(
+            f"{log.path}, line {number}: {body!r} are no 0 to 8 bytes in hexadecimal, and no R{cut}"
+        )
+    yield stamp_ns, channel, frame, ""
+
+
+def _classical(can_id: int, extended: bool, body: str) -> CanFrame | None:
+    """Return the frame that candump writes behind the #; None: that is none."""
+    remote = _REMOTE.fullmatch(body)
+    if remote is not None:
+        return CanFrame(can_id, b"", extended=extended, remote=True, dlc=int(remote[1] or 0))
+    data = _DATA.fullmatch(body)
+    if data is None:
+        return None
+    content = bytes.fromhex(data[1])
+    if data[2] is None:
+        return CanFrame(can_id, content, extended=extended)
+    # Behind "_" stands a raw DLC of 9 to 15, which a classical frame of 8 bytes may have.
+    return CanFrame(can_id, content, extended=extended, dlc=int(data[2], 16)) if len(content) == 8 else None
+
+
+def _read_with_library(log: BusLog) -> Stamped:
     """Return the frames of a file of another format, with their stamps, read by python-can."""
     import can
     from can.io.blf import BLFParseError
 
     from fieldbus.can.message import to_frame
 
-    found: list[tuple[int, str, CanFrame, str]] = []
+    count = 0
     try:
-        with can.LogReader(log.path) as reader:
-            told = getattr(
-                reader, "file_size", 0
-            )  # of a BLF file, whose reader takes what is left for the whole
+        with _reader(log.path) as reader:
+            # Of a BLF file, whose reader takes what is left for the whole.
+            told = getattr(reader, "file_size", 0)
             for message in reader:
                 if message.is_fd:
                     log.left_out += 1
                     continue
-                stamp_ns = round(message.timestamp * S)
+                count += 1
                 channel = "" if message.channel is None else str(message.channel)
-                error = "bus error" if message.is_error_frame else ""
-                frame = CanFrame(0) if error else to_frame(message)
-                found.append((stamp_ns, channel, frame, error))
+                if message.is_error_frame:
+                    yield round(message.timestamp * S), channel, _ERROR_FRAME, "bus error"
+                else:
+                    yield round(message.timestamp * S), channel, to_frame(message), ""
     except (OSError, ValueError, LookupError, struct.error, zlib.error, BLFParseError, can.CanError, BusError) as error:  # fmt: skip
-        read = f" after {len(found)} frames" if found else ""
+        read = f" after {count} frames" if count else ""
         raise CannotRunError(
             f"{log.path} cannot be read as a CAN log{read}: {error or type(error).__name__}; it may be cut off. "
             f"Logs are {FORMATS}"
@@ -166,4 +196,14 @@ def _read_with_library(log: BusLog) -> list[tuple[int, str, CanFrame, str]]:
         raise CannotRunError(
             f"{log.path} cannot be read as a CAN log: it says that it has {told} bytes and has {there}: it is cut off"
         )
-    return found
+
+
+def _reader(path: Path) -> Any:
+    import can
+
+    if path.suffix.lower() != ".asc":
+        return can.LogReader(path)
+    from hil.logs._asc import AscLines
+
+    lines: Any = AscLines(path)
+    return can.ASCReader(lines)

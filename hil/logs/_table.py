@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Mapping
 
 import numpy as np
@@ -19,8 +20,9 @@ class Table:
         self._place: dict[str, int] = {}
         self._units: list[str] = []
         self._now: list[float] = []
-        self._times: list[int] = []
-        self._rows: list[list[float]] = []
+        self._times = array("q")
+        self._blocks: list[tuple[int, array[float]]] = []
+        """Rows one behind the other, a block for every number of columns that there were."""
 
     def set(self, column: str, value: float, unit: str = "") -> None:
         """Give a column its present value."""
@@ -38,20 +40,27 @@ class Table:
 
     def row(self, time_ns: int) -> None:
         """Keep the present values under a time; a second row of the same instant takes the place of the first."""
-        if self._times and self._times[-1] == time_ns:
-            self._rows[-1] = self._now.copy()
+        if not self._now:
             return
-        self._times.append(time_ns)
-        self._rows.append(self._now.copy())
+        if self._times and self._times[-1] == time_ns:
+            width, values = self._blocks[-1]
+            del values[len(values) - width :]
+        else:
+            self._times.append(time_ns)
+        if not self._blocks or self._blocks[-1][0] != len(self._now):
+            self._blocks.append((len(self._now), array("d")))
+        self._blocks[-1][1].extend(self._now)
 
     def group(self) -> TraceGroup | None:
         """Return the rows; what had not come yet is no number. None without any."""
-        if not self._rows:
+        if not self._times:
             return None
-        width = len(self._now)
-        values = np.full((len(self._rows), width), np.nan)
-        for index, row in enumerate(self._rows):
-            values[index, : len(row)] = row
+        values = np.full((len(self._times), len(self._now)), np.nan)
+        first = 0
+        for width, block in self._blocks:
+            rows = np.frombuffer(block, dtype=np.float64).reshape(-1, width)
+            values[first : first + len(rows), :width] = rows
+            first += len(rows)
         columns = tuple(zip(self._place, self._units, strict=True))
         enums = {column: dict(texts) for column, texts in self._enums.items() if column in self._place}
         return TraceGroup(self.name, columns, enums, np.array(self._times, dtype=np.int64), values)

@@ -11,9 +11,9 @@ from fieldbus.clock import S
 from fieldbus.history import Event, Scalar
 from hil.errors import CannotRunError
 from hil.logs._facts import BenchFacts, facts_of
-from hil.logs._files import BusLog, Entry
+from hil.logs._files import BusLog
 from hil.logs._nodes import LogNode, node_of
-from hil.record import Trace, TraceGroup
+from hil.record import PackedFrames, Trace, TraceGroup
 
 if TYPE_CHECKING:
     from fieldbus.can.frame import CanFrame
@@ -58,7 +58,7 @@ def trace_of_log(log: BusLog, bench_file: Any, *, channels: Mapping[str, str] | 
     """
     facts = facts_of(bench_file)
     pairs = _pair(log, facts, channels or {})
-    if log.end_ns - min(entries[0][0] for entries in log.channels.values()) < _SHORTEST_NS:
+    if log.end_ns - min(entries.first_ns for entries in log.channels.values()) < _SHORTEST_NS:
         raise CannotRunError(
             f"{log.path} is too short: {log.frames} frames within less than {_SHORTEST_NS / S:g} s"
         )
@@ -177,7 +177,7 @@ class _Reading:
         self.nodes: list[LogNode] = [node_of(one, emit) for one in facts.nodes]
         self._words: dict[str, Any] = {}
 
-    def read(self, segment: str, log: list[Entry]) -> dict[int, int]:
+    def read(self, segment: str, log: PackedFrames) -> dict[int, int]:
         """Read a channel; returns nodes that the bench does not have, with the number of their frames."""
         decoder = self._facts.decoder(segment)
         self._words[segment] = decoder
@@ -185,7 +185,7 @@ class _Reading:
         bus = _Bus(segment, list(here.values()), self._emit)
         unknown: dict[int, int] = {}
         for node in here.values():
-            node.begin(log[0][0])
+            node.begin(log.first_ns)
         for time_ns, _, frame, error in log:
             if time_ns - bus.last_ns > _SHORTEST_GAP_NS:
                 bus.pause(time_ns)
@@ -219,7 +219,7 @@ class _Reading:
                 unknown[node_id] = unknown.get(node_id, 0) + 1
             decoder.observe(frame)
         for node in here.values():
-            node.end(log[-1][0])
+            node.end(log.last_ns)
         return unknown
 
     def decode(self, frame: CanFrame) -> str:

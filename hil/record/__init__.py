@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 from hil.record._compare import Difference, first_difference
+from hil.record._frames import PackedFrames
 from hil.record._homing import homing_drawings
 from hil.record._kinds import EVENT_KINDS, check_event_kind
 from hil.record._recorder import Group, Recorder
@@ -29,6 +30,7 @@ __all__ = [
     "Direction",
     "EventSelector",
     "Group",
+    "PackedFrames",
     "Recorder",
     "Signal",
     "Trace",

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fieldbus.history import Event, Scalar
 from hil.errors import NotRecordedError, RecordingError
+from hil.record._frames import PackedFrames
 from hil.record._select import EventSelector, kind_matches
 from hil.record._signal import Signal
 from hil.record._vocabulary import Vocabulary
@@ -65,6 +66,11 @@ def _can_log(bus: str, log: Sequence[tuple[int, str, Any, str]]) -> Iterator[tup
 
     The bytes behind the time are made once of a frame that is sent again and again, as one is that nobody acknowledges.
     """
+    if isinstance(log, PackedFrames):
+        # Its frames are made anew each time, so that they cannot be told by their identity.
+        for time_ns, sender, frame, error in log:
+            yield time_ns, _TIME(time_ns) + _can_body(frame, bytes(frame.data), f"{bus}\0{sender}\0{error}\0")
+        return
     bodies: dict[tuple[int, str, str], bytes] = {}
     for time_ns, sender, frame, error in log:
         key = (id(frame), sender, error)
@@ -154,7 +160,9 @@ class Trace:
     ) -> None:
         self._groups = {group.name: group for group in groups}
         self.events: tuple[Event, ...] = tuple(events)
-        self._raw_frames = {bus: tuple(log) for bus, log in (frames or {}).items()}
+        self._raw_frames: dict[str, Sequence[tuple[int, str, Any, str]]] = {
+            bus: log if isinstance(log, PackedFrames) else tuple(log) for bus, log in (frames or {}).items()
+        }
         self._frames: tuple[TraceFrame, ...] | None = None
         self._signals: dict[str, Signal] = {}
         self._digest = ""
@@ -256,21 +264,22 @@ class Trace:
     def frames(self) -> tuple[TraceFrame, ...]:
         """All frames of all buses, by time."""
         if self._frames is None:
-            merged = [
-                TraceFrame(
-                    time_ns, bus, sender, frame.can_id, bytes(frame.data), bool(frame.extended), bool(frame.remote),
-                    frame.dlc, error, protocol, frame.note if protocol != "can" else "",
-                )
-                for bus, log in self._raw_frames.items()
-                for protocol in (protocol_of(log),)
-                for time_ns, sender, frame, error in log
-            ]  # fmt: skip
+            merged = [frame for bus in self._raw_frames for frame in self._frames_of(bus)]
             if len(self._raw_frames) > 1:
                 merged.sort(key=lambda frame: frame.time_ns)
             self._frames = tuple(merged)
         return self._frames
 
-    def raw_frames(self, bus: str) -> tuple[tuple[int, str, Any, str], ...]:
+    def _frames_of(self, bus: str) -> Iterator[TraceFrame]:
+        log = self._raw_frames[bus]
+        protocol = protocol_of(log)
+        for time_ns, sender, frame, error in log:
+            yield TraceFrame(
+                time_ns, bus, sender, frame.can_id, bytes(frame.data), bool(frame.extended), bool(frame.remote),
+                frame.dlc, error, protocol, frame.note if protocol != "can" else "",
+            )  # fmt: skip
+
+    def raw_frames(self, bus: str) -> Sequence[tuple[int, str, Any, str]]:
         """Return the frame log of a bus as the segment kept it."""
         return self._raw_frames.get(bus, ())
 
@@ -322,7 +331,13 @@ class Trace:
             for entry in self.events:
                 sha.update(event_json(entry).encode())
                 sha.update(b"\n")
-            sha.update(b"".join(self._canonical_frames()))
+            if len(self._raw_frames) == 1 and all(isinstance(log, PackedFrames) for log in self._raw_frames.values()):
+                # One after the other, so that a log of millions of frames is not unpacked for it.
+                for bus, log in self._raw_frames.items():
+                    for _time_ns, content in _can_log(bus, log):
+                        sha.update(content)
+            else:
+                sha.update(b"".join(self._canonical_frames()))
             self._digest = sha.hexdigest()
         return self._digest
 
