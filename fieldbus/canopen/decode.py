@@ -139,6 +139,11 @@ class FrameDecoder:
             found.append((raw >> 8, number))
         return node.node_id, found
 
+    def mapped_length(self, can_id: int) -> int:
+        """Return how many bytes a PDO has by the mapping in force; 0 for what is none."""
+        pdo = self._pdos.get(can_id)
+        return 0 if pdo is None else (sum(raw & 0xFF for raw in pdo[2]) + 7) // 8
+
     def emcy_node(self, can_id: int) -> int:
         """Return the node-ID to which the identifier of an EMCY belongs; 0 when it is none."""
         node = self._emcy.get(can_id)

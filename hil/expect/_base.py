@@ -25,6 +25,7 @@ class ReferenceMissingError(Exception):
 
     def __init__(self, reference: EventSelector) -> None:
         super().__init__(f"the reference event '{reference}' did not happen")
+        self.reference = reference
 
 
 class UnknownYetError(Exception):
@@ -116,6 +117,10 @@ class Expectation(ABC):
         """Return the components that have to be heard for it to pass; by default those of its signals."""
         return tuple(dict.fromkeys(name.partition(".")[0] for name in self.signals_named()))
 
+    def needs_values(self) -> bool:
+        """Whether its components have to send process data, and not only to be heard."""
+        return bool(self.signals_named())
+
     def needed_until(self, trace: Trace) -> Reference:
         """Return to when everything has to be recorded for it to pass: by default `until`, the instant itself, or the end."""
         until: Reference | None = getattr(self, "until", None)
@@ -155,6 +160,9 @@ class Expectation(ABC):
         except UnknownYetError as unknown:
             return [self.unseen(trace, str(unknown), unknown.time_s)]
         except ReferenceMissingError as missing:
+            silences = trace.silences(missing.reference.source or "")
+            if silences:
+                return [self.unseen(trace, f"{missing}, but {silences[0][2]}", silences[0][0])]
             return [self.outcome(passed=False, observed=str(missing), time_s=trace.end_s)]
         except NotRecordedError as error:
             return [self.check(Verdict.BLOCKED, str(error), None)]
@@ -167,10 +175,15 @@ class Expectation(ABC):
 
     def missing(self, trace: Trace, observed: str, time_s: float, bound_s: float | None) -> Check:
         """Return the check for what did not come until `bound_s`; a log that ended before then cannot tell."""
-        if trace.from_log and bound_s is not None and bound_s > trace.end_s + SLACK_S:
-            text = f"{observed}, and the recording ends at {trace.end_s:.6f} s, before {bound_s:.6f} s"
+        begin_s = self._begin(trace) or 0.0
+        end_s = trace.end_s if bound_s is None else bound_s
+        if trace.from_log and end_s > trace.end_s + SLACK_S:
+            text = f"{observed}, and the recording ends at {trace.end_s:.6f} s, before {end_s:.6f} s"
             return self.check(Verdict.BLOCKED, text, trace.end_s)
-        return self.outcome(passed=False, observed=observed, time_s=time_s, since_s=self._begin(trace))
+        unknown = self._not_known(trace, begin_s, end_s)
+        if unknown is not None:
+            return self.check(Verdict.BLOCKED, f"{observed}, but {unknown[1]}", unknown[0])
+        return self.outcome(passed=False, observed=observed, time_s=time_s, since_s=begin_s)
 
     def _begin(self, trace: Trace) -> float | None:
         """Return from when on it is judged."""
@@ -221,12 +234,21 @@ class Expectation(ABC):
             return replace(self.unseen(trace, observed, trace.end_s), name=check.name)
         if begin_s is None:
             return check
+        unknown = self._not_known(trace, begin_s, end_s)
+        if unknown is None:
+            return check
+        observed = f"{check.observed}, but {unknown[1]}"
+        return replace(self.unseen(trace, observed, unknown[0]), name=check.name)
+
+    def _not_known(self, trace: Trace, begin_s: float, end_s: float) -> tuple[float, str] | None:
+        """Return when a component that has to be heard was not in a log, between two times, and the words for it."""
         for component in self.components_named():
-            for silent_s, heard_s, reason in trace.silences(component, values=bool(self.signals_named())):
+            for silent_s, heard_s, reason in trace.silences(component, values=self.needs_values()):
                 if silent_s < end_s - SLACK_S and heard_s > begin_s + SLACK_S:
-                    observed = f"{check.observed}, but {component} is not known from {silent_s:.6f} s to {heard_s:.6f} s: {reason}"
-                    return replace(self.unseen(trace, observed, max(silent_s, begin_s)), name=check.name)
-        return check
+                    return max(
+                        silent_s, begin_s
+                    ), f"not known from {silent_s:.6f} s to {heard_s:.6f} s: {reason}"
+        return None
 
     def outcome(
         self,

@@ -170,7 +170,11 @@ class HappensExpectation(Expectation):
 
     def components_named(self) -> tuple[str, ...]:
         """See `Expectation`: who has to be heard to say that it does not happen."""
-        return (self.selector.source,) if self.selector.source is not None else ("",)
+        return (self.selector.source or "",)
+
+    def needs_values(self) -> bool:
+        """See `Expectation`: a drive tells its states in process data, its network state in services."""
+        return self.selector.kind.startswith("drive.") and self.selector.kind != "drive.nmt"
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
@@ -302,6 +306,10 @@ class StateExpectation(Expectation):
     def components_named(self) -> tuple[str, ...]:
         """See `Expectation`: the component itself."""
         return (self.component,)
+
+    def needs_values(self) -> bool:
+        """See `Expectation`: all but network states are told in process data."""
+        return self.kind not in ("drive.nmt", "nmt.state")
 
     def verify(self, trace: Trace) -> None:
         """See `Expectation`: the component has to have this state."""

@@ -18,6 +18,8 @@ _WORDS: Final = {
     0x604000: "controlword", 0x604100: "statusword", 0x606000: "mode_set", 0x606100: "mode", 0x603F00: "error_code",
     0x60FD00: "inputs", 0x60FE01: "outputs", 0x100100: "error_register",
 }  # fmt: skip
+_PROFILE: Final = 0x60
+"""Objects of a device profile begin with 6000h."""
 _WRAP: Final = 1 << 32
 _SILENCE_NS: Final = S
 """A node without heartbeat that sends nothing for so long is not known."""
@@ -41,11 +43,15 @@ class LogNode:
         self._emcy = 0
         self._heard_ns: int | None = None
         self._silence_ns = facts.consumer_heartbeat_ns or _SILENCE_NS
+        self._begun_ns = 0
+        self._told = False
+        """Whether a drive has told its state or values."""
         self._led: bool | None = None
         """Whether process data come; None before the first."""
 
     def begin(self, time_ns: int) -> None:
         """Take the begin of the log: until its first frame nothing is known of the node."""
+        self._begun_ns = time_ns
         self._heard_ns = time_ns
 
     def heard(self, time_ns: int) -> None:
@@ -62,6 +68,10 @@ class LogNode:
         last = self._heard_ns
         if last is not None and time_ns - last > self._silence_ns:
             self.unknown(last, None, "it sends nothing")
+        elif self.speechless:
+            self.unknown(
+                self._begun_ns, None, "it sends no process data that the bench file maps", values=True
+            )
 
     def unknown(self, from_ns: int, to_ns: int | None, reason: str, *, values: bool = False) -> None:
         """Tell that nothing is known of the node and its axis for a time; with `values` but for what is no process data."""
@@ -69,6 +79,18 @@ class LogNode:
             self._emit(from_ns, name, "log.silent", reason=reason, values=values)
             if to_ns is not None:
                 self._emit(to_ns, name, "log.heard", values=values)
+
+    def excuse(self, from_ns: int, to_ns: int, reason: str) -> None:
+        """Tell of a time in which the node may have sent what was not recorded: no heartbeat was lost then."""
+        self.unknown(from_ns, to_ns, reason)
+        self._heard_ns = to_ns
+        if self._heartbeat_ns is not None:
+            self._heartbeat_ns = to_ns
+
+    @property
+    def speechless(self) -> bool:
+        """Whether a drive has sent no process data."""
+        return self.facts.profile in ("cia402", "profidrive") and not self._told
 
     def _names(self) -> tuple[str, ...]:
         axis = self.facts.axis
@@ -205,6 +227,7 @@ class Cia402Node(LogNode):
         """See `LogNode.process_data`."""
         self._takes_part(time_ns, sent)
         table, axis = self.table, self.axis
+        self._told = self._told or (sent and any(_PROFILE <= key >> 16 for key, _ in values))
         for key, value in values:
             match key:
                 case 0x606400:
@@ -301,6 +324,7 @@ class ProfidriveNode(LogNode):
                 self.table.set("fault_number", value)
             elif key == _STATUS_WARNING:
                 self.table.set("warning_number", value)
+        self._told = self._told or sent
         if whole and sent:
             self._take_actual(time_ns, self._actual.decode(bytes(self._back)), sync_ns)
         elif whole:

@@ -83,6 +83,12 @@ def trace_of_log(log: BusLog, bench_file: Any, *, channels: Mapping[str, str] | 
             f"{log.path}: none of the nodes of bench {facts.name!r} sends in this log: {told}; "
             f"{notes[-1] if notes else 'there is no other either'}"
         )
+    notes += reading.notes
+    notes += [
+        f"{node.facts.name} (node {node.facts.node_id}) sends no process data that the bench file maps: nothing is known of its states and values"
+        for node in reading.nodes
+        if node.seen and node.speechless and node.facts.segment in pairs
+    ]
     notes += [f"{one.name} (node {one.node_id}) sends nothing in this log" for one in silent]
     groups = reading.groups()
     names = {f"{group.name}.{column}" for group in groups for column, _ in group.columns}
@@ -155,7 +161,7 @@ class _Bus:
                 self._emit(from_ns, self._segment, "log.silent", reason="nothing was recorded", values=False)
                 self._emit(to_ns, self._segment, "log.heard", values=False)
                 for node in self._nodes:
-                    node.unknown(from_ns, to_ns, "nothing was recorded")
+                    node.excuse(from_ns, to_ns, "nothing was recorded")
             self._pause = None
         elif before is not None and time_ns > before:
             step_ns = time_ns - before
@@ -176,6 +182,7 @@ class _Reading:
         self._emit = emit
         self.nodes: list[LogNode] = [node_of(one, emit) for one in facts.nodes]
         self._words: dict[str, Any] = {}
+        self.notes: list[str] = []
 
     def read(self, segment: str, log: PackedFrames) -> dict[int, int]:
         """Read a channel; returns nodes that the bench does not have, with the number of their frames."""
@@ -184,6 +191,7 @@ class _Reading:
         here = {node.facts.node_id: node for node in self.nodes if node.facts.segment == segment}
         bus = _Bus(segment, list(here.values()), self._emit)
         unknown: dict[int, int] = {}
+        lengths: dict[int, int] = {}
         for node in here.values():
             node.begin(log.first_ns)
         for time_ns, _, frame, error in log:
@@ -201,6 +209,8 @@ class _Reading:
                 continue
             found = decoder.mapped(frame)
             if found is not None and found[0] in here:
+                if can_id not in lengths:
+                    lengths[can_id] = len(frame.data)
                 service = can_id & 0x780
                 sent = service in (0x180, 0x280, 0x380, 0x480) or service not in (0x200, 0x300, 0x400, 0x500)
                 here[found[0]].process_data(time_ns, found[1], sync_ns=bus.sync_ns, sent=sent)
@@ -220,7 +230,18 @@ class _Reading:
             decoder.observe(frame)
         for node in here.values():
             node.end(log.last_ns)
+        self._compare(segment, lengths, here)
         return unknown
+
+    def _compare(self, segment: str, lengths: Mapping[int, int], here: Mapping[int, LogNode]) -> None:
+        """Note process data of another length than by the bench file: the sign of another mapping, or of another bench."""
+        decoder = self._words[segment]
+        for can_id, length in sorted(lengths.items()):
+            wanted = decoder.mapped_length(can_id)
+            if length != wanted:
+                self.notes.append(
+                    f"{here[decoder.pdo_ids[can_id]].facts.name}: process data {can_id:03X}h have {length} bytes, {wanted} by the bench file"
+                )
 
     def decode(self, frame: CanFrame) -> str:
         """Return a frame in words, by the mapping at the end of the log."""

@@ -116,7 +116,7 @@ class TraceGroup(NamedTuple):
 
 
 def _span(silent: Event, heard_ns: int) -> tuple[float, float, str]:
-    return silent.time_ns * 1e-9, heard_ns * 1e-9, str(silent.data.get("reason", ""))
+    return silent.time_ns * 1e-9, heard_ns * 1e-9, f"{silent.source}: {silent.data.get('reason', '')}"
 
 
 def event_json(entry: Event) -> str:
@@ -220,7 +220,7 @@ class Trace:
         return self.vocabulary is not None and bool(self.vocabulary.kinds)
 
     def silences(self, component: str, *, values: bool = True) -> list[tuple[float, float, str]]:
-        """Return when a component (empty: any) was not heard of in a log: begin and end (s), and why; on a bench never.
+        """Return when a component (empty: any) was not heard of in a log: begin and end (s), who and why; on a bench never.
 
         With `values` also when it sent no process data, though it told of itself otherwise.
         """
