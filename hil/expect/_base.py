@@ -113,6 +113,10 @@ class Expectation(ABC):
         """Return the signals that this expectation judges: a plot of a failed one has to show them."""
         return ()
 
+    def levels_named(self) -> tuple[str, ...]:
+        """Return the signals whose values it compares with numbers, for which their zero has to be known."""
+        return ()
+
     def components_named(self) -> tuple[str, ...]:
         """Return the components that have to be heard for it to pass; by default those of its signals."""
         return tuple(dict.fromkeys(name.partition(".")[0] for name in self.signals_named()))
@@ -153,6 +157,7 @@ class Expectation(ABC):
         """
         try:
             self.verify(trace)
+            self._check_zero(trace)
             refused = self._outside(trace)
             if refused:
                 return [self.unseen(trace, *refused)]
@@ -185,6 +190,16 @@ class Expectation(ABC):
             return self.check(Verdict.BLOCKED, f"{observed}, but {unknown[1]}", unknown[0])
         return self.outcome(passed=False, observed=observed, time_s=time_s, since_s=begin_s)
 
+    def _check_zero(self, trace: Trace) -> None:
+        """Refuse to compare a value with numbers where only its displacement is known."""
+        words = trace.vocabulary
+        for name in self.levels_named():
+            if words is not None and name in words.relative:
+                raise NotRecordedError(
+                    f"{words.origin} does not tell where the zero of {name} is, which homing sets; judge displacements, "
+                    "or the increments of the encoder"
+                )
+
     def _begin(self, trace: Trace) -> float | None:
         """Return from when on it is judged."""
         for item in fields(self):
@@ -198,6 +213,10 @@ class Expectation(ABC):
         begin_s = self._begin(trace)
         if begin_s is None:
             return None
+        if hasattr(self, "at"):
+            unknown = self._not_known(trace, begin_s, begin_s)
+            if unknown is not None:
+                return unknown[1], unknown[0]
         if math.isnan(begin_s):
             return "the observation begins at a time that is no number", 0.0
         if begin_s > trace.end_s + SLACK_S:
@@ -244,7 +263,8 @@ class Expectation(ABC):
         """Return when a component that has to be heard was not in a log, between two times, and the words for it."""
         for component in self.components_named():
             for silent_s, heard_s, reason in trace.silences(component, values=self.needs_values()):
-                if silent_s < end_s - SLACK_S and heard_s > begin_s + SLACK_S:
+                over = silent_s <= begin_s + SLACK_S and heard_s >= trace.end_s - SLACK_S
+                if over or (silent_s < end_s - SLACK_S and heard_s > begin_s + SLACK_S):
                     return max(
                         silent_s, begin_s
                     ), f"not known from {silent_s:.6f} s to {heard_s:.6f} s: {reason}"

@@ -39,6 +39,14 @@ def nth_of(entries: Sequence[Event], nth: int) -> Event | None:
     return entries[index] if -len(entries) <= index < len(entries) else None
 
 
+def _fleeting(trace: Trace, selectors: Sequence[EventSelector]) -> str:
+    """Return why some events may have happened unseen; empty where all of them would show."""
+    words = trace.vocabulary
+    states = () if words is None else words.fleeting
+    hidden = [str(one.data["to"]) for one in selectors if one.data.get("to") in states]
+    return f"{hidden[0]} may have been left before it was seen" if hidden else ""
+
+
 def _told(entry: Event, *keys: str) -> str:
     parts = [f"{key} {entry.data[key]}" for key in keys if entry.data.get(key) not in (None, "")]
     return f"{', '.join(parts)} at {entry.time_ns * 1e-9:.6f} s"
@@ -185,6 +193,9 @@ class HappensExpectation(Expectation):
             if since_s - SLACK_S <= entry.time_ns * 1e-9 <= until_s + SLACK_S
         ]
         entry = nth_of(inside, self.selector.nth)
+        hidden = _fleeting(trace, [self.selector]) if entry is None else ""
+        if hidden:
+            return [self.unseen(trace, f"it was not seen, but {hidden}", since_s)]
         if self.never:
             observed = (
                 "it did not happen" if entry is None else f"{entry.kind} at {entry.time_ns * 1e-9:.6f} s"
@@ -272,6 +283,9 @@ class OrderExpectation(Expectation):
                 )
                 before = f" after {', '.join(found)}" if found else ""
                 when = (trace.events[position - 1].time_ns * 1e-9) if found else since_s
+                hidden = _fleeting(trace, [selector])
+                if hidden:
+                    return [self.unseen(trace, f"'{selector}' {missing}{before}, but {hidden}", when)]
                 return [
                     self.outcome(
                         passed=False, observed=f"'{selector}' {missing}{before}", time_s=when, since_s=since_s

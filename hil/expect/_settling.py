@@ -131,6 +131,10 @@ class SettlesExpectation(Expectation):
         """See `Expectation`."""
         return (self.signal,)
 
+    def levels_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return self.signals_named()
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace: the time of settling is that of the first sample from which on all are within the band."""
         since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
@@ -230,6 +234,8 @@ def _torque_possible(trace: Trace, drive: str) -> tuple[Signal, NDArray[np.bool_
         word = trace[f"{drive}.drive_zsw1"]
         on = _from_operation(_integers(word))
     else:
+        if trace.from_log and f"{drive}.statusword" not in trace:
+            raise NotRecordedError(f"the log does not tell whether {drive} may give torque")
         word = trace[f"{drive}.statusword"]
         on = has_torque(_integers(word))
     return word, on | np.isnan(word.values)

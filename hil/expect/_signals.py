@@ -56,6 +56,10 @@ class AlwaysExpectation(Expectation):
         """See `Expectation`."""
         return self.signals
 
+    def levels_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return self.signals_named()
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on the samples of the first signal; the others hold their last value.
 
@@ -124,6 +128,10 @@ class ValueExpectation(Expectation):
         """See `Expectation`."""
         return (self.signal,)
 
+    def levels_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return self.signals_named()
+
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         at_s = instant(trace, self.at)
@@ -162,6 +170,10 @@ class RangeExpectation(Expectation):
     def signals_named(self) -> tuple[str, ...]:
         """See `Expectation`."""
         return (self.signal,)
+
+    def levels_named(self) -> tuple[str, ...]:
+        """See `Expectation`."""
+        return self.signals_named()
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace; the measurement is the value that comes nearest to, or goes farthest over, a limit."""

@@ -21,6 +21,9 @@ _WORDS: Final = {
 _PROFILE: Final = 0x60
 """Objects of a device profile begin with 6000h."""
 _WRAP: Final = 1 << 32
+_REGULAR: Final = 10
+_MISSED: Final = 10
+"""Process data that came with so many SYNCs in a row, and then with none for so many, have stayed away."""
 _SILENCE_NS: Final = S
 """A node without heartbeat that sends nothing for so long is not known."""
 _EMCY_NS: Final = 100_000_000
@@ -44,6 +47,7 @@ class LogNode:
         self._heard_ns: int | None = None
         self._silence_ns = facts.consumer_heartbeat_ns or _SILENCE_NS
         self._begun_ns = 0
+        self._sync_ns = self._data_ns = self._period_ns = self._regular = 0
         self._told = False
         """Whether a drive has told its state or values."""
         self._led: bool | None = None
@@ -68,6 +72,11 @@ class LogNode:
         last = self._heard_ns
         if last is not None and time_ns - last > self._silence_ns:
             self.unknown(last, None, "it sends nothing")
+        elif self._led and self._regular >= _REGULAR and time_ns - self._data_ns > _MISSED * self._period_ns:
+            self.unknown(self._data_ns, None, "its process data stayed away", values=True)
+        elif self.facts.profile not in ("cia402", "profidrive", "other"):
+            reason = f"states and values of the profile {self.facts.profile} are not read from a log"
+            self.unknown(self._begun_ns, None, reason, values=True)
         elif self.speechless:
             self.unknown(
                 self._begun_ns, None, "it sends no process data that the bench file maps", values=True
@@ -96,15 +105,34 @@ class LogNode:
         axis = self.facts.axis
         return (self.facts.name,) if axis is None else (self.facts.name, axis.name)
 
-    def _takes_part(self, time_ns: int, sent: bool) -> None:
-        """Take note of process data: those of a node that is not operational are of long ago."""
+    def _takes_part(self, time_ns: int, sync_ns: int | None, *, sent: bool) -> None:
+        """Take note of process data: those of a node that is not operational are of long ago, as are those that stay away."""
         if not sent:
             return
         self.heard(time_ns)
         if self._led is False:
             for name in self._names():
                 self._emit(time_ns, name, "log.heard", values=True)
+            self._regular = 0
         self._led = True
+        if sync_ns is not None:
+            self._count(time_ns, sync_ns)
+        self._data_ns = time_ns
+
+    def _count(self, time_ns: int, sync_ns: int) -> None:
+        """Follow process data that come with every SYNC, and tell when they have not come for some of them."""
+        step_ns = sync_ns - self._sync_ns
+        self._sync_ns = sync_ns
+        if step_ns <= 0:
+            return
+        if self._regular >= _REGULAR and step_ns > _MISSED * self._period_ns:
+            self.unknown(self._data_ns, time_ns, "its process data stayed away", values=True)
+            self._regular = 0
+        elif 2 * step_ns < 3 * self._period_ns or not self._period_ns:
+            self._regular += 1
+        else:
+            self._regular = 0
+        self._period_ns = min(self._period_ns or step_ns, step_ns)
 
     def error_control(self, time_ns: int, data: bytes) -> None:
         """Take boot-up, heartbeat or guarding answer."""
@@ -158,11 +186,11 @@ class LogNode:
         time_ns: int,
         values: list[tuple[int, int]],
         *,
-        sync_ns: int | None,  # noqa: ARG002 - for those with a motion
+        sync_ns: int | None,
         sent: bool,
     ) -> None:
         """Take a PDO; `sent`: by the node itself. Objects without a meaning known here are columns of their number."""
-        self._takes_part(time_ns, sent)
+        self._takes_part(time_ns, sync_ns, sent=sent)
         for key, value in values:
             if key >= 0x100000:
                 self.table.set(_column(key), value)
@@ -225,9 +253,9 @@ class Cia402Node(LogNode):
         self, time_ns: int, values: list[tuple[int, int]], *, sync_ns: int | None, sent: bool
     ) -> None:
         """See `LogNode.process_data`."""
-        self._takes_part(time_ns, sent)
+        self._takes_part(time_ns, sync_ns, sent=sent)
         table, axis = self.table, self.axis
-        self._told = self._told or (sent and any(_PROFILE <= key >> 16 for key, _ in values))
+        self._told = self._told or (sent and any(key >> 16 >= _PROFILE for key, _ in values))
         for key, value in values:
             match key:
                 case 0x606400:
@@ -308,7 +336,7 @@ class ProfidriveNode(LogNode):
         self, time_ns: int, values: list[tuple[int, int]], *, sync_ns: int | None, sent: bool
     ) -> None:
         """See `LogNode.process_data`; a telegram is taken when its last word has come."""
-        self._takes_part(time_ns, sent)
+        self._takes_part(time_ns, sync_ns, sent=sent)
         whole = False
         for key, value in values:
             index = key >> 8

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldbus.canopen.nmt import COB_ERROR_CONTROL, COB_SDO_SERVER
+from fieldbus.canopen.nmt import COB_ERROR_CONTROL, COB_SDO_SERVER, NmtState
 from fieldbus.clock import S
 from fieldbus.history import Event, Scalar
 from hil.errors import CannotRunError
@@ -27,6 +27,8 @@ _SHORTEST_NS: Final = S // 100
 _SHORTEST_GAP_NS: Final = S // 20
 _GAP_PERIODS: Final = 10
 """A time without any frame, in periods of SYNC, that is a gap of the recording."""
+_FLEETING: Final = ("Fault reaction active", "Not ready to switch on")
+"""States that a drive leaves by itself, and may have left before the next SYNC."""
 _CONTROLLER: Final = 127
 _FROM_NODES: Final = (0x180, 0x280, 0x380, 0x480, COB_SDO_SERVER, COB_ERROR_CONTROL)
 """Services whose frames come from nodes."""
@@ -96,6 +98,9 @@ def trace_of_log(log: BusLog, bench_file: Any, *, channels: Mapping[str, str] | 
         facts.vocabulary,
         kinds=LOG_KINDS,
         absent=tuple(name for name in facts.signals if name not in names),
+        relative=tuple(f"{one.axis.name}.actual_position" for one in facts.nodes if one.axis is not None),
+        fleeting=_FLEETING,
+        values={**facts.vocabulary.values, **_states(facts)},
         origin=f"the log {log.path.name}",
     )
     events.sort(key=lambda event: event.time_ns)
@@ -108,6 +113,17 @@ def trace_of_log(log: BusLog, bench_file: Any, *, channels: Mapping[str, str] | 
         vocabulary=vocabulary,
     )
     return LogTrace(trace, reading.decode, notes, facts.name, facts.text)
+
+
+def _states(facts: BenchFacts) -> dict[str, tuple[Scalar, ...]]:
+    """Return the states of the nodes, whether the log shows them or not."""
+    found: dict[str, tuple[Scalar, ...]] = {}
+    network = tuple(state.name for state in NmtState)
+    for node in facts.nodes:
+        states = tuple(node.enums.get("state", {}).values())
+        found[f"{node.name}.state:to"] = (*states, *network)
+        found["drive.state:to"] = tuple(dict.fromkeys((*found.get("drive.state:to", ()), *states)))
+    return found
 
 
 def _pair(log: BusLog, facts: BenchFacts, given: Mapping[str, str]) -> dict[str, str]:

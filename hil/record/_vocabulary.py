@@ -81,6 +81,10 @@ class Vocabulary:
     """Kinds, or families with a trailing dot, that this recording can hold; none: every one."""
     absent: tuple[str, ...] = ()
     """Signals of the bench that this recording cannot hold."""
+    relative: tuple[str, ...] = ()
+    """Signals whose zero is not known: only their displacement counts."""
+    fleeting: tuple[str, ...] = ()
+    """States that may have been left again before anybody could see them."""
     origin: str = "a bench"
     """What was recorded, for messages."""
 
@@ -92,6 +96,8 @@ class Vocabulary:
             "declared": list(self.declared),
             "kinds": list(self.kinds),
             "absent": list(self.absent),
+            "relative": list(self.relative),
+            "fleeting": list(self.fleeting),
             "origin": self.origin,
         }
 
@@ -104,6 +110,8 @@ class Vocabulary:
             tuple(content["declared"]),
             tuple(content["kinds"]),
             tuple(content["absent"]),
+            tuple(content.get("relative", ())),
+            tuple(content.get("fleeting", ())),
             content["origin"],
         )
 
