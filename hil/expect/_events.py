@@ -18,6 +18,7 @@ from hil.expect._base import (
     words_of,
     words_of_span,
 )
+from hil.expect._hidden import hidden_state
 from hil.record import EventSelector, Trace, check_state
 from hil.record import event as select_event
 from reports.model import Check
@@ -37,14 +38,6 @@ def nth_of(entries: Sequence[Event], nth: int) -> Event | None:
     """Return the `nth` of some events, counted from the last one if negative; None where there are fewer."""
     index = nth - 1 if nth > 0 else nth
     return entries[index] if -len(entries) <= index < len(entries) else None
-
-
-def _fleeting(trace: Trace, selectors: Sequence[EventSelector]) -> str:
-    """Return why some events may have happened unseen; empty where all of them would show."""
-    words = trace.vocabulary
-    states = () if words is None else words.fleeting
-    hidden = [str(one.data["to"]) for one in selectors if one.data.get("to") in states]
-    return f"{hidden[0]} may have been left before it was seen" if hidden else ""
 
 
 def _told(entry: Event, *keys: str) -> str:
@@ -193,7 +186,7 @@ class HappensExpectation(Expectation):
             if since_s - SLACK_S <= entry.time_ns * 1e-9 <= until_s + SLACK_S
         ]
         entry = nth_of(inside, self.selector.nth)
-        hidden = _fleeting(trace, [self.selector]) if entry is None else ""
+        hidden = hidden_state(trace, self.selector, since_s, until_s) if entry is None else ""
         if hidden:
             return [self.unseen(trace, f"it was not seen, but {hidden}", since_s)]
         if self.never:
@@ -283,7 +276,7 @@ class OrderExpectation(Expectation):
                 )
                 before = f" after {', '.join(found)}" if found else ""
                 when = (trace.events[position - 1].time_ns * 1e-9) if found else since_s
-                hidden = _fleeting(trace, [selector])
+                hidden = hidden_state(trace, selector, since_s, trace.end_s)
                 if hidden:
                     return [self.unseen(trace, f"'{selector}' {missing}{before}, but {hidden}", when)]
                 return [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -30,6 +31,33 @@ _EMCY_NS: Final = 100_000_000
 """An EMCY this long before the change of state belongs to it."""
 
 
+_STAYED_AWAY: Final = "its process data {:03X}h stayed away"
+
+
+class _Pdo:
+    """Process data that come with every SYNC, or do not."""
+
+    __slots__ = ("_period_ns", "_regular", "_sync_ns", "time_ns")
+
+    def __init__(self) -> None:
+        self.time_ns = 0
+        self._sync_ns = self._period_ns = self._regular = 0
+
+    def stayed_away(self, now_ns: int) -> bool:
+        """Return whether they came with every SYNC, and then with none of many."""
+        return self._regular >= _REGULAR and now_ns - self._sync_ns > _MISSED * self._period_ns
+
+    def take(self, time_ns: int, sync_ns: int) -> None:
+        """Take a frame that belongs to a SYNC."""
+        step_ns = sync_ns - self._sync_ns if self.time_ns else 0
+        self.time_ns, self._sync_ns = time_ns, sync_ns
+        if step_ns <= 0:
+            return
+        regular = not self._period_ns or 2 * step_ns < 3 * self._period_ns
+        self._regular = self._regular + 1 if regular else 0
+        self._period_ns = min(self._period_ns or step_ns, step_ns)
+
+
 class LogNode:
     """Any node: NMT state, boot-up, heartbeat, EMCY."""
 
@@ -47,7 +75,7 @@ class LogNode:
         self._heard_ns: int | None = None
         self._silence_ns = facts.consumer_heartbeat_ns or _SILENCE_NS
         self._begun_ns = 0
-        self._sync_ns = self._data_ns = self._period_ns = self._regular = 0
+        self._pdos: dict[int, _Pdo] = {}
         self._told = False
         """Whether a drive has told its state or values."""
         self._led: bool | None = None
@@ -72,9 +100,10 @@ class LogNode:
         last = self._heard_ns
         if last is not None and time_ns - last > self._silence_ns:
             self.unknown(last, None, "it sends nothing")
-        elif self._led and self._regular >= _REGULAR and time_ns - self._data_ns > _MISSED * self._period_ns:
-            self.unknown(self._data_ns, None, "its process data stayed away", values=True)
-        elif self.facts.profile not in ("cia402", "profidrive", "other"):
+        for can_id, pdo in self._pdos.items():
+            if self._led and pdo.stayed_away(time_ns):
+                self.unknown(pdo.time_ns, None, _STAYED_AWAY.format(can_id), values=True)
+        if self.facts.profile not in ("cia402", "profidrive", "other"):
             reason = f"states and values of the profile {self.facts.profile} are not read from a log"
             self.unknown(self._begun_ns, None, reason, values=True)
         elif self.speechless:
@@ -105,7 +134,7 @@ class LogNode:
         axis = self.facts.axis
         return (self.facts.name,) if axis is None else (self.facts.name, axis.name)
 
-    def _takes_part(self, time_ns: int, sync_ns: int | None, *, sent: bool) -> None:
+    def _takes_part(self, time_ns: int, can_id: int, sync_ns: int | None, *, sent: bool) -> None:
         """Take note of process data: those of a node that is not operational are of long ago, as are those that stay away."""
         if not sent:
             return
@@ -113,26 +142,16 @@ class LogNode:
         if self._led is False:
             for name in self._names():
                 self._emit(time_ns, name, "log.heard", values=True)
-            self._regular = 0
+            self._pdos.clear()
         self._led = True
-        if sync_ns is not None:
-            self._count(time_ns, sync_ns)
-        self._data_ns = time_ns
-
-    def _count(self, time_ns: int, sync_ns: int) -> None:
-        """Follow process data that come with every SYNC, and tell when they have not come for some of them."""
-        step_ns = sync_ns - self._sync_ns
-        self._sync_ns = sync_ns
-        if step_ns <= 0:
+        if sync_ns is None:
             return
-        if self._regular >= _REGULAR and step_ns > _MISSED * self._period_ns:
-            self.unknown(self._data_ns, time_ns, "its process data stayed away", values=True)
-            self._regular = 0
-        elif 2 * step_ns < 3 * self._period_ns or not self._period_ns:
-            self._regular += 1
-        else:
-            self._regular = 0
-        self._period_ns = min(self._period_ns or step_ns, step_ns)
+        pdo = self._pdos.get(can_id)
+        if pdo is None:
+            pdo = self._pdos[can_id] = _Pdo()
+        elif pdo.stayed_away(sync_ns):
+            self.unknown(pdo.time_ns, time_ns, _STAYED_AWAY.format(can_id), values=True)
+        pdo.take(time_ns, sync_ns)
 
     def error_control(self, time_ns: int, data: bytes) -> None:
         """Take boot-up, heartbeat or guarding answer."""
@@ -185,12 +204,13 @@ class LogNode:
         self,
         time_ns: int,
         values: list[tuple[int, int]],
+        can_id: int,
         *,
         sync_ns: int | None,
         sent: bool,
     ) -> None:
         """Take a PDO; `sent`: by the node itself. Objects without a meaning known here are columns of their number."""
-        self._takes_part(time_ns, sync_ns, sent=sent)
+        self._takes_part(time_ns, can_id, sync_ns, sent=sent)
         for key, value in values:
             if key >= 0x100000:
                 self.table.set(_column(key), value)
@@ -216,6 +236,7 @@ class Motion:
         self._raw: int | None = None
         self._total = 0
         self._time_ns = 0
+        self._period_ns = 0
 
     def take(self, raw: int, time_ns: int, sync_ns: int | None) -> None:
         """Take a count; times are those of SYNC, which is when the drive has sampled, where there is one."""
@@ -231,7 +252,10 @@ class Motion:
             passed_ns = at_ns - self._time_ns
             if passed_ns <= 0:
                 return
-            velocity = step * self._increment / (passed_ns * 1e-9)
+            self._period_ns = min(self._period_ns or passed_ns, passed_ns)
+            # Over a gap there is a mean only, which is the velocity of no moment.
+            whole = passed_ns <= _MISSED * self._period_ns
+            velocity = step * self._increment / (passed_ns * 1e-9) if whole else math.nan
         self._raw, self._time_ns = raw, at_ns
         self._table.set("actual_position", self._total * self._increment, self._unit)
         self._table.set("actual_velocity", velocity, f"{self._unit}/s")
@@ -250,10 +274,10 @@ class Cia402Node(LogNode):
         )
 
     def process_data(
-        self, time_ns: int, values: list[tuple[int, int]], *, sync_ns: int | None, sent: bool
+        self, time_ns: int, values: list[tuple[int, int]], can_id: int, *, sync_ns: int | None, sent: bool
     ) -> None:
         """See `LogNode.process_data`."""
-        self._takes_part(time_ns, sync_ns, sent=sent)
+        self._takes_part(time_ns, can_id, sync_ns, sent=sent)
         table, axis = self.table, self.axis
         self._told = self._told or (sent and any(key >> 16 >= _PROFILE for key, _ in values))
         for key, value in values:
@@ -333,10 +357,10 @@ class ProfidriveNode(LogNode):
         )
 
     def process_data(
-        self, time_ns: int, values: list[tuple[int, int]], *, sync_ns: int | None, sent: bool
+        self, time_ns: int, values: list[tuple[int, int]], can_id: int, *, sync_ns: int | None, sent: bool
     ) -> None:
         """See `LogNode.process_data`; a telegram is taken when its last word has come."""
-        self._takes_part(time_ns, sync_ns, sent=sent)
+        self._takes_part(time_ns, can_id, sync_ns, sent=sent)
         whole = False
         for key, value in values:
             index = key >> 8

@@ -27,8 +27,6 @@ _SHORTEST_NS: Final = S // 100
 _SHORTEST_GAP_NS: Final = S // 20
 _GAP_PERIODS: Final = 10
 """A time without any frame, in periods of SYNC, that is a gap of the recording."""
-_FLEETING: Final = ("Fault reaction active", "Not ready to switch on")
-"""States that a drive leaves by itself, and may have left before the next SYNC."""
 _CONTROLLER: Final = 127
 _FROM_NODES: Final = (0x180, 0x280, 0x380, 0x480, COB_SDO_SERVER, COB_ERROR_CONTROL)
 """Services whose frames come from nodes."""
@@ -99,7 +97,6 @@ def trace_of_log(log: BusLog, bench_file: Any, *, channels: Mapping[str, str] | 
         kinds=LOG_KINDS,
         absent=tuple(name for name in facts.signals if name not in names),
         relative=tuple(f"{one.axis.name}.actual_position" for one in facts.nodes if one.axis is not None),
-        fleeting=_FLEETING,
         values={**facts.vocabulary.values, **_states(facts)},
         origin=f"the log {log.path.name}",
     )
@@ -229,7 +226,7 @@ class _Reading:
                     lengths[can_id] = len(frame.data)
                 service = can_id & 0x780
                 sent = service in (0x180, 0x280, 0x380, 0x480) or service not in (0x200, 0x300, 0x400, 0x500)
-                here[found[0]].process_data(time_ns, found[1], sync_ns=bus.sync_ns, sent=sent)
+                here[found[0]].process_data(time_ns, found[1], can_id, sync_ns=bus.sync_ns, sent=sent)
                 continue
             node_id = decoder.emcy_node(can_id)
             if node_id in here:

@@ -184,16 +184,17 @@ class Trace:
         component, _, column = name.partition(".")
         group = self._groups.get(component)
         if group is not None:
-            for index, (known, unit) in enumerate(group.columns):
-                if known == column:
+            for index, (own, unit) in enumerate(group.columns):
+                if own == column:
                     enum = dict(group.enums.get(column, {}))
                     time_s = (group.time_ns * 1e-9).astype(np.float64)
                     values = group.values[:, index]
                     if self.from_log:
-                        # Rows begin with the first frame of the node; a value that came later begins later.
-                        there = np.flatnonzero(~np.isnan(values))
-                        first = int(there[0]) if len(there) else len(values)
-                        time_s, values = time_s[first:], values[first:]
+                        # What had not come yet, or was of long ago, is no sample.
+                        known = ~np.isnan(values)
+                        for silent_s, heard_s, _ in self.silences(component):
+                            known &= (time_s <= silent_s) | (time_s >= heard_s)
+                        time_s, values = time_s[known], values[known]
                     signal = Signal(name, unit, time_s, values, enum)
                     self._signals[name] = signal
                     return signal

@@ -83,8 +83,6 @@ class Vocabulary:
     """Signals of the bench that this recording cannot hold."""
     relative: tuple[str, ...] = ()
     """Signals whose zero is not known: only their displacement counts."""
-    fleeting: tuple[str, ...] = ()
-    """States that may have been left again before anybody could see them."""
     origin: str = "a bench"
     """What was recorded, for messages."""
 
@@ -97,7 +95,6 @@ class Vocabulary:
             "kinds": list(self.kinds),
             "absent": list(self.absent),
             "relative": list(self.relative),
-            "fleeting": list(self.fleeting),
             "origin": self.origin,
         }
 
@@ -111,7 +108,6 @@ class Vocabulary:
             tuple(content["kinds"]),
             tuple(content["absent"]),
             tuple(content.get("relative", ())),
-            tuple(content.get("fleeting", ())),
             content["origin"],
         )
 
