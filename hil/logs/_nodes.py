@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -10,6 +9,7 @@ from fieldbus.canopen.nmt import NmtState
 from fieldbus.cia402 import decode_state, emcy_text
 from fieldbus.clock import S
 from hil.logs._facts import NodeFacts
+from hil.logs._pdo import Motion, Pdo
 from hil.logs._table import Table
 
 Emit = Callable[..., None]
@@ -21,41 +21,13 @@ _WORDS: Final = {
 }  # fmt: skip
 _PROFILE: Final = 0x60
 """Objects of a device profile begin with 6000h."""
-_WRAP: Final = 1 << 32
-_REGULAR: Final = 10
-_MISSED: Final = 10
-"""Process data that came with so many SYNCs in a row, and then with none for so many, have stayed away."""
 _SILENCE_NS: Final = S
 """A node without heartbeat that sends nothing for so long is not known."""
 _EMCY_NS: Final = 100_000_000
-"""An EMCY this long before the change of state belongs to it."""
+"""An EMCY this long before the change of state belongs to it, or longer where no status word came meanwhile."""
 
 
 _STAYED_AWAY: Final = "its process data {:03X}h stayed away"
-
-
-class _Pdo:
-    """Process data that come with every SYNC, or do not."""
-
-    __slots__ = ("_period_ns", "_regular", "_sync_ns", "time_ns")
-
-    def __init__(self) -> None:
-        self.time_ns = 0
-        self._sync_ns = self._period_ns = self._regular = 0
-
-    def stayed_away(self, now_ns: int) -> bool:
-        """Return whether they came with every SYNC, and then with none of many."""
-        return self._regular >= _REGULAR and now_ns - self._sync_ns > _MISSED * self._period_ns
-
-    def take(self, time_ns: int, sync_ns: int) -> None:
-        """Take a frame that belongs to a SYNC."""
-        step_ns = sync_ns - self._sync_ns if self.time_ns else 0
-        self.time_ns, self._sync_ns = time_ns, sync_ns
-        if step_ns <= 0:
-            return
-        regular = not self._period_ns or 2 * step_ns < 3 * self._period_ns
-        self._regular = self._regular + 1 if regular else 0
-        self._period_ns = min(self._period_ns or step_ns, step_ns)
 
 
 class LogNode:
@@ -75,7 +47,7 @@ class LogNode:
         self._heard_ns: int | None = None
         self._silence_ns = facts.consumer_heartbeat_ns or _SILENCE_NS
         self._begun_ns = 0
-        self._pdos: dict[int, _Pdo] = {}
+        self._pdos: dict[int, Pdo] = {}
         self._told = False
         """Whether a drive has told its state or values."""
         self._led: bool | None = None
@@ -148,7 +120,7 @@ class LogNode:
             return
         pdo = self._pdos.get(can_id)
         if pdo is None:
-            pdo = self._pdos[can_id] = _Pdo()
+            pdo = self._pdos[can_id] = Pdo()
         elif pdo.stayed_away(sync_ns):
             self.unknown(pdo.time_ns, time_ns, _STAYED_AWAY.format(can_id), values=True)
         pdo.take(time_ns, sync_ns)
@@ -226,41 +198,6 @@ def _column(key: int) -> str:
     return f"x{key >> 8:04x}_{sub}" if sub else f"x{key >> 8:04x}"
 
 
-class Motion:
-    """Position and velocity of an axis from the raw counts of its drive."""
-
-    def __init__(self, table: Table, increment: float, unit: str) -> None:
-        self._table = table
-        self._increment = increment
-        self._unit = unit
-        self._raw: int | None = None
-        self._total = 0
-        self._time_ns = 0
-        self._period_ns = 0
-
-    def take(self, raw: int, time_ns: int, sync_ns: int | None) -> None:
-        """Take a count; times are those of SYNC, which is when the drive has sampled, where there is one."""
-        if not self._increment:
-            return
-        at_ns = time_ns if sync_ns is None else sync_ns
-        velocity = 0.0
-        if self._raw is None:
-            self._total = raw
-        else:
-            step = (raw - self._raw + _WRAP // 2) % _WRAP - _WRAP // 2
-            self._total += step
-            passed_ns = at_ns - self._time_ns
-            if passed_ns <= 0:
-                return
-            self._period_ns = min(self._period_ns or passed_ns, passed_ns)
-            # Over a gap there is a mean only, which is the velocity of no moment.
-            whole = passed_ns <= _MISSED * self._period_ns
-            velocity = step * self._increment / (passed_ns * 1e-9) if whole else math.nan
-        self._raw, self._time_ns = raw, at_ns
-        self._table.set("actual_position", self._total * self._increment, self._unit)
-        self._table.set("actual_velocity", velocity, f"{self._unit}/s")
-
-
 class Cia402Node(LogNode):
     """A CiA 402 drive."""
 
@@ -268,6 +205,7 @@ class Cia402Node(LogNode):
         super().__init__(facts, emit)
         self._state = ""
         self._tripped = 0
+        self._status_ns = 0
         axis = facts.axis
         self._motion = (
             None if axis is None or self.axis is None else Motion(self.axis, axis.increment, axis.unit)
@@ -308,6 +246,7 @@ class Cia402Node(LogNode):
         self.table.set(column, value)
         if column == "statusword":
             self._take_state(time_ns, value)
+            self._status_ns = time_ns
         elif column == "inputs" and before is not None and before != value:
             self._emit(time_ns, self.facts.name, "drive.inputs", inputs=value)
 
@@ -324,7 +263,8 @@ class Cia402Node(LogNode):
         self._emit(time_ns, name, "drive.state", **details)
         if tripped:
             # The EMCY goes out when the drive trips, the status word with the next SYNC.
-            told = self._emcy != 0 and time_ns - self._emcy_ns < _EMCY_NS
+            last_ns = max(time_ns - _EMCY_NS, 0) if self._status_ns > self._emcy_ns else self._status_ns
+            told = self._emcy != 0 and self._emcy_ns > last_ns
             self._tripped = self._emcy if told else 0
             when = self._emcy_ns if told else time_ns
             self._emit(when, name, "drive.fault", code=self._tripped, text=emcy_text(self._tripped))
@@ -376,7 +316,7 @@ class ProfidriveNode(LogNode):
                 self.table.set("fault_number", value)
             elif key == _STATUS_WARNING:
                 self.table.set("warning_number", value)
-        self._told = self._told or sent
+        self._told = self._told or (whole and sent)
         if whole and sent:
             self._take_actual(time_ns, self._actual.decode(bytes(self._back)), sync_ns)
         elif whole:
