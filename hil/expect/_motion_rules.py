@@ -207,12 +207,16 @@ STEADY_STATES = {
 }
 
 
+STOPS = {"halting", "stopping", "alarm_ramp", "disabling_ramp"}
+"""States that brake with a ramp of the axis itself."""
+
+
 def check_setpoint_continuity(trace: Trace) -> list[Check]:
     """The velocity setpoint changes no faster than the greatest configured (de)celeration (STP-239, STP-244).
 
     Needs the constants `<axis>.max_acceleration`, `<axis>.max_deceleration` and `<axis>.emergency_deceleration`. At a
-    change of the axis state the generator may start anew from actual values, so the samples around it are not judged;
-    nor are setpoints that the user program gives itself (MC-568).
+    change of the axis state the generator may start anew from actual values; the samples around it are not judged, but that a ramp
+    which stops the axis begins among the velocities that it has or had a moment ago. Setpoints that the user program gives itself are not judged (MC-568).
     """
     checks = []
     for axis in trace.components_with("velocity_setpoint", "state", "status_word"):
@@ -234,10 +238,15 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
         bound = max(known) * step_s * 1.001 + 1e-6
         jump = np.abs(np.diff(signal.values))
         own = steady & ~given_by_program(trace, axis)
-        judged = own[1:] & own[:-1] & no_change(trace, axis, signal)
-        broken = np.flatnonzero(judged & (jump > bound))
+        inside = own[1:] & own[:-1]
+        judged = inside & no_change(trace, axis, signal)
+        stopping = np.isin(
+            np.round(state.values), [c for c, t in state.enum.items() if normal_state(t) in STOPS]
+        )
+        steps = np.flatnonzero(inside & (judged | stopping[1:]) & (jump > bound))
+        broken = [at for at in steps if judged[at] or not _starts_anew(trace, axis, signal, int(at), bound)]
         worst = float((jump / step_s)[judged].max(initial=0.0))
-        index = int(broken[0]) if len(broken) else None
+        index = int(broken[0]) if broken else None
         checks.append(
             Check(
                 name=f"continuity of {axis}.velocity_setpoint",
@@ -256,6 +265,16 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
             )
         )
     return checks
+
+
+def _starts_anew(trace: Trace, axis: str, setpoint: Signal, at: int, bound: NDArray[np.float64]) -> bool:
+    """Return whether a step behind sample `at` ends between the setpoint before it and the actual velocities around it."""
+    if f"{axis}.actual_velocity" not in trace:
+        return True
+    actual = trace[f"{axis}.actual_velocity"].values[max(at - 3, 0) : at + 2]
+    near = [*map(float, actual[~np.isnan(actual)]), float(setpoint.values[at])]
+    slack = float(bound[at])
+    return min(near) - slack <= float(setpoint.values[at + 1]) <= max(near) + slack
 
 
 def given_by_program(trace: Trace, axis: str) -> NDArray[np.bool_]:

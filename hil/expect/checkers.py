@@ -117,14 +117,22 @@ _CIA402_STATES = frozenset({"", "not_ready_to_switch_on", "fault_reaction_active
 
 
 def check_drive_transitions(trace: Trace) -> list[Check]:
-    """Every state change of a CiA 402 drive is one of the profile's transitions."""
+    """Every state change of a CiA 402 drive is one of the profile's transitions; a drive that shows another state is of another profile."""
     checks = []
     # A bus log shows the states at SYNC only: one in between may be missing.
-    sampled = trace.vocabulary is not None and bool(trace.vocabulary.kinds)
+    sampled = trace.from_log
     drives: dict[str, list[Event]] = {}
     for entry in trace.select(kind="drive.state"):
-        drives.setdefault(entry.source, []).append(entry)
+        if normal_state(str(entry.data.get("to", ""))) in LEGAL_TRANSITIONS:
+            drives.setdefault(entry.source, []).append(entry)
+    others = {
+        entry.source
+        for entry in trace.select(kind="drive.state")
+        if normal_state(str(entry.data.get("to", ""))) not in LEGAL_TRANSITIONS
+    }
     for drive, entries in drives.items():
+        if drive in others:
+            continue
         problems = []
         steps = [
             tuple(normal_state(str(entry.data.get(side, ""))) for side in ("from", "to")) for entry in entries
@@ -294,7 +302,7 @@ def _busy_spans(trace: Trace, axis: str) -> list[tuple[str, str, int, int]]:
 def check_drive_status_words(trace: Trace) -> list[Check]:
     """A drive's statusword always shows one of the eight states (mask of CiA 402)."""
     checks = []
-    for drive in trace.components_with("statusword", "velocity", "torque"):
+    for drive in trace.components_with("statusword"):
         signal = trace[f"{drive}.statusword"]
         unknown = np.array([cia402_state(int(word)) == "" for word in signal.values], dtype=bool)
         problems = [

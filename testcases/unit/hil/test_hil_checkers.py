@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fieldbus.history import Event
+from hil.bench import load_bench
 from hil.expect import ALWAYS_ON, run_checkers
 from hil.expect._setpoint_rules import (
     check_acceleration_setpoint,
@@ -201,6 +202,36 @@ def test_a_step_of_the_setpoint_is_found(good):
     assert failed(check_setpoint_continuity, doctored(good, "axis1.velocity_setpoint", jump))
     unknown = Trace(good.groups, events=good.events, end_ns=good.end_ns)
     assert check_setpoint_continuity(unknown) == [], "without the limits nothing can be judged"
+
+
+@pytest.mark.requirement("STP-239", "STP-244")
+@pytest.mark.parametrize(("landing", "found"), [(0.0, True), (0.98, False)])
+def test_a_setpoint_that_jumps_with_the_state_is_found(landing, found):
+    """At a change of state the setpoint may start anew among the actual velocities, and nowhere else: gone at once is no ramp."""
+    with load_bench("reference").build(seed=1) as bench:
+        axis = bench.axis()
+        power = axis.power()
+        assert bench.run_until(power.status, 2.0)
+        axis.move_velocity(200.0)
+        bench.run_for(0.4)
+        axis.power(False, stop_mode=0)
+        bench.run_for(0.3)
+        trace = bench.trace()
+    stop_s = next(e.time_ns * 1e-9 for e in trace.select(source="axis1", kind="axis.state") if e.data["to"] == "DISABLING_RAMP")  # fmt: skip
+
+    def jump(values, times):
+        first = int(np.searchsorted(times, stop_s - 1e-9))
+        values[first:] = np.minimum(values[first:], landing * values[first - 1])
+        return values
+
+    assert failed(check_setpoint_continuity, trace) == []
+    assert bool(failed(check_setpoint_continuity, doctored(trace, "axis1.velocity_setpoint", jump))) is found
+
+
+def test_a_drive_of_another_profile_is_not_judged_by_cia_402():
+    """A *Fault* followed by *Standby* is the affair of an analog drive."""
+    changes = [Event(n, "drive1", "drive.state", {"from": a, "to": b}) for n, (a, b) in enumerate([("Standby", "Fault"), ("Fault", "Standby")])]  # fmt: skip
+    assert check_drive_transitions(Trace([], events=changes, end_ns=9)) == []
 
 
 def set_bits(mask):
