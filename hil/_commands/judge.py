@@ -17,6 +17,7 @@ from hil.expect import Expectation, describe, run_checkers
 from hil.record import Trace
 from reports.model import CaseResult, Check, RunResult, Verdict
 from reports.summary import summary
+from reports.words import margin
 
 if TYPE_CHECKING:
     from hil.logs import LogTrace
@@ -60,6 +61,8 @@ def judge_log(request: JudgeRequest) -> int:
     with quiet_stdout(request.as_json):
         recording = _read(request)
         wanted, without = read_expectations(request.expect, recording.trace)
+        if recording.trace.from_log:
+            recording.notes.append(_rules_told(recording.trace))
         run = RunResult(
             title=f"{request.log.name} judged by {request.expect.name}",
             seed=0,
@@ -88,6 +91,13 @@ def judge_log(request: JudgeRequest) -> int:
     return exit_code(run)
 
 
+def _rules_told(trace: Trace) -> str:
+    """Return which of the rules that hold in every run a log can be judged by."""
+    judged = [check.name for check in run_checkers(trace)]
+    told = f"are judged: {', '.join(judged)}" if judged else "cannot be judged at all"
+    return f"of the rules that hold in every run {told}; the others need what a log does not hold"
+
+
 def _plain(checks: Sequence[Check]) -> list[dict[str, Any]]:
     return [
         {
@@ -96,6 +106,11 @@ def _plain(checks: Sequence[Check]) -> list[dict[str, Any]]:
             "expected": check.expected,
             "observed": check.observed,
             "time_s": check.time_s,
+            "value": check.value,
+            "unit": check.unit,
+            "low": check.low,
+            "high": check.high,
+            "margin": margin(check),
             "requirements": check.requirements,
         }
         for check in checks

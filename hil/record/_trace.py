@@ -332,7 +332,9 @@ class Trace:
             for entry in self.events:
                 sha.update(event_json(entry).encode())
                 sha.update(b"\n")
-            if len(self._raw_frames) == 1 and all(isinstance(log, PackedFrames) for log in self._raw_frames.values()):
+            if len(self._raw_frames) == 1 and all(
+                isinstance(log, PackedFrames) for log in self._raw_frames.values()
+            ):
                 # One after the other, so that a log of millions of frames is not unpacked for it.
                 for bus, log in self._raw_frames.items():
                     for _time_ns, content in _can_log(bus, log):

@@ -382,11 +382,13 @@ def test_the_command_judges_and_reports(log_file, tmp_path, capsys, by, more, co
     assert main(["judge", str(log_file), "--expect", str(file), "--report", str(report), "--json"]) == code
     answer = json.loads(capsys.readouterr().out)
     assert [case["verdict"] for case in answer["cases"]] == verdicts
+    assert "are judged: state transitions of drive1" in answer["notes"][-1]
     page = (report / "report.html").read_text()
     assert "axis1.actual_velocity" in page
     if "failed" in verdicts:
         (check,) = [one for one in answer["cases"][0]["checks"] if one["verdict"] == "failed"]
         assert check["time_s"] == pytest.approx(0.7, abs=0.2)
+        assert check["margin"] == pytest.approx(check["high"] - abs(check["value"]))
         assert "TPDO1 drive1: Statusword" in page
 
 

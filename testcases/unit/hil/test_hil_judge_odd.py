@@ -182,6 +182,7 @@ def test_the_zero_of_a_position_is_not_on_the_bus(lines, tmp_path):
         assert "where the zero of axis1.actual_position is" in check.observed
     log.save(tmp_path / "trace")
     again = Trace.load(tmp_path / "trace")
+    assert again.digest() == log.digest(), "packed frames have the digest of the same frames one by one"
     assert verdicts(again) == verdicts(log) == blocked()
     assert (
         value_at("axis1.actual_position", 0.5, 80.0, tolerance=1e9).evaluate(again)[0].verdict
