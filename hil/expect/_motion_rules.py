@@ -245,8 +245,9 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
         )
         steps = np.flatnonzero(inside & (judged | stopping[1:]) & (jump > bound))
         broken = [at for at in steps if judged[at] or not _starts_anew(trace, axis, signal, int(at), bound)]
-        worst = float((jump / step_s)[judged].max(initial=0.0))
         index = int(broken[0]) if broken else None
+        rates = (jump / step_s)[judged] if index is None else (jump / step_s)[broken]
+        worst = float(rates.max(initial=0.0))
         checks.append(
             Check(
                 name=f"continuity of {axis}.velocity_setpoint",

@@ -225,7 +225,9 @@ def test_a_setpoint_that_jumps_with_the_state_is_found(landing, found):
         return values
 
     assert failed(check_setpoint_continuity, trace) == []
-    assert bool(failed(check_setpoint_continuity, doctored(trace, "axis1.velocity_setpoint", jump))) is found
+    (check,) = check_setpoint_continuity(doctored(trace, "axis1.velocity_setpoint", jump))
+    assert (check.verdict is Verdict.FAILED) is found
+    assert (check.value > 1.01 * check.high) is found
 
 
 def test_a_drive_of_another_profile_is_not_judged_by_cia_402():
