@@ -13,7 +13,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self
+from typing import Any, Final, Self
 
 from reports.errors import ReportError
 from reports.measures import Measure, measures
@@ -129,7 +129,7 @@ class History:
             self._prepare()
         except sqlite3.Error as error:
             self._base.close()
-            raise HistoryError(f"{self.path}: not a history: {error}") from error
+            raise HistoryError(f"{self.path}: {_trouble(error, 'not a history')}") from error
         except HistoryError:
             self._base.close()
             raise
@@ -179,7 +179,19 @@ class History:
             with _Transaction(self._base):
                 return self._record(run)
         except sqlite3.Error as error:
-            raise HistoryError(f"{self.path}: cannot be written: {error}") from error
+            raise HistoryError(f"{self.path}: {_trouble(error, 'cannot be written')}") from error
+
+    def _ask(self, query: str, values: Iterable[object] = ()) -> list[Any]:
+        """Return the rows of a question.
+
+        Raises:
+            HistoryError: The file is damaged, or held by another process.
+
+        """
+        try:
+            return self._base.execute(query, tuple(values)).fetchall()
+        except sqlite3.Error as error:
+            raise HistoryError(f"{self.path}: {_trouble(error, 'cannot be read')}") from error
 
     def _record(self, run: RunResult) -> int:
         base = self._base
@@ -221,7 +233,7 @@ class History:
 
     def runs(self, limit: int = 0) -> list[PastRun]:
         """Return the runs, newest first: the last `limit` of them, or all."""
-        rows = self._base.execute(
+        rows = self._ask(
             "SELECT number, started, title, seed, bench, bench_digest, version, state, interrupted, passed, failed, blocked,"
             " errors, simulated_s, wall_s, trace_digest FROM run ORDER BY number DESC LIMIT ?",
             (limit or -1,),
@@ -232,7 +244,7 @@ class History:
         """Return the number under which a run was recorded; None if it was not, or has no start to know it by."""
         if not run.started:
             return None
-        row = self._base.execute(
+        ((number,),) = self._ask(
             "SELECT max(number) FROM run WHERE started = ? AND seed = ? AND bench_digest = ? AND trace_digest = ?"
             " AND title = ? AND interrupted = ? AND passed = ? AND failed = ? AND blocked = ? AND errors = ?",
             (
@@ -244,8 +256,8 @@ class History:
                 run.interrupted,
                 *_counts(run),
             ),
-        ).fetchone()
-        return None if row[0] is None else int(row[0])
+        )
+        return None if number is None else int(number)
 
     def find(self, reference: str) -> PastRun:
         """Return the run that a person names: its number, `last`, or `last-2` for the one two before it.
@@ -270,13 +282,14 @@ class History:
     def cases(self, run: int) -> dict[str, PastCase]:
         """Return the cases of a run with their numbers, in the order of their names."""
         found = {case.identifier: case for case in self._cases(" WHERE run = ? ORDER BY text", (run,))}
-        rows = self._base.execute(
+        rows = self._ask(
             "SELECT cases.text, whats.text, value, unit, tolerance FROM measure JOIN name AS cases ON cases.number = name"
             " JOIN name AS whats ON whats.number = what WHERE run = ?",
             (run,),
         )
         for identifier, what, value, unit, tolerance in rows:
-            found[identifier].measures[what] = Measure(what, value, unit, tolerance)
+            if identifier in found:
+                found[identifier].measures[what] = Measure(what, value, unit, tolerance)
         return found
 
     def past(self, identifier: str) -> list[PastCase]:
@@ -299,8 +312,13 @@ class History:
         return found
 
     def _cases(self, query: str, values: Iterable[object]) -> list[PastCase]:
-        rows = self._base.execute(_RESULTS + query, tuple(values))
-        return [PastCase(run, text, Verdict(verdict), *rest) for run, text, verdict, *rest in rows]
+        try:
+            return [
+                PastCase(run, text, Verdict(verdict), *rest)
+                for run, text, verdict, *rest in self._ask(_RESULTS + query, values)
+            ]
+        except ValueError as error:
+            raise HistoryError(f"{self.path}: cannot be read: {error}") from error
 
     def prune(self, keep: int) -> int:
         """Delete all but the last `keep` runs; return how many went.
@@ -361,6 +379,13 @@ def _counts(run: RunResult) -> list[int]:
     return [
         run.count(verdict) for verdict in (Verdict.PASSED, Verdict.FAILED, Verdict.BLOCKED, Verdict.ERROR)
     ]
+
+
+def _trouble(error: sqlite3.Error, what: str) -> str:
+    """Return what is wrong with a file, in words."""
+    if getattr(error, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
+        return f"another process has held it for {_WAIT_S:g} s: {error}"
+    return f"{what}: {error}"
 
 
 def _number(base: sqlite3.Connection, query: str) -> int:

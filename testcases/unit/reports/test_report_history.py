@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import sqlite3
 import threading
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -288,6 +289,35 @@ def test_foreign_databases_and_missing_files_are_named(tmp_path, file):
         pytest.raises(HistoryError, match=r"no run '7'; allowed: last, .* \(1 to 1\)"),
     ):
         history.find("7")
+
+
+@pytest.mark.parametrize("page", range(1, 9))
+def test_a_damaged_history_is_told_as_one(file, page):
+    """Whichever page of the file is overwritten: every answer is right, or an error that names the file."""
+    for number in range(4):
+        remember(run(str(number), **{f"c{k}": "p" for k in range(40)}), file)
+    content = bytearray(file.read_bytes())
+    assert len(content) > 9 * 4096
+    content[4096 * page : 4096 * (page + 1)] = b"\xa5" * 4096
+    file.write_bytes(content)
+    with suppress(
+        HistoryError
+    ):  # and nothing else: a report is written without a history, but not without an answer
+        assert remember(run("new", c1="p"), file).comparison.now.started == "new"
+        with History(file) as history:
+            assert history.runs()[0].started == "new"
+
+
+def test_a_history_that_another_process_holds_is_told(monkeypatch, file):
+    """After a while the run goes on without: the message says that somebody holds the file, not that it is none."""
+    remember(run("1", a="p"), file)
+    monkeypatch.setattr("reports.history._WAIT_S", 0.05)
+    holder = sqlite3.connect(file)
+    holder.execute("BEGIN EXCLUSIVE")
+    with pytest.raises(HistoryError, match=r"another process has held it for 0\.05 s"):
+        remember(run("2", a="p"), file)
+    holder.close()
+    assert recorded(file, run("2", a="f")).new_failures == ["a"]
 
 
 def test_two_may_record_at_the_same_time(file):
