@@ -13,6 +13,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import (
     Field,
+    PlainValidator,
     ValidationError,
     model_validator,
 )
@@ -42,6 +43,16 @@ EMBEDDED: Final = (
     "stepper",
 )
 """Benches that ship with the product, usable by name."""
+
+
+def _start_value(value: object) -> object:
+    """Return a start value as it is: a text is none, whatever it says."""
+    if not isinstance(value, bool | int | float):
+        raise ValueError("allowed: a number, true or false")  # noqa: TRY004 - it becomes a message about the file
+    return value
+
+
+StartValue = Annotated[bool | int | float, PlainValidator(_start_value)]
 
 
 class BenchSection(Section):
@@ -117,7 +128,7 @@ class AxisSection(Section):
     """Longest time in which the drive has to come into operation, s; None = no limit."""
     ramp_times: dict[str, float] = {}
     """Ramps as times in s, in place of the accelerations that follow from them."""
-    variables: dict[str, bool | int | float] = {}
+    variables: dict[str, StartValue] = {}
     """Start values by their original path; checked against the variable table when the bench is built."""
 
 
@@ -129,7 +140,7 @@ class ExternalEncoderSection(Section):
     """Drive of an axis, one of whose switches is wired to this object's digital input as well; None: it has none."""
     homing_input: Literal["home", "negative_limit", "positive_limit"] = "home"
     """That switch: reference cam or homing mark (`DigitalInputAddress`)."""
-    variables: dict[str, bool | int | float] = {}
+    variables: dict[str, StartValue] = {}
     """Start values by their original path; checked against the variable table when the bench is built."""
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from fieldbus.clock import MS, S
 from hil.bench import BenchFile, BenchFileError, load_bench
-from hil.bench.config import read
+from hil.bench.config import parse, read
 from hil.errors import BlockedError, ConfigurationError, UnsupportedFaultError
 from hil.faults import after, at, position, velocity
 from motion.instructions import MC_SaveAbsoluteEncoderData
@@ -101,6 +101,21 @@ def test_lateness_that_is_allowed(lines, allowed):
     with BenchFile("own.toml", text).build() as bench:
         assert bench.allowed_lateness_s == allowed
         assert bench.lateness_s == 0.0
+
+
+@pytest.mark.requirement("VAR-015")
+@pytest.mark.parametrize("value", ['"20.0"', '"yes"', "[1.0]", "2026-01-01"])
+def test_a_start_value_is_no_text(value):
+    """Quotes around a number or a truth value make no start value of it: the file is refused in one line."""
+    line = '"PositionControl.Kv" = 20.0'
+    text = load_bench("reference").text
+    assert line in text
+    with pytest.raises(BenchFileError) as caught:
+        parse(text.replace(line, f'"PositionControl.Kv" = {value}'), "bench.toml")
+    message = str(caught.value)
+    assert message.startswith("bench.toml: axis.axis1.variables.PositionControl.Kv: ")
+    assert message.endswith("is not allowed; allowed: a number, true or false")
+    assert "\n" not in message
 
 
 @pytest.mark.requirement("HOM-158", "HOM-160", "MC-472")
