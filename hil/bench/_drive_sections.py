@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from fieldbus.errors import ConfigurationError
 
@@ -14,10 +15,32 @@ if TYPE_CHECKING:
     from emulators.drive import SupplyConfig, ThermalConfig
 
 
+_SCALARS = {bool: "true or false", int: "a number", float: "a number", str: "a text"}
+
+
+def _scalars(annotation: Any) -> set[type]:
+    """Return which of bool, int, float and str an annotation permits; nothing for a choice of words, which is strict by itself."""
+    if annotation in _SCALARS:
+        return {annotation}
+    if get_origin(annotation) not in (Union, UnionType, Annotated):
+        return set()
+    return set().union(*map(_scalars, get_args(annotation)))
+
+
 class Section(BaseModel):
-    """A table: unknown keys are errors."""
+    """A table: unknown keys are errors, and so is a value of another type, whatever it could be taken for."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _as_written(cls, value: Any, info: ValidationInfo) -> Any:
+        kinds = _scalars(cls.model_fields[str(info.field_name)].annotation)
+        given = type(value)
+        numbers = {int, float}
+        if kinds and given in _SCALARS and given not in kinds and not (given in numbers and kinds & numbers):
+            raise ValueError(f"allowed: {' or '.join(sorted({_SCALARS[one] for one in kinds}))}")
+        return value
 
     def differs(self, key: str) -> bool:
         """Say whether a key has another value than its default: a file that names all keys is no mistake."""

@@ -118,6 +118,21 @@ def test_a_start_value_is_no_text(value):
     assert "\n" not in message
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "allowed"),
+    [("cycle_ms = 4", 'cycle_ms = "4"', "a number"), ("node_id = 5", "node_id = true", "a number"),
+     ("node_id = 5", 'node_id = 5\ncsv_interpolation = "yes"', "true or false"),
+     ("node_id = 5", "node_id = 5\ncsv_interpolation = 1", "true or false"), ('name = "reference axis"', "name = 5", "a text")],
+)  # fmt: skip
+def test_a_value_of_another_type(before, after, allowed):
+    """A number in quotes, a truth value for a number, a word for a truth value: refused, and not taken for what they look like."""
+    text = load_bench("reference").text
+    assert before in text
+    with pytest.raises(BenchFileError) as caught:
+        parse(text.replace(before, after, 1), "bench.toml")
+    assert str(caught.value).endswith(f"is not allowed; allowed: {allowed}")
+
+
 @pytest.mark.requirement("HOM-158", "HOM-160", "MC-472")
 def test_memory_card_of_the_bench_file(tmp_path):
     """What one bench saves, the next one restores: the axis is homed where it was, and the log tells."""
