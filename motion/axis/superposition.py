@@ -6,7 +6,7 @@ to it once that has ended, so that target and setpoint of the basic motion are t
 
 from __future__ import annotations
 
-from math import copysign
+from math import copysign, sqrt
 from typing import TYPE_CHECKING, Final
 
 from motion.axis.jobs import Job
@@ -76,6 +76,7 @@ class Superposition:
         self._braking = True
         self.given = False
         self._dynamics = (0.0, deceleration, jerk)
+        self._bound_acceleration(jerk)
         self.part.start_stop(deceleration, jerk, abort_acceleration=job.abort_acceleration)
 
     def give(self, job: Job) -> None:
@@ -166,8 +167,21 @@ class Superposition:
         if job is None:
             return
         acceleration, deceleration, jerk = self._dynamics
+        self._bound_acceleration(jerk)
         velocity = min(job.velocity, self._room)
         if velocity > _CHANGE * self._limit():
             self.part.start_position(self._target, velocity, acceleration, deceleration, jerk)
         else:
             self.part.start_velocity(0.0, acceleration, deceleration, jerk)  # waits until there is room
+
+    def _bound_acceleration(self, jerk: float) -> None:
+        """Let a present acceleration end at once as far as `jerk` would end it only beyond the velocity limit (STP-119, STP-200)."""
+        part = self.part
+        a = part.a
+        if a == 0.0 or jerk <= 0.0:
+            return
+        v = self._basic.v + part.v
+        room = self._limit() - abs(v) if v * a >= 0.0 else self._limit() + abs(v)
+        bound = sqrt(2.0 * jerk * max(0.0, room))
+        if abs(a) > bound:
+            part.a = copysign(bound, a)

@@ -82,6 +82,21 @@ def test_a_basic_motion_that_reverses_takes_the_room_away_in_time(make_rig):
     assert min(rig.column("velocity_setpoint")) == pytest.approx(-500.0, abs=1e-6)
 
 
+@pytest.mark.requirement("STP-119", "STP-195", "STP-200")
+@pytest.mark.parametrize("new", ["move", "halt"])
+def test_what_is_carried_over_keeps_the_limit(rig, new):
+    """A superimposed job with a low jerk takes the acceleration of the one before over, as far as the limit of the sum allows."""
+    rig.enabled()
+    rig.axis.move_superimposed(80.0, VelocityDiff=400.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0)
+    rig.run(0.1)
+    if new == "move":
+        rig.axis.move_superimposed(18.0, VelocityDiff=30.0, Jerk=2000.0)
+    else:
+        rig.axis.halt_superimposed(Jerk=2000.0)
+    rig.run(1.5)
+    assert 300.0 < max(rig.column("velocity_setpoint")) <= 500.0 + 1e-6
+
+
 @pytest.mark.requirement("MC-352", "MC-355")
 def test_no_room_at_all_lets_the_superimposed_motion_wait(rig):
     """At full velocity nothing can be added in its direction: the distance comes when the basic motion leaves room."""
