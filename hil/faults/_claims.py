@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import Any, Final
-from weakref import WeakKeyDictionary
 
 from fieldbus.errors import HilError
 from hil.faults._action import Action
 
 Combine = Callable[[Sequence["Claim"]], tuple[Any, ...]]
-_DOORS: Final[WeakKeyDictionary[Any, dict[tuple[Any, ...], Door]]] = WeakKeyDictionary()
+_DOORS: Final = "_doors_of_faults"
+"""Where a bench keeps its doors, by name of the part and of what is operated there."""
 
 
 def total(claims: Sequence[Claim]) -> tuple[Any, ...]:
@@ -94,7 +94,8 @@ class Claim(Action):
         anew: bool = False,
     ) -> None:
         super().__init__(place[0], self.lay, self.withdraw)
-        doors = _DOORS.setdefault(bench, {})
+        # On the bench itself, and so gone with it: doors lead to its parts, and a table of them elsewhere would keep it alive.
+        doors: dict[tuple[Any, ...], Door] = vars(bench).setdefault(_DOORS, {})
         self._door = doors.setdefault(place, Door(operate, mend, combine=combine, anew=anew))
         self.arguments = arguments
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import random
+import weakref
 from itertools import pairwise
 
 import pytest
@@ -205,3 +207,16 @@ def test_any_order_of_beginning_and_end_leaves_nothing_behind(seed):
         assert stage.recover() == ""
     finally:
         stage.close()
+
+
+def test_a_bench_with_a_fault_goes_when_nobody_needs_it_any_more():
+    """What faults have broken keeps no bench alive: a run of thousands of cases would keep all of theirs."""
+    bench = load_bench("reference").build()
+    fault = Injector(bench).inject("mechanics.jam")
+    assert fault.applied_ns is not None
+    bench.close()
+    gone = weakref.ref(bench)
+    del bench, fault
+    gc.collect()
+
+    assert gone() is None
