@@ -545,10 +545,9 @@ def main(arguments: list[str] | None = None) -> int:
             # Or Python tries it again when it ends, and makes a code of its own of it.
             with Path(os.devnull).open("w") as nowhere:
                 os.dup2(nowhere.fileno(), stream.fileno())
-            if error.errno not in {
-                errno.EPIPE,
-                errno.EIO,
-            }:  # those mean that the reader has gone, which it may
+            if error.errno in {errno.EPIPE, errno.EIO}:  # the reader has gone, and wants to hear no more
+                code = code or 2
+            else:
                 code = _failure(CannotRunError(f"standard output could not be written: {error.strerror}"))
     return code
 

@@ -25,6 +25,8 @@ from testcases.processes import hil_command
 
 TOLD = re.compile(r"\[ *\d+/\d+\] \w+ +(\S+) \(")
 """Line of a case that has ended."""
+WITHIN_S = 0.2
+"""Kills after a case come at any time within so many seconds: while the next ones run, or are written to the journal."""
 Moment = Callable[[subprocess.Popen[str], set[str]], None]
 """Waits for the moment of the kill, with the process and the cases that it has told so far."""
 
@@ -52,9 +54,15 @@ def after_seconds(seconds: float) -> Moment:
     return moment
 
 
-def after_cases(number: int) -> Moment:
-    """Return the moment at which so many further cases have been told."""
-    return lambda process, told: _wait(process, lambda: len(told) >= number)
+def after_cases(number: int, seconds: float = 0.0) -> Moment:
+    """Return the moment so long after so many further cases have been told."""
+    later = after_seconds(seconds)
+
+    def moment(process: subprocess.Popen[str], told: set[str]) -> None:
+        _wait(process, lambda: len(told) >= number)
+        later(process, told)
+
+    return moment
 
 
 def _wait(process: subprocess.Popen[str], condition: Callable[[], bool]) -> None:
@@ -141,7 +149,13 @@ def main() -> int:
     parser.add_argument("--times", type=int, default=50, help="number of kills")
     parser.add_argument("--seed", type=int, default=0, help="seed of the moments")
     parser.add_argument(
-        "--longest", type=float, default=4.0, help="latest moment after the start of a run, s"
+        "--early", type=float, default=0.2, help="share of kills by the clock, mostly while programs start"
+    )
+    parser.add_argument(
+        "--longest", type=float, default=4.0, help="latest moment of those, s after the start"
+    )
+    parser.add_argument(
+        "--cases", type=int, default=10, help="the others come after up to so many further cases"
     )
     parser.add_argument("arguments", nargs="*", default=["testcases.campaigns.stop_modes", "-j", "2"])
     given = parser.parse_args()
@@ -152,7 +166,11 @@ def main() -> int:
         most = given.times - kills
 
         def moments(number: int, most: int = most) -> Moment | None:
-            return after_seconds(draw.uniform(0.0, given.longest)) if number < most else None
+            if number >= most:
+                return None
+            if draw.random() < given.early:
+                return after_seconds(draw.uniform(0.0, given.longest))
+            return after_cases(draw.randint(1, given.cases), draw.uniform(0.0, WITHIN_S))
 
         session = kill_until_through(given.arguments, moments)
         assert session.digest == undisturbed, "the resumed run differs from the undisturbed one"

@@ -3,8 +3,6 @@
 import random
 from collections import Counter
 
-import pytest
-
 from fieldbus.can import CanFrame, CanMedium
 from fieldbus.clock import MS, VirtualScheduler
 from fieldbus.history import History
@@ -66,7 +64,6 @@ def disturbed(seed):
     return medium.log, medium.busy_bits, medium._spans, events, heard, state
 
 
-@pytest.mark.requirement("CANP-059")
 def test_the_short_way_of_repeating_is_the_long_one(monkeypatch):
     """Log, events, counters and what is heard are equal, whatever comes between two attempts of a lone node."""
     asked = Counter()

@@ -138,6 +138,23 @@ def test_mains_off(rig):
     assert rig.bench.run_until(rig.power.status, timeout=2.0)
 
 
+@of_kind("drive.brown_out")
+@pytest.mark.parametrize(("left", "volts", "codes"), [(80.0, 448.0, []), (50.0, None, [0x3220])])
+def test_brown_out(rig, left, volts, codes):
+    """The DC link sinks to what is left of the mains: above 400 V the drive goes on, below it trips; then the link is full again."""
+    rig.inject("drive.brown_out", mains_percent=left)
+    rig.run(6.0)
+    assert rig.emcy_codes() == codes
+    if volts is not None:
+        assert rig.drive.dc_link.voltage_V == pytest.approx(volts, abs=0.5)
+        assert rig.drive.state is S.OPERATION_ENABLED
+    else:
+        assert 280.0 <= rig.drive.dc_link.voltage_V < 400.0
+    rig.remove()
+    rig.run(0.1)
+    assert rig.drive.dc_link.voltage_V == pytest.approx(560.0, abs=0.1)
+
+
 @of_kind("drive.phase_loss")
 def test_phase_loss(rig):
     """A warning at once, 3130h after half a second in operation."""
@@ -536,14 +553,21 @@ def test_encoder_wire_break(rig):
 
 # -- all kinds -------------------------------------------------------------------------------------------------------------------
 
-OLDER = {"drive.fault", "drive.sto", "drive.power_off", "drive.heartbeat_loss"}
-"""Kinds whose effect the shipped campaigns and the tests of the injector show."""
+ELSEWHERE = {
+    "drive.fault",
+    "drive.sto",
+    "drive.power_off",
+    "drive.heartbeat_loss",
+    "drive.clock_drift",
+    "drive.clock_jitter",
+}
+"""Kinds whose effect the shipped campaigns, the tests of the injector and those of clocks show."""
 
 
 def test_every_kind_of_the_drive_has_its_test():
     """A new kind in the catalogue needs a test that it does what it says."""
     kinds = {entry.name for entry in CATALOGUE if entry.name.startswith("drive.")}
-    assert kinds | {"encoder.drift", "encoder.wire_break", "encoder.scale"} == set(TESTED) | OLDER
+    assert kinds | {"encoder.drift", "encoder.wire_break", "encoder.scale"} == set(TESTED) | ELSEWHERE
 
 
 @pytest.mark.parametrize("kind", ["drive.brake_stuck", "drive.brake_slip", "drive.interlock"])
