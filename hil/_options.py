@@ -16,6 +16,9 @@ BenchOption = Annotated[
 ReportOption = Annotated[
     Path, typer.Option("--report", "-r", metavar="DIR", help="Folder for report and evidence.")
 ]
+ResumeOption = Annotated[
+    bool, typer.Option("--resume", help="Go on with the run that is in the report folder.")
+]
 SeedOption = Annotated[int, typer.Option("--seed", "-s", help="Seed of the run.")]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Result as JSON on standard output, with nothing else on it.")

@@ -22,6 +22,7 @@ from hil._options import (
     JobsOption,
     JsonOption,
     ReportOption,
+    ResumeOption,
     SeedOption,
     SummaryOption,
     TwiceOption,
@@ -81,9 +82,7 @@ def run(
     tag: Annotated[
         list[str] | None, typer.Option("--tag", "-t", help="Only cases with this tag; may be repeated.")
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the run that is in the report folder.")
-    ] = False,
+    resume: ResumeOption = False,
     last_failed: Annotated[
         bool,
         typer.Option(
@@ -443,9 +442,7 @@ def mutants(
         ),
     ] = 0.0,
     only_list: Annotated[bool, typer.Option("--list", help="Show the defects and run nothing.")] = False,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the run that is in the report folder.")
-    ] = False,
+    resume: ResumeOption = False,
     last_failed: Annotated[
         bool,
         typer.Option(

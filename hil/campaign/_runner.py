@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import platform
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
@@ -22,6 +21,7 @@ from hil.campaign._worker import Order, bench_of
 from hil.errors import CannotRunError
 from reports.model import CaseResult, RunResult, Verdict
 from reports.packed import pack_case
+from reports.processors import processors
 from reports.store import JOURNAL_FILE, RUN_FILE, SIGNAL_FOLDER, finish_run, load_run, start_run, write_case
 
 OnResult = Callable[[CaseResult, int, int], None]
@@ -96,14 +96,6 @@ def clear_run(directory: Path) -> None:
             folder.rmdir()
     # Last: while this file is there, the folder is known to hold a run, if a broken one.
     (directory / RUN_FILE).unlink(missing_ok=True)
-
-
-def processors() -> int:
-    """Return the number of processors that this process may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # not on every system
-        return os.cpu_count() or 1
 
 
 def shard(cases: Sequence[Selected], part: tuple[int, int] | None) -> Sequence[Selected]:

@@ -5,16 +5,15 @@ from __future__ import annotations
 import contextlib
 import functools
 import multiprocessing
-import os
 import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from fieldbus.errors import ConfigurationError
+from hil._interrupt import end_with_parent
 from hil.campaign import load_bench_file
 from hil.campaign._worker import bench_of
 from hil.errors import CannotRunError
@@ -269,15 +268,7 @@ def _prepare(path: list[str]) -> None:
     """Set up a process: it leaves Ctrl-C to the command, ends with it, and finds modules where it does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.path[:] = path
-
-    def end_with_parent() -> None:
-        # The pool's own queues do not tell: every process holds both of their ends.
-        parent = multiprocessing.parent_process()
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    end_with_parent()
 
 
 def _do_there(task: tuple[_Round, str, InvariantFactory]) -> _Found:

@@ -13,9 +13,9 @@ from multiprocessing.process import BaseProcess
 from typing import Any, Final
 
 from hil._interrupt import held
-from hil.campaign._runner import processors
 from hil.errors import CannotRunError
 from hil.mutants._worker import Outcome, Task, run_task
+from reports.processors import processors
 
 START_LIMIT_S: Final = 120.0
 """Wall time within which a process has to be ready for its first case."""

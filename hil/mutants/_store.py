@@ -13,6 +13,7 @@ from hil.mutants._mutant import Mutant
 from hil.mutants._plan import Judge
 from hil.mutants._seeding import MutantResult, Seeding, changes_of, digest_of
 from hil.mutants._table import markdown
+from reports.archive import write_whole
 
 JSON_FILE: Final = "mutants.json"
 TABLE_FILE: Final = "mutants.md"
@@ -23,15 +24,8 @@ _NEEDED: Final = frozenset({"changes", "status", "caught_by", "how", "message", 
 def store(seeding: Seeding, directory: Path) -> None:
     """Write `mutants.json` and `mutants.md` into a report folder; whatever else lies there stays."""
     directory.mkdir(parents=True, exist_ok=True)
-    _replace(directory / JSON_FILE, json.dumps(seeding.as_dict(), indent=2) + "\n")
-    _replace(directory / TABLE_FILE, markdown(seeding))
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file in one go: it is never seen half written."""
-    fresh = path.with_name(f".{path.name}.new")
-    fresh.write_text(text, encoding="utf-8")
-    fresh.replace(path)
+    write_whole(directory / JSON_FILE, (json.dumps(seeding.as_dict(), indent=2) + "\n").encode())
+    write_whole(directory / TABLE_FILE, markdown(seeding).encode())
 
 
 @dataclass(frozen=True, slots=True)

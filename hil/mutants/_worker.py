@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import signal
 import sys
-import threading
 import time
 from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from typing import Final
 
+from hil._interrupt import end_with_parent
 from hil.campaign import CaseSettings, case_seed, execute_case, load_campaign
 from hil.campaign._limits import USED_UP
 from hil.campaign._worker import bench_of
@@ -66,7 +64,7 @@ class Outcome:
 def run_task(task: Task, pipe: Connection, path: list[str]) -> None:
     """Run the cases of a task and send an `Outcome` for each; an exception of the harness is sent as text."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is meant for the command
-    threading.Thread(target=_end_with_parent, name="parent's death", daemon=True).start()
+    end_with_parent()
     sys.path[:] = path
     _limit_memory()
     try:
@@ -75,14 +73,6 @@ def run_task(task: Task, pipe: Connection, path: list[str]) -> None:
     except Exception as error:  # noqa: BLE001 - it ends in the report of the parent
         pipe.send(f"{type(error).__name__}: {error}")
     pipe.close()
-
-
-def _end_with_parent() -> None:
-    """End this process when its parent is gone, killed perhaps: nobody waits for what is being done here."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 def _limit_memory() -> None:

@@ -7,7 +7,6 @@ of a live bench, and `multiprocessing` would run the program of the caller once 
 from __future__ import annotations
 
 import gc
-import os
 import pickle
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from typing import IO, Final, NamedTuple, Self, cast
 
 from reports.html.payload import case_payload, script_json
 from reports.model import CaseResult
+from reports.processors import processors
 
 _PORTION: Final = 32
 """Cases that a helper gets at once."""
@@ -84,11 +84,6 @@ def pack_files(order: Order, *, processes: int | None = None) -> None:
             left = portions
         for portion in left:
             _pack(portion)
-
-
-def processors() -> int:
-    """Return how many processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def serve() -> None:
