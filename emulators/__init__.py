@@ -1,5 +1,5 @@
 """The emulated devices: mechanics, encoders, drives.
 
-A device is a composition: mechanics, motor and servo core, encoder, profile face, transport. Nothing here knows
-the controller (`motion`); the two sides meet on the wire.
+A device is a composition: mechanics, motor and servo core, encoder, profile face, transport. Nothing here
+knows the controller (`motion`); the two sides meet on the wire.
 """

@@ -86,7 +86,8 @@ STATE_BITS: Final[dict[DriveState, int]] = {
     DriveState.FAULT_REACTION_ACTIVE: 0x0F,
     DriveState.FAULT: 0x08,
 }
-"""What a drive puts into statusword bits 6, 5, 3, 2, 1 and 0 (bit 5 as 0 where the profile leaves it open)."""
+"""What a drive puts into statusword bits 6, 5, 3, 2, 1 and 0 (bit 5 as 0 where the profile leaves it open).
+"""
 
 
 def _state_of(bits: int) -> DriveState:

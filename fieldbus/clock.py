@@ -4,9 +4,9 @@ Everything in a bench is callback code on one scheduler. `VirtualScheduler` jump
 `RealtimeScheduler` runs the same callbacks against the monotonic clock and takes work over from the threads
 of real I/O through `Scheduler.post`.
 
-Events of the same instant fire by ascending priority, then in the order in which they were entered. A periodic
-event is entered once, by `Scheduler.every`, and keeps its place for good: two of them meet in the same order at
-every instant that they share, whatever their periods.
+Events of the same instant fire by ascending priority, then in the order in which they were entered. A
+periodic event is entered once, by `Scheduler.every`, and keeps its place for good: two of them meet in the
+same order at every instant that they share, whatever their periods.
 """
 
 from __future__ import annotations
@@ -91,7 +91,8 @@ class Scheduler(ABC):
         return timer
 
     def again(self, timer: Timer, time_ns: int) -> None:
-        """Enter a single event anew that has fired; cheaper than a new one. It must not be entered or cancelled.
+        """Enter a single event anew that has fired; cheaper than a new one. It must not be entered or
+        cancelled.
 
         Args:
             timer: The event.
@@ -144,8 +145,9 @@ class Scheduler(ABC):
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
         """Run until `predicate` is true or `timeout_ns` has passed.
 
-        The predicate is evaluated before the first event and after all events of one instant, and in real time
-        also after the posted work. A predicate about time alone is therefore seen only at the next event.
+        The predicate is evaluated before the first event and after all events of one instant, and in real
+        time also after the posted work. A predicate about time alone is therefore seen only at the next
+        event.
 
         Returns:
             Whether the predicate became true.
@@ -168,7 +170,9 @@ class Scheduler(ABC):
 
     @property
     def next_due_ns(self) -> int | None:
-        """Time of the next event that is entered, ns; None when there is none. Posted work is not an event."""
+        """Time of the next event that is entered, ns; None when there is none. Posted work is not an
+        event.
+        """
         heap = self._heap
         while heap and heap[0][3].cancelled:
             heappop(heap)
@@ -284,8 +288,8 @@ class RealtimeScheduler(Scheduler):
             if asked and predicate():
                 return True
             while True:
-                # Work that is posted meanwhile waits for the next round, so that a flood of it cannot keep the
-                # timed events from firing.
+                # Work that is posted meanwhile waits for the next round, so that a flood of it cannot keep
+                # the timed events from firing.
                 waiting = len(posted)
                 for _ in range(waiting):
                     self.now = max(self.now, time.monotonic_ns() - self.origin_ns)

@@ -1,7 +1,8 @@
-"""The one ordered log of a bench: everything that happens is an event of it, in the order in which it happened.
+"""The one ordered log of a bench: everything that happens is an event of it, in the order in which it
+happened.
 
-Job edges, state changes, alarms, faults and service messages are `Event` entries; CAN frames, which come by the
-thousand, are kept by the medium in a log of their own with the same clock (`fieldbus.can`).
+Job edges, state changes, alarms, faults and service messages are `Event` entries; CAN frames, which come by
+the thousand, are kept by the medium in a log of their own with the same clock (`fieldbus.can`).
 """
 
 from __future__ import annotations
@@ -43,7 +44,9 @@ class History:
         self._listeners: list[tuple[Callable[[Event], None]]] = []
 
     def declare(self, *kinds: str) -> None:
-        """Tell kinds that a part of one's own will emit, so that a trigger may wait for them before the first has come."""
+        """Tell kinds that a part of one's own will emit, so that a trigger may wait for them before the first
+        has come.
+        """
         self.declared.update(kinds)
 
     def emit(self, source: str, kind: str, /, **data: Scalar) -> None:
@@ -54,13 +57,16 @@ class History:
             listener(event)
 
     def listen(self, listener: Callable[[Event], None]) -> Callable[[], None]:
-        """Call `listener` with every event from now on; returns the function that ends it (harmless to repeat).
+        """Call `listener` with every event from now on; returns the function that ends it (harmless to
+        repeat).
 
-        A listener that emits is served at once: the listeners after it hear the inner event first. Who needs the
-        order of things reads `events`.
+        A listener that emits is served at once: the listeners after it hear the inner event first. Who needs
+        the order of things reads `events`.
         """
-        # A list is never changed, only replaced: a listener may come or go while `emit` goes through the old one.
-        # Every entry is a tuple of its own, so that the same function can listen twice and each ends for itself.
+        # A list is never changed, only replaced: a listener may come or go while `emit` goes through the old
+        # one.
+        # Every entry is a tuple of its own, so that the same function can listen twice and each ends for
+        # itself.
         entry = (listener,)
         self._listeners = [*self._listeners, entry]
 

@@ -1,7 +1,8 @@
-"""The clock of one node: a scheduler of its own on top of that of the bench, which can run fast or slow, and unevenly.
+"""The clock of one node: a scheduler of its own on top of that of the bench, which can run fast or slow, and
+unevenly.
 
-All times that a node hears and calculates are those of its own clock. While that runs as the bench does, they are equal. What the
-node has entered stays due at the same time of its clock when the clock changes its pace.
+All times that a node hears and calculates are those of its own clock. While that runs as the bench does, they
+are equal. What the node has entered stays due at the same time of its clock when the clock changes its pace.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ class NodeClock(Scheduler):
         self._timers: dict[int, Timer] = {}
         self._even: dict[int, tuple[Timer, Callback]] = {}
 
-    # -- two times ---------------------------------------------------------------------------------------------------
+    # -- two times
+    # ---------------------------------------------------------------------------------------------------
 
     @property
     def now(self) -> int:  # type: ignore[override]  # the base's is a plain attribute, which the bench keeps
@@ -74,10 +76,12 @@ class NodeClock(Scheduler):
 
         return hear
 
-    # -- faults ------------------------------------------------------------------------------------------------------
+    # -- faults
+    # ------------------------------------------------------------------------------------------------------
 
     def drift(self, ppm: float) -> None:
-        """Run fast (positive) or slow by so many parts per million from now on; 0 = as the bench, without setting the clock.
+        """Run fast (positive) or slow by so many parts per million from now on; 0 = as the bench, without
+        setting the clock.
 
         Raises:
             ConfigurationError: More than 100000 ppm.
@@ -106,7 +110,8 @@ class NodeClock(Scheduler):
         self.bench.move(move)
 
     def jitter(self, longest_ns: int) -> None:
-        """Let each cycle of the node begin late by up to so much, evenly drawn from the seeded stream; 0 = in time again.
+        """Let each cycle of the node begin late by up to so much, evenly drawn from the seeded stream; 0 = in
+        time again.
 
         Raises:
             ConfigurationError: It is negative.
@@ -137,7 +142,8 @@ class NodeClock(Scheduler):
 
         self.bench.after(late_ns, begin, priority=timer.priority)
 
-    # -- scheduler ---------------------------------------------------------------------------------------------------
+    # -- scheduler
+    # ---------------------------------------------------------------------------------------------------
 
     def at(self, time_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
         """See `Scheduler.at`; the time is that of the node."""
@@ -154,7 +160,9 @@ class NodeClock(Scheduler):
         return self.at(self.now + delay_ns, callback, priority=priority)
 
     def every(self, period_ns: int, callback: Callback, *, phase_ns: int = 0, priority: int = 0) -> Timer:
-        """See `Scheduler.every`; the grid is that of the node's clock where it runs as the bench does, and goes on from there."""
+        """See `Scheduler.every`; the grid is that of the node's clock where it runs as the bench does, and
+        goes on from there.
+        """
         timer = self.bench.every(period_ns, callback, phase_ns=phase_ns, priority=priority)
         if self._ppb:
             timer.period_ns = round(period_ns * PPB / (PPB + self._ppb))

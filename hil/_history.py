@@ -19,7 +19,9 @@ def history_file(choice: str, report: Path) -> Path | None:
 
 
 def kept(run: RunResult, report: Path, choice: str) -> Background | None:
-    """Record a run and return what came before; a history that fails is said and costs the report nothing else."""
+    """Record a run and return what came before; a history that fails is said and costs the report nothing
+    else.
+    """
     path = history_file(choice, report)
     if path is None or not run.cases:
         return None

@@ -1,4 +1,6 @@
-"""Ctrl-C, SIGTERM and the end of the terminal: the first one ends a command in order, and those that follow at once do not disturb that."""
+"""Ctrl-C, SIGTERM and the end of the terminal: the first one ends a command in order, and those that follow
+at once do not disturb that.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from types import FrameType
 from typing import Final
 
 ORDERLY_S: Final = 10.0
-"""How long further signals are ignored after the first: drives are disabled, processes end, the report is written."""
+"""How long further signals are ignored after the first: drives are disabled, processes end, the report is
+written.
+"""
 
 _SIGNALS: Final = (
     signal.SIGINT,
@@ -49,7 +53,8 @@ def interruptible(*, last: bool = False) -> Iterator[None]:
     """Turn the first Ctrl-C, SIGTERM or SIGHUP into `KeyboardInterrupt`, once.
 
     Args:
-        last: Nothing comes after the command but the end of the process: signals stay ignored when one has come.
+        last: Nothing comes after the command but the end of the process: signals stay ignored when one
+            has come.
 
     """
     global _asked_s  # noqa: PLW0603 - signals belong to the process

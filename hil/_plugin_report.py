@@ -59,10 +59,14 @@ class PluginReport:
         self._start(bench_file)
         title = str(getattr(getattr(item, "obj", None), "__doc__", "") or item.name).strip().splitlines()[0]
         result = CaseResult(
-            identifier=item.nodeid, title=title, verdict=Verdict.PASSED, group=item.nodeid.partition("::")[0], seed=seed,
+            identifier=item.nodeid,
+            title=title,
+            verdict=Verdict.PASSED,
+            group=item.nodeid.partition("::")[0],
+            seed=seed,
             tags=sorted({marker.name for marker in item.iter_markers()}),
             requirements=[str(value) for name, value in item.user_properties if name == "requirement"],
-        )  # fmt: skip
+        )
         self._entries[item.nodeid] = _Entry(bench, result)
 
     def _start(self, bench_file: Any) -> None:
@@ -168,7 +172,9 @@ def finish_report(
 
 
 def _gather(directory: Path, crashed: Mapping[str, str]) -> None:
-    """Merge the runs of xdist workers into the main one, in the order of test names; a test that crashed is an error."""
+    """Merge the runs of xdist workers into the main one, in the order of test names; a test that crashed is
+    an error.
+    """
     folder = directory / WORKERS
     if not folder.is_dir():
         return

@@ -30,7 +30,9 @@ def check_summary(choice: str, *, as_json: bool) -> None:
 
 
 def give_summary(choice: str, run: RunResult, background: Background | None, paths: ReportPaths) -> None:
-    """Write the summary to a file, to standard output (`-`), or append it to what `GITHUB_STEP_SUMMARY` names (`auto`)."""
+    """Write the summary to a file, to standard output (`-`), or append it to what `GITHUB_STEP_SUMMARY` names
+    (`auto`).
+    """
     if not choice:
         return
     text = markdown_summary(run, background.comparison if background else None, report=str(paths.report))

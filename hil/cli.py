@@ -1,4 +1,5 @@
-"""The command `hil`. Only what `--help` needs is imported here; every command loads its own parts when it runs.
+"""The command `hil`. Only what `--help` needs is imported here; every command loads its own parts when it
+runs.
 
 Exit codes: 0 everything passed, 1 cases failed, 2 it could not run (or was interrupted).
 """
@@ -58,9 +59,16 @@ def demo(
     from hil._commands.run import RunRequest, parse_jobs, run_campaigns
 
     request = RunRequest(
-        report=report, seed=seed, jobs=parse_jobs(jobs), twice=twice, evidence=evidence, as_json=as_json, demo=True,
-        history=history, summary=summary,
-    )  # fmt: skip
+        report=report,
+        seed=seed,
+        jobs=parse_jobs(jobs),
+        twice=twice,
+        evidence=evidence,
+        as_json=as_json,
+        demo=True,
+        history=history,
+        summary=summary,
+    )
     raise typer.Exit(run_campaigns(request))
 
 
@@ -110,11 +118,24 @@ def run(
     from hil._commands.run import RunRequest, list_cases, parse_jobs, run_campaigns
 
     request = RunRequest(
-        paths=tuple(paths), bench=bench, report=report, seed=seed, jobs=parse_jobs(jobs), twice=twice, select=select,
-        tags=tuple(tag or ()), resume=resume, last_failed=last_failed, shard=shard, wall_limit_s=time_limit,
-        cluster=cluster, evidence=evidence, as_json=as_json,
-        history=history, summary=summary,
-    )  # fmt: skip
+        paths=tuple(paths),
+        bench=bench,
+        report=report,
+        seed=seed,
+        jobs=parse_jobs(jobs),
+        twice=twice,
+        select=select,
+        tags=tuple(tag or ()),
+        resume=resume,
+        last_failed=last_failed,
+        shard=shard,
+        wall_limit_s=time_limit,
+        cluster=cluster,
+        evidence=evidence,
+        as_json=as_json,
+        history=history,
+        summary=summary,
+    )
     raise typer.Exit(list_cases(request) if list_only else run_campaigns(request))
 
 
@@ -386,10 +407,17 @@ def fuzz(
 
     raise typer.Exit(
         fuzz_bench(
-            cases=cases, seed=seed, bench=bench, steps=steps, configurations=configurations, jobs=parse_jobs(jobs), corpus=corpus,
-            report=report, as_json=as_json,
+            cases=cases,
+            seed=seed,
+            bench=bench,
+            steps=steps,
+            configurations=configurations,
+            jobs=parse_jobs(jobs),
+            corpus=corpus,
+            report=report,
+            as_json=as_json,
         )
-    )  # fmt: skip
+    )
 
 
 @app.command()
@@ -463,10 +491,20 @@ def mutants(
     from hil._commands.run import parse_jobs
 
     request = MutantsRequest(
-        names=tuple(names or ()), areas=tuple(area or ()), campaigns=tuple(campaign or ()), catalogue=catalogue,
-        report=report, seed=seed, jobs=parse_jobs(jobs), limit_s=limit, every_case=every, resume=resume,
-        last_failed=last_failed, only_list=only_list, as_json=as_json,
-    )  # fmt: skip
+        names=tuple(names or ()),
+        areas=tuple(area or ()),
+        campaigns=tuple(campaign or ()),
+        catalogue=catalogue,
+        report=report,
+        seed=seed,
+        jobs=parse_jobs(jobs),
+        limit_s=limit,
+        every_case=every,
+        resume=resume,
+        last_failed=last_failed,
+        only_list=only_list,
+        as_json=as_json,
+    )
     raise typer.Exit(seed_defects(request))
 
 
@@ -556,7 +594,8 @@ def _run(arguments: list[str] | None) -> int:
         with interruptible(last=arguments is None):
             outcome = command.main(args=arguments, prog_name="hil", standalone_mode=False)
     except SystemExit:
-        # click ends so, with a code that here means that cases failed, when nobody reads on: `hil faults | head -1`
+        # click ends so, with a code that here means that cases failed, when nobody reads on: `hil faults |
+        # head -1`
         return 2
     except KeyboardInterrupt:
         outcome = _CLICK_INTERRUPTED

@@ -35,7 +35,8 @@ class CampaignNotFoundError(CannotRunError):
 
     def __init__(self, reference: str, reason: str) -> None:
         super().__init__(
-            f"{reference!r} leads to no campaign: {reason}. Give a Python file, a directory or a module that defines "
+            f"{reference!r} leads to no campaign: {reason}. Give a Python file, a directory or a module "
+            f"that defines "
             "a hil.campaign.Campaign, or a matrix file (for example testcases.campaigns.stop_modes)"
         )
         self.reference = reference
@@ -55,7 +56,9 @@ class CaseTimeoutError(HilError):
 
 
 class CaseEndedError(BaseException):
-    """A case that has used up its limit of wall time has gone on regardless; no `except Exception` of a case takes this."""
+    """A case that has used up its limit of wall time has gone on regardless; no `except Exception` of a case
+    takes this.
+    """
 
 
 class RecordingError(HilError):

@@ -41,7 +41,8 @@ class ExecuteJob(Job, Protocol):
 class Axis(Protocol):
     """An axis of the controller, with the instructions as methods that make one instance each.
 
-    Units: mm, mm/s (degrees for a rotary axis). Further inputs of an instruction may be given by their own names.
+    Units: mm, mm/s (degrees for a rotary axis). Further inputs of an instruction may be given by their
+        own names.
     """
 
     name: str
@@ -104,7 +105,9 @@ class Drive(Protocol):
         """Set the external force at the load, N."""
 
     def force_input(self, name: str, state: bool | None) -> None:
-        """Override the input `negative_limit`, `positive_limit`, `home`, `probe1` or `probe2`; None ends the override."""
+        """Override the input `negative_limit`, `positive_limit`, `home`, `probe1` or `probe2`; None ends the
+        override.
+        """
 
     def stop_heartbeat(self, stopped: bool) -> None:
         """Suppress the heartbeat, or produce it again."""
@@ -117,7 +120,9 @@ class Drive(Protocol):
 
 
 class Encoder(Protocol):
-    """An encoder with a node of its own as the faults see it: emulated here, or a proxy of one in another process."""
+    """An encoder with a node of its own as the faults see it: emulated here, or a proxy of one in another
+    process.
+    """
 
     name: str
 
@@ -216,7 +221,9 @@ class Bench(Protocol):
         """Return the seeded random stream of component `name`."""
 
     def cob_ids(self, drive_name: str) -> dict[str, int]:
-        """Return the identifiers of a drive, or of an encoder, by name: `rpdo1`, `tpdo1`, `sync`, `emcy`, `heartbeat`, `sdo_rx`, `sdo_tx`."""
+        """Return the identifiers of a drive, or of an encoder, by name: `rpdo1`, `tpdo1`, `sync`, `emcy`,
+        `heartbeat`, `sdo_rx`, `sdo_tx`.
+        """
 
     def decode(self, frame: Any) -> str:
         """Return the meaning of a frame in words."""

@@ -1,7 +1,8 @@
-"""The pytest plugin: fixtures `bench`, `axis`, `drive`, `faults`, `trace`, the marker `requirement`, a report.
+"""The pytest plugin: fixtures `bench`, `axis`, `drive`, `faults`, `trace`, the marker `requirement`, a
+report.
 
-It is loaded in every pytest run where the package is installed; everything heavy is imported when a fixture asks
-for it.
+It is loaded in every pytest run where the package is installed; everything heavy is imported when a fixture
+asks for it.
 """
 
 from __future__ import annotations
@@ -81,7 +82,9 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Attach the requirement identifiers as properties, so that they reach JUnit and, from xdist workers, the log."""
+    """Attach the requirement identifiers as properties, so that they reach JUnit and, from xdist workers, the
+    log.
+    """
     for item in items:
         item.user_properties.extend((_PROPERTY, identifier) for identifier in _requirements_of(item))
 
@@ -117,7 +120,9 @@ class _Session:
             shutil.rmtree(Path(directory) / WORKERS, ignore_errors=True)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Note the outcome of a test that carries requirement marks; workers leave that to the main process."""
+        """Note the outcome of a test that carries requirement marks; workers leave that to the main
+        process.
+        """
         if cast("str", report.when) == _CRASHED:
             self.crashed[report.nodeid] = report.longreprtext
         identifiers = [str(value) for name, value in report.user_properties if name == _PROPERTY]
@@ -136,7 +141,9 @@ class _Session:
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-        """Show a bench that is not as the test needs it as skipped (*blocked*), and collect the case for the report."""
+        """Show a bench that is not as the test needs it as skipped (*blocked*), and collect the case for the
+        report.
+        """
         report = yield
         if call.excinfo is not None:
             from hil.errors import BlockedError, UnsupportedFaultError
@@ -170,7 +177,8 @@ def _session(config: pytest.Config) -> _Session:
     return cast("_Session", config.pluginmanager.get_plugin("hil-session"))
 
 
-# -- fixtures --------------------------------------------------------------------------------------------------------
+# -- fixtures
+# --------------------------------------------------------------------------------------------------------
 
 
 def run_seed(config: pytest.Config) -> int:
@@ -196,7 +204,9 @@ def hil_bench_file(request: pytest.FixtureRequest) -> Any:
 
 @pytest.fixture
 def bench(request: pytest.FixtureRequest, hil_bench_file: Any) -> Iterator[Any]:
-    """Return a fresh bench (`hil.protocols.Bench`) with a seed made from the run's seed and the test's name."""
+    """Return a fresh bench (`hil.protocols.Bench`) with a seed made from the run's seed and the test's
+    name.
+    """
     from hil.campaign import case_seed
 
     seed = case_seed(run_seed(request.config), request.node.nodeid)

@@ -71,13 +71,17 @@ class CurrentTrace:
         return getattr(self(), name)
 
     def check(self, *expectations: Expectation) -> None:
-        """Evaluate expectations on what is recorded so far; raises `ExpectationFailedError` when one does not hold."""
+        """Evaluate expectations on what is recorded so far; raises `ExpectationFailedError` when one does not
+        hold.
+        """
         outcomes = evaluate(self(), expectations)
         self.checks.extend(outcomes)
         _assert_all(outcomes)
 
     def check_rules(self, *, without: tuple[str, ...] = ()) -> None:
-        """Apply the rules that hold in every run; `without` names requirements that do not apply to this test."""
+        """Apply the rules that hold in every run; `without` names requirements that do not apply to this
+        test.
+        """
         outcomes = [check for check in run_checkers(self()) if not set(without) & set(check.requirements)]
         self.checks.extend(outcomes)
         _assert_all(outcomes)

@@ -10,8 +10,17 @@ if TYPE_CHECKING:
     from motion.runtime import Runtime
 
 OUTPUTS: Final = (
-    "Status", "Busy", "Active", "Done", "InVelocity", "InLimitation", "InClamping", "CommandAborted", "Error", "ErrorID",
-)  # fmt: skip
+    "Status",
+    "Busy",
+    "Active",
+    "Done",
+    "InVelocity",
+    "InLimitation",
+    "InClamping",
+    "CommandAborted",
+    "Error",
+    "ErrorID",
+)
 """Outputs that are recorded, of the instances that have them."""
 
 
@@ -39,7 +48,8 @@ class Call:
 
 
 class CallLog:
-    """Records all outputs of every instance of the user program in every call, so that an output of one call is not missed.
+    """Records all outputs of every instance of the user program in every call, so that an output of one call
+    is not missed.
 
     Args:
         runtime: The controller whose program is recorded, from now on.

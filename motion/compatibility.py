@@ -1,7 +1,8 @@
-"""What a controller offers its program: instructions, their parameters, encoders of an axis (sections 0.3 and 6 of the specification).
+"""What a controller offers its program: instructions, their parameters, encoders of an axis (sections 0.3 and
+6 of the specification).
 
-A controller is a family of processors with the technology version of its objects. `LEVELS` is the data; instructions and
-configuration ask it when they are made, never in a cycle.
+A controller is a family of processors with the technology version of its objects. `LEVELS` is the data;
+instructions and configuration ask it when they are made, never in a cycle.
 """
 
 from __future__ import annotations
@@ -61,12 +62,16 @@ LEVELS: Final = {
         CompatibilityLevel("S7-1500T", "V9.0", encoders=4),
         CompatibilityLevel("S7-1500", "V9.0", encoders=1, without=TECHNOLOGY_ONLY),
         CompatibilityLevel(
-            "S7-1200 G2", "V8.0", encoders=1, without=TECHNOLOGY_ONLY, without_inputs=_BEFORE_V9,
+            "S7-1200 G2",
+            "V8.0",
+            encoders=1,
+            without=TECHNOLOGY_ONLY,
+            without_inputs=_BEFORE_V9,
             without_outputs={"MC_MoveAbsolute": ("Active",), "MC_MoveRelative": ("Active",)},
             without_parameters=frozenset({1020}),
         ),
     )
-}  # fmt: skip
+}
 """All controllers; 1020 is the number that V9.0 made writable (MC-016)."""
 
 DEFAULT: Final = "S7-1500T"

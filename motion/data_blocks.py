@@ -1,7 +1,9 @@
-"""Global data blocks of the user program that technology objects read by address (LIM-069 to LIM-072, VAR-023).
+"""Global data blocks of the user program that technology objects read by address (LIM-069 to LIM-072,
+VAR-023).
 
-An object that looks at a single bit, such as a hardware limit switch, is told where it is by a structure `VREF`: `RID`, `Area`,
-`DbNumber` and `Offset` in bits. That needs a block with standard access (not optimised), because only there an address is a place.
+An object that looks at a single bit, such as a hardware limit switch, is told where it is by a structure
+`VREF`: `RID`, `Area`, `DbNumber` and `Offset` in bits. That needs a block with standard access (not
+optimised), because only there an address is a place.
 """
 
 from __future__ import annotations
@@ -148,7 +150,10 @@ class DataBlocks:
         if block.optimized:
             return f"DbNumber = {address.number}: its access is optimized, so that its bits have no addresses"
         if not 0 <= address.offset < 8 * len(block.data):
-            return f"Offset = {address.offset}; allowed: 0 to {8 * len(block.data) - 1}, DB{address.number} ends there"
+            return (
+                f"Offset = {address.offset}; allowed: 0 to {8 * len(block.data) - 1}, "
+                f"DB{address.number} ends there"
+            )
         return ""
 
     def reader(self, address: BitAddress) -> Callable[[], bool]:

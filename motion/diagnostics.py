@@ -1,4 +1,5 @@
-"""What a technology object says about itself, in the pages on which an engineering tool shows it (section 4 of the instruction specification).
+"""What a technology object says about itself, in the pages on which an engineering tool shows it (section 4
+of the instruction specification).
 
 Words are taken from one snapshot of the object, so that bits of one page belong together (DIA-110).
 """
@@ -135,7 +136,9 @@ ENCODER_PAGES: Final[dict[str, tuple[Row, ...]]] = {
 
 
 def pages(*, has_position: bool) -> dict[str, tuple[Row, ...]]:
-    """Return the pages of a positioning or a speed axis: title and rows (DIA-001 to DIA-071, DIA-089 to DIA-099)."""
+    """Return the pages of a positioning or a speed axis: title and rows (DIA-001 to DIA-071, DIA-089 to
+    DIA-099).
+    """
     if not has_position:
         return {
             "axis status": _STATUS,
@@ -166,8 +169,8 @@ class Diagnosis:
         pages: Page -> indication -> value: a truth value for a bit, else the value of the variable.
         alarms: Pending alarms, the one of highest priority first: number, reaction, text.
         job: Instruction and name of the job in control; None without one.
-        telegram: Words of the drive's telegram by signal name, last sent and last received; those of an encoder with a
-            telegram of its own follow, behind `Sensor[n].` on an axis (DIA-100 to DIA-102).
+        telegram: Words of the drive's telegram by signal name, last sent and last received; those of an
+            encoder with a telegram of its own follow, behind `Sensor[n].` on an axis (DIA-100 to DIA-102).
 
     """
 

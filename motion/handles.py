@@ -42,10 +42,10 @@ _T = TypeVar("_T", bound=Instruction)
 class AxisHandle:
     """An axis with the instructions as methods, for straight-line test code.
 
-    Every method makes an instance, hands it to the runtime, which calls it from the next application cycle on, and
-    returns it: `job = axis.move_absolute(100.0); bench.run_until(job.done, timeout=2.0)`. All inputs of the
-    instruction may be given by their own names: `axis.move_velocity(50.0, Jerk=0.0)`. Attributes and methods of the
-    technology object (`var`, `write`, `state`, ...) are reached through the handle as well.
+    Every method makes an instance, hands it to the runtime, which calls it from the next application cycle
+    on, and returns it: `job = axis.move_absolute(100.0); bench.run_until(job.done, timeout=2.0)`. All inputs
+    of the instruction may be given by their own names: `axis.move_velocity(50.0, Jerk=0.0)`. Attributes and
+    methods of the technology object (`var`, `write`, `state`, ...) are reached through the handle as well.
     """
 
     def __init__(self, runtime: Runtime, axis: TechnologyAxis) -> None:
@@ -128,10 +128,11 @@ class AxisHandle:
     def set_limit_variables(
         self, negative: BitAddress | None = None, positive: BitAddress | None = None
     ) -> None:
-        """Let bits of a data block be the hardware limit switches, from the next restart of the object on (LIM-071).
+        """Let bits of a data block be the hardware limit switches, from the next restart of the object on
+        (LIM-071).
 
-        The eight parts of both addresses are written in load memory; the monitoring has to be off there, and is switched on
-        by `write_parameter(1000, True)` (LIM-070).
+        The eight parts of both addresses are written in load memory; the monitoring has to be off there, and
+        is switched on by `write_parameter(1000, True)` (LIM-070).
 
         Args:
             negative: `BitAddress.of_bit(number, byte, bit)`; None = the input that the bench has wired.
@@ -173,15 +174,21 @@ class AxisHandle:
         return self.run(MC_HaltSuperimposed(self.object, Execute=True, **inputs))
 
     def motion_in_velocity(self, velocity: float, **inputs: Any) -> MC_MotionInVelocity:
-        """Start `MC_MotionInVelocity` with `velocity`, axis unit per second; go on with `instance.set(Velocity=...)`."""
+        """Start `MC_MotionInVelocity` with `velocity`, axis unit per second; go on with
+        `instance.set(Velocity=...)`.
+        """
         return self.run(MC_MotionInVelocity(self.object, Enable=True, Velocity=velocity, **inputs))
 
     def motion_in_position(self, position: float, **inputs: Any) -> MC_MotionInPosition:
-        """Start `MC_MotionInPosition` with `position`, axis unit; go on with `instance.set(Position=..., Velocity=...)`."""
+        """Start `MC_MotionInPosition` with `position`, axis unit; go on with `instance.set(Position=...,
+        Velocity=...)`.
+        """
         return self.run(MC_MotionInPosition(self.object, Enable=True, Position=position, **inputs))
 
     def motion_in_superimposed(self, distance: float, **inputs: Any) -> MC_MotionInSuperimposed:
-        """Start `MC_MotionInSuperimposed` with `distance`, axis unit; go on with `instance.set(Distance=..., VelocityDiff=...)`."""
+        """Start `MC_MotionInSuperimposed` with `distance`, axis unit; go on with `instance.set(Distance=...,
+        VelocityDiff=...)`.
+        """
         return self.run(MC_MotionInSuperimposed(self.object, Enable=True, Distance=distance, **inputs))
 
     def torque_additive(self, value: float) -> MC_TorqueAdditive:

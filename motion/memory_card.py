@@ -1,4 +1,6 @@
-"""The controller's memory card: adjustment data of absolute encoders outlive the controller (HOM-158 to HOM-162, MC-465 to MC-472)."""
+"""The controller's memory card: adjustment data of absolute encoders outlive the controller (HOM-158 to
+HOM-162, MC-465 to MC-472).
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,9 @@ class MemoryCard:
         return self.folder / FOLDER / FILE
 
     def save(self, objects: Sequence[TechnologyAxis | ExternalEncoder]) -> int:
-        """Write the adjustment of all absolute encoders; returns 0, or the ErrorID of what went wrong (HOM-204)."""
+        """Write the adjustment of all absolute encoders; returns 0, or the ErrorID of what went wrong
+        (HOM-204).
+        """
         content = _content(objects)
         text = json.dumps({"sha256": _checksum(content), **content}, indent=1, sort_keys=True)
         draft = self.file.with_suffix(".tmp")
@@ -70,8 +74,9 @@ class MemoryCard:
     def restore(self, objects: Sequence[TechnologyAxis | ExternalEncoder]) -> bool:
         """Give the adjustments back to a controller that has none; says whether it has happened.
 
-        Nothing is restored, and an entry of the log says why, if the data are damaged or belong to other objects or encoders
-        (HOM-159, HOM-162). Afterwards the file is renamed and cannot be used again (HOM-160).
+        Nothing is restored, and an entry of the log says why, if the data are damaged or belong to other
+        objects or encoders (HOM-159, HOM-162). Afterwards the file is renamed and cannot be used again
+        (HOM-160).
         """
         try:
             text = self.file.read_text(encoding="utf-8")

@@ -23,8 +23,8 @@ class Runtime:
         cycle_ns: Cycle of `MC_Servo`, ns.
         interpolator_ns: Cycle of `MC_Interpolator`, ns, a multiple of that; None = the same.
         send_clock_ns: Bus cycle, ns, of which the servo cycle is a multiple; None = the same.
-        phase_ns: Instant within the bus cycle at which the application cycle runs, ns; default half a cycle, when
-            the actual values of this cycle have arrived and the next SYNC is still to come.
+        phase_ns: Instant within the bus cycle at which the application cycle runs, ns; default half a
+            cycle, when the actual values of this cycle have arrived and the next SYNC is still to come.
         history: Event log, or None.
         program_cycles: Application cycles from one call of the user program to the next (MC-567).
 
@@ -107,7 +107,8 @@ class Runtime:
     def call(self, instance: Callable[[], object]) -> None:
         """Call `instance` with every call of the program from the next one on.
 
-        Instances whose job has ended and whose outputs are only held are laid aside until their `Execute` falls.
+        Instances whose job has ended and whose outputs are only held are laid aside until their `Execute`
+        falls.
         """
         active: list[Callable[[], object]] = []
         for one in self.program:
@@ -149,7 +150,9 @@ class Runtime:
                 begin_anew()
 
     def cycle_objects(self, *, servo_only: bool = False) -> None:
-        """Run one application cycle of the technology objects alone, without the program; or of `MC_Servo` alone."""
+        """Run one application cycle of the technology objects alone, without the program; or of `MC_Servo`
+        alone.
+        """
         self.cycles += 1
         for encoder in self.encoders:
             encoder.cycle()

@@ -1,7 +1,8 @@
 """Units of technology objects: what the codes in `Units.*` are worth (CFG section 5).
 
-Within the runtime velocities are position units per second (of a speed axis rpm), accelerations the same per second, torques
-Nm, forces N, masses kg, moments of inertia kg m². `UnitFactors` converts what a user program gives and sees.
+Within the runtime velocities are position units per second (of a speed axis rpm), accelerations the same per
+second, torques Nm, forces N, masses kg, moments of inertia kg m². `UnitFactors` converts what a user program
+gives and sees.
 """
 
 from __future__ import annotations
@@ -11,8 +12,16 @@ from math import pi
 from typing import Any, Final, NamedTuple
 
 LENGTHS: Final = {
-    1010: 1.0, 1011: 1e3, 1013: 1e-3, 1014: 1e-6, 1015: 1e-9, 1018: 0.3048, 1019: 0.0254, 1021: 1609.344, 1536: 1e-3,
-}  # fmt: skip
+    1010: 1.0,
+    1011: 1e3,
+    1013: 1e-3,
+    1014: 1e-6,
+    1015: 1e-9,
+    1018: 0.3048,
+    1019: 0.0254,
+    1021: 1609.344,
+    1536: 1e-3,
+}
 """Codes of `Units.LengthUnit` that are lengths, with their size in metres (CFG-076)."""
 NANOMETRE: Final = 1015
 """Code of `Units.LengthUnit`."""
@@ -30,7 +39,9 @@ VELOCITIES: Final = {
     1066: (1019, 1), 1069: (1019, 60), 1067: (1018, 1), 1070: (1018, 60), 1075: (1021, 3600),
     1521: (1005, 1), 1539: (1005, 1), 1522: (1005, 60), 1086: (1004, 1), 1523: (1004, 60),
 }  # fmt: skip
-"""Codes of `Units.VelocityUnit` of an object with position: a length or an angle, in how many seconds (CFG-078 to CFG-080)."""
+"""Codes of `Units.VelocityUnit` of an object with position: a length or an angle, in how many seconds
+(CFG-078 to CFG-080).
+"""
 
 SPEEDS: Final = {1082: 60.0, 1083: 1.0, 1528: 1.0 / 60.0}
 """Codes of `Units.VelocityUnit` of a speed axis, with their size in rpm (CFG-075)."""
@@ -45,9 +56,15 @@ FORCES: Final = {1120: 1.0, 1122: 1e3, 1094: _POUND_FORCE, 1093: _POUND_FORCE / 
 """Codes of `Units.ForceUnit`, with their size in N (CFG-082)."""
 
 TORQUES: Final = {
-    1126: 1.0, 1128: 1e3, 1529: _POUND_FORCE * _INCH, 1530: _POUND_FORCE * _FOOT, 1531: _POUND_FORCE / 16.0 * _INCH,
-    1532: _POUND_FORCE / 16.0 * _FOOT, 1533: _POUNDAL * _INCH, 1534: _POUNDAL * _FOOT,
-}  # fmt: skip
+    1126: 1.0,
+    1128: 1e3,
+    1529: _POUND_FORCE * _INCH,
+    1530: _POUND_FORCE * _FOOT,
+    1531: _POUND_FORCE / 16.0 * _INCH,
+    1532: _POUND_FORCE / 16.0 * _FOOT,
+    1533: _POUNDAL * _INCH,
+    1534: _POUNDAL * _FOOT,
+}
 """Codes of `Units.TorqueUnit`, with their size in Nm (CFG-083)."""
 
 MASSES: Final = {1088: 1.0, 1089: 1e-3, 1090: 1e-6, 1092: 1e3, 1540: _POUND}
@@ -60,7 +77,9 @@ HIGH_RESOLUTION: Final = frozenset((1536, 1538, 1539))
 """Codes with six decimals in place of three (CFG-089)."""
 
 _REVOLUTION_PER_SECOND: Final = 60.0
-"""In rpm: accelerations of a speed axis count revolutions in seconds, whatever its velocity unit is (CFG-081)."""
+"""In rpm: accelerations of a speed axis count revolutions in seconds, whatever its velocity unit is
+(CFG-081).
+"""
 
 
 class UnitFactors(NamedTuple):
@@ -109,13 +128,20 @@ def unit_factors(read: Callable[[str], Any], *, speed_axis: bool, encoder: bool 
     mass, inertia = MASSES[read("Units.MassUnit")], INERTIAS[read("Units.InertiaUnit")]
     linear = not speed_axis and read("Properties.MotionType") == 0
     return UnitFactors(
-        rate, change, TORQUES[read("Units.TorqueUnit")], FORCES[read("Units.ForceUnit")], mass, inertia,
+        rate,
+        change,
+        TORQUES[read("Units.TorqueUnit")],
+        FORCES[read("Units.ForceUnit")],
+        mass,
+        inertia,
         mass if linear else inertia,
-    )  # fmt: skip
+    )
 
 
 def velocity_factor(velocity_unit: int, length_unit: int) -> float:
-    """Return how many position units per second one velocity unit is; 1.0 where one is a length and the other an angle."""
+    """Return how many position units per second one velocity unit is; 1.0 where one is a length and the other
+    an angle.
+    """
     distance, seconds = VELOCITIES[velocity_unit]
     sizes = ANGLES if length_unit in ANGLES else LENGTHS
     if distance not in sizes:
@@ -144,15 +170,21 @@ def millimetres(length_unit: int) -> float:
 
 
 def decimals(length_unit: int, velocity_unit: int = 0) -> int:
-    """Return with how many decimals positions are shown: 3, or 6 with higher resolution (CFG-088, CFG-089)."""
+    """Return with how many decimals positions are shown: 3, or 6 with higher resolution (CFG-088,
+    CFG-089).
+    """
     return 6 if length_unit in HIGH_RESOLUTION or velocity_unit in HIGH_RESOLUTION else 3
 
 
 def farthest_position(length_unit: int) -> float:
-    """Return the largest position that every step of the resolution tells apart, position unit (CFG-092, CFG-093)."""
+    """Return the largest position that every step of the resolution tells apart, position unit (CFG-092,
+    CFG-093).
+    """
     return 9.0e9 if length_unit in HIGH_RESOLUTION else 9.0e12
 
 
 def travel_time_s(velocity: float, length_unit: int) -> float:
-    """Return how long an axis may travel with `velocity`, position unit per second, before positions lose steps."""
+    """Return how long an axis may travel with `velocity`, position unit per second, before positions lose
+    steps.
+    """
     return farthest_position(length_unit) / abs(velocity) if velocity else float("inf")

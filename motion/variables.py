@@ -1,7 +1,7 @@
 """The variables of a technology object: paths, access classes, start values and values in force.
 
-Every variable has a start value in load memory and a value in force (VAR-216). What may write it and when a write
-takes effect follows from its access class: DIR, CAL, RES or RON (section 1 of the variable guide).
+Every variable has a start value in load memory and a value in force (VAR-216). What may write it and when a
+write takes effect follows from its access class: DIR, CAL, RES or RON (section 1 of the variable guide).
 """
 
 from __future__ import annotations
@@ -163,7 +163,8 @@ class VariableStore:
                 cell.factor = factor
                 cell.put(cell.value)
 
-    # -- reading ----------------------------------------------------------------------------------------------
+    # -- reading
+    # ----------------------------------------------------------------------------------------------
 
     def bind(self, path: str) -> Cell:
         """Return the cell of a variable, to read its `value` in every cycle without a look-up by name.
@@ -203,7 +204,9 @@ class VariableStore:
         return variable
 
     def unit(self, path: str) -> str:
-        """Return the unit of a variable in the units configured for the object, such as `mm/s`; empty without."""
+        """Return the unit of a variable in the units configured for the object, such as `mm/s`; empty
+        without.
+        """
         token = self.describe(path).unit
         if token in ("velocity", "torque", "force", "mass", "inertia"):
             return self._unit(token.capitalize())
@@ -226,17 +229,20 @@ class VariableStore:
                 yield path
 
     def parameter(self, number: int) -> Cell:
-        """Return the cell of a restart-relevant parameter of `MC_WriteParameter`: 1010 T_i, 1011 T_o, 1012 T_DC in s."""
+        """Return the cell of a restart-relevant parameter of `MC_WriteParameter`: 1010 T_i, 1011 T_o, 1012
+        T_DC in s.
+        """
         return self._parameter_cells[number]
 
-    # -- writing by the user program --------------------------------------------------------------------------
+    # -- writing by the user program
+    # --------------------------------------------------------------------------
 
     def write(self, path: str, value: object) -> None:
         """Assign a variable as a user program does.
 
-        DIR takes effect with the next `latch`, CAL at once for whoever reads it at the call of an instruction. An
-        LREAL outside its range becomes the nearest bound, silently; any other value outside its range is dropped
-        and starts OB 121 (VAR-015).
+        DIR takes effect with the next `latch`, CAL at once for whoever reads it at the call of an
+        instruction. An LREAL outside its range becomes the nearest bound, silently; any other value outside
+        its range is dropped and starts OB 121 (VAR-015).
 
         Raises:
             UnknownVariableError: There is no such variable.
@@ -300,8 +306,8 @@ class VariableStore:
     def write_parameter(self, number: int, value: object) -> None:
         """Write a parameter as `MC_WriteParameter` does.
 
-        1000 and 1020 change their variable at once, until the next restart (VAR-010, VAR-013); 1010 to 1012 take
-        effect with a restart and outlast further ones (VAR-011, VAR-012).
+        1000 and 1020 change their variable at once, until the next restart (VAR-010, VAR-013); 1010 to 1012
+        take effect with a restart and outlast further ones (VAR-011, VAR-012).
 
         Raises:
             ParameterError: Carries the ErrorID of the rejection.
@@ -332,12 +338,14 @@ class VariableStore:
             raise ParameterError(str(error), ERROR_PARAMETER_TYPE) from error
         if not variable.permits(converted, self._motion_type.value):
             raise ParameterError(
-                f"{parameter.variable} cannot become {value!r}; allowed: {variable.allowed(self._motion_type.value)}",
+                f"{parameter.variable} cannot become {value!r}; allowed: "
+                f"{variable.allowed(self._motion_type.value)}",
                 ERROR_PARAMETER_VALUE,
             )
         cell.put(converted)
 
-    # -- the runtime's side -----------------------------------------------------------------------------------
+    # -- the runtime's side
+    # -----------------------------------------------------------------------------------
 
     def latch(self) -> bool:
         """Put assigned DIR values into force; the axis calls it at the start of MC_Servo (VAR-001).
@@ -355,7 +363,9 @@ class VariableStore:
         return True
 
     def set_internal(self, path: str, value: Any) -> None:
-        """Set the value in force of any variable or bit, without access class and range: for the runtime itself, in its units."""
+        """Set the value in force of any variable or bit, without access class and range: for the runtime
+        itself, in its units.
+        """
         cell = self._cells.get(path)
         if cell is not None:
             cell.value = value
@@ -366,7 +376,9 @@ class VariableStore:
         cell.value = cell.value | 1 << bit if value else cell.value & ~(1 << bit)
 
     def preset(self, path: str, value: Any) -> None:
-        """Set start value and value in force of any variable: a download of what the device says, not of the user."""
+        """Set start value and value in force of any variable: a download of what the device says, not of the
+        user.
+        """
         cell = self.bind(path)
         cell.start = value
         cell.put(value)
@@ -389,8 +401,8 @@ class VariableStore:
         """Put all start values into force together (VAR-006, VAR-227); RON variables keep their values.
 
         Returns:
-            Nothing when it is done. Otherwise the start values that are not permitted (alarm 101); then no variable has
-            changed, and `online_start_values_changed` stays.
+            Nothing when it is done. Otherwise the start values that are not permitted (alarm 101); then no
+            variable has changed, and `online_start_values_changed` stays.
 
         """
         violations = self.violations()
@@ -420,7 +432,8 @@ class VariableStore:
             The function that takes them back.
 
         Raises:
-            ConfigurationError: A variable does not exist, or a value is out of its type or range; then nothing is loaded.
+            ConfigurationError: A variable does not exist, or a value is out of its type or range; then
+                nothing is loaded.
 
         """
         before = {cell: (cell.start, cell.value) for path in values if (cell := self._cells.get(path))}
@@ -436,10 +449,13 @@ class VariableStore:
             raise
         return take_back
 
-    # -- inside -----------------------------------------------------------------------------------------------
+    # -- inside
+    # -----------------------------------------------------------------------------------------------
 
     def _configure(self, values: Mapping[str, Any]) -> None:
-        """Load start values of any access class, as a download does; first what rules ranges and units of the others."""
+        """Load start values of any access class, as a download does; first what rules ranges and units of the
+        others.
+        """
         for path in sorted(values, key=lambda key: not key.startswith(("Properties.MotionType", "Units."))):
             value = values[path]
             cell = self._cells.get(path)

@@ -1,8 +1,9 @@
 """Reports: a result model, its storage, and what is made of it (HTML, JUnit XML, summaries, coverage).
 
-This package reads results and runs nothing; it knows none of the other packages. A run is either built in memory as
-a `RunResult`, or written as it happens with `start_run`, `write_case` and `finish_run` and read back with `load_run`.
-`write_report` makes all files of a run. Templates, plots and their libraries are loaded when they are first needed.
+This package reads results and runs nothing; it knows none of the other packages. A run is either built in
+memory as a `RunResult`, or written as it happens with `start_run`, `write_case` and `finish_run` and read
+back with `load_run`. `write_report` makes all files of a run. Templates, plots and their libraries are loaded
+when they are first needed.
 """
 
 from reports.compare import Background, Comparison, Drift, Slower, compare_runs, remember

@@ -28,7 +28,8 @@ _PLACES = {b"\x93NUMPY\x01": (2, 10), b"\x93NUMPY\x02": (4, 12), b"\x93NUMPY\x03
 
 
 class StoredSignals(Sequence[Signal]):
-    """The signals of a case on the disk, read when they are asked for; only those asked for last stay in memory.
+    """The signals of a case on the disk, read when they are asked for; only those asked for last stay in
+    memory.
 
     Args:
         folder: Folder of the run.
@@ -86,13 +87,20 @@ def write_signals(folder: Path, case: CaseResult) -> dict[str, Any] | None:
         return None
     store = _Samples()
     columns = [
-        [signal.name, signal.unit, store.add_time(signal.time_s), store.add(signal.values), list(signal.enum.items())]
+        [
+            signal.name,
+            signal.unit,
+            store.add_time(signal.time_s),
+            store.add(signal.values),
+            list(signal.enum.items()),
+        ]
         for signal in case.signals
-    ]  # fmt: skip
+    ]
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **store.arrays())
     content = buffer.getvalue()
-    # Named by content: writing a case again never touches the archive that an older line of the journal points at.
+    # Named by content: writing a case again never touches the archive that an older line of the journal
+    # points at.
     readable = re.sub(r"[^A-Za-z0-9._-]+", "_", case.identifier)[:60].strip("._") or "case"
     name = f"{SIGNAL_FOLDER}/{readable}-{hashlib.sha256(content).hexdigest()[:16]}.npz"
     (folder / SIGNAL_FOLDER).mkdir(exist_ok=True)
@@ -102,7 +110,9 @@ def write_signals(folder: Path, case: CaseResult) -> dict[str, Any] | None:
 
 
 class _Samples:
-    """Columns one after the other, in one array for each kind of number: reading one member is quicker than thirty."""
+    """Columns one after the other, in one array for each kind of number: reading one member is quicker than
+    thirty.
+    """
 
     def __init__(self) -> None:
         self._parts: dict[str, list[NDArray[Any]]] = {}
@@ -160,7 +170,9 @@ def _column(arrays: dict[str, NDArray[Any]], place: Any) -> NDArray[Any]:
 
 
 def _array(content: bytes) -> NDArray[Any]:
-    """Return the array of a member: as `numpy.load` does, which would parse the same few headers thousands of times."""
+    """Return the array of a member: as `numpy.load` does, which would parse the same few headers thousands of
+    times.
+    """
     size, start = _PLACES.get(content[:7], (0, 0))
     length = int.from_bytes(content[8 : 8 + size], "little")
     if not length:

@@ -1,7 +1,7 @@
 """Result model to plain JSON values and back, without the samples of the signals.
 
-Bus messages, of which a case may have tens of thousands, are rows instead of objects. Unknown keys are refused on
-reading, missing ones take the default of the model, so that older journals stay readable.
+Bus messages, of which a case may have tens of thousands, are rows instead of objects. Unknown keys are
+refused on reading, missing ones take the default of the model, so that older journals stay readable.
 """
 
 from __future__ import annotations
@@ -100,7 +100,9 @@ def run_from_plain(plain: Mapping[str, Any]) -> RunResult:
 
 @contextmanager
 def without_collector() -> Iterator[None]:
-    """Leave out the search for cycles, of which results have none: it would look at every object of a large run time and again."""
+    """Leave out the search for cycles, of which results have none: it would look at every object of a large
+    run time and again.
+    """
     enabled = gc.isenabled()
     gc.disable()
     try:

@@ -1,4 +1,6 @@
-"""What has changed between runs: failures that are new, gone or come and go, cases that got slower, numbers that drifted."""
+"""What has changed between runs: failures that are new, gone or come and go, cases that got slower, numbers
+that drifted.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,9 @@ class Comparison:
     newly_blocked: list[str] = field(default_factory=list)
     """Blocked, and passed or failed before."""
     flaky: list[str] = field(default_factory=list)
-    """Turned between good and bad at least twice within their last ten results on the same bench with the same seed."""
+    """Turned between good and bad at least twice within their last ten results on the same bench with the
+    same seed.
+    """
     appeared: list[str] = field(default_factory=list)
     vanished: list[str] = field(default_factory=list)
     """Only where there is a `base`."""

@@ -1,7 +1,7 @@
 """What a run has covered: faults against reactions, faults against axis states, requirements against cases.
 
-An empty cell is a finding too: a combination that nobody has tried. Rows and columns therefore hold everything that
-is known (the fault catalogue, every state of a state signal), not only what happened.
+An empty cell is a finding too: a combination that nobody has tried. Rows and columns therefore hold
+everything that is known (the fault catalogue, every state of a state signal), not only what happened.
 """
 
 from __future__ import annotations
@@ -114,7 +114,8 @@ def stop_modes(case: CaseResult) -> list[str]:
     """Return how the axes were told to stop, from the instructions in the story of a case, each once.
 
     Returns:
-        `MC_Power StopMode 2`, `MC_Stop Mode 3`, `MC_Halt` and the like; `NO_STOP` alone where nobody told them.
+        `MC_Power StopMode 2`, `MC_Stop Mode 3`, `MC_Halt` and the like; `NO_STOP` alone where nobody told
+        them.
 
     """
     found: dict[str, None] = {}
@@ -187,7 +188,9 @@ def _texts(case: CaseResult) -> list[dict[int, str]]:
 
 
 def fault_stop_matrix(run: RunResult) -> Matrix:
-    """Return fault kind (`NO_FAULT` for cases without one) against the way in which the axes were told to stop."""
+    """Return fault kind (`NO_FAULT` for cases without one) against the way in which the axes were told to
+    stop.
+    """
     cells: dict[tuple[str, str], Cell] = {}
     columns: set[str] = set()
     for case in run.cases:
@@ -246,8 +249,8 @@ class PrefixTotal:
 def requirement_matrix(run: RunResult) -> list[RequirementRow]:
     """Return every requirement of the catalogue and of the cases.
 
-    A check that names a requirement speaks for it; a case speaks for those that it names and none of its checks does.
-    The order is that of the catalogue, then unknown identifiers sorted.
+    A check that names a requirement speaks for it; a case speaks for those that it names and none of its
+    checks does. The order is that of the catalogue, then unknown identifiers sorted.
     """
     found: dict[str, list[tuple[str, Verdict]]] = {}
     for case in run.cases:

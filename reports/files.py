@@ -37,10 +37,10 @@ def render_html(
     Args:
         run: The run.
         path: File to write; evidence links count from its folder.
-        points: About how many samples of a signal stay in the plot (at least 100). Extremes and the surroundings of
-            faults, alarms and failed checks always stay.
-        embedded: Characters of case data up to which it is one file (24 million by default, about 500 cases); beyond
-            them the cases go into a folder beside it, `report-data` of `report.html`.
+        points: About how many samples of a signal stay in the plot (at least 100). Extremes and the
+            surroundings of faults, alarms and failed checks always stay.
+        embedded: Characters of case data up to which it is one file (24 million by default, about 500
+            cases); beyond them the cases go into a folder beside it, `report-data` of `report.html`.
         background: Earlier runs, for trend and changes.
         seeding: Defects seeded on purpose, for their table.
 
@@ -60,7 +60,8 @@ def write_report(
 ) -> ReportPaths:
     """Write `report.html`, `junit.xml`, `summary.json` and `cases.csv` into a folder, which is created.
 
-    The paths in `summary.json` are those given here. A `mutants.json` in the folder becomes a table of the page.
+    The paths in `summary.json` are those given here. A `mutants.json` in the folder becomes a table of the
+    page.
 
     Args:
         run: The run.

@@ -1,6 +1,8 @@
-"""Results of earlier runs in a small database (SQLite), and nothing else of them: verdicts, times, a few numbers a case.
+"""Results of earlier runs in a small database (SQLite), and nothing else of them: verdicts, times, a few
+numbers a case.
 
-The file is made when the first run is recorded. Several processes may record at the same time; one waits for the other.
+The file is made when the first run is recorded. Several processes may record at the same time; one waits for
+the other.
 """
 
 from __future__ import annotations
@@ -42,7 +44,7 @@ CREATE TABLE measure (
   run INTEGER NOT NULL REFERENCES run ON DELETE CASCADE, name INTEGER NOT NULL REFERENCES name,
   what INTEGER NOT NULL REFERENCES name, value REAL NOT NULL, unit TEXT NOT NULL, tolerance REAL NOT NULL,
   PRIMARY KEY (run, name, what)) WITHOUT ROWID;
-"""
+"""  # noqa: E501
 
 _RESULTS: Final = (
     "SELECT run, text, verdict, headline, token, simulated_s, wall_s, trace_digest FROM result"
@@ -151,7 +153,8 @@ class History:
                 base.execute(f"PRAGMA user_version = {_FORMAT}")
             elif found != (_APPLICATION, _FORMAT):
                 raise HistoryError(
-                    f"{self.path}: not a history of format {_FORMAT}; name another file, or take this one away"
+                    f"{self.path}: not a history of format {_FORMAT}; name another file, or take this "
+                    f"one away"
                 )
 
     def close(self) -> None:
@@ -197,20 +200,31 @@ class History:
         base = self._base
         identity = (run.started, str(run.seed), _digest(run.bench_text))
         for (old,) in base.execute(
-            "SELECT number FROM run WHERE started = ? AND seed = ? AND bench_digest = ? AND interrupted AND started <> ''",
+            "SELECT number FROM run WHERE started = ? AND seed = ? AND bench_digest = ? AND interrupted AND "
+            "started <> ''",
             identity,
         ).fetchall():
             base.execute("DELETE FROM run WHERE number = ?", (old,))
         values = (
-            run.started, _text(run.title), str(run.seed), _text(run.bench_name), _digest(run.bench_text),
-            _text(run.environment.get("motion-hil", "")), run_state(run), run.interrupted,
+            run.started,
+            _text(run.title),
+            str(run.seed),
+            _text(run.bench_name),
+            _digest(run.bench_text),
+            _text(run.environment.get("motion-hil", "")),
+            run_state(run),
+            run.interrupted,
             *_counts(run),
-            _finite(sum(case.simulated_s for case in run.cases)), _finite(sum(case.wall_s for case in run.cases)),
-            run_digest(run), json.dumps(run.environment),
-        )  # fmt: skip
+            _finite(sum(case.simulated_s for case in run.cases)),
+            _finite(sum(case.wall_s for case in run.cases)),
+            run_digest(run),
+            json.dumps(run.environment),
+        )
         number = base.execute(
-            "INSERT INTO run (started, title, seed, bench, bench_digest, version, state, interrupted, passed, failed, blocked,"
-            " errors, simulated_s, wall_s, trace_digest, environment) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            "INSERT INTO run (started, title, seed, bench, bench_digest, version, state, interrupted, "
+            "passed, failed, blocked,"
+            " errors, simulated_s, wall_s, trace_digest, environment) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, "
+            "?, ?, ?, ?, ?, ?)",
             values,
         ).lastrowid
         assert number is not None
@@ -219,9 +233,17 @@ class History:
             name = names[_text(case.identifier)]
             base.execute(
                 "INSERT OR REPLACE INTO result VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                (number, name, case.verdict.value, _text(headline(case)), _text(case.token), _finite(case.simulated_s),
-                 _finite(case.wall_s), _text(case.trace_digest)),
-            )  # fmt: skip
+                (
+                    number,
+                    name,
+                    case.verdict.value,
+                    _text(headline(case)),
+                    _text(case.token),
+                    _finite(case.simulated_s),
+                    _finite(case.wall_s),
+                    _text(case.trace_digest),
+                ),
+            )
             base.executemany(
                 "INSERT OR REPLACE INTO measure VALUES (?, ?, ?, ?, ?, ?)",
                 [
@@ -234,18 +256,22 @@ class History:
     def runs(self, limit: int = 0) -> list[PastRun]:
         """Return the runs, newest first: the last `limit` of them, or all."""
         rows = self._ask(
-            "SELECT number, started, title, seed, bench, bench_digest, version, state, interrupted, passed, failed, blocked,"
+            "SELECT number, started, title, seed, bench, bench_digest, version, state, interrupted, passed, "
+            "failed, blocked,"
             " errors, simulated_s, wall_s, trace_digest FROM run ORDER BY number DESC LIMIT ?",
             (limit or -1,),
         )
         return [PastRun(*row) for row in rows]
 
     def number_of(self, run: RunResult) -> int | None:
-        """Return the number under which a run was recorded; None if it was not, or has no start to know it by."""
+        """Return the number under which a run was recorded; None if it was not, or has no start to know it
+        by.
+        """
         if not run.started:
             return None
         ((number,),) = self._ask(
-            "SELECT max(number) FROM run WHERE started = ? AND seed = ? AND bench_digest = ? AND trace_digest = ?"
+            "SELECT max(number) FROM run WHERE started = ? AND seed = ? AND bench_digest = ? AND "
+            "trace_digest = ?"
             " AND title = ? AND interrupted = ? AND passed = ? AND failed = ? AND blocked = ? AND errors = ?",
             (
                 run.started,
@@ -283,7 +309,8 @@ class History:
         """Return the cases of a run with their numbers, in the order of their names."""
         found = {case.identifier: case for case in self._cases(" WHERE run = ? ORDER BY text", (run,))}
         rows = self._ask(
-            "SELECT cases.text, whats.text, value, unit, tolerance FROM measure JOIN name AS cases ON cases.number = name"
+            "SELECT cases.text, whats.text, value, unit, tolerance FROM measure JOIN name AS cases ON "
+            "cases.number = name"
             " JOIN name AS whats ON whats.number = what WHERE run = ?",
             (run,),
         )
@@ -335,7 +362,8 @@ class History:
             with _Transaction(self._base):
                 self._base.executemany("DELETE FROM run WHERE number = ?", [(number,) for number in old])
                 self._base.execute(
-                    "DELETE FROM name WHERE number NOT IN (SELECT name FROM result UNION SELECT what FROM measure)"
+                    "DELETE FROM name WHERE number NOT IN (SELECT name FROM result UNION SELECT what FROM "
+                    "measure)"
                 )
             self._base.execute("VACUUM")
         except sqlite3.Error as error:

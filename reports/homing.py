@@ -1,7 +1,8 @@
-"""What a homing did, as plain data: the picture of the report is drawn from it, and golden files are compared with it.
+"""What a homing did, as plain data: the picture of the report is drawn from it, and golden files are compared
+with it.
 
-Positions are those of the axis in the coordinates that hold at the end, so that a homed axis shows its mark at the position of
-the mark; what was travelled before the mark is shown in the same coordinates.
+Positions are those of the axis in the coordinates that hold at the end, so that a homed axis shows its mark
+at the position of the mark; what was travelled before the mark is shown in the same coordinates.
 """
 
 from __future__ import annotations
@@ -83,7 +84,8 @@ class HomingDrawing:
     """Time in s, position, velocity: the motion, thinned."""
 
     def summary(self, digits: int = 1) -> dict[str, Any]:
-        """Return what can be compared with a stored golden one: no names, no times, positions and velocities rounded.
+        """Return what can be compared with a stored golden one: no names, no times, positions and velocities
+        rounded.
 
         Args:
             digits: Decimal places of positions; velocities are whole numbers.
@@ -98,18 +100,22 @@ class HomingDrawing:
             "mark": None if self.mark is None else place(self.mark),
             "home": None if self.home is None else place(self.home),
             "steps": [
-                [step.name, step.direction, place(step.begin), place(step.end), round(step.velocity)] if step.travel
+                [step.name, step.direction, place(step.begin), place(step.end), round(step.velocity)]
+                if step.travel
                 else [step.name, place(step.begin)]
                 for step in self.steps
             ],
             "lanes": {
                 lane.name: {
                     "bars": [[place(low), place(high)] for low, high in lane.bars],
-                    "edges": [["on" if edge.active else "off", edge.direction, place(edge.position)] for edge in lane.edges],
+                    "edges": [
+                        ["on" if edge.active else "off", edge.direction, place(edge.position)]
+                        for edge in lane.edges
+                    ],
                 }
                 for lane in self.lanes
             },
-        }  # fmt: skip
+        }
 
     def to_plain(self) -> dict[str, Any]:
         """Return values for JSON."""

@@ -24,7 +24,9 @@ _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def xml_text(text: str) -> str:
-    """Return text that XML can hold: illegal characters become their escape (x07 after a backslash for a bell)."""
+    """Return text that XML can hold: illegal characters become their escape (x07 after a backslash for a
+    bell).
+    """
     return _ILLEGAL.sub(lambda match: ascii(match.group())[1:-1], text)
 
 

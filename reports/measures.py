@@ -33,10 +33,11 @@ class Measure(NamedTuple):
 def measures(case: CaseResult) -> list[Measure]:
     """Return the numbers of a case.
 
-    These are the final value of every actual position, the greatest amount of every following error, actual velocity and
-    torque, the last moment at which a velocity was above 1 % of that, every measured value of a check, and the
-    simulated time. The tolerance is 1 % of the range (positions), of the limits (checks) or of the number itself, for the
-    moment of standstill 5 ms. Signals without unit, setpoints and numbers that are not finite are left out.
+    These are the final value of every actual position, the greatest amount of every following error, actual
+    velocity and torque, the last moment at which a velocity was above 1 % of that, every measured value of a
+    check, and the simulated time. The tolerance is 1 % of the range (positions), of the limits (checks) or of
+    the number itself, for the moment of standstill 5 ms. Signals without unit, setpoints and numbers that are
+    not finite are left out.
     """
     found = [Measure("simulated time", case.simulated_s, "s", _tolerance(case.simulated_s))]
     found += signal_measures(case.signals)

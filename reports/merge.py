@@ -1,4 +1,6 @@
-"""Runs that belong together, brought into one: the shards of a campaign, or what several machines have run."""
+"""Runs that belong together, brought into one: the shards of a campaign, or what several machines have
+run.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +15,11 @@ from reports.store import load_run, save_run
 
 
 def merge_runs(sources: Sequence[str | Path], directory: str | Path) -> RunResult:
-    """Bring the runs in `sources` into one in `directory`, with its evidence; nothing is taken from the sources.
+    """Bring the runs in `sources` into one in `directory`, with its evidence; nothing is taken from the
+    sources.
 
-    The cases come into the order in which they were planned. A case in several runs counts as in the last of them.
+    The cases come into the order in which they were planned. A case in several runs counts as in the last of
+    them.
 
     Args:
         sources: Folders of runs.
@@ -25,8 +29,8 @@ def merge_runs(sources: Sequence[str | Path], directory: str | Path) -> RunResul
         The new run; `interrupted` while a planned case is missing.
 
     Raises:
-        StoreError: A source holds no run or a damaged one, their seeds differ, or `directory` is one of the sources or
-            holds a run.
+        StoreError: A source holds no run or a damaged one, their seeds differ, or `directory` is one of
+            the sources or holds a run.
 
     """
     folders = [Path(source) for source in sources]
@@ -39,7 +43,8 @@ def merge_runs(sources: Sequence[str | Path], directory: str | Path) -> RunResul
     for folder, run in zip(folders, runs, strict=True):
         if run.seed != runs[0].seed:
             raise StoreError(
-                f"{folder}: seed {run.seed}, but {folders[0]} has seed {runs[0].seed}; runs of different seeds do not "
+                f"{folder}: seed {run.seed}, but {folders[0]} has seed {runs[0].seed}; runs of different "
+                f"seeds do not "
                 "belong together"
             )
     planned = list(dict.fromkeys(name for run in runs for name in run.planned))

@@ -1,7 +1,7 @@
 """The result model: what a run leaves behind. Written by the orchestrator, read by every report.
 
-All times are seconds from the start of the case. Everything here is plain data: it serialises to JSON and back
-(`reports.store`), with the columns of `Signal` kept beside it in a compressed NumPy archive.
+All times are seconds from the start of the case. Everything here is plain data: it serialises to JSON and
+back (`reports.store`), with the columns of `Signal` kept beside it in a compressed NumPy archive.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ class Step:
 
     time_s: float
     kind: str
-    """`do` (an instruction was given), `inject`, `observe` (something happened), `expect` (a check was made)."""
+    """`do` (an instruction was given), `inject`, `observe` (something happened), `expect` (a check was made).
+    """
     text: str
     detail: dict[str, Scalar] = field(default_factory=dict)
 
@@ -63,7 +64,9 @@ class Check:
 
 @dataclass(slots=True, eq=False)
 class Signal:
-    """One recorded column. Equal to another when name, unit, texts and every sample (NaN included) are equal."""
+    """One recorded column. Equal to another when name, unit, texts and every sample (NaN included) are
+    equal.
+    """
 
     name: str
     """`component.signal`, for example `axis1.actual_position`."""
@@ -191,7 +194,9 @@ class RunResult:
     fault_catalogue: list[str] = field(default_factory=list)
     """Fault kinds that the product knows, so that the coverage shows those never injected; may be empty."""
     planned: list[str] = field(default_factory=list)
-    """Identifiers of all cases of the whole campaign, in order; of a shard also those of the others; may be empty."""
+    """Identifiers of all cases of the whole campaign, in order; of a shard also those of the others; may be
+    empty.
+    """
     shard: str = ""
     """`2/4`: this run is the second of four parts of the campaign; empty: it is all of it."""
 

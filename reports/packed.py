@@ -14,7 +14,8 @@ _LEVEL = 1  # most of what there is to gain, at a fifth of the time of the highe
 
 
 class Packed(Sequence[T], Generic[T]):
-    """A list that takes a tenth of the memory, unpacked when it is asked for; only the one asked for last stays unpacked.
+    """A list that takes a tenth of the memory, unpacked when it is asked for; only the one asked for last
+    stays unpacked.
 
     Args:
         items: What it holds; changes to them afterwards are not seen.

@@ -1,4 +1,6 @@
-"""The defects that were seeded on purpose, and which cases noticed them: `mutants.json` of a report folder."""
+"""The defects that were seeded on purpose, and which cases noticed them: `mutants.json` of a report
+folder.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,9 @@ from pathlib import Path
 from typing import Any, Final
 
 SEEDING_FILE: Final = "mutants.json"
-"""A list of objects with `name`, `caught_by` (identifiers of cases) and `seconds`, or an object whose `mutants` is one."""
+"""A list of objects with `name`, `caught_by` (identifiers of cases) and `seconds`, or an object whose
+`mutants` is one.
+"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,9 @@
 """A run on disk: `run.json`, an append-only journal `cases.jsonl` and one NumPy archive of signals per case.
 
-The journal gets one line per finished case, flushed and synchronised to the disk, after the archive of the case is
-there: whoever kills the run loses at most the case that was running. A line that was cut off in the middle of writing
+The journal gets one line per finished case, flushed and synchronised to the disk, after the archive of the
+case is
+there: whoever kills the run loses at most the case that was running. A line that was cut off in the
+    middle of writing
 is the last one; it is ignored on reading and cut away before the next line is added.
 
 NaN and infinities stand in the journal as the words that Python's `json` reads and writes.
@@ -26,15 +28,24 @@ from reports.codec import (
     run_from_plain,
     run_to_plain,
     without_collector,
-)  # fmt: skip
+)
 from reports.errors import StoreError
 from reports.model import CaseResult, Message, RunResult
 from reports.packed import pack_case
 
 __all__ = [
-    "JOURNAL_FILE", "RUN_FILE", "SIGNAL_FOLDER", "StoredMessages", "StoredSignals", "finish_run", "load_run", "save_run",
-    "start_run", "stored_cases", "write_case",
-]  # fmt: skip
+    "JOURNAL_FILE",
+    "RUN_FILE",
+    "SIGNAL_FOLDER",
+    "StoredMessages",
+    "StoredSignals",
+    "finish_run",
+    "load_run",
+    "save_run",
+    "start_run",
+    "stored_cases",
+    "write_case",
+]
 
 RUN_FILE = "run.json"
 JOURNAL_FILE = "cases.jsonl"
@@ -68,8 +79,8 @@ def write_case(directory: str | Path, case: CaseResult) -> CaseResult:
     """Append a finished case; on return it is on the disk.
 
     Returns:
-        The same case, whose signals and bus log are read when somebody asks for them: a run of thousands of cases keeps
-        this one.
+        The same case, whose signals and bus log are read when somebody asks for them: a run of thousands of
+        cases keeps this one.
 
     Raises:
         StoreError: `directory` holds no run.
@@ -127,8 +138,8 @@ def load_run(directory: str | Path, *, lazy: bool = False) -> RunResult:
 
     Args:
         directory: Folder of the run.
-        lazy: Read signals and bus log of a case when somebody asks for them, each time anew, and keep its story packed. What
-            is wrong with signals or bus log is then raised there.
+        lazy: Read signals and bus log of a case when somebody asks for them, each time anew, and keep its
+            story packed. What is wrong with signals or bus log is then raised there.
 
     Raises:
         StoreError: `directory` holds no run, or a file of it is damaged.
@@ -156,7 +167,8 @@ def stored_cases(directory: str | Path) -> list[str]:
 
 
 class StoredMessages(Sequence[Message]):
-    """The bus log of a case as it stands in the journal, taken apart when it is asked for: as text it takes a tenth of the memory.
+    """The bus log of a case as it stands in the journal, taken apart when it is asked for: as text it takes a
+    tenth of the memory.
 
     Args:
         text: The JSON array of its messages.
@@ -223,7 +235,9 @@ def _cases(folder: Path, *, lazy: bool) -> dict[str, CaseResult]:
 
 
 def _journal(folder: Path) -> Iterator[tuple[int, dict[str, Any], bytes]]:
-    """Give line number, object and bus log of every case, the log as text where it stands as `write_case` puts it."""
+    """Give line number, object and bus log of every case, the log as text where it stands as `write_case`
+    puts it.
+    """
     path = folder / JOURNAL_FILE
     if not path.exists():
         return
@@ -246,8 +260,8 @@ def _journal(folder: Path) -> Iterator[tuple[int, dict[str, Any], bytes]]:
 def _split(line: bytes) -> tuple[bytes, bytes]:
     """Return the line of a case without its bus log, and the log.
 
-    Inside a string every quotation mark has a backslash before it, so the marks are keys; behind the log, which is the last
-    but one, there is none of these names.
+    Inside a string every quotation mark has a backslash before it, so the marks are keys; behind the log,
+    which is the last but one, there is none of these names.
     """
     start, end = line.rfind(_LOG), line.rfind(_AFTER_LOG)
     if not 0 < start < end:
@@ -256,7 +270,9 @@ def _split(line: bytes) -> tuple[bytes, bytes]:
 
 
 def _mend_tail(file: io.BufferedRandom) -> None:
-    """Place the file at the end of its last whole line: complete a line without newline, cut off a torn one."""
+    """Place the file at the end of its last whole line: complete a line without newline, cut off a torn
+    one.
+    """
     size = file.seek(0, os.SEEK_END)
     position = size
     tail = b""

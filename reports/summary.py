@@ -33,7 +33,8 @@ def summary(run: RunResult, *, report: str = "", junit: str = "") -> dict[str, A
         junit: Path of the JUnit file.
 
     Returns:
-        Exactly the keys `passed`, `failed`, `blocked`, `errors`, `report`, `junit`, `seed` and `trace_digest`.
+        Exactly the keys `passed`, `failed`, `blocked`, `errors`, `report`, `junit`, `seed` and
+        `trace_digest`.
 
     """
     return {

@@ -11,17 +11,33 @@ from reports.model import CaseResult, RunResult
 from reports.words import headline, reaction_name
 
 COLUMNS: Final = (
-    "identifier", "title", "group", "verdict", "headline", "tags", "requirements", "faults", "alarms", "reactions",
-    "checks", "checks_failed", "seed", "simulated_s", "wall_s", "token", "trace_digest",
-)  # fmt: skip
+    "identifier",
+    "title",
+    "group",
+    "verdict",
+    "headline",
+    "tags",
+    "requirements",
+    "faults",
+    "alarms",
+    "reactions",
+    "checks",
+    "checks_failed",
+    "seed",
+    "simulated_s",
+    "wall_s",
+    "token",
+    "trace_digest",
+)
 _FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 
 
 def write_cases(run: RunResult, path: str | Path) -> Path:
-    """Write a row per case in the order of the run, comma-separated UTF-8 with a heading, and return the path.
+    """Write a row per case in the order of the run, comma-separated UTF-8 with a heading, and return the
+    path.
 
-    Several values of a cell stand apart by semicolons. A text that a spreadsheet would take for a formula gets an apostrophe
-    before it, as spreadsheets write it themselves.
+    Several values of a cell stand apart by semicolons. A text that a spreadsheet would take for a formula
+    gets an apostrophe before it, as spreadsheets write it themselves.
     """
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)

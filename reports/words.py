@@ -45,7 +45,9 @@ def reaction_name(code: int) -> str:
 
 
 def number(value: float, digits: int = 6) -> str:
-    """Return a number with up to `digits` significant digits, without an exponent where that stays readable."""
+    """Return a number with up to `digits` significant digits, without an exponent where that stays
+    readable.
+    """
     if not math.isfinite(value):
         return {True: "∞", False: "-∞"}[value > 0] if math.isinf(value) else "not a number"
     if value == 0:
@@ -76,7 +78,9 @@ def limits(check: Check) -> str:
 
 
 def margin(check: Check) -> float | None:
-    """Return the distance of a measurement to its nearest limit: negative outside; None without value or limits."""
+    """Return the distance of a measurement to its nearest limit: negative outside; None without value or
+    limits.
+    """
     if check.value is None or not math.isfinite(check.value):
         return None
     distances = []
@@ -124,7 +128,9 @@ def _strip_name(name: str, text: str) -> str:
 
 
 def check_sentence(check: Check) -> str:
-    """Return one sentence of expected against observed: `Alarm 521 expected within 20 ms, came after 48 ms`."""
+    """Return one sentence of expected against observed: `Alarm 521 expected within 20 ms, came after 48
+    ms`.
+    """
     name = " ".join(check.name.split())
     expected = _strip_name(name, " ".join(expected_text(check).split()))
     observed = _strip_name(name, " ".join(observed_text(check).split()))
@@ -171,7 +177,8 @@ def headline(case: CaseResult) -> str:
 def run_state(run: RunResult) -> str:
     """Return the state of the run in one word.
 
-    `failed` (a case failed or broke), `interrupted`, `empty` (nothing passed, so nothing was shown), or `passed`.
+    `failed` (a case failed or broke), `interrupted`, `empty` (nothing passed, so nothing was shown), or
+    `passed`.
     """
     if run.count(Verdict.FAILED) or run.count(Verdict.ERROR):
         return "failed"

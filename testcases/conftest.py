@@ -3,8 +3,10 @@
 Environment variables:
     HYPOTHESIS_PROFILE: `dev` (default; new examples in every run), `ci` (the same examples in every run) or
         `nightly` (many new examples).
-    HIL_VCAN, HIL_VCAN_FAR: Names of the SocketCAN interfaces for tests with the mark `vcan`; default vcan0, vcan0b.
-    HIL_NO_SKIPS: Not empty: a skipped test counts as failed. For places where everything is known to be installed.
+    HIL_VCAN, HIL_VCAN_FAR: Names of the SocketCAN interfaces for tests with the mark `vcan`; default
+        vcan0, vcan0b.
+    HIL_NO_SKIPS: Not empty: a skipped test counts as failed. For places where everything is known to be
+        installed.
 """
 
 import os

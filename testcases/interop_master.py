@@ -1,6 +1,7 @@
 """A CiA 402 master made of the unmodified `canopen` library, for virtual and for real time.
 
-`LibraryMaster` uses nothing but the library's public classes: `Network`, `BaseNode402` with its SDO client, PDO maps,
+`LibraryMaster` uses nothing but the library's public classes: `Network`, `BaseNode402` with its SDO client,
+PDO maps,
 NMT master and EMCY consumer. What it does differently from the library's own examples, and why, is told in
 `docs/interoperation.md`.
 """
@@ -86,7 +87,8 @@ class LibraryMaster:
             self.sleep(step)
             waited += step
 
-    # -- commissioning ----------------------------------------------------------------------------------------
+    # -- commissioning
+    # ----------------------------------------------------------------------------------------
 
     def commission(self, *, cycle_ms: int = 10, quick_stop: int = 6, heartbeat_ms: int = 100) -> None:
         """Reset the communication, write parameters and PDO mapping, start SYNC and the node."""
@@ -148,7 +150,8 @@ class LibraryMaster:
         self.node.rpdo.stop()
         self.network.sync.stop()
 
-    # -- actual values, as the TPDOs brought them -------------------------------------------------------------
+    # -- actual values, as the TPDOs brought them
+    # -------------------------------------------------------------
 
     @property
     def position(self) -> int:
@@ -164,7 +167,8 @@ class LibraryMaster:
         """Return whether a bit of the last status word is set."""
         return bool(self.node.statusword & mask)
 
-    # -- motion -----------------------------------------------------------------------------------------------
+    # -- motion
+    # -----------------------------------------------------------------------------------------------
 
     def enable(self, mode: str) -> None:
         """Select a mode by its name in the library and go to Operation enabled."""

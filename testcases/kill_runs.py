@@ -1,7 +1,9 @@
-"""Kill a campaign again and again at random moments, and check what is left: `python -m testcases.kill_runs --times 50`.
+"""Kill a campaign again and again at random moments, and check what is left: `python -m testcases.kill_runs
+--times 50`.
 
-After every kill (signal 9) the journal has to be readable and to hold every case that the run had told to have ended. A run that
-was killed is resumed, killed, resumed, until it completes; then it has to be, bit for bit, what an undisturbed run is.
+After every kill (signal 9) the journal has to be readable and to hold every case that the run had told to
+have ended. A run that was killed is resumed, killed, resumed, until it completes; then it has to be, bit for
+bit, what an undisturbed run is.
 """
 
 from __future__ import annotations
@@ -26,7 +28,9 @@ from testcases.processes import hil_command
 TOLD = re.compile(r"\[ *\d+/\d+\] \w+ +(\S+) \(")
 """Line of a case that has ended."""
 WITHIN_S = 0.2
-"""Kills after a case come at any time within so many seconds: while the next ones run, or are written to the journal."""
+"""Kills after a case come at any time within so many seconds: while the next ones run, or are written to the
+journal.
+"""
 Moment = Callable[[subprocess.Popen[str], set[str]], None]
 """Waits for the moment of the kill, with the process and the cases that it has told so far."""
 
@@ -73,8 +77,11 @@ def _wait(process: subprocess.Popen[str], condition: Callable[[], bool]) -> None
 def start(directory: Path, arguments: list[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [*hil_command(), "run", *arguments, "--report", str(directory), "--resume", "--json"],
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def killed(directory: Path, arguments: list[str], moment: Moment, session: Session) -> bool:
@@ -133,7 +140,9 @@ def completed(directory: Path, arguments: list[str], session: Session) -> None:
 
 
 def kill_until_through(arguments: list[str], moments: Callable[[int], Moment | None]) -> Session:
-    """Run a campaign in a folder of its own, killed at every moment that `moments(number)` gives, then to its end."""
+    """Run a campaign in a folder of its own, killed at every moment that `moments(number)` gives, then to its
+    end.
+    """
     with tempfile.TemporaryDirectory(prefix="hil-kill-") as folder:
         directory, session = Path(folder) / "report", Session()
         while (moment := moments(session.kills)) is not None:
@@ -176,7 +185,8 @@ def main() -> int:
         assert session.digest == undisturbed, "the resumed run differs from the undisturbed one"
         kills, in_time, sessions = kills + session.kills, in_time + session.in_time, sessions + 1
         print(
-            f"{kills} kills, {in_time} of them before a further case had ended; {sessions} runs of {session.cases} cases whole"
+            f"{kills} kills, {in_time} of them before a further case had ended; {sessions} runs of "
+            f"{session.cases} cases whole"
         )
     return 0
 

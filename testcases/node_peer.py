@@ -1,6 +1,8 @@
-"""A station of the npm package `canopen` in a process of its own, on a segment in real time, and a drive beside it.
+"""A station of the npm package `canopen` in a process of its own, on a segment in real time, and a drive
+beside it.
 
-`testcases/peers/node_station.js` is the other end: it hands every frame and every call to the unmodified library.
+`testcases/peers/node_station.js` is the other end: it hands every frame and every call to the unmodified
+library.
 """
 
 from __future__ import annotations
@@ -33,7 +35,9 @@ _PROGRAM: Final = Path(__file__).parent / "peers" / "node_station.js"
 
 
 class PeerError(Exception):
-    """A service of the library failed; `code` is what it says of the reason, an SDO abort code for example."""
+    """A service of the library failed; `code` is what it says of the reason, an SDO abort code for
+    example.
+    """
 
     def __init__(self, text: str, code: int | None) -> None:
         super().__init__(text)
@@ -41,7 +45,9 @@ class PeerError(Exception):
 
 
 class NodeStation:
-    """The station: its frames go over the segment, its services are calls that let time pass until they answer."""
+    """The station: its frames go over the segment, its services are calls that let time pass until they
+    answer.
+    """
 
     def __init__(
         self, scheduler: RealtimeScheduler, segment: CanMedium, modules: Path, own: int, other: int

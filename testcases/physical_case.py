@@ -19,7 +19,9 @@ _VELOCITY: Final = 60.0
 
 @CAMPAIGN.case("round trip", requirements=("STP-574", "TA-020"))
 def round_trip(ctx: CaseContext) -> None:
-    """Enable, home, move, stop; then the actual values are lost, which is alarm 431, and the axis recovers from it."""
+    """Enable, home, move, stop; then the actual values are lost, which is alarm 431, and the axis recovers
+    from it.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     ctx.do("MC_Home to 10 mm")

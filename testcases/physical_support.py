@@ -1,4 +1,6 @@
-"""Two processes and a bus between them: `hil emulate` with the drives, `hil run` with a bench whose drives are physical."""
+"""Two processes and a bus between them: `hil emulate` with the drives, `hil run` with a bench whose drives
+are physical.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def multicast_place() -> dict[str, Any]:
 
 
 def bench_text(place: dict[str, Any] | None, *, physical: bool, axes: bool = True) -> str:
-    """Return the embedded bench `live` on another bus (None: its own), with patience, and with or without axes."""
+    """Return the embedded bench `live` on another bus (None: its own), with patience, and with or without
+    axes.
+    """
     text = load_bench("live").text
     for old, new in _PATIENT.items():
         assert text.count(f"\n{old}") == 1, old
@@ -75,7 +79,9 @@ def emulate(directory: Path, place: dict[str, Any] | None, *arguments: str) -> R
 def run_round_trip(
     directory: Path, place: dict[str, Any], *, physical: bool = True, exit_code: int = 0
 ) -> tuple[dict[str, Any], str]:
-    """Run the case on the bench whose drive is physical, or its own; returns the JSON and the message of the case."""
+    """Run the case on the bench whose drive is physical, or its own; returns the JSON and the message of the
+    case.
+    """
     bench, report = directory / "physical.toml", directory / "report"
     bench.write_text(bench_text(place, physical=physical), encoding="utf-8")
     done = subprocess.run(

@@ -32,11 +32,13 @@ def hil_command() -> list[str]:
     return [str(installed)] if installed.exists() else [sys.executable, "-m", "hil.cli"]
 
 
-_HEARING = "import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_DFL); os.execvp(sys.argv[1], sys.argv[1:])"
+_HEARING = "import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_DFL); os.execvp(sys.argv[1], sys.argv[1:])"  # noqa: E501
 
 
 def _hearing_ctrl_c(command: list[str]) -> list[str]:
-    """Return a command that hears Ctrl-C, which a shell lets what it starts in the background ignore, for good."""
+    """Return a command that hears Ctrl-C, which a shell lets what it starts in the background ignore, for
+    good.
+    """
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         return command
     return [sys.executable, "-c", _HEARING, *command]

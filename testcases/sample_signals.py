@@ -1,4 +1,6 @@
-"""Signals and bus messages of a made-up axis: a few formulas, 300 mm/s, a fault, a reaction with its own ramp."""
+"""Signals and bus messages of a made-up axis: a few formulas, 300 mm/s, a fault, a reaction with its own
+ramp.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,26 @@ from reports.model import Message, Signal, Verdict
 AXIS_STATES = dict(
     enumerate(
         (
-            "DISABLED", "ENABLING", "ENABLE_RAMP", "STANDSTILL", "MOTION", "HALTING", "STOPPING", "STOP_HOLD", "ALARM_RAMP",
-            "ALARM_STANDSTILL", "ALARM_DRIVE_STOP", "ALARM_DISABLED", "DISABLING_RAMP", "DISABLING_QUICK", "DISABLING_COAST",
-            "TRACKING", "RESTARTING",
+            "DISABLED",
+            "ENABLING",
+            "ENABLE_RAMP",
+            "STANDSTILL",
+            "MOTION",
+            "HALTING",
+            "STOPPING",
+            "STOP_HOLD",
+            "ALARM_RAMP",
+            "ALARM_STANDSTILL",
+            "ALARM_DRIVE_STOP",
+            "ALARM_DISABLED",
+            "DISABLING_RAMP",
+            "DISABLING_QUICK",
+            "DISABLING_COAST",
+            "TRACKING",
+            "RESTARTING",
         )
     )
-)  # fmt: skip
+)
 DRIVE_STATES = {
     0: "Not ready",
     1: "Switch on disabled",
@@ -187,18 +203,31 @@ def make_messages(plan: Plan, signals: list[Signal]) -> list[Message]:
         found.append(Message(t + 47e-6, "can0", 0x80, "", "controller", "SYNC"))
         found.append(
             Message(
-                t + 178e-6, "can0", 0x181,
-                (status.to_bytes(2, "little") + position.to_bytes(4, "little", signed=True) + permille.to_bytes(2, "little", signed=True)).hex(),
-                "drive1", f"TPDO1 drive1: Statusword {status:04X}h, Position {position:,}, Torque {permille} ‰".replace(",", " ", 0),
+                t + 178e-6,
+                "can0",
+                0x181,
+                (
+                    status.to_bytes(2, "little")
+                    + position.to_bytes(4, "little", signed=True)
+                    + permille.to_bytes(2, "little", signed=True)
+                ).hex(),
+                "drive1",
+                f"TPDO1 drive1: Statusword {status:04X}h, Position {position:,}, Torque {permille} ‰".replace(
+                    ",", " ", 0
+                ),
                 "dropped by fault can.drop" if hit else "",
             )
-        )  # fmt: skip
+        )
         found.append(
             Message(
-                t + 2e-3 + 120e-6, "can0", 0x201, (control.to_bytes(2, "little") + speed.to_bytes(4, "little", signed=True) + b"\x09").hex(),
-                "controller", f"RPDO1 drive1: Controlword {control:04X}h, Target velocity {speed:,}, Mode csv",
+                t + 2e-3 + 120e-6,
+                "can0",
+                0x201,
+                (control.to_bytes(2, "little") + speed.to_bytes(4, "little", signed=True) + b"\x09").hex(),
+                "controller",
+                f"RPDO1 drive1: Controlword {control:04X}h, Target velocity {speed:,}, Mode csv",
             )
-        )  # fmt: skip
+        )
     if plan.fault in {"drive.emcy", "drive.sto"}:
         found.append(
             Message(

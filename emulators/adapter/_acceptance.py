@@ -12,8 +12,8 @@ _ALL: Final = 0xFFFF_FFFF
 class AcceptanceFilter:
     """Code and mask as the SJA1000 interprets them in its PeliCAN mode.
 
-    A mask bit of 1 means that the bit of the code does not matter. With two patterns (the state after power-on) a frame
-    is taken when either fits.
+    A mask bit of 1 means that the bit of the code does not matter. With two patterns (the state after
+    power-on) a frame is taken when either fits.
     """
 
     __slots__ = ("code", "mask", "single")

@@ -1,7 +1,7 @@
 """The protocol of serial-line CAN adapters (Lawicel CAN232 and all that speak like it): bytes in, bytes out.
 
-A command is a letter, its arguments in hexadecimal digits, and CR. The answer is CR, or something and CR, for what was
-done, and BELL for what was not: an unknown command, wrong digits, or the wrong state of the channel.
+A command is a letter, its arguments in hexadecimal digits, and CR. The answer is CR, or something and CR, for
+what was done, and BELL for what was not: an unknown command, wrong digits, or the wrong state of the channel.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ class SlcanAdapter:
 
     Args:
         transmit: Called with a frame for the bus; returns whether the bus has taken it.
-        bitrate: Bit rate of the bus, bit/s; None: unknown, any is right. With another one the adapter understands
-            nothing on the bus and nobody understands it.
+        bitrate: Bit rate of the bus, bit/s; None: unknown, any is right. With another one the adapter
+            understands nothing on the bus and nobody understands it.
         auto_poll: Whether received frames are sent unasked (`X1`) after power-on, as adapters on USB do.
         version: Hardware and software version, two digits each.
         serial_number: Four characters.
@@ -94,7 +94,7 @@ class SlcanAdapter:
         self._stuck = 0
         self._queue: deque[bytes] = deque()
 
-    # --------------------------------------------------------------------------------------------- the serial side
+    # ---------------------------------------------------------------------------------------- the serial side
 
     def feed(self, data: bytes) -> bytes:
         """Take bytes of the program, in pieces of any size, and return the answers."""
@@ -284,7 +284,7 @@ class SlcanAdapter:
     def _tell_serial_number(self, argument: bytes) -> bytes | None:
         return None if argument else b"N" + self._serial_number.encode("ascii") + OK
 
-    # --------------------------------------------------------------------------------------------- the CAN side
+    # ------------------------------------------------------------------------------------------- the CAN side
 
     @property
     def _deaf(self) -> bool:

@@ -183,10 +183,13 @@ class ServoState:
         self._stop_pending = False
         self._standing_steps = self._stop_steps = 0
 
-    # -- additive torque -----------------------------------------------------------------------------------------------
+    # -- additive torque
+    # -----------------------------------------------------------------------------------------------
 
     def add_torque(self, torque_Nm: float, steps: int = 1) -> None:
-        """Add a torque to what the velocity controller wants, Nm, reached linearly within servo steps; 1 = at once."""
+        """Add a torque to what the velocity controller wants, Nm, reached linearly within servo steps; 1 = at
+        once.
+        """
         if steps == 1:
             self.torque_offset = torque_Nm
             self._offset_left = 0
@@ -196,11 +199,14 @@ class ServoState:
         self._offset_left = steps
 
     def take_torque_offset(self, torque_Nm: float) -> None:
-        """Replace the additive torque without changing the torque: the integral part takes the difference, Nm."""
+        """Replace the additive torque without changing the torque: the integral part takes the difference,
+        Nm.
+        """
         self._integral += self.torque_offset - torque_Nm
         self.add_torque(torque_Nm)
 
-    # -- what the face may ask ---------------------------------------------------------------------------------
+    # -- what the face may ask
+    # ---------------------------------------------------------------------------------
 
     @property
     def profile(self) -> PositionProfile:
@@ -256,7 +262,9 @@ class ServoState:
 
     @property
     def phase_steps(self) -> int:
-        """Servo steps by which the present instant lies before (> 0) or behind the end of the interpolation."""
+        """Servo steps by which the present instant lies before (> 0) or behind the end of the
+        interpolation.
+        """
         return self._left or self._coast - self._coast_length
 
     @property

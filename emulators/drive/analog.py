@@ -1,7 +1,8 @@
-"""A drive with an analog setpoint: a voltage in, an enable input, a ready output (STP-539, STP-540). It knows no bus.
+"""A drive with an analog setpoint: a voltage in, an enable input, a ready output (STP-539, STP-540). It knows
+no bus.
 
-Terminals are attributes of the drive: somebody calls `set_voltage` and `set_enable`, and takes note of `on_ready` and
-`on_inputs`. An I/O station does that on a bench.
+Terminals are attributes of the drive: somebody calls `set_voltage` and `set_enable`, and takes note of
+`on_ready` and `on_inputs`. An I/O station does that on a bench.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ ReadyListener = Callable[[bool], object]
 class AnalogDrive(MachineFaults):
     """An emulated drive with an analog setpoint, and all that a test can do to it and its machine.
 
-    It is off until `power_on`; the machine moves from the start. Without an enable input it follows the voltage as soon
-    as it is on.
+    It is off until `power_on`; the machine moves from the start. Without an enable input it follows the
+    voltage as soon as it is on.
 
     Args:
         scheduler: Time of the bench.
@@ -143,17 +144,29 @@ class AnalogDrive(MachineFaults):
         self._drift_timer: Timer | None = None
         unit = "m" if hasattr(config.mechanics, "lead_screw_m") else "rad"
         self.trace_columns = (
-            ("position", unit), ("velocity", f"{unit}/s"), ("motor_speed", "rpm"), ("torque", "Nm"),
-            ("torque_demand", "Nm"), ("velocity_demand", "rpm"), ("encoder_increments", "inc"), ("setpoint_voltage", "V"),
-            ("enable_input", ""), ("ready_output", ""), ("state", ""), ("inputs", ""), ("brake_closed", ""),
+            ("position", unit),
+            ("velocity", f"{unit}/s"),
+            ("motor_speed", "rpm"),
+            ("torque", "Nm"),
+            ("torque_demand", "Nm"),
+            ("velocity_demand", "rpm"),
+            ("encoder_increments", "inc"),
+            ("setpoint_voltage", "V"),
+            ("enable_input", ""),
+            ("ready_output", ""),
+            ("state", ""),
+            ("inputs", ""),
+            ("brake_closed", ""),
             ("fault_number", ""),
-        )  # fmt: skip
+        )
         """(name, unit) of the values of `trace_row`."""
         self.limit_torque(None)
         scheduler.every(config.servo_period_ns, self.core.step)
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values of `trace_columns`; position, velocity and speed are those of the true mechanics."""
+        """Return the present values of `trace_columns`; position, velocity and speed are those of the true
+        mechanics.
+        """
         core, mechanics = self.core, self.mechanics
         return (
             mechanics.position,
@@ -172,7 +185,8 @@ class AnalogDrive(MachineFaults):
             self.fault_number,
         )
 
-    # -- life --------------------------------------------------------------------------------------------------------
+    # -- life
+    # --------------------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the supply on."""
@@ -198,7 +212,8 @@ class AnalogDrive(MachineFaults):
             self._inhibit()
             self._enter(AnalogState.OFF)
 
-    # -- terminals ---------------------------------------------------------------------------------------------------
+    # -- terminals
+    # ---------------------------------------------------------------------------------------------------
 
     def set_voltage(self, volts: float) -> None:
         """Bring a voltage to the setpoint input, V.
@@ -235,7 +250,8 @@ class AnalogDrive(MachineFaults):
         """Level of the ready output."""
         return self._ready if self._forced_ready is None else self._forced_ready and self.powered
 
-    # -- inside ------------------------------------------------------------------------------------------------------
+    # -- inside
+    # ------------------------------------------------------------------------------------------------------
 
     @property
     def _wanted(self) -> bool:
@@ -332,7 +348,8 @@ class AnalogDrive(MachineFaults):
         if self._history is not None:
             self._history.emit(self.name, kind, **data)
 
-    # -- faults ------------------------------------------------------------------------------------------------------
+    # -- faults
+    # ------------------------------------------------------------------------------------------------------
 
     def raise_fault(self, code: int = EXTERNAL_FAULT, *, persistent: bool = False) -> None:
         """Trip: the motor coasts and the ready output falls, until the enable has been taken away once.
@@ -398,7 +415,9 @@ class AnalogDrive(MachineFaults):
         self._share = share
 
     def break_encoder(self, broken: bool) -> None:
-        """Cut the wire of the encoder, for drive and controller: the count stands, and the drive trips; or mend it."""
+        """Cut the wire of the encoder, for drive and controller: the count stands, and the drive trips; or
+        mend it.
+        """
         self.encoder.freeze(broken)
         if broken:
             self.raise_fault(0x7305, persistent=True)

@@ -31,7 +31,8 @@ class AnalogConfig:
         mechanics: Machine.
         encoder: Motor encoder; it goes to the controller, the drive uses it for its own speed loop.
         brake: Holding brake of the motor.
-        tuning: Gains of the speed loop; such a drive does not know the acceleration, it has no torque pre-control.
+        tuning: Gains of the speed loop; such a drive does not know the acceleration, it has no torque
+            pre-control.
         servo_period_ns: Control cycle, ns.
         reference_speed_rpm: Speed at 10 V, rpm, > 0 (CFG-394).
         max_speed_rpm: Limit of the speed, and where the stop ramp begins, rpm, > 0.
@@ -40,7 +41,8 @@ class AnalogConfig:
         offset_V: Voltage that the input sees too much, V (drift, NC-757).
         dead_zone_V: Voltages up to this magnitude count as none, V, >= 0.
         inverted: A positive voltage turns in negative direction.
-        enable_input: There is an enable input; without one the drive follows the voltage as long as it is on (STP-062).
+        enable_input: There is an enable input; without one the drive follows the voltage as long as it is
+            on (STP-062).
         ready_delay_s: From the enable to the ready output, s, >= 0.
         stop: What the drive does when the enable is taken away: its own ramp, or coast (STP-540).
         stop_ramp_s: From the maximum speed to standstill, s, > 0.
@@ -98,7 +100,9 @@ class AnalogConfig:
         return max(1 * MS, self.servo_period_ns)
 
     def speed_rpm(self, volts: float) -> float:
-        """Return the speed that a voltage at the input means: offset, dead zone, over-range and limit, rpm."""
+        """Return the speed that a voltage at the input means: offset, dead zone, over-range and limit,
+        rpm.
+        """
         seen = volts + self.offset_V
         if abs(seen) <= self.dead_zone_V:
             return 0.0

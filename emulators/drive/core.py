@@ -4,18 +4,21 @@ One step at servo instant k:
 
 1. the mechanics moves from k-1 to k under the torque decided at k-1; the encoder is read;
 2. the *setpoint source* yields the velocity pre-control for the end of the coming interval;
-3. position P control (where a position is commanded), velocity PI control and torque pre-control give the torque for k..k+1.
+3. position P control (where a position is commanded), velocity PI control and torque pre-control give the
+torque for k..k+1.
 
-Pre-control is symmetric: the velocity controller compares the measured mean velocity of the last interval with the mean
-demand of the same interval, and the torque pre-control is the inertia times the change of the demand. With the default
-tuning an undisturbed axis therefore follows a drive-made ramp or an interpolated velocity without lag.
+Pre-control is symmetric: the velocity controller compares the measured mean velocity of the last interval
+with the mean demand of the same interval, and the torque pre-control is the inertia times the change of the
+demand. With the default tuning an undisturbed axis therefore follows a drive-made ramp or an interpolated
+velocity without lag.
 
-The integral part sees only what a model of the undisturbed loop cannot explain, so that neither a step of the demand nor
-the torque limit winds it up.
+The integral part sees only what a model of the undisturbed loop cannot explain, so that neither a step of the
+demand nor the torque limit winds it up.
 
-Closed velocity loop: `ServoTuning.velocity_time_constant_s` (T_vtc, default 2 ms) is inertia / proportional gain. It is how fast
-a disturbance is countered; a velocity demand passes it as a first-order lag only where the pre-control cannot know
-the acceleration: with `torque_feedforward=False`, and for the velocity that follows from interpolated positions.
+Closed velocity loop: `ServoTuning.velocity_time_constant_s` (T_vtc, default 2 ms) is inertia / proportional
+gain. It is how fast a disturbance is countered; a velocity demand passes it as a first-order lag only where
+the pre-control cannot know the acceleration: with `torque_feedforward=False`, and for the velocity that
+follows from interpolated positions.
 
 All quantities are those of the motor shaft: rad, rad/s, Nm, as the encoder shows them.
 """
@@ -42,7 +45,9 @@ from emulators.drive.tuning import RPM, ServoTuning
 __all__ = ["RPM", "ServoCore", "ServoTuning"]
 
 _HEADROOM: Final = 1.05
-"""Share of the speed limit up to which the position controller may catch up: at the limit itself it needs some room."""
+"""Share of the speed limit up to which the position controller may catch up: at the limit itself it needs
+some room.
+"""
 
 
 class ServoCore(ServoState):
@@ -66,7 +71,8 @@ class ServoCore(ServoState):
         self.velocity = 0.0
         self._clear_setpoints()
 
-    # -- commands ----------------------------------------------------------------------------------------------
+    # -- commands
+    # ----------------------------------------------------------------------------------------------
 
     def set_torque_limits(self, positive_Nm: float, negative_Nm: float) -> None:
         """Limit the torque to -negative..positive, Nm, both >= 0."""
@@ -131,9 +137,11 @@ class ServoCore(ServoState):
         self._coast = self._coast_length = coast
 
     def command_servo(self, velocity: float, reference: float, gain: float, steps: int) -> None:
-        """Close a position loop around a velocity that comes from outside: velocity + gain * (reference - position).
+        """Close a position loop around a velocity that comes from outside: velocity + gain * (reference -
+        position).
 
-        The loop runs in every servo step (dynamic servo control, PD-195). Velocity and reference are reached linearly.
+        The loop runs in every servo step (dynamic servo control, PD-195). Velocity and reference are reached
+        linearly.
 
         Args:
             velocity: rad/s.
@@ -160,7 +168,9 @@ class ServoCore(ServoState):
         self.command_position(self._next_position if self.controls_position else self.position, 1)
 
     def follow_profile(self) -> PositionProfile:
-        """Take the demand from `profile`, which starts from the present demand when another source was active."""
+        """Take the demand from `profile`, which starts from the present demand when another source was
+        active.
+        """
         if self._source != PROFILE:
             self._take_over(PROFILE)
             self._profile.reset(self._next_position, self._feedforward)
@@ -235,13 +245,16 @@ class ServoCore(ServoState):
         self._standing_steps = self._stop_steps = 0
 
     def stop_torque(self, slope: float) -> None:
-        """Take the torque to zero with a slope (Nm/s) and report by `on_standstill` when it is; the axis coasts."""
+        """Take the torque to zero with a slope (Nm/s) and report by `on_standstill` when it is; the axis
+        coasts.
+        """
         present = self._torque if self._source == TORQUE else self.torque_demand - self.torque_offset
         steps = abs(present) / (slope * self._period) if slope > 0.0 else 0.0
         self.command_torque(0.0, max(1, math.ceil(steps - 1e-9)))
         self._stop_pending = True
 
-    # -- one servo step ----------------------------------------------------------------------------------------
+    # -- one servo step
+    # ----------------------------------------------------------------------------------------
 
     def step(self) -> None:
         """Advance plant and control by one servo period."""
@@ -329,13 +342,16 @@ class ServoCore(ServoState):
         if self.brake.busy:
             self.brake.step(self._period)
 
-    # -- inside ------------------------------------------------------------------------------------------------
+    # -- inside
+    # ------------------------------------------------------------------------------------------------
 
     def _switched_off(self) -> bool:
         return not self.enabled
 
     def _other_source(self, source: int, old: float, angle: float) -> tuple[float, float]:
-        """Return the velocity that the controller wants to see now, and the pre-control for the end of the interval."""
+        """Return the velocity that the controller wants to see now, and the pre-control for the end of the
+        interval.
+        """
         if source == POSITION:
             self.position_demand = demand = self._next_position
             correction = self._correction_gain * (demand - angle)
@@ -402,7 +418,9 @@ class ServoCore(ServoState):
         return wanted, new
 
     def _ramped(self, old: float) -> float:
-        """Return the demand one step nearer to the target: acceleration away from zero, braking towards it."""
+        """Return the demand one step nearer to the target: acceleration away from zero, braking towards
+        it.
+        """
         target = self._velocity_target
         if old < target:
             if old < 0.0:

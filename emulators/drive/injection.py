@@ -1,4 +1,6 @@
-"""Faults at the machine of a drive, at its power stage and at its CANopen node, the same for every profile (C402-311, C402-312)."""
+"""Faults at the machine of a drive, at its power stage and at its CANopen node, the same for every profile
+(C402-311, C402-312).
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,8 @@ class TravelFaults(OwnClock):
         self.mechanics.set_stops(lower, upper)
 
     def force_input(self, name: str, state: bool | None) -> None:
-        """Force an input: `negative_limit`, `positive_limit`, `home`, `probe1`, `probe2`; None = the switch works again.
+        """Force an input: `negative_limit`, `positive_limit`, `home`, `probe1`, `probe2`; None = the switch
+        works again.
 
         Raises:
             UnsupportedFaultError: The machine has no such switch.
@@ -100,7 +103,8 @@ class MachineFaults(TravelFaults, EncoderFaults):
         _drift_rest: float
         _drift_timer: Timer | None
 
-    # -- encoder -----------------------------------------------------------------------------------------------------
+    # -- encoder
+    # -----------------------------------------------------------------------------------------------------
 
     def miss_index(self, missing: bool) -> None:
         """Let the zero mark of the encoder never come, or come again."""
@@ -129,14 +133,17 @@ class MachineFaults(TravelFaults, EncoderFaults):
 
         drift()
 
-    # -- coupling and guides -------------------------------------------------------------------------------------------
+    # -- coupling and guides
+    # -------------------------------------------------------------------------------------------
 
     def add_friction(self, force: float) -> None:
         """Add dry friction at the load, N or Nm; 0 = as new."""
         self.mechanics.add_friction(force)
 
     def slip_coupling(self, revolutions: float) -> None:
-        """Let the load slip by so many revolutions of the motor, which itself turns on: its encoder sees nothing."""
+        """Let the load slip by so many revolutions of the motor, which itself turns on: its encoder sees
+        nothing.
+        """
         counts = round(revolutions * self.encoder.counts_per_revolution)
         # Whole increments, so that the encoder sees nothing at all.
         angle = counts * self.encoder.radians_per_increment
@@ -148,10 +155,13 @@ class MachineFaults(TravelFaults, EncoderFaults):
         self.mechanics.break_coupling(motor_share)
 
     def wear_out(self, backlash: float, growth_s: float = 0.0) -> None:
-        """Let the play between motor and load grow by `backlash`, m or rad, within a time; 0 = as it was built."""
+        """Let the play between motor and load grow by `backlash`, m or rad, within a time; 0 = as it was
+        built.
+        """
         self.mechanics.wear_out(backlash, growth_s)
 
-    # -- brake -------------------------------------------------------------------------------------------------------
+    # -- brake
+    # -------------------------------------------------------------------------------------------------------
 
     def stick_brake(self, closed: bool | None) -> None:
         """Let the brake be stuck closed or open; None = it works again.
@@ -179,7 +189,9 @@ class MachineFaults(TravelFaults, EncoderFaults):
 
 
 class PowerFaults:
-    """What a test can do to the supply and the temperatures of a drive. The drive has the attributes named here."""
+    """What a test can do to the supply and the temperatures of a drive. The drive has the attributes named
+    here.
+    """
 
     __slots__ = ()
 

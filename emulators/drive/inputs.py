@@ -16,8 +16,8 @@ LIMIT_SWITCHES: Final = ("negative_limit", "positive_limit")
 class DigitalInputs:
     """Reads switches, filtered, into the bits of 60FDh.
 
-    A change shows at the servo instant behind it, or when it has lasted for the filter time. Probe inputs have no filter:
-    every edge of theirs goes to `on_probe` at once.
+    A change shows at the servo instant behind it, or when it has lasted for the filter time. Probe inputs
+    have no filter: every edge of theirs goes to `on_probe` at once.
 
     Args:
         scheduler: Time of the filter.
@@ -54,7 +54,9 @@ class DigitalInputs:
         self.on_change: Callable[[int], None] = _nothing
         """Called with the value before, after every change."""
         self.on_probe: Callable[[int, SwitchModel], None] = _no_probe
-        """Called with the number of the probe, 1 or 2, at every edge of its input, within the step of the machine."""
+        """Called with the number of the probe, 1 or 2, at every edge of its input, within the step of the
+        machine.
+        """
         for bit, switch in self._switches.items():
             switch.on_change = partial(self._changed, bit)
         for number, name in enumerate(PROBE_INPUTS, 1):
@@ -73,7 +75,9 @@ class DigitalInputs:
         self._set(self.value | bit if active else self.value & ~bit)
 
     def swap_limits(self, swapped: bool) -> None:
-        """Exchange the wires of the two limit switches, which both have to be fitted, or put them right again."""
+        """Exchange the wires of the two limit switches, which both have to be fitted, or put them right
+        again.
+        """
         if swapped is self.swapped:
             return
         self.swapped = swapped

@@ -1,4 +1,6 @@
-"""The machine behind an emulated drive: travel, inertias, friction, end stops, switches, encoder and brake, as configuration."""
+"""The machine behind an emulated drive: travel, inertias, friction, end stops, switches, encoder and brake,
+as configuration.
+"""
 
 from __future__ import annotations
 
@@ -289,9 +291,10 @@ class SafetyConfig:
     Args:
         sto: Safe torque off leads to `inhibit` (no torque, no fault) or to a `fault` (FF80h, F30600).
         ss1_time_s: Safe stop 1: from the input to safe torque off, s.
-        ss1_monitored: The ramp of safe stop 1 is watched: torque off at standstill, and a fault (FF81h, F01600) when the speed does not fall
-            as it has to; False: torque off when the time has passed.
-        interlock: Input bit 3: `none` is wired; or what opening it does: `inhibit` (torque off), `quick_stop`, `fault` 9000h.
+        ss1_monitored: The ramp of safe stop 1 is watched: torque off at standstill, and a fault (FF81h,
+            F01600) when the speed does not fall as it has to; False: torque off when the time has passed.
+        interlock: Input bit 3: `none` is wired; or what opening it does: `inhibit` (torque off),
+            `quick_stop`, `fault` 9000h.
 
     """
 
@@ -303,7 +306,8 @@ class SafetyConfig:
     def __post_init__(self) -> None:
         check_number("ss1_time_s", self.ss1_time_s, positive=True)
         for name, allowed in (
-            ("sto", ("inhibit", "fault")), ("interlock", ("none", "inhibit", "quick_stop", "fault")),
-        ):  # fmt: skip
+            ("sto", ("inhibit", "fault")),
+            ("interlock", ("none", "inhibit", "quick_stop", "fault")),
+        ):
             if getattr(self, name) not in allowed:
                 raise ConfigurationError(name, getattr(self, name), ", ".join(allowed))

@@ -1,7 +1,7 @@
 """Heat and supply of a drive as models, without any profile: overload, temperatures, DC link.
 
-In every control cycle only two sums are kept. The models are advanced by their mean every few control cycles: thermal time
-constants are seconds, that of the rectifier is some milliseconds and solved in closed form.
+In every control cycle only two sums are kept. The models are advanced by their mean every few control cycles:
+thermal time constants are seconds, that of the rectifier is some milliseconds and solved in closed form.
 """
 
 from __future__ import annotations
@@ -30,9 +30,23 @@ class PowerStage:
     """
 
     __slots__ = (
-        "_core", "_left", "_mechanics", "_rated", "_since_ns", "_square", "_work", "dc_link", "drawn_J", "dt_s", "motor",
-        "motor_overload", "returned_J", "stage", "stage_overload", "thermal",
-    )  # fmt: skip
+        "_core",
+        "_left",
+        "_mechanics",
+        "_rated",
+        "_since_ns",
+        "_square",
+        "_work",
+        "dc_link",
+        "drawn_J",
+        "dt_s",
+        "motor",
+        "motor_overload",
+        "returned_J",
+        "stage",
+        "stage_overload",
+        "thermal",
+    )
 
     def __init__(
         self,
@@ -80,7 +94,9 @@ class PowerStage:
         """Energy that went into the motor and came back from it since the drive was made, J."""
 
     def restart(self, now_ns: int) -> None:
-        """Start after power-on: i2t forgets, what is hot has cooled meanwhile, the DC link is charged if mains are there."""
+        """Start after power-on: i2t forgets, what is hot has cooled meanwhile, the DC link is charged if
+        mains are there.
+        """
         self._heat(0.0, (now_ns - self._since_ns) / S)
         self._since_ns = now_ns
         self.motor_overload.utilisation = self.stage_overload.utilisation = 0.0

@@ -1,10 +1,11 @@
 """Profile generator for positioning: trapezoidal velocity, optionally smoothed to a bounded jerk.
 
-The trapezoid is planned in closed form from any position and velocity, with separate acceleration and deceleration, and
-evaluated exactly at the servo instants. A sin² or a jerk-free profile has the same segments, but in each of them the
-velocity follows an S instead of a line; its steepest point keeps the acceleration. The jerk-limited profile is the moving
-average of the trapezoid over the longest time that an acceleration needs to rise: it keeps all limits of the trapezoid,
-ends exactly at the target and takes a new target at any moment without a step in acceleration.
+The trapezoid is planned in closed form from any position and velocity, with separate acceleration and
+deceleration, and evaluated exactly at the servo instants. A sin² or a jerk-free profile has the same
+segments, but in each of them the velocity follows an S instead of a line; its steepest point keeps the
+acceleration. The jerk-limited profile is the moving average of the trapezoid over the longest time that an
+acceleration needs to rise: it keeps all limits of the trapezoid, ends exactly at the target and takes a new
+target at any moment without a step in acceleration.
 """
 
 from __future__ import annotations
@@ -58,7 +59,9 @@ class ProfileForm(NamedTuple):
     shape: RampShape = RampShape.LINEAR
     """A new target in the middle of a ramp begins a ramp of its own."""
     jerk: float = 0.0
-    """rad/s^3 while the speed grows; 0 = not limited. While the axis moves, the smoothing time of its profile is kept."""
+    """rad/s^3 while the speed grows; 0 = not limited. While the axis moves, the smoothing time of its profile
+    is kept.
+    """
     braking_jerk: float = 0.0
     """rad/s^3 while the speed falls; 0 = as `jerk`."""
 
@@ -80,7 +83,9 @@ def _plan(  # noqa: PLR0917 - the kinematic quantities in their usual order
     deceleration: float,
     end_velocity: float,
 ) -> list[tuple[float, float]]:
-    """Return (duration s, acceleration) segments over `distance`; see `PositionProfile.move` for the units."""
+    """Return (duration s, acceleration) segments over `distance`; see `PositionProfile.move` for the
+    units.
+    """
     segments: list[tuple[float, float]] = []
     end = min(end_velocity, limit)
     brakes_first = velocity * distance < 0.0 or (distance == 0.0 and velocity != 0.0)

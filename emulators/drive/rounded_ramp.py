@@ -16,7 +16,8 @@ class Rounding(NamedTuple):
         deceleration: Slope towards zero, rad/s^2, > 0, finite.
         initial_s: Time in which the slope is built up, s, >= 0.
         final_s: Time in which it is taken back, s, >= 0.
-        continuous: A change of the target in the middle of a ramp lets the slope fall before it turns; else it breaks off.
+        continuous: A change of the target in the middle of a ramp lets the slope fall before it turns;
+            else it breaks off.
 
     """
 
@@ -28,7 +29,8 @@ class Rounding(NamedTuple):
 
 
 class RoundedRamp:
-    """Goes from one velocity to another; a ramp from standstill to v takes v / slope + initial / 2 + final / 2.
+    """Goes from one velocity to another; a ramp from standstill to v takes v / slope + initial / 2 + final /
+    2.
 
     Where the velocity passes zero, one ramp ends and another one begins.
     """
@@ -115,8 +117,8 @@ def _segments(  # noqa: PLR0917 - the kinematic quantities in their usual order
 ) -> list[tuple[float, float, float]]:
     """Return (duration s, slope at its beginning, jerk) over a change of velocity.
 
-    The jerks, rad/s^3: `rise` builds the slope up, `fall` takes it back, `release` takes back a slope that is there and not
-    wanted.
+    The jerks, rad/s^3: `rise` builds the slope up, `fall` takes it back, `release` takes back a slope that is
+    there and not wanted.
     """
     release = max(release, fall)
     sign = math.copysign(1.0, change - slope * abs(slope) / (2.0 * release))

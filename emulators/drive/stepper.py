@@ -1,8 +1,9 @@
-"""A stepper drive behind a channel of the TM PTO: power stage, motor, travel with switches and end stops. It knows no bus.
+"""A stepper drive behind a channel of the TM PTO: power stage, motor, travel with switches and end stops. It
+knows no bus.
 
-The shaft stands where the pulses say while the motor is in step (`emulators.io.tm_pto.stepper`). It falls out of step when it
-is overloaded, blocked, at an end stop, or without current; the pulse counter, which is the encoder of the axis, knows
-nothing of it.
+The shaft stands where the pulses say while the motor is in step (`emulators.io.tm_pto.stepper`). It falls out
+of step when it is overloaded, blocked, at an end stop, or without current; the pulse counter, which is the
+encoder of the axis, knows nothing of it.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ class StepperDriveConfig:
     Args:
         channel: Channel 0.
         other: Channel 1.
-        mechanics: Machine: transmission, inertia, friction, end stops, switches. `home` is wired to RS, `probe1` to MI.
+        mechanics: Machine: transmission, inertia, friction, end stops, switches. `home` is wired to RS,
+            `probe1` to MI.
         full_steps: Full steps per revolution of the motor.
         holding_torque_Nm: Pull-out torque at low speed, Nm.
         corner_hz: Full-step frequency above which the torque falls.
@@ -84,9 +86,11 @@ class StepperDriveConfig:
 def signal_output_config(
     increments: int, reference_speed_rpm: float, *, servo_period_ns: int = 250 * US
 ) -> StepperDriveConfig:
-    """Return an encoder-signal output in the manner of the TM41 (CFG-409): speed setpoints become edges of two tracks at once.
+    """Return an encoder-signal output in the manner of the TM41 (CFG-409): speed setpoints become edges of
+    two tracks at once.
 
-    It is a channel without ramp, terminals and motor, in the standard telegram 3; what turns is the encoder signal.
+    It is a channel without ramp, terminals and motor, in the standard telegram 3; what turns is the encoder
+    signal.
 
     Args:
         increments: Edges per revolution.
@@ -126,7 +130,21 @@ class StepperTravel:
 
     """
 
-    __slots__ = ("_coulomb", "_force", "_gravity", "_jammed", "_lower", "_motor", "_start", "_upper", "_viscous", "position", "ratio", "switches", "velocity")  # fmt: skip
+    __slots__ = (
+        "_coulomb",
+        "_force",
+        "_gravity",
+        "_jammed",
+        "_lower",
+        "_motor",
+        "_start",
+        "_upper",
+        "_viscous",
+        "position",
+        "ratio",
+        "switches",
+        "velocity",
+    )
 
     def __init__(
         self,
@@ -233,7 +251,8 @@ class StepperDrive:
         self._fault = False
         scheduler.every(config.servo_period_ns, self._step)
 
-    # -- machine -----------------------------------------------------------------------------------------------------
+    # -- machine
+    # -----------------------------------------------------------------------------------------------------
 
     def _step(self) -> None:
         channel = self.channel
@@ -298,7 +317,8 @@ class StepperDrive:
         if number == 1:
             self.channel.drive_input("MI", switch.state)
 
-    # -- evidence ----------------------------------------------------------------------------------------------------
+    # -- evidence
+    # ----------------------------------------------------------------------------------------------------
 
     def told(self) -> None:
         """Write what has changed since the last bus cycle into the log."""
@@ -317,26 +337,53 @@ class StepperDrive:
         """Return (name, unit) of the values of `trace_row`."""
         unit = "m" if isinstance(self.config.mechanics, LinearAxisConfig) else "rad"
         return (
-            ("position", unit), ("velocity", f"{unit}/s"), ("motor_speed", "rpm"), ("torque", "Nm"),
-            ("encoder_increments", "inc"), ("lost_increments", "inc"), ("out_of_step", ""), ("pulse_speed", "rpm"),
-            ("setpoint_speed", "rpm"), ("drive_stw1", ""), ("drive_zsw1", ""), ("g1_stw", ""), ("g1_zsw", ""), ("enable_output", ""),
-            ("state", ""), ("inputs", ""),
-        )  # fmt: skip
+            ("position", unit),
+            ("velocity", f"{unit}/s"),
+            ("motor_speed", "rpm"),
+            ("torque", "Nm"),
+            ("encoder_increments", "inc"),
+            ("lost_increments", "inc"),
+            ("out_of_step", ""),
+            ("pulse_speed", "rpm"),
+            ("setpoint_speed", "rpm"),
+            ("drive_stw1", ""),
+            ("drive_zsw1", ""),
+            ("g1_stw", ""),
+            ("g1_zsw", ""),
+            ("enable_output", ""),
+            ("state", ""),
+            ("inputs", ""),
+        )
 
     trace_enums: Final[dict[str, dict[int, str]]] = {
         "state": {number: state.text for state, number in _NUMBERS.items()}
     }
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values; position, velocity and speed are those of the true shaft and load (STP-550)."""
+        """Return the present values; position, velocity and speed are those of the true shaft and load
+        (STP-550).
+        """
         mechanics, motor = self.mechanics, self.motor
         _, stw1, zsw1, setpoint, speed, g1_stw, g1_zsw, enable, count = self.channel.trace_row()
         torque = motor.needed_torque()
         return (
-            mechanics.position, mechanics.velocity, mechanics.motor_speed / RPM, 0.0 if motor.stalled else torque,
-            count, motor.lost, motor.stalled, speed, setpoint, stw1, zsw1, g1_stw, g1_zsw, enable,
-            _NUMBERS[self.channel.state], self.digital_inputs.value,
-        )  # fmt: skip
+            mechanics.position,
+            mechanics.velocity,
+            mechanics.motor_speed / RPM,
+            0.0 if motor.stalled else torque,
+            count,
+            motor.lost,
+            motor.stalled,
+            speed,
+            setpoint,
+            stw1,
+            zsw1,
+            g1_stw,
+            g1_zsw,
+            enable,
+            _NUMBERS[self.channel.state],
+            self.digital_inputs.value,
+        )
 
     def emit(self, kind: str, **data: str | float | bool) -> None:
         """Write an event of this drive into the log, if there is one."""

@@ -1,7 +1,9 @@
-"""A pulse module with a stepper drive as a node of a CAN segment: telegram 3 in free process data words on PDOs, latched by SYNC.
+"""A pulse module with a stepper drive as a node of a CAN segment: telegram 3 in free process data words on
+PDOs, latched by SYNC.
 
-The node shows the objects of the PROFIdrive axis, of which it uses the process data words, the digital inputs and the fault
-number. When SYNC stays away the module goes on with its own clock, so that its watchdog sees that nobody leads it any more.
+The node shows the objects of the PROFIdrive axis, of which it uses the process data words, the digital inputs
+and the fault number. When SYNC stays away the module goes on with its own clock, so that its watchdog sees
+that nobody leads it any more.
 """
 
 from __future__ import annotations
@@ -73,9 +75,20 @@ class StepperCanDrive(TravelFaults, NodeFaults):
     """
 
     __slots__ = (
-        "_storm_code", "_storm_timer", "_sync_ns", "_words", "config", "digital_inputs", "drive", "mechanics", "name",
-        "scheduler", "slave", "switches", "trace_columns",
-    )  # fmt: skip
+        "_storm_code",
+        "_storm_timer",
+        "_sync_ns",
+        "_words",
+        "config",
+        "digital_inputs",
+        "drive",
+        "mechanics",
+        "name",
+        "scheduler",
+        "slave",
+        "switches",
+        "trace_columns",
+    )
 
     trace_enums: Final[dict[str, dict[int, str]]] = {
         **StepperDrive.trace_enums,
@@ -131,7 +144,8 @@ class StepperCanDrive(TravelFaults, NodeFaults):
         generator.advance(self.scheduler.now)
         return generator.count
 
-    # -- life --------------------------------------------------------------------------------------------------------
+    # -- life
+    # --------------------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the supply on."""
@@ -161,7 +175,9 @@ class StepperCanDrive(TravelFaults, NodeFaults):
             self._words.begin()
 
     def _on_communication_error(self, reason: str) -> None:
-        """A controller that is gone is one that has stopped (PTO-204); a frame of one that is back is needed to go on."""
+        """A controller that is gone is one that has stopped (PTO-204); a frame of one that is back is needed
+        to go on.
+        """
         self.drive.emit("drive.communication_lost", reason=reason)
         self.drive.channel.stop_controller(True)
         self.drive.channel.stop_controller(False)
@@ -170,7 +186,8 @@ class StepperCanDrive(TravelFaults, NodeFaults):
         self.slave.set(objects.DIGITAL_INPUTS, 0, self.drive.digital_inputs.value)
         self.slave.set(objects.FAULT_NUMBER, 0, int(self.drive.channel.fault))
 
-    # -- bus cycle ---------------------------------------------------------------------------------------------------
+    # -- bus cycle
+    # ---------------------------------------------------------------------------------------------------
 
     def _on_sync(self, time_ns: int) -> None:
         self._sync_ns = time_ns
@@ -195,10 +212,13 @@ class StepperCanDrive(TravelFaults, NodeFaults):
             self._show_inputs()
         self._words.give(module.transmit(0)[0])
 
-    # -- faults ------------------------------------------------------------------------------------------------------
+    # -- faults
+    # ------------------------------------------------------------------------------------------------------
 
     def short_outputs(self, present: bool, channel: int = 0) -> None:
-        """Bring about a short circuit at the outputs of a channel, or remove it: both channels stop (PTO-207)."""
+        """Bring about a short circuit at the outputs of a channel, or remove it: both channels stop
+        (PTO-207).
+        """
         self.drive.module.short_circuit(channel, present)
         self._show_inputs()
 

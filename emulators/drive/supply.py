@@ -1,8 +1,9 @@
 """DC link of a drive: mains rectifier, capacitor, braking energy and brake chopper.
 
-The capacitor is an energy store. Mains keep it at the rectified voltage; the motor takes energy out and, while it brakes, puts it
-back. The rectifier lets nothing back into the mains, so that braking raises the voltage until the chopper burns it. The model is
-advanced in steps of some milliseconds with closed formulas, so that it is stable at any step.
+The capacitor is an energy store. Mains keep it at the rectified voltage; the motor takes energy out and,
+while it brakes, puts it back. The rectifier lets nothing back into the mains, so that braking raises the
+voltage until the chopper burns it. The model is advanced in steps of some milliseconds with closed formulas,
+so that it is stable at any step.
 """
 
 from __future__ import annotations
@@ -57,8 +58,12 @@ class SupplyConfig:
                 "0 < undervoltage < nominal < overvoltage",
             )
         for name in (
-            "capacitance_F", "charging_time_s", "chopper_ohm", "chopper_rated_W", "chopper_time_constant_s",
-        ):  # fmt: skip
+            "capacitance_F",
+            "charging_time_s",
+            "chopper_ohm",
+            "chopper_rated_W",
+            "chopper_time_constant_s",
+        ):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ConfigurationError(name, getattr(self, name), "a finite number > 0")
         for name in ("standby_W", "phase_loss_time_s"):
@@ -68,9 +73,10 @@ class SupplyConfig:
             self.nominal_V <= self.chopper_off_V < self.chopper_on_V <= self.overvoltage_V
         ):
             raise ConfigurationError(
-                "chopper", (self.chopper_off_V, self.chopper_on_V),
+                "chopper",
+                (self.chopper_off_V, self.chopper_on_V),
                 "nominal <= chopper off < chopper on <= overvoltage",
-            )  # fmt: skip
+            )
 
 
 class DcLink:

@@ -1,6 +1,7 @@
 """Heat of a drive: overload by i2t, and temperatures of motor and power stage.
 
-Loads are given as the mean of (torque / rated torque)^2 over the step, because copper losses go with the square of the current.
+Loads are given as the mean of (torque / rated torque)^2 over the step, because copper losses go with the
+square of the current.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ class ThermalConfig:
         stage_fault_C: Fault 4210h from here on.
         stage_overload: Torque that the power stage bears for ever, as a multiple of the motor's rated torque.
         stage_overload_time_s: Time constant of the i2t of the power stage, s.
-        overload: What i2t does at its end: `fault` (motor 2310h, power stage 2350h), or `limit` the torque to what is borne for ever.
+        overload: What i2t does at its end: `fault` (motor 2310h, power stage 2350h), or `limit` the
+            torque to what is borne for ever.
 
     Raises:
         ConfigurationError: A value is not positive, or a fault threshold is not above its warning.
@@ -52,9 +54,13 @@ class ThermalConfig:
 
     def __post_init__(self) -> None:
         for name in (
-            "motor_rise_K", "motor_time_constant_s", "stage_rise_K", "stage_time_constant_s", "stage_overload",
+            "motor_rise_K",
+            "motor_time_constant_s",
+            "stage_rise_K",
+            "stage_time_constant_s",
+            "stage_overload",
             "stage_overload_time_s",
-        ):  # fmt: skip
+        ):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ConfigurationError(name, getattr(self, name), "a finite number > 0")
         if not 0.0 <= self.motor_loss_W < math.inf:
@@ -99,7 +105,9 @@ class ThermalModel:
         return self.advance(torque_Nm * torque_Nm, dt_s)
 
     def advance(self, mean_square: float, dt_s: float) -> bool:
-        """Advance by `dt_s` with the mean of the squared torque, Nm^2; returns whether the protection trips."""
+        """Advance by `dt_s` with the mean of the squared torque, Nm^2; returns whether the protection
+        trips.
+        """
         load = mean_square * self._inverse_rated * self._inverse_rated
         if dt_s != self._dt_s:
             self._dt_s = dt_s

@@ -26,7 +26,8 @@ class ServoTuning:
         current_time_constant_s: First-order lag of the current loop, s; 0 = ideal.
         standstill_speed_rpm: Speed below which the axis counts as standing, rpm.
         standstill_time_s: How long it has to stay below, s.
-        standstill_timeout_s: After a ramp to zero has ended for this long, the stop counts as finished anyway, s.
+        standstill_timeout_s: After a ramp to zero has ended for this long, the stop counts as finished
+            anyway, s.
 
     """
 

@@ -1,7 +1,8 @@
 """Rotary encoders: what the drive believes of the shaft, and the ways in which it can be wrong.
 
-Position is kept twice: as a float angle for the control loop and as an exact integer number of increments for everything
-that is reported. The integer is derived from the undisturbed angle plus an integer offset, so that it never drifts.
+Position is kept twice: as a float angle for the control loop and as an exact integer number of increments for
+everything that is reported. The integer is derived from the undisturbed angle plus an integer offset, so that
+it never drifts.
 """
 
 from __future__ import annotations
@@ -27,9 +28,10 @@ class RotaryEncoder:
     Args:
         counts_per_revolution: Increments per revolution, 4..2^31.
         reversed_direction: True: the value falls while the shaft turns in positive direction.
-        zero_mark_counts: Place of the zero mark within the revolution, increments, 0..counts_per_revolution - 1.
-        interpolated: True (default): the angle handed to the control loop is finer than an increment, as that of a sine/cosine
-            encoder; False: it has steps of one increment.
+        zero_mark_counts: Place of the zero mark within the revolution, increments,
+            0..counts_per_revolution - 1.
+        interpolated: True (default): the angle handed to the control loop is finer than an increment, as
+            that of a sine/cosine encoder; False: it has steps of one increment.
         rng: Source of the noise; needed only when noise is switched on.
 
     Raises:
@@ -127,7 +129,9 @@ class RotaryEncoder:
         return self._raw + self._offset + self._noise_now * self._rad_per_inc
 
     def sample(self, shaft_angle: float) -> float:
-        """Take over the angle of the shaft (rad) and return the measured angle, rad, continuous over turns."""
+        """Take over the angle of the shaft (rad) and return the measured angle, rad, continuous over
+        turns.
+        """
         if self._plain:
             self._raw = raw = shaft_angle * self._sign
             return raw + self._offset
@@ -145,14 +149,18 @@ class RotaryEncoder:
     # -- zero mark -------------------------------------------------------------------------------------------
 
     def arm_zero_mark(self, armed: bool = True) -> None:
-        """Latch the exact position of the next zero mark into `latched_increments`, or stop waiting for it."""
+        """Latch the exact position of the next zero mark into `latched_increments`, or stop waiting for
+        it.
+        """
         self._armed = armed
         if armed:
             self.latched_increments = None
         self._settle()
 
     def watch_zero_mark(self, listener: ZeroMarkListener) -> None:
-        """Call `listener` at every zero mark from now on, within the sample that finds it; once is enough to ask."""
+        """Call `listener` at every zero mark from now on, within the sample that finds it; once is enough to
+        ask.
+        """
         if listener not in self._listeners:
             self._listeners = (*self._listeners, listener)
             self._settle()
@@ -163,7 +171,9 @@ class RotaryEncoder:
         self._settle()
 
     def increments_at(self, shaft_angle: float) -> int:
-        """Return what a latch holds that is triggered while the shaft stands at an angle (rad), increments."""
+        """Return what a latch holds that is triggered while the shaft stands at an angle (rad),
+        increments.
+        """
         raw = self._raw if self._frozen else self._scaled(shaft_angle * self._sign)
         return math.floor(raw * self._inc_per_rad + 0.5) + self._offset_increments + self._noise_now
 
@@ -187,7 +197,8 @@ class RotaryEncoder:
         """Disturb every sample by -amplitude..+amplitude increments, evenly distributed; 0 = off.
 
         Raises:
-            ConfigurationError: The amplitude is negative, or the encoder was built without a random generator.
+            ConfigurationError: The amplitude is negative, or the encoder was built without a random
+                generator.
 
         """
         if amplitude_increments < 0:
@@ -202,7 +213,8 @@ class RotaryEncoder:
         self._settle()
 
     def scale(self, factor: float) -> None:
-        """Count `factor` times what the shaft moves from now on (a wrong disc, a wrong ratio); 1 = rightly again.
+        """Count `factor` times what the shaft moves from now on (a wrong disc, a wrong ratio); 1 = rightly
+        again.
 
         What was counted wrongly stays.
 
@@ -242,7 +254,8 @@ class RotaryEncoder:
             self.scale(factor)
 
     def lose_steps(self, every: int) -> None:
-        """Miss one of `every` increments that the shaft moves from now on (a dirty disc); 0 = count all again.
+        """Miss one of `every` increments that the shaft moves from now on (a dirty disc); 0 = count all
+        again.
 
         What was missed stays missed.
 

@@ -11,8 +11,8 @@ from fieldbus.errors import ConfigurationError
 class Mounting:
     """Turns the coordinate of a shaft or slide into that of the encoder.
 
-    The encoder's coordinate is `ratio` times that of the machine, plus `offset`; with play, the coupling is moved only
-    after the machine has gone through it, as through a worn key.
+    The encoder's coordinate is `ratio` times that of the machine, plus `offset`; with play, the coupling is
+    moved only after the machine has gone through it, as through a worn key.
 
     Args:
         source: Returns the present coordinate of the machine, rad or m.

@@ -1,4 +1,6 @@
-"""What a test can do to an encoder with a node of its own: to its clock, and to its shaft if it sits on none of a drive."""
+"""What a test can do to an encoder with a node of its own: to its clock, and to its shaft if it sits on none
+of a drive.
+"""
 
 from __future__ import annotations
 

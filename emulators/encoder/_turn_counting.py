@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 class TurnCountingEncoder(RotaryEncoder):
     """Knows its angle within the turn at once, and its turn as long as nobody turns the shaft without supply.
 
-    The count survives without supply. What happens to the shaft meanwhile is seen only within half a turn: at power-on the
-    angle is taken as the nearest one to the last value that was counted.
+    The count survives without supply. What happens to the shaft meanwhile is seen only within half a turn: at
+    power-on the angle is taken as the nearest one to the last value that was counted.
 
     Args:
         mounting_offset: Value of the encoder where the shaft is at zero, increments.
@@ -39,7 +39,9 @@ class TurnCountingEncoder(RotaryEncoder):
         self._set_offset(self._mounting)
 
     def power_on(self, shaft_angle: float) -> None:
-        """Start up at the shaft angle (rad) with the turn that was counted last; a restart under supply loses nothing."""
+        """Start up at the shaft angle (rad) with the turn that was counted last; a restart under supply loses
+        nothing.
+        """
         if self._supplied:
             self._counted = self.increments
         self._supplied = True

@@ -1,4 +1,6 @@
-"""Inputs and outputs of a station: filter, scaling, wire break, substitute values, and how they break. They know no bus."""
+"""Inputs and outputs of a station: filter, scaling, wire break, substitute values, and how they break. They
+know no bus.
+"""
 
 from __future__ import annotations
 
@@ -192,8 +194,17 @@ class AnalogInput:
     """
 
     __slots__ = (
-        "_high", "_low", "_scheduler", "_shown", "_since_ns", "_target", "_tau_ns", "_wire_break", "bipolar", "disturbance",
-    )  # fmt: skip
+        "_high",
+        "_low",
+        "_scheduler",
+        "_shown",
+        "_since_ns",
+        "_target",
+        "_tau_ns",
+        "_wire_break",
+        "bipolar",
+        "disturbance",
+    )
 
     def __init__(
         self,
@@ -255,7 +266,9 @@ class AnalogInput:
 
     @property
     def word(self) -> int:
-        """The value for the bus: 27648 is the end of the range; 32767 and -32768 are overflow and underflow."""
+        """The value for the bus: 27648 is the end of the range; 32767 and -32768 are overflow and
+        underflow.
+        """
         if self.wire_broken:
             return _OVERFLOW
         scaled = round((self.value - self._low) / (self._high - self._low) * _FULL_SCALE)

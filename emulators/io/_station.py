@@ -1,4 +1,6 @@
-"""An I/O station on Modbus: its channels in the four areas and as a process image, with a watchdog and ways to fail."""
+"""An I/O station on Modbus: its channels in the four areas and as a process image, with a watchdog and ways
+to fail.
+"""
 
 from __future__ import annotations
 
@@ -23,18 +25,22 @@ class _Server(ModbusServer):
 
     alive = True
 
-    def respond(self, pdu: bytes, *, serial: bool = False, broadcast: bool = False, unit: int = 1) -> bytes | None:  # fmt: skip
+    def respond(
+        self, pdu: bytes, *, serial: bool = False, broadcast: bool = False, unit: int = 1
+    ) -> bytes | None:
         if not self.alive:
             return None
         return super().respond(pdu, serial=serial, broadcast=broadcast, unit=unit)
 
 
 class ModbusIoStation:
-    """A station whose channels stand from address 0 on, each kind in its area, and together in a process image.
+    """A station whose channels stand from address 0 on, each kind in its area, and together in a process
+    image.
 
-    Digital inputs are discrete inputs, digital outputs coils, analog inputs input registers, analog outputs holding registers.
-    `fieldbus.modbus.io_image` says where inputs (counters too) and outputs stand as one block of holding registers each.
-    Outputs take their substitute values when nothing was written for the watchdog time; the next write counts again.
+    Digital inputs are discrete inputs, digital outputs coils, analog inputs input registers, analog outputs
+    holding registers. `fieldbus.modbus.io_image` says where inputs (counters too) and outputs stand as one
+    block of holding registers each. Outputs take their substitute values when nothing was written for the
+    watchdog time; the next write counts again.
 
     Args:
         scheduler: Time.
@@ -119,9 +125,12 @@ class ModbusIoStation:
             ("count", "inc", self.counters),
         )
         self.trace_columns: Final = (
-            ("inputs", ""), ("outputs", ""), ("powered", ""), ("substituted", ""),
+            ("inputs", ""),
+            ("outputs", ""),
+            ("powered", ""),
+            ("substituted", ""),
             *((f"{short}{number}", unit) for short, unit, every in analog for number in range(len(every))),
-        )  # fmt: skip
+        )
         """(name, unit) of the values of `trace_row`."""
         self.trace_enums: Final[dict[str, dict[int, str]]] = {}
 
@@ -136,7 +145,8 @@ class ModbusIoStation:
             outputs.read = lambda at, count: self._output_words()[at : at + count]
             outputs.write = self._write_image
 
-    # -- channels ----------------------------------------------------------------------------------------------------
+    # -- channels
+    # ----------------------------------------------------------------------------------------------------
 
     def input(self, number: int) -> DigitalInput:
         """Return a digital input by its number, from 0 on.
@@ -183,7 +193,8 @@ class ModbusIoStation:
             raise ConfigurationError(f"{self.name}: {kind}", number, allowed)
         return channels[number]
 
-    # -- faults ------------------------------------------------------------------------------------------------------
+    # -- faults
+    # ------------------------------------------------------------------------------------------------------
 
     def power_off(self) -> None:
         """Take its supply away: it answers nothing, its outputs are off at once."""
@@ -205,7 +216,9 @@ class ModbusIoStation:
                 counter.restart()
 
     def stick(self, kind: str, number: int, value: float | None) -> None:
-        """Let a channel stand at a value, a level or a quantity in its unit, whatever comes; None: it works again."""
+        """Let a channel stand at a value, a level or a quantity in its unit, whatever comes; None: it works
+        again.
+        """
         channel = self._wired(kind, number)
         if kind in ("input", "output"):
             channel.stick(None if value is None else bool(value))
@@ -246,7 +259,9 @@ class ModbusIoStation:
         self.rewire(kind, pairs)
 
     def rewire(self, kind: str, pairs: Sequence[tuple[int, int]]) -> None:
-        """Exchange the wires of pairs of channels, one pair after the other, beginning from how they should be; without pairs they are right."""
+        """Exchange the wires of pairs of channels, one pair after the other, beginning from how they should
+        be; without pairs they are right.
+        """
         for number in chain.from_iterable(pairs):
             self.channel(kind, number)
         channels = self._of(kind)
@@ -283,7 +298,8 @@ class ModbusIoStation:
         elif isinstance(channel, DigitalOutput) and channel.on_change is not None:
             channel.on_change(channel.level)
 
-    # -- bus ---------------------------------------------------------------------------------------------------------
+    # -- bus
+    # --------------------------------------------------------------------------------------------------------
 
     def _input_words(self) -> list[int]:
         return self.image.pack_inputs(
@@ -339,10 +355,13 @@ class ModbusIoStation:
             if analog.substitute is not None:
                 analog.set(analog.substitute)
 
-    # -- evidence ----------------------------------------------------------------------------------------------------
+    # -- evidence
+    # ----------------------------------------------------------------------------------------------------
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values of `trace_columns`: inputs behind their filter, outputs at the end of their wires."""
+        """Return the present values of `trace_columns`: inputs behind their filter, outputs at the end of
+        their wires.
+        """
         return (
             _bits([one.value for one in self.digital_inputs]),
             _bits([one.level for one in self.digital_outputs]),

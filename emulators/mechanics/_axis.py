@@ -1,19 +1,22 @@
-"""An axis: motor, gear, lead screw and load as one inertia, with friction, end stops, load force and switches.
+"""An axis: motor, gear, lead screw and load as one inertia, with friction, end stops, load force and
+switches.
 
-The model is one degree of freedom in the coordinate of the load (m or rad, called *load unit* below). Per step:
+The model is one degree of freedom in the coordinate of the load (m or rad, called *load unit* below). Per
+step:
 
-* The linear part (inertia, viscous friction, a constant force) is advanced by the trapezoidal rule, which is stable for every
-  step and exact for a constant force without viscous friction.
-* Coulomb friction is a bound on the momentum that friction can take away in one step: where it suffices to stop the load, the load stands
-  exactly still. There is no threshold speed, hence neither creep nor chatter.
-* The end stops are stiff springs with dampers; in contact the step is implicit Euler, stable at any stiffness.
+* The linear part (inertia, viscous friction, a constant force) is advanced by the trapezoidal rule, which
+  is stable for every step and exact for a constant force without viscous friction.
+* Coulomb friction is a bound on the momentum that friction can take away in one step: where it suffices to
+  stop the load, the load stands exactly still. There is no threshold speed, hence neither creep nor chatter.
+* The end stops are stiff springs with dampers; in contact the step is implicit Euler, stable at any
+  stiffness.
 
-With backlash, or a broken coupling, motor and load are two bodies: `_step_parted`. Within the play each moves by itself; where its end
-is reached they collide without bouncing, and go on as one body for as long as they press against each other. A broken coupling is a play
-without end.
+With backlash, or a broken coupling, motor and load are two bodies: `_step_parted`. Within the play each moves
+by itself; where its end is reached they collide without bouncing, and go on as one body for as long as they
+press against each other. A broken coupling is a play without end.
 
-The common case costs one comparison against the *quiet range*: the interval of positions in which no switch changes and
-no end stop is touched.
+The common case costs one comparison against the *quiet range*: the interval of positions in which no switch
+changes and no end stop is touched.
 """
 
 from __future__ import annotations
@@ -27,7 +30,8 @@ from fieldbus.errors import ConfigurationError
 
 
 class AxisMechanics(PartedBodies):
-    """Inertia behind a transmission, in the coordinate of the load: in one piece, or in two with backlash between them.
+    """Inertia behind a transmission, in the coordinate of the load: in one piece, or in two with backlash
+    between them.
 
     Use `LinearAxisMechanics` or `RotaryAxisMechanics`.
 
@@ -131,7 +135,8 @@ class AxisMechanics(PartedBodies):
         self._extra_friction = 0.0
         self._motor_share = checked_share(motor_share)
         self._free_speed = 0.0
-        # Half of the play, how far it is to become, and how fast; where the motor stands in it, seen from the load.
+        # Half of the play, how far it is to become, and how fast; where the motor stands in it, seen from the
+        # load.
         self._play = self._worn_play = self._own_play = 0.5 * checked("backlash", backlash, minimum=0.0)
         self._wear = self._gap = 0.0
         self._parted = self._play > 0.0
@@ -199,7 +204,9 @@ class AxisMechanics(PartedBodies):
         self._refresh_forces()
 
     def add_friction(self, force: float) -> None:
-        """Add dry friction to that of the load, N or Nm, >= 0: bearings or ways that have gone bad; 0 = as new."""
+        """Add dry friction to that of the load, N or Nm, >= 0: bearings or ways that have gone bad; 0 = as
+        new.
+        """
         self._extra_friction = checked("force", force, minimum=0.0)
         self._refresh_forces()
 

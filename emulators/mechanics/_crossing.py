@@ -1,4 +1,6 @@
-"""Where a body was between two steps, and when it passed a place: the velocity changes linearly within a step."""
+"""Where a body was between two steps, and when it passed a place: the velocity changes linearly within a
+step.
+"""
 
 from __future__ import annotations
 

@@ -33,7 +33,8 @@ class LinearAxisMechanics(AxisMechanics):
         stop_damping: Ns/m.
         position_m: Start position, m.
         switches: Switches on the travel, positions in m.
-        backlash_m: Play between nut and slide, from one side to the other, m, >= 0; motor and screw are on one side of it.
+        backlash_m: Play between nut and slide, from one side to the other, m, >= 0; motor and screw are
+            on one side of it.
 
     """
 
@@ -148,5 +149,7 @@ class RotaryAxisMechanics(AxisMechanics):
 
 
 def _motor_share(motor: float, load: float) -> float:
-    """Return the share of the motor's side; a load without inertia has still a little, which keeps it apart from nothing."""
+    """Return the share of the motor's side; a load without inertia has still a little, which keeps it apart
+    from nothing.
+    """
     return min(motor / (motor + load), _LARGEST_SHARE)

@@ -1,7 +1,7 @@
 """Motor and load as two bodies: play between them, a coupling that slips or breaks.
 
-Within the play each moves by itself; where its end is reached they collide without bouncing, and go on as one body for as long
-as they press against each other. A broken coupling is a play without end.
+Within the play each moves by itself; where its end is reached they collide without bouncing, and go on as one
+body for as long as they press against each other. A broken coupling is a play without end.
 """
 
 from __future__ import annotations
@@ -85,8 +85,8 @@ class PartedBodies:
         """Displace the load by `distance` (m or rad) while the motor shaft turns on.
 
         Returns:
-            Whether the angle of the shaft has moved with it, by `distance / ratio`, which who measures it has to take
-            back; False where motor and load are apart already.
+            Whether the angle of the shaft has moved with it, by `distance / ratio`, which who measures it has
+            to take back; False where motor and load are apart already.
 
         """
         self.position += checked("distance", distance)
@@ -99,7 +99,8 @@ class PartedBodies:
         return not broken
 
     def break_coupling(self, motor_share: float) -> None:
-        """Part motor and load for good: the motor turns alone, the load coasts; a brake on the motor holds the motor only.
+        """Part motor and load for good: the motor turns alone, the load coasts; a brake on the motor holds
+        the motor only.
 
         Args:
             motor_share: Share of the whole inertia that is on the side of the motor, above 0, below 1.
@@ -115,7 +116,8 @@ class PartedBodies:
         self._part(math.inf)
 
     def wear_out(self, backlash: float, growth_s: float = 0.0) -> None:
-        """Let the play between motor and load grow by `backlash` (load unit) within a time; 0 = as it was built.
+        """Let the play between motor and load grow by `backlash` (load unit) within a time; 0 = as it was
+        built.
 
         What is mended draws the load to where the motor is.
 
@@ -176,7 +178,8 @@ class PartedBodies:
                 position, load_new = self._contact(self._load_force, load_new, position)
                 gap = min(max(gap + start + load_way - position, -play), play)
         else:
-            # They collide within this step, or press against each other already: from then on they move as one.
+            # They collide within this step, or press against each other already: from then on they move as
+            # one.
             end = math.copysign(play, gap)
             alone = min(max((end - self._gap) / (way - load_way), 0.0), 1.0)
             velocity = share * (motor + alone * (motor_new - motor)) + (1.0 - share) * (
@@ -197,7 +200,9 @@ class PartedBodies:
     def _step_together(
         self, force: float, velocity: float, position: float, share: float
     ) -> tuple[float, float]:
-        """Return position and velocity of the load after a share of a step in which motor and load are one body."""
+        """Return position and velocity of the load after a share of a step in which motor and load are one
+        body.
+        """
         holding = self._static + self._brake + self._extra_friction
         if self._jammed or (velocity == 0.0 and abs(force) <= holding and not self.in_contact):
             return position, 0.0

@@ -11,13 +11,15 @@ from fieldbus.errors import ConfigurationError
 class SwitchModel:
     """A switch that is actuated while the load stands inside a range of positions.
 
-    A load that passes the whole range within one step operates the switch all the same: both edges come, one after the
-    other. While `on_change` is called, `edge` says where the load has made the edge.
+    A load that passes the whole range within one step operates the switch all the same: both edges come, one
+    after the other. While `on_change` is called, `edge` says where the load has made the edge.
 
     Args:
-        low: Lower end of the actuated range, load unit (m or rad); -inf: actuated for everything below `high`.
+        low: Lower end of the actuated range, load unit (m or rad); -inf: actuated for everything below
+            `high`.
         high: Upper end of the actuated range, load unit; +inf: actuated for everything above `low`.
-        hysteresis: The load has to leave the range by this much before the switch falls back, load unit, >= 0.
+        hysteresis: The load has to leave the range by this much before the switch falls back, load unit,
+            >= 0.
         inverted: Polarity of the signal: True reports the opposite of the actuation, as a switch wired the
             wrong way does.
 

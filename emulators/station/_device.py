@@ -1,4 +1,6 @@
-"""A device that is nothing but its dictionary: communication as CiA 301 says, plain storage behind the rest."""
+"""A device that is nothing but its dictionary: communication as CiA 301 says, plain storage behind the
+rest.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +16,11 @@ from fieldbus.history import History
 
 
 class CanopenDevice:
-    """An I/O station, a gateway, an operator panel: any device whose EDS is there, without a behaviour of its own.
+    """An I/O station, a gateway, an operator panel: any device whose EDS is there, without a behaviour of its
+    own.
 
-    What is written stays written; what a test `set`s is what the bus reads, and event-driven TPDOs that map it are sent.
-    Limits, access rights, PDO set and defaults are those of the EDS. It is off until `power_on`.
+    What is written stays written; what a test `set`s is what the bus reads, and event-driven TPDOs that map
+    it are sent. Limits, access rights, PDO set and defaults are those of the EDS. It is off until `power_on`.
 
     Args:
         scheduler: Time of the bench.
@@ -76,7 +79,8 @@ class CanopenDevice:
         return self.slave.get(index, sub)
 
     def set(self, index: int, sub: int, value: Any) -> None:
-        """Set a value as the device's own process would, an input for example; access rights and limits do not matter.
+        """Set a value as the device's own process would, an input for example; access rights and limits do
+        not matter.
 
         Raises:
             ConfigurationError: The EDS has no such entry.

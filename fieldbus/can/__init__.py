@@ -1,7 +1,8 @@
 """CAN: frames, segments in virtual time and in real time, python-can at the edges.
 
 What is imported here does not import python-can. The modules that do, and cost its import time, are
-`fieldbus.can.interface` (python-can programs on a segment), `fieldbus.can.live` (a python-can bus as a segment) and
+`fieldbus.can.interface` (python-can programs on a segment), `fieldbus.can.live` (a python-can bus as a
+segment) and
 `fieldbus.can.export` (log files).
 """
 

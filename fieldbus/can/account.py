@@ -1,4 +1,6 @@
-"""What the controllers of a segment tell of the frame that is followed bit by bit: events, log, deliveries."""
+"""What the controllers of a segment tell of the frame that is followed bit by bit: events, log,
+deliveries.
+"""
 
 from __future__ import annotations
 
@@ -148,7 +150,7 @@ class FrameAccount(ErrorHandling):
             self._log_here(end_ns, *self._failing, self._first_code.value)
         self._forget_frame()
 
-    # --------------------------------------------------------------------------------------------- what controllers tell
+    # ---------------------------------------------------------------------------------- what controllers tell
 
     def frame_started(self, controller: Controller) -> None:  # noqa: ARG002 - the same for all
         """See `fieldbus.can.controller.Host`."""
@@ -159,7 +161,9 @@ class FrameAccount(ErrorHandling):
         return heappop(port.queue)
 
     def frame_to_send(self, controller: Controller) -> Entry | None:
-        """See `fieldbus.can.controller.Host`; the SOF is that of somebody else, so the hooks are not asked."""
+        """See `fieldbus.can.controller.Host`; the SOF is that of somebody else, so the hooks are not
+        asked.
+        """
         port = controller.port
         if not port.queue or not port.can_send:
             return None

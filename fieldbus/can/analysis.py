@@ -1,6 +1,8 @@
-"""Figures about the traffic of a segment: load and worst-case response times ahead of time, jitter afterwards.
+"""Figures about the traffic of a segment: load and worst-case response times ahead of time, jitter
+afterwards.
 
-The calculations are those that a bus is laid out with; a test compares them with what the virtual segment does.
+The calculations are those that a bus is laid out with; a test compares them with what the virtual segment
+does.
 """
 
 from __future__ import annotations
@@ -53,12 +55,15 @@ class PeriodicFrame(NamedTuple):
 
 
 def worst_case_time_ns(frame: CanFrame, bitrate: int) -> int:
-    """Return the longest that a frame of this format and length can be, intermission included, ns (CANP-016)."""
+    """Return the longest that a frame of this format and length can be, intermission included, ns
+    (CANP-016).
+    """
     return worst_case_bits(len(frame.data), extended=frame.extended) * S // bitrate
 
 
 def planned_load(traffic: Iterable[PeriodicFrame], bitrate: int, *, exact: bool = False) -> float:
-    """Return the part of the time that `traffic` occupies the bus, 0..1 and above if it does not fit (CANP-069).
+    """Return the part of the time that `traffic` occupies the bus, 0..1 and above if it does not fit
+    (CANP-069).
 
     Args:
         traffic: The frames.
@@ -76,8 +81,8 @@ def planned_load(traffic: Iterable[PeriodicFrame], bitrate: int, *, exact: bool 
 def response_time_ns(wanted: PeriodicFrame, traffic: Sequence[PeriodicFrame], bitrate: int) -> int | None:
     """Return the longest time from the request of a frame to the end of its intermission, ns (CANP-032).
 
-    R = J + w + C with w = B + sum of ceil((w + J_k + bit) / T_k) C_k over all frames of higher priority; B is the longest
-    frame of lower priority. Errors on the bus are not in it.
+    R = J + w + C with w = B + sum of ceil((w + J_k + bit) / T_k) C_k over all frames of higher priority; B is
+    the longest frame of lower priority. Errors on the bus are not in it.
 
     Args:
         wanted: The frame.
@@ -118,7 +123,9 @@ class ArrivalStatistics(NamedTuple):
 
     arrivals: int
     earliest_ns: int
-    """Least deviation from the grid, ns; the grid begins at the earliest arrival that the traffic allows, so >= 0."""
+    """Least deviation from the grid, ns; the grid begins at the earliest arrival that the traffic allows, so
+    >= 0.
+    """
     latest_ns: int
     """Greatest deviation, ns."""
     mean_ns: float
@@ -138,7 +145,8 @@ def arrival_statistics(
     Args:
         arrivals_ns: Times of arrival in their order, ns; two at least.
         period_ns: Period of the producer, ns.
-        phase_ns: Time at which the first would have arrived without any delay; default: such that the earliest is 0 late.
+        phase_ns: Time at which the first would have arrived without any delay; default: such that the
+            earliest is 0 late.
 
     Raises:
         BusError: Fewer than two arrivals, or a period that is not positive.

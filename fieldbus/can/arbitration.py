@@ -1,12 +1,13 @@
 """The cyclic path of the virtual segment: queues, arbitration, transmission and delivery of good frames.
 
-One scheduler event per frame, at the end of its EOF. Who sends next is decided ahead of time, when the bus becomes
-free or the first frame is queued on an idle bus; until the very instant of the start of frame the decision is
-open, and a frame that is queued by then and ranks higher takes the place. So all frames of one instant take part
-in the arbitration whatever the order of the calls, and no event is needed for the intermission.
+One scheduler event per frame, at the end of its EOF. Who sends next is decided ahead of time, when the bus
+becomes free or the first frame is queued on an idle bus; until the very instant of the start of frame the
+decision is open, and a frame that is queued by then and ranks higher takes the place. So all frames of one
+instant take part in the arbitration whatever the order of the calls, and no event is needed for the
+intermission.
 
-With hooks installed the decision is not taken ahead but by an event at the start of the frame, after everything
-else of that instant, because a hook must see a frame once and only when it really goes out.
+With hooks installed the decision is not taken ahead but by an event at the start of the frame, after
+everything else of that instant, because a hook must see a frame once and only when it really goes out.
 """
 
 from __future__ import annotations
@@ -24,10 +25,13 @@ from fieldbus.clock import Scheduler, Timer
 from fieldbus.errors import BusError, ConfigurationError
 
 LogEntry = tuple[int, str, CanFrame, str]
-"""A frame on the wire: time of its end (ns), name of the sender, the frame, what went wrong ("" = it was good)."""
+"""A frame on the wire: time of its end (ns), name of the sender, the frame, what went wrong ("" = it was
+good).
+"""
 
 COMMIT_PRIORITY: Final = 1000
-"""Rank of the start of a hooked frame among the events of its instant: after everything that may still send."""
+"""Rank of the start of a hooked frame among the events of its instant: after everything that may still send.
+"""
 
 _NS: Final = 1_000_000_000
 _LONGEST_BITS: Final = 256  # more than the longest frame with the longest error frame
@@ -113,7 +117,8 @@ class Arbitration(ABC):
                     and self.scheduler.now <= self._open_until_ns
                     and len(port.queue) < port.tx_buffers
                 ):
-                    # One more frame of a node whose first one has yet to start, and ranks higher: nothing changes.
+                    # One more frame of a node whose first one has yet to start, and ranks higher: nothing
+                    # changes.
                     heappush(port.queue, (key, sequence, 0, frame, bits, NOT_ASKED))
                     self._backlog += 1
                     continue
@@ -162,7 +167,7 @@ class Arbitration(ABC):
             heappush(port.queue, entry)
             self._backlog += 1
 
-    # --------------------------------------------------------------------------------------------- arbitration
+    # -------------------------------------------------------------------------------------------- arbitration
 
     def _arbitrate(self, earliest_ns: int) -> None:
         """Decide who sends next, not before `earliest_ns`; nobody has the bus."""
@@ -180,7 +185,9 @@ class Arbitration(ABC):
             self._transmit(start, contenders[0], start)
 
     def _contend(self, earliest_ns: int) -> tuple[int, list[MediumPort]]:
-        """Return when the next frame can start, and the ports that then send the winning arbitration field."""
+        """Return when the next frame can start, and the ports that then send the winning arbitration
+        field.
+        """
         start = earliest_ns
         while True:
             contenders: list[MediumPort] = []
@@ -401,7 +408,7 @@ class Arbitration(ABC):
         self.scheduler.after(verdict.delay_ns, offer)
         return False
 
-    # --------------------------------------------------------------------------------------------- beyond good frames
+    # ------------------------------------------------------------------------------------- beyond good frames
 
     @abstractmethod
     def _is_special(self, contenders: Sequence[MediumPort]) -> bool:

@@ -1,4 +1,5 @@
-"""A classical CAN frame bit by bit: which field every bit of the wire belongs to, and which bits are stuff bits.
+"""A classical CAN frame bit by bit: which field every bit of the wire belongs to, and which bits are stuff
+bits.
 
 For what happens inside of a frame; the length alone is `fieldbus.can.timing.frame_bits`, which is faster.
 """
@@ -14,21 +15,35 @@ from fieldbus.errors import BusError
 
 _STANDARD: Final = (("sof", 1), ("id", 11), ("rtr", 1), ("ide", 1), ("reserved", 1), ("dlc", 4))
 _EXTENDED: Final = (
-    ("sof", 1), ("id", 11), ("srr", 1), ("ide", 1), ("id_extension", 18), ("rtr", 1), ("reserved", 2), ("dlc", 4),
-)  # fmt: skip
+    ("sof", 1),
+    ("id", 11),
+    ("srr", 1),
+    ("ide", 1),
+    ("id_extension", 18),
+    ("rtr", 1),
+    ("reserved", 2),
+    ("dlc", 4),
+)
 _TAIL: Final = (
-    ("crc_delimiter", 1), ("ack_slot", 1), ("ack_delimiter", 1), ("eof", 7), ("intermission", INTERMISSION_BITS),
-)  # fmt: skip
+    ("crc_delimiter", 1),
+    ("ack_slot", 1),
+    ("ack_delimiter", 1),
+    ("eof", 7),
+    ("intermission", INTERMISSION_BITS),
+)
 
 FIELDS: Final = (
     "sof", "id", "srr", "ide", "id_extension", "rtr", "reserved", "dlc", "data", "crc", "stuff",
     "crc_delimiter", "ack_slot", "ack_delimiter", "eof", "intermission",
 )  # fmt: skip
-"""The fields that a bit error can be aimed at, in the order of the wire; `stuff` counts the stuff bits (CANP-001..008)."""
+"""The fields that a bit error can be aimed at, in the order of the wire; `stuff` counts the stuff bits
+(CANP-001..008).
+"""
 
 
 class FrameImage:
-    """The bits of a frame on the wire, from SOF to the last bit of the stuffed region, and where its fields are.
+    """The bits of a frame on the wire, from SOF to the last bit of the stuffed region, and where its fields
+    are.
 
     Args:
         frame: The frame.
@@ -68,10 +83,14 @@ class FrameImage:
         """Positions on the wire by field."""
         self.stuff: Final = frozenset(stuff)
         self.arbitration_end: Final = places["rtr"][0] + 1
-        """Number of bits from SOF to RTR: who reads dominant for recessive before it has lost the arbitration."""
+        """Number of bits from SOF to RTR: who reads dominant for recessive before it has lost the
+        arbitration.
+        """
 
     def position(self, field: str, bit: int) -> int | None:
-        """Return the position on the wire of bit `bit` of `field` (-1: its last); None when this frame has no such bit."""
+        """Return the position on the wire of bit `bit` of `field` (-1: its last); None when this frame has no
+        such bit.
+        """
         places = self.places[field]
         return places[bit] if -len(places) <= bit < len(places) else None
 

@@ -1,10 +1,10 @@
 """The virtual segment bit by bit, while something is wrong on the wire.
 
-The cyclic path computes good frames as a whole. A frame with a bit error, with several senders, one whose sender vanishes, a bus
-that is stuck or split and nodes with a wrong bit rate are followed with one event per bit instead: every node is a
-`Controller`, the bus is the AND of what they send, and what comes of an error follows from the rules of each node. It begins
-with a SOF, or in the middle of a frame, which is then repeated up to the present bit without events; it ends when all nodes
-agree that the frame is over.
+The cyclic path computes good frames as a whole. A frame with a bit error, with several senders, one whose
+sender vanishes, a bus that is stuck or split and nodes with a wrong bit rate are followed with one event per
+bit instead: every node is a `Controller`, the bus is the AND of what they send, and what comes of an error
+follows from the rules of each node. It begins with a SOF, or in the middle of a frame, which is then repeated
+up to the present bit without events; it ends when all nodes agree that the frame is over.
 """
 
 from __future__ import annotations
@@ -127,7 +127,9 @@ class BitwiseSegment(FrameAccount):
         return (self.log[-1][1],) if self._keep_log and self.log else ()
 
     def _join_grid(self, grid_ns: int, bit: int) -> None:
-        """Follow the bus bit by bit from `bit` of the grid of another segment on, without controllers so far."""
+        """Follow the bus bit by bit from `bit` of the grid of another segment on, without controllers so
+        far.
+        """
         self._bitwise = self._deciding = True
         self._plain = False
         self._grid_ns = grid_ns
@@ -138,7 +140,9 @@ class BitwiseSegment(FrameAccount):
         self._forget_frame()
 
     def _repeat_start(self, sender: MediumPort, entry: Entry) -> None:
-        """Let those begin who began with the frame that is on the wire, and lost the arbitration against it."""
+        """Let those begin who began with the frame that is on the wire, and lost the arbitration against
+        it.
+        """
         late = self._late_sequence if self._late_ns == self._grid_ns else self._sequence + 1
         for controller in self._controllers:
             port = controller.port
@@ -155,7 +159,9 @@ class BitwiseSegment(FrameAccount):
                     controller.begin(first)
 
     def _begin(self, origin_ns: int, sender: MediumPort | None = None) -> None:
-        """Give every node, and `sender` in any case, a controller that expects a frame from `origin_ns` on."""
+        """Give every node, and `sender` in any case, a controller that expects a frame from `origin_ns`
+        on.
+        """
         self._disarm()
         self._join_grid(origin_ns, 0)
         self._controllers = []
@@ -192,7 +198,7 @@ class BitwiseSegment(FrameAccount):
         self._bit = max(self._bit, (self.scheduler.now - self._grid_ns) * self.bitrate // S)
         self._next_bit()
 
-    # --------------------------------------------------------------------------------------------- starting frames
+    # ---------------------------------------------------------------------------------------- starting frames
 
     def _start_frames(self) -> None:
         """Let everybody who has a frame and may send begin with this bit."""
@@ -284,7 +290,8 @@ class BitwiseSegment(FrameAccount):
         for planned in [one for one in self._planned if one.bit <= self._bit]:
             self._planned.remove(planned)
             controller, bit, error = planned
-            # Behind the last bit of the frame its sender need not be sending any more, but it must have come so far.
+            # Behind the last bit of the frame its sender need not be sending any more, but it must have come
+            # so far.
             if bit == self._bit and (
                 controller.entry is not None or controller.step == controller.intermission
             ):
@@ -369,7 +376,7 @@ class BitwiseSegment(FrameAccount):
                 return False
         return True
 
-    # --------------------------------------------------------------------------------------------- nodes come and go
+    # -------------------------------------------------------------------------------------- nodes come and go
 
     def _add_controller(self, port: MediumPort) -> None:
         """Let `port` join the segment that is followed bit by bit."""

@@ -1,8 +1,8 @@
 """Bus logs as files that other tools read, and their files as frames.
 
-A log that starts at time zero is put on a Unix epoch, because formats and tools take times in the first decades of
-the epoch for relative ones. Times are exact to a microsecond in candump and ASC files and to a nanosecond in BLF files, as
-far as the reader's floating-point seconds go (about 0.1 us).
+A log that starts at time zero is put on a Unix epoch, because formats and tools take times in the first
+decades of the epoch for relative ones. Times are exact to a microsecond in candump and ASC files and to a
+nanosecond in BLF files, as far as the reader's floating-point seconds go (about 0.1 us).
 """
 
 from __future__ import annotations
@@ -117,7 +117,8 @@ def _write_asc(log: Iterable[LogEntry], path: Path, _channel: str, epoch_s: int)
 
 def _write_blf(log: Iterable[LogEntry], path: Path, _channel: str, epoch_s: int) -> None:
     writer = can.BLFWriter(path)
-    # Times are stored as nanoseconds from the start. With the epoch entered only into the header they keep their digits.
+    # Times are stored as nanoseconds from the start. With the epoch entered only into the header they keep
+    # their digits.
     writer.start_timestamp = 0.0
     last_s = 0.0
     for message in _messages(log):
@@ -135,7 +136,8 @@ def read_log(path: str | Path, *, origin_s: float | None = None) -> list[tuple[f
 
     Args:
         path: The file: .log, .asc, .blf, .trc, .csv, ...
-        origin_s: Unix time that becomes time zero; `EPOCH_S` gives the bench times of files written by `write_log`.
+        origin_s: Unix time that becomes time zero; `EPOCH_S` gives the bench times of files written by
+            `write_log`.
             Default: the first frame is at zero.
 
     Returns:

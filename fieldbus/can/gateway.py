@@ -1,8 +1,9 @@
-"""The CAN gateway of the Linux kernel (`can-gw`): rules that pass frames from one interface to another, and change them.
+"""The CAN gateway of the Linux kernel (`can-gw`): rules that pass frames from one interface to another, and
+change them.
 
-Spoken to over netlink, so that nothing but the kernel module and the right `CAP_NET_ADMIN` is needed. What a rule says
-holds for every frame that passes, at once and without any process; what it cannot say (delays, repetitions, counts) needs
-`LiveSegment` with a bridge.
+Spoken to over netlink, so that nothing but the kernel module and the right `CAP_NET_ADMIN` is needed. What a
+rule says holds for every frame that passes, at once and without any process; what it cannot say (delays,
+repetitions, counts) needs `LiveSegment` with a bridge.
 """
 
 from __future__ import annotations
@@ -76,7 +77,9 @@ class Modification:
 
 @dataclass(frozen=True, slots=True)
 class XorChecksum:
-    """A checksum over data bytes that is set right after a modification; negative indices count from the end."""
+    """A checksum over data bytes that is set right after a modification; negative indices count from the
+    end.
+    """
 
     first: int
     last: int
@@ -175,7 +178,8 @@ class Gateway:
         """Add a rule.
 
         Raises:
-            BusError: An interface does not exist, the rule is wrong, or the right or the kernel module is missing.
+            BusError: An interface does not exist, the rule is wrong, or the right or the kernel module is
+                missing.
 
         """
         self.exchange([], [rule])
@@ -185,7 +189,8 @@ class Gateway:
         self.exchange([rule], [])
 
     def exchange(self, old: Sequence[GatewayRule], new: Sequence[GatewayRule]) -> None:
-        """Take rules away and add others, in one call of the kernel, so that next to no frame falls in between.
+        """Take rules away and add others, in one call of the kernel, so that next to no frame falls in
+        between.
 
         Raises:
             BusError: See `add`.

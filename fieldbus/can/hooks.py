@@ -47,12 +47,13 @@ class HookResult:
 
     @classmethod
     def corrupt(cls, count: int = 1, error: BitError | None = None) -> Self:
-        """The next `count` (>= 1) attempts suffer a bit error; what follows depends on its place (virtual segments only).
+        """The next `count` (>= 1) attempts suffer a bit error; what follows depends on its place (virtual
+        segments only).
 
         Args:
             count: Attempts in a row.
-            error: Which bit is wrong, and for whom; default: the last bit of the CRC, for all. A frame that has no such
-                bit passes.
+            error: Which bit is wrong, and for whom; default: the last bit of the CRC, for all. A frame
+                that has no such bit passes.
 
         """
         if count < 1:
@@ -79,7 +80,8 @@ class HookResult:
 
     def __repr__(self) -> str:
         details = {"delay_ns": self.delay_ns, "count": self.count, "frame": self.frame, "error": self.error}
-        return f"HookResult.{self.kind}({', '.join(f'{key}={value}' for key, value in details.items() if value)})"
+        shown = ", ".join(f"{key}={value}" for key, value in details.items() if value)
+        return f"HookResult.{self.kind}({shown})"
 
 
 FrameHook = Callable[[CanFrame, str, int], HookResult | None]

@@ -1,7 +1,8 @@
 """The gateway for python-can programs: `can.Bus(interface="hil", channel=...)` is a node of a segment.
 
-In virtual time whoever waits in `recv` lets the simulated time pass, so that a program that was written for real hardware
-runs unchanged, and faster. Time-outs and periods are then simulated seconds, and so are the time stamps.
+In virtual time whoever waits in `recv` lets the simulated time pass, so that a program that was written for
+real hardware runs unchanged, and faster. Time-outs and periods are then simulated seconds, and so are the
+time stamps.
 """
 
 from __future__ import annotations
@@ -41,17 +42,18 @@ _STATES: Final = {
 class HilBus(can.BusABC):
     """A python-can bus on a segment of this process.
 
-    On a virtual segment it belongs to the one thread of the simulation: `recv` runs the scheduler, and is refused
-    from other threads, so that a `can.Notifier` cannot be used there. On a segment in real time `send` and `recv`
-    may be called from any thread; `recv` in the thread that made the bus runs the scheduler while nobody else does.
+    On a virtual segment it belongs to the one thread of the simulation: `recv` runs the scheduler, and is
+    refused from other threads, so that a `can.Notifier` cannot be used there. On a segment in real time
+    `send` and `recv` may be called from any thread; `recv` in the thread that made the bus runs the scheduler
+    while nobody else does.
 
     Args:
         channel: The segment, or the name of one (`fieldbus.can.register_segment`).
         can_filters: As for every python-can bus.
         receive_own_messages: Whether own messages come back (`is_rx` false) when they have been sent.
         name: Name of the node in logs; default "python-can", with a number if that is taken.
-        error_frames: Whether errors on the bus and changes of the own state are received as error frames, in the
-            encoding of SocketCAN.
+        error_frames: Whether errors on the bus and changes of the own state are received as error frames,
+            in the encoding of SocketCAN.
         bitrate: If given, must be that of the segment.
         options: Anything else that a configuration holds for other interfaces; not used.
 
@@ -151,12 +153,13 @@ class HilBus(can.BusABC):
         self._cleanup.append(lambda: segment.bus_error_listeners.remove(on_error))
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Return the next message that passes the filters, or None after `timeout` seconds of the segment's time.
+        """Return the next message that passes the filters, or None after `timeout` seconds of the segment's
+        time.
 
         Raises:
-            can.CanOperationError: The bus is shut down; or without a time-out nothing can ever arrive, because the
-                simulation has no event left; or it would have to wait inside of a callback, or on a virtual
-                segment in a thread that the bus does not belong to.
+            can.CanOperationError: The bus is shut down; or without a time-out nothing can ever arrive,
+                because the simulation has no event left; or it would have to wait inside of a callback, or on
+                a virtual segment in a thread that the bus does not belong to.
             ValueError: The time-out is no number.
 
         """
@@ -213,8 +216,10 @@ class HilBus(can.BusABC):
         thread = get_ident()
         if not scheduler.realtime and thread != self._thread:
             raise can.CanOperationError(
-                f"{self.segment.name} lives in virtual time, which has one thread: call recv in the thread that made the "
-                "bus, use callbacks of the segment in place of a Notifier, and for canopen fieldbus.canopen.PumpedNetwork"
+                f"{self.segment.name} lives in virtual time, which has one thread: call recv in the thread "
+                f"that made the "
+                "bus, use callbacks of the segment in place of a Notifier, and for canopen "
+                "fieldbus.canopen.PumpedNetwork"
             )
         if scheduler.running and (not scheduler.realtime or thread == self._scheduler_thread):
             raise can.CanOperationError("recv inside of a callback must not wait: use timeout=0")
@@ -239,8 +244,8 @@ class HilBus(can.BusABC):
         """Queue `msg`; it goes out while the scheduler runs.
 
         Raises:
-            can.CanOperationError: The bus is shut down, the transmit queue is full, or the message is an error
-                frame, a CAN FD message or no valid CAN message.
+            can.CanOperationError: The bus is shut down, the transmit queue is full, or the message is an
+                error frame, a CAN FD message or no valid CAN message.
 
         """
         self._check_open()
@@ -289,11 +294,13 @@ class HilBus(can.BusABC):
         else:
             action()
 
-    # --------------------------------------------------------------------------------------------- state and end
+    # ------------------------------------------------------------------------------------------ state and end
 
     @property
     def state(self) -> can.BusState:
-        """ACTIVE, PASSIVE (error-passive) or ERROR (bus-off); always ACTIVE where the segment does not tell."""
+        """ACTIVE, PASSIVE (error-passive) or ERROR (bus-off); always ACTIVE where the segment does not
+        tell.
+        """
         return _STATES[getattr(self.port, "state", NodeState.ERROR_ACTIVE)]
 
     @state.setter
@@ -326,8 +333,8 @@ class _NothingLeftError(can.CanOperationError):
 class CyclicTask(LimitedDurationCyclicSendTaskABC, ModifiableCyclicTaskABC, RestartableCyclicTaskABC):
     """A periodic message in the time of the segment, without a thread; made by `HilBus.send_periodic`.
 
-    The first message goes out when the scheduler next runs, the others at whole periods from then. Several messages
-    take turns. A message that finds the transmit queue full is lost.
+    The first message goes out when the scheduler next runs, the others at whole periods from then. Several
+    messages take turns. A message that finds the transmit queue full is lost.
     """
 
     def __init__(

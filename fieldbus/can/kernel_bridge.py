@@ -42,14 +42,15 @@ class KernelBridge:
         """Return the sides whose frames a fault at `sender` (empty: both) would hit.
 
         Raises:
-            UnsupportedFaultError: There is no such side, or it has a fault already: a rule can leave out one pattern of
-                identifiers only.
+            UnsupportedFaultError: There is no such side, or it has a fault already: a rule can leave out
+                one pattern of identifiers only.
 
         """
         sources = [side for side in self.sides if sender in ("", side)]
         if not sources:
             raise UnsupportedFaultError(
-                f"the gateway of the kernel knows no sender {sender!r}, only its sides: {', '.join(self.sides)}"
+                f"the gateway of the kernel knows no sender {sender!r}, only its sides: "
+                f"{', '.join(self.sides)}"
             )
         for source in sources:
             if [(rule.mask, rule.modifications) for rule in self._present[source]] != [(0, ())]:
@@ -92,7 +93,9 @@ class KernelBridge:
         return KernelTreatment(self, tuple(sources))
 
     def mend(self, sources: tuple[str, ...]) -> int:
-        """Pass everything on again; returns how many frames were changed, as far as the kernel counts them."""
+        """Pass everything on again; returns how many frames were changed, as far as the kernel counts
+        them.
+        """
         changing = {rule.identity for source in sources for rule in self._present[source] if rule.identity}
         hits = sum(one.handled for one in self._gateway.counts() if one.identity in changing)
         for source in sources:

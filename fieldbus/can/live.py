@@ -33,20 +33,20 @@ BUS: Final = "bus"
 class LiveSegment:
     """A python-can bus as a segment; local nodes see the bus and each other.
 
-    A thread waits for frames and hands them to the scheduler; everything else runs there. A bus that fails or comes
-    back is told in the history (`can.status` with status DOWN or UP) and makes `send` raise.
+    A thread waits for frames and hands them to the scheduler; everything else runs there. A bus that fails or
+    comes back is told in the history (`can.status` with status DOWN or UP) and makes `send` raise.
 
-    With a bridge the segment is two buses made one: what comes from either side goes to the other, and can be hooked
-    on the way, although neither its sender nor its receivers are in this process. While nobody hooks, a frame is
-    passed on at once by the thread that has received it, also when the scheduler stands still.
+    With a bridge the segment is two buses made one: what comes from either side goes to the other, and can be
+    hooked on the way, although neither its sender nor its receivers are in this process. While nobody hooks,
+    a frame is passed on at once by the thread that has received it, also when the scheduler stands still.
 
     Args:
         scheduler: A realtime scheduler.
         bus: An open bus, to be received by nobody else.
         name: Name in logs; also registered for `can.Bus(interface="hil", channel=name)`.
         bridge: A second open bus.
-        side_names: Senders of what comes from `bus` and `bridge`, for hooks and the log; default "bus", and with a
-            bridge "near" and "far".
+        side_names: Senders of what comes from `bus` and `bridge`, for hooks and the log; default "bus",
+            and with a bridge "near" and "far".
         history: Where `can.status` and `can.bus_error` events go.
         keep_log: Whether `log` is written.
         close_bus: Whether `close` shuts the buses down.
@@ -88,7 +88,9 @@ class LiveSegment:
         """The bridge of the kernel that this segment is on, if there is one."""
         self._reports = SideReports(name, history, bridged=bridge is not None)
         self.ignored = self._reports.ignored
-        """What came and was no classical frame: CAN FD frames, and what the driver could not read. One event each."""
+        """What came and was no classical frame: CAN FD frames, and what the driver could not read. One event
+        each.
+        """
         self._keep_log = keep_log
         self._lossy = lossy
         self._ports: tuple[LivePort, ...] = ()
@@ -138,9 +140,9 @@ class LiveSegment:
             history: Where events go.
             keep_log: Whether `log` is written.
             lossy: A frame that the bus refuses is lost without an exception.
-            bridge: `channel` of the second bus of a bridge, its `interface` if it is another one, and its options.
-                The channels are the names of the sides then. With `gateway` = "kernel" the kernel joins the two, and
-                the segment is on the first; `kernel` then takes the faults that it can do.
+            bridge: `channel` of the second bus of a bridge, its `interface` if it is another one, and its
+                options. The channels are the names of the sides then. With `gateway` = "kernel" the kernel
+                joins the two, and the segment is on the first; `kernel` then takes the faults that it can do.
             options: Further options of the interface, such as `bitrate` or `port`.
 
         Raises:
@@ -177,9 +179,16 @@ class LiveSegment:
         if names[0] == names[1]:  # the same name on two kinds of interface
             names = (f"{interface} {channel}", f"{far_interface} {far_channel}")
         return cls(
-            scheduler, bus, name=name, bridge=far, side_names=names, history=history, keep_log=keep_log,
-            echo=echo, lossy=lossy,
-        )  # fmt: skip
+            scheduler,
+            bus,
+            name=name,
+            bridge=far,
+            side_names=names,
+            history=history,
+            keep_log=keep_log,
+            echo=echo,
+            lossy=lossy,
+        )
 
     @property
     def down(self) -> bool:
@@ -292,8 +301,8 @@ class LiveSegment:
     def arrived(self, side: BusSide, frame: CanFrame, time_ns: int) -> None:
         """See `SideOwner`; in the reader's thread.
 
-        A frame of a bridge that nobody hooks overtakes nothing when it is passed on here: as long as an earlier one of
-        its side waits for the scheduler, it waits too.
+        A frame of a bridge that nobody hooks overtakes nothing when it is passed on here: as long as an
+        earlier one of its side waits for the scheduler, it waits too.
         """
         passed = False
         if self._parted and side is not self.sides[0]:
@@ -365,8 +374,8 @@ class LiveSegment:
     def add_hook(self, hook: FrameHook) -> Callable[[], None]:
         """Call `hook` with every frame that a local node sends or that comes from the bus (sender "bus").
 
-        Injected frames and copies are not hooked, delayed ones not again. A hook that wants a frame corrupted makes the
-        call that brought the frame raise `UnsupportedFaultError`.
+        Injected frames and copies are not hooked, delayed ones not again. A hook that wants a frame corrupted
+        makes the call that brought the frame raise `UnsupportedFaultError`.
 
         Returns:
             The function that removes the hook; harmless to repeat.
@@ -425,7 +434,7 @@ class LiveSegment:
         else:
             repeat()
 
-    # --------------------------------------------------------------------------------------------- state and end
+    # ------------------------------------------------------------------------------------------ state and end
 
     def _now(self) -> int:
         return max(self.scheduler.now, time.monotonic_ns() - self._realtime.origin_ns)

@@ -31,15 +31,16 @@ class LivePort:
         self.listen_only = listen_only
         self.confirm = confirm
         self.online = True
-        """False: the node neither sends nor receives. The adapter goes on acknowledging what is on the bus."""
+        """False: the node neither sends nor receives. The adapter goes on acknowledging what is on the bus.
+        """
         self.detached = False
 
     def send(self, frame: CanFrame) -> None:
         """Hand `frame` to the bus and to the other local nodes.
 
         Raises:
-            BusError: The port is detached or listens only, the segment is closed, the bus refuses, or the frame is
-                no classical CAN frame.
+            BusError: The port is detached or listens only, the segment is closed, the bus refuses, or the
+                frame is no classical CAN frame.
 
         """
         self.segment.submit(self, frame)

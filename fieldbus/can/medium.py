@@ -21,11 +21,11 @@ _INJECTOR_BUFFERS: Final = 1 << 20
 class CanMedium(DivisibleSegment):
     """A CAN segment in virtual time: frame times to the bit, arbitration, acknowledge, error confinement.
 
-    A frame occupies the bus for its exact length with stuff bits; the other nodes receive it at the end of its EOF, and
-    the next one starts after the intermission at the earliest. A frame that no other online node acknowledges, that
-    a hook corrupts or that collides with one of equal identifier ends in an error frame and is retransmitted
-    until it succeeds or its sender is bus-off. Whatever disturbs the bus is followed bit by bit, with the error flags and
-    counters of every node, as ISO 11898-1 has it.
+    A frame occupies the bus for its exact length with stuff bits; the other nodes receive it at the end of
+    its EOF, and the next one starts after the intermission at the earliest. A frame that no other online node
+    acknowledges, that a hook corrupts or that collides with one of equal identifier ends in an error frame
+    and is retransmitted until it succeeds or its sender is bus-off. Whatever disturbs the bus is followed bit
+    by bit, with the error flags and counters of every node, as ISO 11898-1 has it.
 
     Not modelled: CAN FD, and positions within a bit (propagation, resynchronisation).
 
@@ -175,8 +175,8 @@ class CanMedium(DivisibleSegment):
     def inject(self, frame: CanFrame, sender: str = "fault") -> None:
         """Send `frame` from outside of the nodes, by normal arbitration and past the hooks.
 
-        The injecting device neither receives nor acknowledges. It appears in the log as `sender`, which may be
-        the name of a node.
+        The injecting device neither receives nor acknowledges. It appears in the log as `sender`, which may
+        be the name of a node.
 
         Raises:
             BusError: The frame is no classical CAN frame.
@@ -233,11 +233,14 @@ class CanMedium(DivisibleSegment):
 
     @property
     def busy_bits(self) -> int:
-        """Bit times for which the bus was occupied since the segment exists, counted when a frame has ended."""
+        """Bit times for which the bus was occupied since the segment exists, counted when a frame has
+        ended.
+        """
         return self._busy_bits
 
     def bus_load(self, window_ns: int | None = None) -> float:
-        """Return which part of the time the bus was occupied, 0..1; a frame in progress does not count (CANP-069).
+        """Return which part of the time the bus was occupied, 0..1; a frame in progress does not count
+        (CANP-069).
 
         Args:
             window_ns: Length of time up to now (> 0); default: since the segment exists.

@@ -27,9 +27,21 @@ _SENDING: Final = 0x80
 _CRC_LOCATION: Final = 0x08
 _ACK_LOCATION: Final = 0x19
 _LOCATIONS: Final = {
-    "sof": 0x03, "id": 0x02, "srr": 0x04, "rtr": 0x0C, "ide": 0x05, "id_extension": 0x07, "reserved": 0x09, "dlc": 0x0B, "data": 0x0A,
-    "crc": _CRC_LOCATION, "crc_delimiter": 0x18, "ack_slot": _ACK_LOCATION, "ack_delimiter": 0x1B, "eof": 0x1A,
-}  # fmt: skip
+    "sof": 0x03,
+    "id": 0x02,
+    "srr": 0x04,
+    "rtr": 0x0C,
+    "ide": 0x05,
+    "id_extension": 0x07,
+    "reserved": 0x09,
+    "dlc": 0x0B,
+    "data": 0x0A,
+    "crc": _CRC_LOCATION,
+    "crc_delimiter": 0x18,
+    "ack_slot": _ACK_LOCATION,
+    "ack_delimiter": 0x1B,
+    "eof": 0x1A,
+}
 
 
 def to_message(
@@ -130,7 +142,9 @@ def _error(
 
 
 def read_error(message: can.Message) -> tuple[str, NodeState | None]:
-    """Return what an error frame says: the word for the error ("" = none, or not told) and the new state, if any."""
+    """Return what an error frame says: the word for the error ("" = none, or not told) and the new state, if
+    any.
+    """
     error_class = message.arbitration_id
     data = bytes(message.data).ljust(8, b"\x00")
     code = ""

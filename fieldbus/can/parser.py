@@ -14,8 +14,15 @@ _IDE_COUNT: Final = 14  # bits from SOF to IDE
 _NO_TOTAL: Final = 1 << 20
 _STANDARD_ENDS: Final = (("sof", 1), ("id", 12), ("rtr", 13), ("ide", 14), ("reserved", 15), ("dlc", 19))
 _EXTENDED_ENDS: Final = (
-    ("sof", 1), ("id", 12), ("srr", 13), ("ide", 14), ("id_extension", 32), ("rtr", 33), ("reserved", 35), ("dlc", 39),
-)  # fmt: skip
+    ("sof", 1),
+    ("id", 12),
+    ("srr", 13),
+    ("ide", 14),
+    ("id_extension", 32),
+    ("rtr", 33),
+    ("reserved", 35),
+    ("dlc", 39),
+)
 
 
 class FrameParser:

@@ -54,7 +54,8 @@ class DivisibleSegment(BitwiseSegment):
         Frames of both sides are in the one log. Injected frames reach the near side only.
 
         Returns:
-            The function that mends the cable; harmless to repeat. What is on the wire on the two sides then collides.
+            The function that mends the cable; harmless to repeat. What is on the wire on the two sides then
+            collides.
 
         Raises:
             BusError: No such node, or it is behind another break.

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from fieldbus.can.medium import CanMedium
 
 Entry = tuple[int, int, int, CanFrame, int, "tuple[BitError, ...] | None"]
-"""A frame waiting for the bus: arbitration key, sequence number, number of the copy, frame, bits, the bit errors of its next
+"""A frame waiting for the bus: arbitration key, sequence number, number of the copy, frame, bits, the bit
+errors of its next
 attempts (`NOT_ASKED` before the hooks have seen it). The first three give the order of the queue."""
 
 NOT_ASKED: Final = None
@@ -41,9 +42,9 @@ class Confirmation:
 class MediumPort:
     """A port of a `CanMedium`; made by `CanMedium.attach`.
 
-    A frame that cannot be queued is lost without an exception, as in a CAN controller: because the port is offline
-    or bus-off, or because its transmit queue is full (`overruns`, event `can.overrun`). Going offline, or into
-    bus-off, empties the queue. Coming online starts the controller anew, counters at zero.
+    A frame that cannot be queued is lost without an exception, as in a CAN controller: because the port is
+    offline or bus-off, or because its transmit queue is full (`overruns`, event `can.overrun`). Going
+    offline, or into bus-off, empties the queue. Coming online starts the controller anew, counters at zero.
     """
 
     __slots__ = (
@@ -106,7 +107,9 @@ class MediumPort:
         self.auto_recovery = auto_recovery
         """Whether the node leaves bus-off by itself; otherwise after `recover`."""
         self.one_shot = one_shot
-        """Whether a frame that loses the arbitration or ends in an error is given up and not repeated (CANP-030)."""
+        """Whether a frame that loses the arbitration or ends in an error is given up and not repeated
+        (CANP-030).
+        """
         self.on_state: list[StateListener] = []
         """Called with the old and the new state when the error state changes."""
         self.on_overrun: list[Callable[[], object]] = []
@@ -162,11 +165,12 @@ class MediumPort:
         self.medium.submit(self, frames)
 
     def accept(self, mailboxes: Mapping[int, FrameReceiver]) -> None:
-        """Take good data frames with 11-bit identifiers by these tables from now on, and no others (acceptance filter).
+        """Take good data frames with 11-bit identifiers by these tables from now on, and no others
+        (acceptance filter).
 
-        What is in no table is not handed over at all; frames with 29-bit identifiers, remote frames, and all frames while
-        their reception is delayed go to the receiver of the port, which has to do the same with them. Call it again
-        when the table has changed.
+        What is in no table is not handed over at all; frames with 29-bit identifiers, remote frames, and all
+        frames while their reception is delayed go to the receiver of the port, which has to do the same with
+        them. Call it again when the table has changed.
         """
         self.mailboxes = None if self._delayed else mailboxes
         self.medium.routes_changed()
@@ -199,7 +203,7 @@ class MediumPort:
             self, self.tec if tec is None else tec, self.rec if rec is None else rec
         )
 
-    # --------------------------------------------------------------------------------------------- what can be wrong
+    # -------------------------------------------------------------------------------------- what can be wrong
 
     def set_acknowledge(self, acknowledges: bool) -> None:
         """Give acknowledges, or none although the node receives (CANP-059)."""
@@ -278,4 +282,7 @@ class MediumPort:
 
     def __repr__(self) -> str:
         where = "detached" if self.detached else "online" if self._online else "offline"
-        return f"<MediumPort {self.name} on {self.medium.name}: {where}, {self.state.value}, TEC {self.tec}, REC {self.rec}>"
+        return (
+            f"<MediumPort {self.name} on {self.medium.name}: {where}, {self.state.value}, "
+            f"TEC {self.tec}, REC {self.rec}>"
+        )

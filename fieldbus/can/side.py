@@ -1,4 +1,6 @@
-"""One python-can bus behind a live segment: the thread that waits for its messages, its echoes, and whether it works."""
+"""One python-can bus behind a live segment: the thread that waits for its messages, its echoes, and whether
+it works.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ _INTERFACES: Final = Path("/sys/class/net")
 FD_REASON: Final = "CAN FD messages are not supported: this is a classical CAN segment"
 
 _GARBLED: Final = (ValueError, IndexError, KeyError, TypeError)
-"""What python-can's drivers raise when they cannot make a message of what came, where others raise a `CanError`."""
+"""What python-can's drivers raise when they cannot make a message of what came, where others raise a
+`CanError`.
+"""
 
 
 class SideOwner(Protocol):
@@ -75,7 +79,9 @@ class BusSide:
         self.send_failed = False
         """The last attempt to send has failed."""
         self.order = Lock()
-        """Held while it is decided whether a frame may overtake the scheduler's work; see `LiveSegment.arrived`."""
+        """Held while it is decided whether a frame may overtake the scheduler's work; see
+        `LiveSegment.arrived`.
+        """
         self.pending = 0
         """Frames that wait for the scheduler."""
         self._owner = owner
@@ -116,7 +122,7 @@ class BusSide:
                 raise BusError(str(error)) from error
         self._sent_since_failure = True
 
-    # --------------------------------------------------------------------------------------------- reader's thread
+    # ---------------------------------------------------------------------------------------- reader's thread
 
     def _read(self) -> None:
         """Wait for messages until the end."""
@@ -149,9 +155,10 @@ class BusSide:
     def _works_again(self, message: can.Message | None, failures: int) -> bool:
         """Return whether a quiet `recv` after `failures` of them means that the bus is back.
 
-        SocketCAN tells once that its interface is down and is silent from then on, up or down; frames that had come
-        before may still be read. So the interface itself is asked. Where there is none to ask, silence is proof after a
-        driver that has complained again and again, or after a frame that could be sent.
+        SocketCAN tells once that its interface is down and is silent from then on, up or down; frames that
+        had come before may still be read. So the interface itself is asked. Where there is none to ask,
+        silence is proof after a driver that has complained again and again, or after a frame that could be
+        sent.
         """
         if self._flags is not None:
             try:

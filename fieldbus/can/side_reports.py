@@ -34,7 +34,9 @@ class SideReports:
             self._history.emit(self._name, kind, port=side.name if self._bridged else "", **data)
 
     def error(self, side: BusSide, message: can.Message) -> str:
-        """Tell of an error frame; returns the word for the error, empty when it was a change of state alone."""
+        """Tell of an error frame; returns the word for the error, empty when it was a change of state
+        alone.
+        """
         code, state = read_error(message)
         if not code and state is None:
             code = "UNKNOWN"
@@ -62,8 +64,8 @@ class SideReports:
     ) -> None:
         """Note what became known of a bus, and tell whether it is down.
 
-        A frame that can be sent does not prove that receiving works; a bus that receives again after a failure will
-        also take frames again, until the next attempt says otherwise.
+        A frame that can be sent does not prove that receiving works; a bus that receives again after a
+        failure will also take frames again, until the next attempt says otherwise.
         """
         before = side.down
         if receive_failed is not None:

@@ -1,10 +1,10 @@
 """Exact length of a classical CAN frame on the wire, and its rank in arbitration.
 
-The length counts every bit from the start of frame to the end of the intermission, with the stuff bits that this very
-frame has (CANP-014, -015, -017), so that bus times are those of a real segment and not an average.
+The length counts every bit from the start of frame to the end of the intermission, with the stuff bits that
+this very frame has (CANP-014, -015, -017), so that bus times are those of a real segment and not an average.
 
-A frame costs about a microsecond when it is new and nothing when it is sent again: the header is looked up whole, data
-and checksum go through tables, byte by byte, and the result is kept in the frame.
+A frame costs about a microsecond when it is new and nothing when it is sent again: the header is looked up
+whole, data and checksum go through tables, byte by byte, and the result is kept in the frame.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from fieldbus.errors import BusError
 INTERMISSION_BITS: Final = 3
 """Recessive bits between two frames (CANP-008); part of `frame_bits`."""
 TAIL_BITS: Final = 10
-"""Bits from the CRC delimiter to the end of frame, never stuffed: CRC delimiter, ACK slot and delimiter, EOF."""
+"""Bits from the CRC delimiter to the end of frame, never stuffed: CRC delimiter, ACK slot and delimiter, EOF.
+"""
 
 CRC_POLYNOMIAL: Final = 0x4599
 """Generator of the 15-bit checksum without its leading term (CANP-012)."""
@@ -26,7 +27,8 @@ CRC_POLYNOMIAL: Final = 0x4599
 # A stuff table has, for the run of equal bits that the wire shows so far, one entry per next byte: the table
 # of the run after it and the stuff bits inserted meanwhile.
 _StuffTable = list[tuple["_StuffTable", int]]
-# Behind its 256 bytes a table has, for 7 bits more (the rest of a checksum behind its first byte), the stuff bits alone.
+# Behind its 256 bytes a table has, for 7 bits more (the rest of a checksum behind its first byte), the stuff
+# bits alone.
 _Run = tuple[int, int]  # last bit, how many of it in a row (1..4)
 
 _RUNS: Final[tuple[_Run, ...]] = tuple((bit, length) for bit in (0, 1) for length in (1, 2, 3, 4))
@@ -69,7 +71,9 @@ def _build_crc_table() -> tuple[int, ...]:
 
 
 def _build_position_tables() -> list[tuple[int, ...]]:
-    """Return, by number of data bytes that follow, what a data byte adds to the checksum (which is linear)."""
+    """Return, by number of data bytes that follow, what a data byte adds to the checksum (which is
+    linear).
+    """
     tables = [_CRC]
     for _ in range(7):
         tables.append(tuple(crc << 8 & 0x7FFF ^ _CRC[crc >> 7] for crc in tables[-1]))
@@ -92,7 +96,9 @@ def _header_bits(can_id: int, extended: bool, remote: bool, dlc: int) -> tuple[i
 
 @lru_cache(maxsize=4096)
 def _header(can_id: int, extended: bool, remote: bool, dlc: int) -> tuple[int, int, int, _StuffTable, int]:
-    """Return arbitration key, CRC after the header and that 8 zero bytes later, stuff table, bits without data."""
+    """Return arbitration key, CRC after the header and that 8 zero bytes later, stuff table, bits without
+    data.
+    """
     limit = 0x1FFFFFFF if extended else 0x7FF
     if not 0 <= can_id <= limit:
         raise BusError(f"CAN identifier {can_id:X}h is outside 0..{limit:X}h")
@@ -168,7 +174,8 @@ def note_timing(frame: CanFrame) -> tuple[int, int]:
 
 
 class FrameMaker:
-    """Makes data frames with one 11-bit identifier, and the same frame again as long as the data are the same.
+    """Makes data frames with one 11-bit identifier, and the same frame again as long as the data are the
+    same.
 
     Args:
         can_id: 0..7FFh.
@@ -197,7 +204,8 @@ class FrameMaker:
 
 
 def frame_bits(frame: CanFrame) -> int:
-    """Return the bits that `frame` occupies on the wire, from SOF to the third intermission bit (CANP-015, -017).
+    """Return the bits that `frame` occupies on the wire, from SOF to the third intermission bit (CANP-015,
+    -017).
 
     Raises:
         BusError: Identifier, DLC or length of the data do not make a classical CAN frame.
@@ -207,7 +215,8 @@ def frame_bits(frame: CanFrame) -> int:
 
 
 def arbitration_key(frame: CanFrame) -> int:
-    """Return the arbitration field as a number: of two frames the one with the lower number wins (CANP-027, -028).
+    """Return the arbitration field as a number: of two frames the one with the lower number wins (CANP-027,
+    -028).
 
     Raises:
         BusError: As `frame_bits`.
@@ -222,7 +231,9 @@ def frame_time_ns(frame: CanFrame, bitrate: int) -> int:
 
 
 def worst_case_bits(data_length: int, *, extended: bool = False) -> int:
-    """Return the longest that a frame with `data_length` bytes (0..8) can become, intermission included (CANP-016)."""
+    """Return the longest that a frame with `data_length` bytes (0..8) can become, intermission included
+    (CANP-016).
+    """
     if not 0 <= data_length <= 8:
         raise BusError(f"data length {data_length} is outside 0..8")
     stuffed_region = (54 if extended else 34) + 8 * data_length
@@ -232,7 +243,8 @@ def worst_case_bits(data_length: int, *, extended: bool = False) -> int:
 def wire_bits(frame: CanFrame) -> list[int]:
     """Return the bits of `frame` as sent, 0 dominant, from SOF to the last bit of the stuffed region.
 
-    For what happens inside of a frame (collisions, errors); the length alone is `frame_bits`, which is faster.
+    For what happens inside of a frame (collisions, errors); the length alone is `frame_bits`, which is
+    faster.
     """
     bits = frame_bits(frame)  # validates
     value, width = _header_bits(frame.can_id, frame.extended, frame.remote, frame.dlc)

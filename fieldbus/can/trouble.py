@@ -1,7 +1,9 @@
-"""What the virtual segment does when not every node is healthy: missing acknowledges, counters, bus-off and recovery.
+"""What the virtual segment does when not every node is healthy: missing acknowledges, counters, bus-off and
+recovery.
 
-Everything here is off the cyclic path: it runs while a counter is not zero or a node is missing its partner. Frames are still
-computed as a whole; what goes wrong inside of one is followed bit by bit in `fieldbus.can.bitwise`.
+Everything here is off the cyclic path: it runs while a counter is not zero or a node is missing its partner.
+Frames are still computed as a whole; what goes wrong inside of one is followed bit by bit in
+`fieldbus.can.bitwise`.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ from fieldbus.clock import S, Scheduler
 from fieldbus.history import History
 
 BusErrorListener = Callable[[int, str, ErrorCode, CanFrame | None, str], object]
-"""Called with time (ns), name of the node that found the error, what went wrong, the frame that it was sending (None: it was
+"""Called with time (ns), name of the node that found the error, what went wrong, the frame that it was
+sending (None: it was
 receiving) and the field of the frame."""
 
 StateChange = tuple[MediumPort, NodeState, NodeState]
@@ -166,7 +169,9 @@ class ErrorHandling(Arbitration):
         self._tell(changes)
 
     def _miss_acknowledge(self, entry: Entry) -> None:
-        """Go on where nobody has answered in the ACK slot: an error flag takes the place of ACK delimiter and EOF."""
+        """Go on where nobody has answered in the ACK slot: an error flag takes the place of ACK delimiter and
+        EOF.
+        """
         self._unacknowledged = True
         self._end_ns = self._start_ns + self._durations[self._unacknowledged_bits(entry[4])]
         self._timer = self._at(self._end_ns, self._end_of_unacknowledged)
@@ -196,7 +201,8 @@ class ErrorHandling(Arbitration):
         changes: list[StateChange] = []
         if entry[1] > sender.dead_sequence:
             self._give_back(sender, entry, ErrorCode.ACK)
-            # An error-passive node that only misses the acknowledge is not counted up, or it would end in bus-off.
+            # An error-passive node that only misses the acknowledge is not counted up, or it would end in
+            # bus-off.
             if sender.state is not NodeState.ERROR_PASSIVE:
                 sender.tec += 8
                 self._tell_error(sender, ErrorCode.ACK, "ack_slot", entry[3])
@@ -207,9 +213,11 @@ class ErrorHandling(Arbitration):
         self._tell(changes)
 
     def _only_repeats(self, sender: MediumPort, entry: Entry) -> bool:
-        """Return whether the next attempt is this one again, for sure: nothing has come that would have to be weighed.
+        """Return whether the next attempt is this one again, for sure: nothing has come that would have to be
+        weighed.
 
-        A node without a partner makes some ten thousand attempts a second. Queue, counters and state are the same behind each.
+        A node without a partner makes some ten thousand attempts a second. Queue, counters and state are the
+        same behind each.
         """
         queue = sender.queue
         return (
@@ -322,7 +330,9 @@ class ErrorHandling(Arbitration):
         """Follow the bus bit by bit from now on, the frame that is on the wire included."""
 
     def _await_recovery(self, port: MediumPort) -> None:
-        """Enter the time at which the bus, staying recessive, completes the sequences that are still missing."""
+        """Enter the time at which the bus, staying recessive, completes the sequences that are still
+        missing.
+        """
         missing = (RECOVERY_SEQUENCES - port.recovery_count) * RECOVERY_SEQUENCE_BITS
         due = max(self._quiet_since_ns, port.recovery_from_ns) + missing * S // self.bitrate
         self._stop_recovery(port)
@@ -334,7 +344,9 @@ class ErrorHandling(Arbitration):
             port.recovery_timer = None
 
     def _account_recovery(self, quiet_ns: int) -> None:
-        """Count the recessive sequences before the frame that ends now; `quiet_ns`: the next ones start there."""
+        """Count the recessive sequences before the frame that ends now; `quiet_ns`: the next ones start
+        there.
+        """
         waiting = [port for port in self._ports if port.recovery_timer is not None]
         for port in waiting:
             recessive = self._start_ns - max(self._quiet_since_ns, port.recovery_from_ns)

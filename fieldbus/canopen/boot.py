@@ -1,7 +1,10 @@
-"""How a node is taken into service, as a script of SDO transfers (after CiA 302): what to ask, in which order.
+"""How a node is taken into service, as a script of SDO transfers (after CiA 302): what to ask, in which
+order.
 
-`boot_script` is a generator: it yields the transfers that it needs and is sent the ended jobs. It knows neither bus
-nor time, so that it reads as the procedure that it is; `RemoteNode` runs it. What goes wrong is a `BootFailure`.
+`boot_script` is a generator: it yields the transfers that it needs and is sent the ended jobs. It knows
+neither bus
+nor time, so that it reads as the procedure that it is; `RemoteNode` runs it. What goes wrong is a
+`BootFailure`.
 """
 
 from __future__ import annotations
@@ -126,8 +129,8 @@ def boot_script(
         report: Filled as the script goes on.
         enter: Told of every step.
         halt: Takes the node to Pre-operational; called before PDOs or parameters are written.
-        in_place: The node was in service and shows no sign of a new start: nothing is written as long as nothing
-            differs, so that a drive which is just braking is left in peace.
+        in_place: The node was in service and shows no sign of a new start: nothing is written as long as
+            nothing differs, so that a drive which is just braking is left in peace.
 
     Raises:
         BootFailure: From within: the node is silent, another one, or refuses.

@@ -1,4 +1,6 @@
-"""What a slave does when the bus fails it: report, tell the device, change the state (C301-113, C301-122 to C301-130)."""
+"""What a slave does when the bus fails it: report, tell the device, change the state (C301-113, C301-122 to
+C301-130).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Rows of the communication objects that `CanopenSlave` serves, 1000h..1FFFh (CiA 301; C301-132 to C301-152)."""
+"""Rows of the communication objects that `CanopenSlave` serves, 1000h..1FFFh (CiA 301; C301-132 to
+C301-152).
+"""
 
 from __future__ import annotations
 

@@ -49,8 +49,8 @@ _HEXADECIMAL: Final = frozenset(
 class FrameDecoder:
     """Turns frames into words.
 
-    The mapping in force is that of the dictionaries until SDO writes that the decoder has seen change it: give it all
-    frames in order, with `observe` for those whose words are not wanted.
+    The mapping in force is that of the dictionaries until SDO writes that the decoder has seen change it:
+    give it all frames in order, with `observe` for those whose words are not wanted.
 
     Args:
         names: Node-ID -> name; other nodes are called "node 5".
@@ -116,9 +116,11 @@ class FrameDecoder:
             self.decode(frame)
 
     def mapped(self, frame: CanFrame) -> tuple[int, list[tuple[int, int]]] | None:
-        """Return node-ID and values of a PDO by the mapping in force: pairs of index << 8 | sub-index and number.
+        """Return node-ID and values of a PDO by the mapping in force: pairs of index << 8 | sub-index and
+        number.
 
-        Signed where the dictionary says so; what a short frame does not hold is left out. None: the frame is no PDO.
+        Signed where the dictionary says so; what a short frame does not hold is left out. None: the frame is
+        no PDO.
         """
         if frame.remote or frame.extended:
             return None
@@ -186,7 +188,8 @@ class FrameDecoder:
             return "TIME"
         return repr(frame)
 
-    # -- services ---------------------------------------------------------------------------------------------
+    # -- services
+    # ---------------------------------------------------------------------------------------------
 
     def _nmt(self, data: bytes) -> str:
         if len(data) != 2:
@@ -256,7 +259,8 @@ class FrameDecoder:
                 self._index()
         return f"SDO {node.name} {text}"
 
-    # -- what is known ----------------------------------------------------------------------------------------
+    # -- what is known
+    # ----------------------------------------------------------------------------------------
 
     def _node(self, node_id: int) -> _Node:
         node = self._nodes.get(node_id)
@@ -311,7 +315,9 @@ class _Node:
         self.sdo = SdoListener(self)
 
     def describe_words(self, mapping: Sequence[int], content: int, bits: int) -> list[str]:
-        """Return the signals of a PDO that holds consecutive free words and nothing else; empty when it does not."""
+        """Return the signals of a PDO that holds consecutive free words and nothing else; empty when it does
+        not.
+        """
         for first_index, count, describe in self.words:
             begin = (mapping[0] >> 16) - first_index if mapping else -1
             wanted = [first_index + begin + number << 16 | 0x10 for number in range(len(mapping))]

@@ -26,7 +26,9 @@ class Vocabulary(Protocol):
 
 
 class SdoListener:
-    """Follows the transfers on one channel from both sides' frames; wrong frames are described, never raised."""
+    """Follows the transfers on one channel from both sides' frames; wrong frames are described, never
+    raised.
+    """
 
     def __init__(self, words: Vocabulary) -> None:
         self._words = words
@@ -72,7 +74,8 @@ class SdoListener:
     def _value(self, content: bytes) -> str:
         return self._words.value_text(self._index, self._sub, content)
 
-    # -- client to server -------------------------------------------------------------------------------------
+    # -- client to server
+    # -------------------------------------------------------------------------------------
 
     def _request(self, data: bytes) -> str:
         command = data[0]
@@ -137,7 +140,8 @@ class SdoListener:
         self.reset()
         return "block end"
 
-    # -- server to client -------------------------------------------------------------------------------------
+    # -- server to client
+    # -------------------------------------------------------------------------------------
 
     def _answer(self, data: bytes) -> tuple[str, Written | None]:
         command = data[0]

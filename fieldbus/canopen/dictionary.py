@@ -1,8 +1,10 @@
 """Entries of an object dictionary: types, access rights, limits, defaults (CiA 301; C301-013, C301-014).
 
 `entries_of` turns a `canopen.ObjectDictionary`, read from an EDS or DCF file, into a flat table keyed by
-`index << 8 | sub-index`. It repairs what the library leaves open: defaults relative to the node-ID are calculated for
-the node that the table is made for, and signed defaults written as hexadecimal patterns become negative numbers.
+`index << 8 | sub-index`. It repairs what the library leaves open: defaults relative to the node-ID are
+calculated for
+the node that the table is made for, and signed defaults written as hexadecimal patterns become negative
+numbers.
 """
 
 from __future__ import annotations
@@ -216,7 +218,9 @@ class Entry:
         return bytes(value)
 
     def saturated(self, value: Any) -> int:
-        """Return `value` as a whole number of the integer type, held at the end of the range; 0 for not-a-number."""
+        """Return `value` as a whole number of the integer type, held at the end of the range; 0 for
+        not-a-number.
+        """
         low, high = self.type_range
         try:
             number: int = round(value)

@@ -16,7 +16,8 @@ class Dispatcher:
     """Tables from identifier to handler, made anew when state or configuration change; one look-up per frame.
 
     Args:
-        heard: Makes of a handler one that gets times by the clock of the node; None: its clock is that of the bus.
+        heard: Makes of a handler one that gets times by the clock of the node; None: its clock is that of
+            the bus.
 
     """
 
@@ -43,7 +44,9 @@ class Dispatcher:
             handler(frame, time_ns)
 
     def replace(self, data: Iterable[Route], remote: Iterable[Route]) -> None:
-        """Put new tables in force; services that share an identifier all get the frame, in the given order."""
+        """Put new tables in force; services that share an identifier all get the frame, in the given
+        order.
+        """
         self._data, self._extended = self._tables(data)
         self._remote, self._remote_extended = self._tables(remote)
         if self.on_change is not None:

@@ -64,16 +64,17 @@ _BITRATES_K: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
 def load_dictionary(path: str | PathLike[str], node_id: int | None = None) -> canopen.ObjectDictionary:
     """Read an EDS or DCF file into an object dictionary of the `canopen` library.
 
-    Encodings (UTF-8, UTF-16, Windows), upper and lower case of keys, arrays in compact form and data types that nobody
-    knows (taken for domains) are dealt with. Everything that cannot be understood is an error: the library would skip a
-    number that it cannot read.
+    Encodings (UTF-8, UTF-16, Windows), upper and lower case of keys, arrays in compact form and data types
+    that nobody knows (taken for domains) are dealt with. Everything that cannot be understood is an error:
+    the library would skip a number that it cannot read.
 
     Args:
         path: File with the ending .eds or .dcf.
         node_id: Node-ID for defaults relative to it; default: the one that the file names, if any.
 
     Raises:
-        ConfigurationError: The file cannot be read, is no EDS, or describes no object; the message names section and key.
+        ConfigurationError: The file cannot be read, is no EDS, or describes no object; the message names
+            section and key.
 
     """
     where = fspath(path)
@@ -130,7 +131,8 @@ class _Reader:
             if match is not None:
                 self._read_member(section, int(match[1], 16), int(match[2], 16))
 
-    # -- the device -------------------------------------------------------------------------------------------
+    # -- the device
+    # -------------------------------------------------------------------------------------------
 
     def _read_device(self) -> None:
         device = self._file.section("DeviceInfo")
@@ -169,7 +171,8 @@ class _Reader:
                 variable.access_type = "const"
                 self.dictionary.add_object(variable)
 
-    # -- objects ----------------------------------------------------------------------------------------------
+    # -- objects
+    # ----------------------------------------------------------------------------------------------
 
     def _read_object(self, section: EdsSection, index: int) -> None:
         name = section.required("ParameterName")
@@ -247,7 +250,9 @@ class _Reader:
         return variable
 
     def _data_type(self, section: EdsSection, code: int) -> int:
-        """Return the type; one of the manufacturer's own stands for what its definition says, or for a domain."""
+        """Return the type; one of the manufacturer's own stands for what its definition says, or for a
+        domain.
+        """
         if code in _KNOWN_TYPES:
             return code
         definition = self._file.section(f"{code:X}sub1")

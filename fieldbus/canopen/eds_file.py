@@ -1,7 +1,9 @@
-"""Reading EDS and DCF files as they come: sections and keys with their lines, and values by data type (CiA 306).
+"""Reading EDS and DCF files as they come: sections and keys with their lines, and values by data type (CiA
+306).
 
-Vendors' files differ in encoding, case and number format. What can be understood is; whatever cannot is refused with file,
-section and key, because a default that silently became 0 would be found on the machine only.
+Vendors' files differ in encoding, case and number format. What can be understood is; whatever cannot is
+refused with file, section and key, because a default that silently became 0 would be found on the machine
+only.
 """
 
 from __future__ import annotations

@@ -53,7 +53,9 @@ def eds_text(rows: Sequence[ObjectRow], info: EdsInfo) -> str:
 
 
 def write_or_check(path: Path, text: str, arguments: Sequence[str]) -> int:
-    """Write an EDS file, or with `--check` compare it; returns the exit status of the command that does this."""
+    """Write an EDS file, or with `--check` compare it; returns the exit status of the command that does
+    this.
+    """
     if "--check" in arguments:
         current = path.read_text(encoding="ascii") if path.exists() else ""
         if current != text:

@@ -180,7 +180,8 @@ class EmcyProducer:
         self._state = state
         self.flush()
 
-    # -- sending ----------------------------------------------------------------------------------------------
+    # -- sending
+    # ----------------------------------------------------------------------------------------------
 
     def _queue_frame(self, code: int, data: bytes) -> None:
         if self._store.values[_COB_ID] >> 31:
@@ -215,7 +216,8 @@ class EmcyProducer:
         self._timer = None
         self.flush()
 
-    # -- objects ----------------------------------------------------------------------------------------------
+    # -- objects
+    # ----------------------------------------------------------------------------------------------
 
     def _update_register(self) -> None:
         self._set_value(0x1001, 0, self.register)

@@ -1,4 +1,6 @@
-"""Heartbeat producer and consumer, node guarding and life guarding of a slave (CiA 301; C301-022 to C301-030)."""
+"""Heartbeat producer and consumer, node guarding and life guarding of a slave (CiA 301; C301-022 to
+C301-030).
+"""
 
 from __future__ import annotations
 
@@ -149,7 +151,8 @@ class ErrorControl:
             self._send(CanFrame(self._can_id, b"\0"))
             self._restart_producer()
 
-    # -- producer ---------------------------------------------------------------------------------------------
+    # -- producer
+    # ---------------------------------------------------------------------------------------------
 
     def _restart_producer(self) -> None:
         if self._producer_timer is not None:
@@ -157,7 +160,8 @@ class ErrorControl:
             self._producer_timer = None
         period_ms = self._store.values.get(_PRODUCER_TIME, 0)
         if period_ms:
-            self._end_life_guarding()  # requests are not answered any more, so that none can be missed (C301-024)
+            # Requests are not answered any more, so that none can be missed (C301-024).
+            self._end_life_guarding()
         if period_ms and self._state != NmtState.INITIALISING:
             self._producer_timer = self._scheduler.after(period_ms * MS, self._produce)
 
@@ -167,7 +171,8 @@ class ErrorControl:
         if not self.silent:
             self._send(CanFrame(self._can_id, bytes((self._state,))))
 
-    # -- consumer ---------------------------------------------------------------------------------------------
+    # -- consumer
+    # ---------------------------------------------------------------------------------------------
 
     def heartbeat(self, frame: CanFrame, time_ns: int) -> None:
         """Take a frame with the identifier of a watched node's error control."""
@@ -211,7 +216,8 @@ class ErrorControl:
 
         return check
 
-    # -- guarding ---------------------------------------------------------------------------------------------
+    # -- guarding
+    # ---------------------------------------------------------------------------------------------
 
     def guard(self, _frame: CanFrame, time_ns: int) -> None:
         """Take a remote frame with the own error control identifier (C301-024, C301-028)."""

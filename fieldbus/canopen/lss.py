@@ -147,7 +147,9 @@ class LssSlave:
         self.settings_stored = False
         """Whether the node-ID has been stored by LSS; otherwise it is the one that the node comes with."""
         self.pending = LssSettings(node_id)
-        """Configured settings; the node-ID comes into force with reset communication, the bit rate when activated."""
+        """Configured settings; the node-ID comes into force with reset communication, the bit rate when
+        activated.
+        """
 
     @property
     def unconfigured(self) -> bool:
@@ -168,7 +170,8 @@ class LssSlave:
             self._timer = None
             self._owner.lss_mute(False)
 
-    # -- the master's requests --------------------------------------------------------------------------------
+    # -- the master's requests
+    # --------------------------------------------------------------------------------
 
     def receive(self, frame: CanFrame, _time_ns: int) -> None:
         """Take a frame of the LSS master; one of another length than eight bytes is ignored."""
@@ -229,7 +232,9 @@ class LssSlave:
             self._answer(_Service.IDENTIFIED)
 
     def _fast_scan(self, number: int, bit: int, part: int, following: int) -> None:
-        """Fastscan: answer if the bits from `bit` on agree; only nodes without node-ID take part (C301-161)."""
+        """Fastscan: answer if the bits from `bit` on agree; only nodes without node-ID take part
+        (C301-161).
+        """
         if not self.unconfigured or self.state is not LssState.WAITING:
             return
         if bit == _SCAN_START:
@@ -246,7 +251,8 @@ class LssSlave:
             self.state = LssState.CONFIGURATION
         self._answer(_Service.IDENTIFIED)
 
-    # -- in configuration state -------------------------------------------------------------------------------
+    # -- in configuration state
+    # -------------------------------------------------------------------------------
 
     def _configure(self, data: bytes) -> None:
         service = data[0]

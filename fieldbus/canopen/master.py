@@ -1,4 +1,6 @@
-"""The controller's CANopen services: NMT, SYNC, heartbeat, EMCY, raw PDOs, SDO clients and nodes (CiA 301)."""
+"""The controller's CANopen services: NMT, SYNC, heartbeat, EMCY, raw PDOs, SDO clients and nodes (CiA
+301).
+"""
 
 from __future__ import annotations
 
@@ -108,7 +110,8 @@ class CanopenMaster:
         if self._accept is not None:
             self._accept(self._mailboxes)
 
-    # -- frames -----------------------------------------------------------------------------------------------
+    # -- frames
+    # -----------------------------------------------------------------------------------------------
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Queue a data frame with an 11-bit identifier."""
@@ -155,17 +158,18 @@ class CanopenMaster:
         for callback in callbacks:
             callback(data, time_ns)
 
-    # -- network management -----------------------------------------------------------------------------------
+    # -- network management
+    # -----------------------------------------------------------------------------------
 
     def nmt(self, command: int, node: int = 0) -> None:
         """Send a node control command (`NmtCommand`) to one node, or to all with 0.
 
-        A managed node (`add_node`) that is taken out of Operational in this way stays out until it is told to start or
-        starts anew.
+        A managed node (`add_node`) that is taken out of Operational in this way stays out until it is told to
+        start or starts anew.
 
         Raises:
-            ConfigurationError: There is no such command, or no such node-ID. A frame that is wrong on purpose goes through
-                the segment (`inject`), as that of a stranger.
+            ConfigurationError: There is no such command, or no such node-ID. A frame that is wrong on
+                purpose goes through the segment (`inject`), as that of a stranger.
 
         """
         if command not in _NMT_COMMANDS:
@@ -178,7 +182,8 @@ class CanopenMaster:
             if node in (0, managed.node_id):
                 managed.note_command(command)
 
-    # -- nodes and SDO ----------------------------------------------------------------------------------------
+    # -- nodes and SDO
+    # ----------------------------------------------------------------------------------------
 
     @property
     def nodes(self) -> Mapping[int, RemoteNode]:
@@ -220,10 +225,10 @@ class CanopenMaster:
     def sdo_delay_ns(self, requests: int = 1) -> int:
         """Return how long SDO requests have to wait for the good of the others, ns; 0 = not at all.
 
-        * A request whose answer may still be on the bus when SYNC is due waits for it: SYNC would come late by up to a
-          frame, and every drive would sample late. A cycle that is too short for it is not spared.
-        * After some requests there is a pause. Frames of error control have less priority than SDOs, and would not get
-          through between clients and servers that answer each other without delay.
+        * A request whose answer may still be on the bus when SYNC is due waits for it: SYNC would come late
+          by up to a frame, and every drive would sample late. A cycle that is too short for it is not spared.
+        * After some requests there is a pause. Frames of error control have less priority than SDOs, and
+          would not get through between clients and servers that answer each other without delay.
 
         Both hold for all clients together. Requests that need not wait count as sent.
 
@@ -263,12 +268,16 @@ class CanopenMaster:
             node.stop()
 
     def power_off(self) -> None:
-        """Fall silent at once, as a controller whose supply is gone: nothing is sent, heard or acknowledged."""
+        """Fall silent at once, as a controller whose supply is gone: nothing is sent, heard or
+        acknowledged.
+        """
         self.close()
         self._port.online = False
 
     def power_on(self) -> None:
-        """Come back: every node is taken into service from the beginning. SYNC and heartbeat are started by whoever needs them."""
+        """Come back: every node is taken into service from the beginning. SYNC and heartbeat are started by
+        whoever needs them.
+        """
         self._port.online = True
         for node in self._nodes.values():
             node.boot()
@@ -299,7 +308,8 @@ class CanopenMaster:
 
         return self.subscribe(COB_EMCY + node if cob_id is None else cob_id, receive)
 
-    # -- SYNC -------------------------------------------------------------------------------------------------
+    # -- SYNC
+    # -------------------------------------------------------------------------------------------------
 
     def start_sync(
         self, period_ns: int, phase_ns: int = 0, *, counter_overflow: int = 0, cob_id: int = COB_SYNC
@@ -342,7 +352,8 @@ class CanopenMaster:
         number += 1
         self._sync_next = number if number < len(frames) else 0
 
-    # -- heartbeat --------------------------------------------------------------------------------------------
+    # -- heartbeat
+    # --------------------------------------------------------------------------------------------
 
     def produce_heartbeat(self, period_ns: int) -> None:
         """Send the own heartbeat (Operational) now and every `period_ns`; 0 stops it."""
@@ -370,7 +381,8 @@ class CanopenMaster:
             node: 1..127.
             timeout_ns: Longest silence, ns.
             on_lost: Called once per loss.
-            on_state: Called with the new state when it changes (0 = boot-up), and with the first after a loss.
+            on_state: Called with the new state when it changes (0 = boot-up), and with the first after a
+                loss.
 
         Raises:
             ConfigurationError: `node` or `timeout_ns` is out of range.

@@ -1,4 +1,6 @@
-"""Non-volatile memory of a device in a file, so that it survives the process (C301-018, C301-140, C301-158)."""
+"""Non-volatile memory of a device in a file, so that it survives the process (C301-018, C301-140,
+C301-158).
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,8 @@ class ParameterFile:
         """Take over what the file holds; a file that does not exist is an empty memory.
 
         Raises:
-            ConfigurationError: The file cannot be read, is damaged, belongs to another device, or its folder is missing.
+            ConfigurationError: The file cannot be read, is damaged, belongs to another device, or its
+                folder is missing.
 
         """
         try:

@@ -1,8 +1,8 @@
 """Multiplex PDOs: single objects by address, in either direction (CiA 301; C301-051, C301-128).
 
-A mapping record with FFh objects makes a PDO carry one object to a destination (DAM: node, index, sub-index of the
-consumer); with FEh one object of a source (SAM: node, index, sub-index of the producer). What a SAM producer sends is
-listed in 1FA0h to 1FCFh, what a SAM consumer does with it in 1FD0h to 1FFFh.
+A mapping record with FFh objects makes a PDO carry one object to a destination (DAM: node, index, sub-index
+of the consumer); with FEh one object of a source (SAM: node, index, sub-index of the producer). What a SAM
+producer sends is listed in 1FA0h to 1FCFh, what a SAM consumer does with it in 1FD0h to 1FFFh.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ class Multiplexer:
         """Forget that a destination was missing."""
         self._unavailable = False
 
-    # -- consumer ---------------------------------------------------------------------------------------------
+    # -- consumer
+    # ---------------------------------------------------------------------------------------------
 
     def receive(self, kind: int, data: bytes) -> None:
         """Take the eight bytes of a multiplex PDO whose record says `kind`, SOURCE or DESTINATION."""
@@ -83,7 +84,9 @@ class Multiplexer:
                 self._deliver(*place, content)
 
     def _deliver(self, index: int, sub: int, content: bytes) -> None:
-        """Store one object; one that cannot be there is reported once until a frame has found its own (C301-128)."""
+        """Store one object; one that cannot be there is reported once until a frame has found its own
+        (C301-128).
+        """
         store = self._store
         entry = store.entries.get(index << 8 | sub)
         if entry is None or not entry.maps_receive or not 0 < entry.size <= len(content):
@@ -109,7 +112,8 @@ class Multiplexer:
                 return raw >> 40 & 0xFFFF, (raw >> 32 & 0xFF) + offset
         return None
 
-    # -- producer ---------------------------------------------------------------------------------------------
+    # -- producer
+    # ---------------------------------------------------------------------------------------------
 
     def scanned(self) -> list[Entry]:
         """Return the entries that the scanner list names, as far as a PDO may carry them."""

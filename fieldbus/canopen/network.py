@@ -1,6 +1,7 @@
 """The `canopen` library on a CAN segment of a bench, without threads and without sleeping.
 
-`PumpedNetwork` is a `canopen.Network` whose waits run the scheduler: the unmodified SDO client, NMT master, PDO, EMCY
+`PumpedNetwork` is a `canopen.Network` whose waits run the scheduler: the unmodified SDO client, NMT master,
+PDO, EMCY
 and LSS classes of the library work in virtual and in real time. It serves programs of users, and as a second,
 independently written implementation against which slave and master are tested.
 """
@@ -35,8 +36,8 @@ class PumpedNetwork(canopen.Network):
     """A `canopen.Network` on a segment.
 
     Use it as the library's documentation says, except that there is nothing to connect. Whatever waits runs
-    the scheduler, with the library's time-out taken as simulated time. Waiting from inside a scheduler callback - an
-    EMCY callback that reads an SDO, for example - is refused with a `BusError`.
+    the scheduler, with the library's time-out taken as simulated time. Waiting from inside a scheduler
+    callback - an EMCY callback that reads an SDO, for example - is refused with a `BusError`.
 
     Time stamps are seconds since `virtual_time.EPOCH_S`. Library code that polls a clock, such as
     `canopen.profiles.p402`, has to run inside `virtual_time(scheduler)`.
@@ -58,7 +59,8 @@ class PumpedNetwork(canopen.Network):
         self._port = segment.attach(name, self._receive)
         self._attached = True
 
-    # -- what the library asks of a custom backend ------------------------------------------------------------
+    # -- what the library asks of a custom backend
+    # ------------------------------------------------------------
 
     def connect(self, *_args: Any, **_kwargs: Any) -> Self:
         """Do nothing: the network is connected as long as it exists."""
@@ -96,7 +98,9 @@ class PumpedNetwork(canopen.Network):
         return task
 
     def subscribe(self, can_id: int, callback: Callable[[int, bytearray, float], None]) -> None:
-        """Listen for an identifier; an object of the library that subscribes gets waits that run the scheduler."""
+        """Listen for an identifier; an object of the library that subscribes gets waits that run the
+        scheduler.
+        """
         self._adopt(getattr(callback, "__self__", None))
         super().subscribe(can_id, callback)
 
@@ -124,7 +128,8 @@ class PumpedNetwork(canopen.Network):
                 self.malformed += 1
         self.scanner.on_message_received(can_id)
 
-    # -- waits ------------------------------------------------------------------------------------------------
+    # -- waits
+    # ------------------------------------------------------------------------------------------------
 
     def _adopt(self, owner: object) -> None:
         thing: Any = owner  # the attributes replaced here are typed as what they are in the library
@@ -220,7 +225,9 @@ class PumpedQueue:
 
 
 class PumpedCondition:
-    """Stands in for the `threading.Condition` of an NMT master, PDO or EMCY consumer; there is one thread only."""
+    """Stands in for the `threading.Condition` of an NMT master, PDO or EMCY consumer; there is one thread
+    only.
+    """
 
     __slots__ = ("_notified", "_scheduler")
 

@@ -24,7 +24,9 @@ BOOT_UP_NS: Final = 5 * MS
 RETRY_NS: Final = 200 * MS
 """Pause before a silent node is asked again at the start, ns."""
 SEARCH_NS: Final = 1 * S
-"""Pause before a node that has gone is asked whether it is there, ns; a boot-up or heartbeat is heard at once."""
+"""Pause before a node that has gone is asked whether it is there, ns; a boot-up or heartbeat is heard at
+once.
+"""
 START_TIMEOUT_NS: Final = 1 * S
 """How long a node may take to show that it is Operational, ns."""
 
@@ -34,9 +36,10 @@ _NAMES: Final = {int(state): state.name for state in NmtState}
 class RemoteNode:
     """One node of the network; made by `CanopenMaster.add_node`.
 
-    `boot` begins. From then on the node is taken into service whenever it is there: it is checked, configured as far
-    as it differs, started, and supervised. A node that is silent is asked again and again. One that is another
-    device, or refuses a parameter, stays `FAILED` until it starts anew or `boot` is called.
+    `boot` begins. From then on the node is taken into service whenever it is there: it is checked, configured
+    as far
+    as it differs, started, and supervised. A node that is silent is asked again and again. One that is
+    another device, or refuses a parameter, stays `FAILED` until it starts anew or `boot` is called.
 
     Args:
         master: Services of the controller.
@@ -94,7 +97,8 @@ class RemoteNode:
         master.subscribe(COB_ERROR_CONTROL + setup.node_id, self._on_error_control)
         master.subscribe(COB_EMCY + setup.node_id, self._on_emcy)
 
-    # -- what a user asks -------------------------------------------------------------------------------------
+    # -- what a user asks
+    # -------------------------------------------------------------------------------------
 
     @property
     def in_service(self) -> bool:
@@ -172,7 +176,8 @@ class RemoteNode:
     def __repr__(self) -> str:
         return f"<RemoteNode {self.name} (node {self.node_id}): {self.boot_state.value}>"
 
-    # -- boot -------------------------------------------------------------------------------------------------
+    # -- boot
+    # -------------------------------------------------------------------------------------------------
 
     def _begin(self, *, in_place: bool) -> None:
         self._in_place = in_place
@@ -180,7 +185,8 @@ class RemoteNode:
         self._runner.run(boot_script(self.setup, report, self._step, self._halt, in_place=in_place))
 
     def _step(self, state: BootState) -> None:
-        # A node that answers but is dead to supervision is searched quietly, again and again, until something changes.
+        # A node that answers but is dead to supervision is searched quietly, again and again, until something
+        # changes.
         if not self._missing:
             self._enter(state)
 
@@ -320,7 +326,8 @@ class RemoteNode:
     def _log(self, kind: str, **data: str | float | bool | None) -> None:
         self._master.emit(kind, node=self.node_id, name=self.name, **data)
 
-    # -- supervision ------------------------------------------------------------------------------------------
+    # -- supervision
+    # ------------------------------------------------------------------------------------------
 
     def _on_error_control(self, data: bytes, time_ns: int) -> None:
         if data == b"\0":
@@ -406,7 +413,9 @@ class RemoteNode:
         self._begin(in_place=True)
 
     def note_command(self, command: int) -> None:
-        """Follow an NMT command that the program gives by itself: what was told to stop is not started again."""
+        """Follow an NMT command that the program gives by itself: what was told to stop is not started
+        again.
+        """
         if self.boot_state is BootState.OFF:
             return
         if command == NmtCommand.START:
@@ -419,7 +428,8 @@ class RemoteNode:
             if in_service and self._user is not None:
                 self._user.node_lost("command")
 
-    # -- EMCY -------------------------------------------------------------------------------------------------
+    # -- EMCY
+    # -------------------------------------------------------------------------------------------------
 
     def _on_emcy(self, data: bytes, time_ns: int) -> None:
         if len(data) != 8:

@@ -1,4 +1,6 @@
-"""What a node is on its bus - node-ID and bit rate - and where it keeps that: LSS and the file behind the memory."""
+"""What a node is on its bus - node-ID and bit rate - and where it keeps that: LSS and the file behind the
+memory.
+"""
 
 from __future__ import annotations
 
@@ -110,7 +112,8 @@ class NodeSettings:
                 self._history.emit(self._source, "storage.failed", reason=str(error))
             raise
 
-    # -- what LSS asks for ------------------------------------------------------------------------------------
+    # -- what LSS asks for
+    # ------------------------------------------------------------------------------------
 
     def lss_address(self) -> tuple[int, int, int, int]:
         """Return the identity 1018h; what the dictionary lacks is 0."""

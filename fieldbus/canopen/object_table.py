@@ -1,7 +1,8 @@
-"""Rows of an object dictionary: one source for the EDS file, the dictionary, the defaults and the tests (C402-309).
+"""Rows of an object dictionary: one source for the EDS file, the dictionary, the defaults and the tests
+(C402-309).
 
-A device lists its objects with type, access right, PDO direction and default in the form of the profile tables;
-`fieldbus.canopen.eds_text` makes an EDS file of them.
+A device lists its objects with type, access right, PDO direction and default in the form of the profile
+tables; `fieldbus.canopen.eds_text` makes an EDS file of them.
 """
 
 from __future__ import annotations
@@ -59,7 +60,9 @@ class Item:
 
     @property
     def eds_access(self) -> str:
-        """Access type as an EDS writes it: `rww` and `rwr` name the only PDO direction of a read-write object."""
+        """Access type as an EDS writes it: `rww` and `rwr` name the only PDO direction of a read-write
+        object.
+        """
         if self.access == "rw" and self.pdo in ("R", "T"):
             return "rww" if self.pdo == "R" else "rwr"
         return self.access

@@ -86,7 +86,17 @@ class Pdo:
 class ReceivePdo(Pdo):
     """One RPDO: checks the length, waits for SYNC when synchronous, stores."""
 
-    __slots__ = ("_deadline_ns", "_last_ns", "_timed_out", "_timer", "apply", "effective", "pending", "size", "watchers")  # fmt: skip
+    __slots__ = (
+        "_deadline_ns",
+        "_last_ns",
+        "_timed_out",
+        "_timer",
+        "apply",
+        "effective",
+        "pending",
+        "size",
+        "watchers",
+    )
 
     receive = True
 
@@ -294,7 +304,8 @@ class TransmitPdo(Pdo):
                 timer.cancel()
         self._inhibit_timer = self._period_timer = None
 
-    # -- SYNC -------------------------------------------------------------------------------------------------
+    # -- SYNC
+    # -------------------------------------------------------------------------------------------------
 
     def on_sync(self, counter: int) -> None:
         """Do what the type says on a SYNC; `counter` 0 = SYNC without counter."""
@@ -317,7 +328,8 @@ class TransmitPdo(Pdo):
                 self._counter = 0
                 self._send(self.sample())
 
-    # -- events -----------------------------------------------------------------------------------------------
+    # -- events
+    # -----------------------------------------------------------------------------------------------
 
     def look(self) -> None:
         """Send if the payload differs from the one sent last."""

@@ -120,7 +120,8 @@ class PdoEngine:
             if (communication + number) << 8 | 1 in entries and (mapping + number) << 8 in entries
         ]
 
-    # -- state ------------------------------------------------------------------------------------------------
+    # -- state
+    # ------------------------------------------------------------------------------------------------
 
     def configure(self) -> None:
         """Read all PDOs from the values, as after reset communication."""
@@ -160,7 +161,9 @@ class PdoEngine:
         self.touch_all()
 
     def recompile(self) -> None:
-        """Build the code of all PDOs anew, because the device has registered a hook; at the latest before it is used."""
+        """Build the code of all PDOs anew, because the device has registered a hook; at the latest before it
+        is used.
+        """
         self._stale = True
         if self.operational:
             self._recompile()
@@ -219,7 +222,8 @@ class PdoEngine:
             else []
         )
 
-    # -- cycle ------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------
 
     def latch(self, time_ns: int) -> None:
         """Make the synchronous RPDOs received since the last SYNC effective (C301-035)."""
@@ -296,7 +300,8 @@ class PdoEngine:
                 return True
         return False
 
-    # -- errors -----------------------------------------------------------------------------------------------
+    # -- errors
+    # -----------------------------------------------------------------------------------------------
 
     def length_wrong(self, pdo: ReceivePdo, code: int) -> None:
         """Report a wrong length once until a correct frame has come (C301-054)."""
@@ -323,7 +328,8 @@ class PdoEngine:
         if not self.timed_out:
             self._emcy_clear(EMCY_RPDO_TIMEOUT)
 
-    # -- configuration ----------------------------------------------------------------------------------------
+    # -- configuration
+    # ----------------------------------------------------------------------------------------
 
     def _read(self, pdo: Pdo, *, restart: bool) -> None:
         pdo.read_parameters()

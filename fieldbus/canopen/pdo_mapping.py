@@ -1,7 +1,7 @@
 """PDO mappings: their rules (CiA 301; C301-051 to C301-053) and their compilation into fast code.
 
-A mapping of whole bytes becomes one precompiled `struct.Struct` and one `itemgetter`; mappings with single bits or
-24-bit numbers go through integer arithmetic.
+A mapping of whole bytes becomes one precompiled `struct.Struct` and one `itemgetter`; mappings with single
+bits or 24-bit numbers go through integer arithmetic.
 """
 
 from __future__ import annotations
@@ -65,7 +65,8 @@ def check_mapping_entry(store: ObjectStore, raw: int, *, receive: bool) -> tuple
     """Return entry and bits of one mapping value; the entry is None for a dummy (C301-053).
 
     Raises:
-        SdoAbort: 06020000h, 06090011h no such object; 06040041h not mappable in this direction or wrong length.
+        SdoAbort: 06020000h, 06090011h no such object; 06040041h not mappable in this direction or wrong
+            length.
 
     """
     index, sub, bits = raw >> 16, raw >> 8 & 0xFF, raw & 0xFF

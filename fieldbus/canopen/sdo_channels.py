@@ -1,4 +1,6 @@
-"""The SDO servers of a slave on their identifiers, with timeouts in the time of the bench (C301-072, C301-150)."""
+"""The SDO servers of a slave on their identifiers, with timeouts in the time of the bench (C301-072,
+C301-150).
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,8 @@ class SdoChannels:
         self.silent = False
         """Requests are not answered: a fault to inject."""
         self.refusal: tuple[int, int] | None = None
-        """(index, abort code) with which every access to the index (0 = any) is refused: a fault to inject."""
+        """(index, abort code) with which every access to the index (0 = any) is refused: a fault to inject.
+        """
         records = sorted({key >> 8 for key in store.entries if _FIRST_RECORD < key >> 8 <= _LAST_RECORD})
         self._channels = {record: _Channel(self, SdoServer(store)) for record in (_FIRST_RECORD, *records)}
 

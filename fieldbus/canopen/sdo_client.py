@@ -1,7 +1,8 @@
-"""The controller's SDO client on the bus: a queue per node, time-outs, retries; nothing waits (CiA 301 section A6).
+"""The controller's SDO client on the bus: a queue per node, time-outs, retries; nothing waits (CiA 301
+section A6).
 
-One client serves one node and has at most one transfer under way, because a server has one channel; clients of
-several nodes work at the same time. A transfer is a `SdoJob`: ask it, or be called when it has ended.
+One client serves one node and has at most one transfer under way, because a server has one channel; clients
+of several nodes work at the same time. A transfer is a `SdoJob`: ask it, or be called when it has ended.
 """
 
 from __future__ import annotations
@@ -72,7 +73,9 @@ class SdoJob:
 
     @property
     def abort_code(self) -> int:
-        """Why it failed: the server's code, or 05040000h for a server that does not answer; 0 = it did not fail."""
+        """Why it failed: the server's code, or 05040000h for a server that does not answer; 0 = it did not
+        fail.
+        """
         return self.transfer.abort_code
 
     @property
@@ -118,8 +121,20 @@ class SdoClient:
 
     """
 
-    __slots__ = ("_deadline", "_jobs", "_master", "_no_block", "_pending", "_request_id", "_timer", "_waiting",
-                 "attempts", "node", "strays", "timeout_ns")  # fmt: skip
+    __slots__ = (
+        "_deadline",
+        "_jobs",
+        "_master",
+        "_no_block",
+        "_pending",
+        "_request_id",
+        "_timer",
+        "_waiting",
+        "attempts",
+        "node",
+        "strays",
+        "timeout_ns",
+    )
 
     def __init__(self, master: CanopenMaster, node: int) -> None:
         if not 1 <= node <= 127:
@@ -214,7 +229,8 @@ class SdoClient:
                 self._master.send(self._request_id, abort)
             self._next()
 
-    # -- course -----------------------------------------------------------------------------------------------
+    # -- course
+    # -----------------------------------------------------------------------------------------------
 
     def _queue(self, job: SdoJob) -> SdoJob:
         self._jobs.append(job)

@@ -102,7 +102,9 @@ class SdoServer:
         return self._abort(AbortCode.TIMEOUT)
 
     def request(self, data: bytes) -> Answers:
-        """Take the eight bytes of a request and return the answers, possibly none; never raises on any bytes."""
+        """Take the eight bytes of a request and return the answers, possibly none; never raises on any
+        bytes.
+        """
         if len(data) != 8:
             return []
         try:
@@ -136,11 +138,14 @@ class SdoServer:
         return _SIZED.pack(0x80, self._index, self._sub, code)
 
     def _address(self, data: bytes) -> None:
-        """Begin a transfer on the entry that the request names; the one that ran ends without a word (C301-073)."""
+        """Begin a transfer on the entry that the request names; the one that ran ends without a word
+        (C301-073).
+        """
         self.reset()
         _, self._index, self._sub = _MUX.unpack_from(data)
 
-    # -- expedited and segmented ------------------------------------------------------------------------------
+    # -- expedited and segmented
+    # ------------------------------------------------------------------------------
 
     def _initiate_download(self, data: bytes) -> Answers:
         self._address(data)
@@ -210,7 +215,8 @@ class SdoServer:
             self.reset()
         return [bytes((command,)) + part.ljust(7, b"\0")]
 
-    # -- block download ---------------------------------------------------------------------------------------
+    # -- block download
+    # ---------------------------------------------------------------------------------------
 
     def _block_download(self, data: bytes) -> Answers:
         command = data[0]
@@ -265,7 +271,8 @@ class SdoServer:
         self._store()
         return [b"\xa1\0\0\0\0\0\0\0"]
 
-    # -- block upload -----------------------------------------------------------------------------------------
+    # -- block upload
+    # -----------------------------------------------------------------------------------------
 
     def _block_upload(self, data: bytes) -> Answers:
         service = data[0] & 0x03

@@ -1,9 +1,9 @@
 """SDO client transfers: expedited, segmented and block (CiA 301; C301-057 to C301-073). Bytes in, bytes out.
 
-A transfer knows neither CAN nor time: `start` returns its first requests, `receive` takes the eight bytes of an
-answer and returns the next ones. Its owner keeps the time-out and calls `expire`. Answers that do not belong to it -
-another object's, late ones of an earlier transfer - are ignored and counted, because the identifier of a server is
-common to everything that it says.
+A transfer knows neither CAN nor time: `start` returns its first requests, `receive` takes the eight bytes of
+an answer and returns the next ones. Its owner keeps the time-out and calls `expire`. Answers that do not
+belong to it - another object's, late ones of an earlier transfer - are ignored and counted, because the
+identifier of a server is common to everything that it says.
 """
 
 from __future__ import annotations
@@ -44,8 +44,23 @@ class SdoTransfer:
 
     """
 
-    __slots__ = ("_block_size", "_buffer", "_crc", "_mux", "_offset", "_sequence", "_size", "_state", "_toggle",
-                 "abort_code", "block", "done", "index", "strays", "sub")  # fmt: skip
+    __slots__ = (
+        "_block_size",
+        "_buffer",
+        "_crc",
+        "_mux",
+        "_offset",
+        "_sequence",
+        "_size",
+        "_state",
+        "_toggle",
+        "abort_code",
+        "block",
+        "done",
+        "index",
+        "strays",
+        "sub",
+    )
 
     def __init__(self, index: int, sub: int, *, block: bool = False, block_size: int = 127) -> None:
         if not 0 <= index <= 0xFFFF:

@@ -1,7 +1,8 @@
-"""A CANopen slave: dictionary, NMT, SDO server, PDOs, EMCY, heartbeat, SYNC, TIME and LSS in one device (CiA 301).
+"""A CANopen slave: dictionary, NMT, SDO server, PDOs, EMCY, heartbeat, SYNC, TIME and LSS in one device (CiA
+301).
 
-The device that owns it - a drive, an encoder, an I/O station - sets and reads values, registers callbacks, and is told
-what the bus does. See `CanopenSlave`.
+The device that owns it - a drive, an encoder, an I/O station - sets and reads values, registers callbacks,
+and is told what the bus does. See `CanopenSlave`.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ class CanopenSlave(DeviceAccess):
         segment: CAN segment to attach to.
         dictionary: Object dictionary, for example from an EDS file; defaults relative to the node-ID are
             calculated for `node_id`, whatever the file was read for.
-        node_id: 1..127, or 255: the node has none and waits for LSS (C301-163). One that LSS has stored goes first.
+        node_id: 1..127, or 255: the node has none and waits for LSS (C301-163). One that LSS has stored
+            goes first.
         name: Name of the port on the segment and in the history.
         history: Log for `nmt.state`, `emcy.raised`, `emcy.cleared`, `heartbeat.lost`, `life_guarding.lost`,
             `rpdo.timeout`, `lss.node_id`, `lss.bitrate` and `storage.failed`; None for none.
@@ -67,7 +69,8 @@ class CanopenSlave(DeviceAccess):
         storage: File in which stored parameters outlive the process; None = they do not.
 
     Raises:
-        ConfigurationError: `node_id` or a time is out of range, the dictionary is empty, or `storage` cannot be used.
+        ConfigurationError: `node_id` or a time is out of range, the dictionary is empty, or `storage`
+            cannot be used.
 
     """
 
@@ -260,7 +263,8 @@ class CanopenSlave(DeviceAccess):
     def sdo_response_delay_ns(self, delay_ns: int) -> None:
         self._sdo.response_delay_ns = delay_ns
 
-    # -- power and NMT ----------------------------------------------------------------------------------------
+    # -- power and NMT
+    # ----------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Come to life with stored or default values; the boot-up frame follows after `boot_time_ns`."""
@@ -391,7 +395,8 @@ class CanopenSlave(DeviceAccess):
         if state == NmtState.OPERATIONAL and self._state == state:
             self.pdos.enter_operational()
 
-    # -- configuration ----------------------------------------------------------------------------------------
+    # -- configuration
+    # ----------------------------------------------------------------------------------------
 
     def _rebuild(self) -> None:
         """Listen to what the present state and configuration want (C301-015 to C301-020)."""

@@ -1,7 +1,7 @@
 """The values of a device: access with rights and limits, hooks, and non-volatile memory.
 
-One dictionary keyed `index << 8 | sub-index` holds the present values. The device reads and writes it directly; the
-SDO server and the RPDOs go through the checks here.
+One dictionary keyed `index << 8 | sub-index` holds the present values. The device reads and writes it
+directly; the SDO server and the RPDOs go through the checks here.
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ NOT_STORED: Final = frozenset((0x1001, 0x1002, 0x1003, 0x1010, 0x1011))
 
 
 class ForeignObjects(Protocol):
-    """Objects that the dictionary does not list: they may come and go, as the parameters of a drive do. SDO alone reaches them."""
+    """Objects that the dictionary does not list: they may come and go, as the parameters of a drive do. SDO
+    alone reaches them.
+    """
 
     def entry(self, index: int, sub: int) -> Entry | None:
         """Return an entry; None when there is no such object.
@@ -134,7 +136,9 @@ class ObjectStore:
         self.load(application=True)
 
     def predefine(self, node_id: int) -> None:
-        """Give COB-IDs without a default of their own, or with 0, that of the predefined set; 0 is no identifier."""
+        """Give COB-IDs without a default of their own, or with 0, that of the predefined set; 0 is no
+        identifier.
+        """
         base = predefined_identifiers(0)
         for key, cob_id in predefined_identifiers(node_id).items():
             entry = self.entries.get(key)
@@ -144,14 +148,17 @@ class ObjectStore:
         self.load(application=True)
 
     def renumber(self, old: int, new: int) -> None:
-        """Move what is relative to the node-ID from one to another: defaults, and values that still are the default."""
+        """Move what is relative to the node-ID from one to another: defaults, and values that still are the
+        default.
+        """
         for key, entry in self.entries.items():
             if entry.base is not None and entry.default == entry.base + old:
                 if self.values[key] == entry.default:
                     self.values[key] = entry.base + new
                 entry.default = entry.base + new
 
-    # -- access by the bus ------------------------------------------------------------------------------------
+    # -- access by the bus
+    # ------------------------------------------------------------------------------------
 
     def entry(self, index: int, sub: int) -> Entry:
         """Return an entry.
@@ -220,7 +227,8 @@ class ObjectStore:
             sized: The request said how many bytes count; otherwise those of the entry's type do.
 
         Raises:
-            SdoAbort: The entry does not exist, is read-only, or length, value, a service or the device refuses.
+            SdoAbort: The entry does not exist, is read-only, or length, value, a service or the device
+                refuses.
 
         """
         entry = self.entry(index, sub)
@@ -264,7 +272,8 @@ class ObjectStore:
             applied()
         self.changed(key)
 
-    # -- memory -----------------------------------------------------------------------------------------------
+    # -- memory
+    # -----------------------------------------------------------------------------------------------
 
     def load(self, *, application: bool) -> None:
         """Take stored or default values, as after reset communication or, with `application`, reset node."""
@@ -274,7 +283,8 @@ class ObjectStore:
             del self.restoring[area]
             self.on_restore(area)
         if due:
-            # A file that cannot be written keeps the order to restore: it is carried out again at the next start.
+            # A file that cannot be written keeps the order to restore: it is carried out again at the next
+            # start.
             with suppress(HilError):
                 self.persist()
         stored, values = self.stored, self.values
@@ -334,7 +344,9 @@ def _areas(group: int) -> tuple[int, ...]:
 
 
 def _in_group(key: int, group: int) -> bool:
-    """Say whether sub-index `group` of 1010h and 1011h covers the entry; 4 and up are the manufacturer's area."""
+    """Say whether sub-index `group` of 1010h and 1011h covers the entry; 4 and up are the manufacturer's
+    area.
+    """
     index = key >> 8
     if group == _COMMUNICATION:
         return index < 0x2000

@@ -147,7 +147,8 @@ class SyncService:
             self._monitor = None
         self.configure()
 
-    # -- consumer ---------------------------------------------------------------------------------------------
+    # -- consumer
+    # ---------------------------------------------------------------------------------------------
 
     def receive(self, frame: CanFrame, time_ns: int) -> None:
         """Take a SYNC: latch RPDOs, call the device, send TPDOs."""
@@ -194,7 +195,8 @@ class SyncService:
         for callback in self.on_lost:
             callback()
 
-    # -- producer ---------------------------------------------------------------------------------------------
+    # -- producer
+    # ---------------------------------------------------------------------------------------------
 
     def _produce(self) -> None:
         overflow = self._store.values.get(_OVERFLOW, 0)
@@ -206,7 +208,8 @@ class SyncService:
         self._send(frame)
         self.receive(frame, self._scheduler.now)
 
-    # -- rules ------------------------------------------------------------------------------------------------
+    # -- rules
+    # ------------------------------------------------------------------------------------------------
 
     def _check_cob_id(self, value: Any) -> None:
         old = self._store.values[_COB_ID]

@@ -129,7 +129,8 @@ class TimeService:
         """Send the device's time once.
 
         Returns:
-            Whether it was sent: 1012h makes the node a producer, the NMT state allows it, and the clock is set.
+            Whether it was sent: 1012h makes the node a producer, the NMT state allows it, and the clock is
+            set.
 
         """
         now = self.time_of_day()

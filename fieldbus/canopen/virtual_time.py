@@ -1,8 +1,8 @@
 """The scheduler's time for library code that reads the wall clock.
 
-The `canopen` library measures its time-outs with `time.time()` and `time.monotonic()`. Inside `virtual_time` its
-modules see a clock that follows a scheduler, so that `canopen.profiles.p402`, for example, commissions a drive in
-simulated time.
+The `canopen` library measures its time-outs with `time.time()` and `time.monotonic()`. Inside `virtual_time`
+its modules see a clock that follows a scheduler, so that `canopen.profiles.p402`, for example, commissions a
+drive in simulated time.
 """
 
 from __future__ import annotations
@@ -86,9 +86,9 @@ def virtual_time(
 ) -> Iterator[SchedulerClock]:
     """Give library modules the scheduler's time while the context lasts.
 
-    On a realtime scheduler the time shown is the wall clock's, counted from the start of the bench; what the context
-    adds there is that looking at the clock and sleeping run the scheduler. May be nested. The modules are those of
-    the whole process: no other thread may use the library meanwhile.
+    On a realtime scheduler the time shown is the wall clock's, counted from the start of the bench; what the
+    context adds there is that looking at the clock and sleeping run the scheduler. May be nested. The modules
+    are those of the whole process: no other thread may use the library meanwhile.
 
     Args:
         scheduler: Whose time to show.

@@ -1,4 +1,6 @@
-"""The log of a link as frames: requests and responses with time and sender, each with what it takes to read it alone."""
+"""The log of a link as frames: requests and responses with time and sender, each with what it takes to read
+it alone.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ class ModbusFrame:
 
     Args:
         protocol: The link.
-        data: All bytes: header and PDU over TCP, PDU and CRC on a serial line; empty for news of a connection.
+        data: All bytes: header and PDU over TCP, PDU and CRC on a serial line; empty for news of a
+            connection.
         asked: PDU of the request that this is the response to; empty for a request.
         note: News of the connection: `connection opened`, ...; empty for a frame.
 

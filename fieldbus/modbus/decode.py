@@ -48,7 +48,8 @@ def response_words(asked: bytes, pdu: bytes) -> str:
 class RtuDecoder:
     """Decodes the frames of a serial line in their order.
 
-    A frame does not tell whether it is a request or a response; one that answers the frame before it is a response.
+    A frame does not tell whether it is a request or a response; one that answers the frame before it is a
+    response.
     """
 
     __slots__ = ("_asked",)

@@ -1,4 +1,6 @@
-"""A drive behind a register map: process data words, parameters, the DS47 channel and the mailbox (PD-286 to PD-337)."""
+"""A drive behind a register map: process data words, parameters, the DS47 channel and the mailbox (PD-286 to
+PD-337).
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ class ProcessDataDevice(Protocol):
         """Return the telegram to the controller with the values of now."""
 
     def accessed(self) -> None:
-        """Take note that a register was read or written which keeps the process data from timing out (PD-292)."""
+        """Take note that a register was read or written which keeps the process data from timing out
+        (PD-292).
+        """
 
     def request(self, data: bytes) -> bytes:
         """Answer a request of base mode parameter access (PD-199 to PD-230)."""
@@ -68,13 +72,16 @@ class DriveMap:
         scheduler: Time.
         device: The drive.
         file: Which registers there are.
-        telegram: The telegram of the drive. What is written behind its words is only stored; what is read there is 0.
+        telegram: The telegram of the drive. What is written behind its words is only stored; what is read
+            there is 0.
         channel: The parameter channel; needed when the file has the hook `ds47`.
-        watch_all: Whether every process data register keeps the time-out off, as over TCP, or the number in the file.
+        watch_all: Whether every process data register keeps the time-out off, as over TCP, or the number
+            in the file.
         drive_object: DO-ID of the parameters that registers and mailbox reach.
 
     Raises:
-        ConfigurationError: The file has a parameter channel and the drive none, or not enough process data registers.
+        ConfigurationError: The file has a parameter channel and the drive none, or not enough process
+            data registers.
 
     """
 
@@ -137,7 +144,7 @@ class DriveMap:
         for block in self.registers.blocks(Area.HOLDING_REGISTERS):
             block.values[:] = [0] * block.count
 
-    # -------------------------------------------------------------------------------------------------- process data
+    # ------------------------------------------------------------------------------------------- process data
 
     def _bytes(self, words: Sequence[int]) -> bytes:
         order = "little" if self._low_first else "big"
@@ -190,7 +197,7 @@ class DriveMap:
         if self.watch_all or self._watched is None or offset < self._watched:
             self._device.accessed()
 
-    # ---------------------------------------------------------------------------------------------------- parameters
+    # --------------------------------------------------------------------------------------------- parameters
 
     def _ask(
         self, service: int, address: Address, values: tuple[Values, ...] = ()
@@ -286,7 +293,7 @@ class DriveMap:
         block.read = lambda _offset, _count: [self.error_code]
         block.writable = False
 
-    # ------------------------------------------------------------------------------------------------ DS47 (PD-326)
+    # ------------------------------------------------------------------------------------------ DS47 (PD-326)
 
     def _ds47(self, block: Block) -> None:
         channel = self._channel
@@ -304,7 +311,7 @@ class DriveMap:
 
         block.read, block.write = read, write
 
-    # ------------------------------------------------------------------------------------------------------- mailbox
+    # ------------------------------------------------------------------------------------------------ mailbox
 
     def _mailbox(self, block: Block) -> None:
         state: dict[str, int] = {}

@@ -8,7 +8,18 @@ from fieldbus.modbus._pymodbus import crc16, rtu_frame, tcp_frame
 from fieldbus.modbus.codes import BROADCAST
 from fieldbus.modbus.server import ModbusServer
 
-__all__ = ["LONGEST_RTU", "LONGEST_TCP", "RtuFace", "TcpFace", "TcpFrame", "TcpSplitter", "crc16", "rtu_frame", "tcp_frame", "unwrap_rtu"]  # fmt: skip
+__all__ = [
+    "LONGEST_RTU",
+    "LONGEST_TCP",
+    "RtuFace",
+    "TcpFace",
+    "TcpFrame",
+    "TcpSplitter",
+    "crc16",
+    "rtu_frame",
+    "tcp_frame",
+    "unwrap_rtu",
+]
 
 LONGEST_RTU: Final = 256
 """Bytes of the longest frame on a serial line (MODB-005)."""
@@ -19,7 +30,9 @@ _LONGEST_LENGTH: Final = 254
 
 
 def unwrap_rtu(frame: bytes) -> tuple[int, bytes] | None:
-    """Return unit and PDU of a frame of the serial line; None when it is too short, too long or its CRC is wrong."""
+    """Return unit and PDU of a frame of the serial line; None when it is too short, too long or its CRC is
+    wrong.
+    """
     if not 4 <= len(frame) <= LONGEST_RTU or crc16(frame[:-2]) != frame[-2:]:
         return None
     return frame[0], frame[1:-2]
@@ -41,7 +54,8 @@ class TcpSplitter:
     def __init__(self) -> None:
         self._pending = b""
         self.broken = False
-        """Whether a header was wrong (MODB-037). Where the next frame begins is unknown from then on: everything
+        """Whether a header was wrong (MODB-037). Where the next frame begins is unknown from then on:
+        everything
         behind it is ignored, and the connection should be closed."""
 
     @property
@@ -74,7 +88,8 @@ class TcpSplitter:
 class TcpFace:
     """A server at one TCP connection: bytes in, bytes out.
 
-    Units: None of the server (any) and 0 and 255 (the server itself) are answered with the unit mirrored (MODB-040);
+    Units: None of the server (any) and 0 and 255 (the server itself) are answered with the unit mirrored
+        (MODB-040);
     another unit than the server's own gets no answer.
 
     Args:
@@ -131,11 +146,13 @@ class RtuFace:
         self._server = server
 
     def receive(self, frame: bytes, *, damaged: bool = False) -> bytes | None:
-        """Take a frame and return the response; None for broadcasts, frames for others and broken ones (MODB-008).
+        """Take a frame and return the response; None for broadcasts, frames for others and broken ones
+        (MODB-008).
 
         Args:
             frame: All bytes between two pauses.
-            damaged: Whether a character had a wrong parity or stop bit, or a pause was too long for one frame.
+            damaged: Whether a character had a wrong parity or stop bit, or a pause was too long for one
+                frame.
 
         """
         server = self._server

@@ -1,4 +1,6 @@
-"""A gateway from TCP to a serial line: requests of any number of connections, one after the other, to the units behind it."""
+"""A gateway from TCP to a serial line: requests of any number of connections, one after the other, to the
+units behind it.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +23,10 @@ _X: Final = ExceptionCode
 class TcpGateway(Generic[End]):
     """A Modbus TCP server in front of a serial line.
 
-    A unit that does not answer is exception 0B; a unit that there cannot be, or a line that the gateway is not on, 0A; more
-    requests than the gateway keeps, 06. Responses and exceptions of the units go through as they are. A broadcast, unit 0, is
-    carried out without a response. What is no request is answered by the gateway: 01 and 03.
+    A unit that does not answer is exception 0B; a unit that there cannot be, or a line that the gateway is
+    not on, 0A; more requests than the gateway keeps, 06. Responses and exceptions of the units go through as
+    they are. A broadcast, unit 0, is carried out without a response. What is no request is answered by the
+    gateway: 01 and 03.
 
     Args:
         network: Where the connections come from.

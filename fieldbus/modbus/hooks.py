@@ -31,7 +31,8 @@ class Change:
 
 
 LinkHook = Callable[[str, bytes, int], Change | None]
-"""Called with sender, bytes and time (ns) when something is about to go on a link; None leaves it as it is."""
+"""Called with sender, bytes and time (ns) when something is about to go on a link; None leaves it as it is.
+"""
 
 
 class Hooks:

@@ -1,7 +1,8 @@
-"""Process image of an I/O station in holding registers, so that one request (function 23) brings outputs and fetches inputs.
+"""Process image of an I/O station in holding registers, so that one request (function 23) brings outputs and
+fetches inputs.
 
-Digital channels stand sixteen to a register, channel 0 in bit 0, then one register for each analog channel, then two for
-each counter, high word first. Inputs begin at `INPUTS`, outputs at `OUTPUTS`.
+Digital channels stand sixteen to a register, channel 0 in bit 0, then one register for each analog channel,
+then two for each counter, high word first. Inputs begin at `INPUTS`, outputs at `OUTPUTS`.
 """
 
 from __future__ import annotations
@@ -71,7 +72,9 @@ class IoImage:
         return None
 
     def pack_outputs(self, digital: int, analog: Sequence[int]) -> list[int]:
-        """Return the registers of the outputs; bit n of `digital` is channel n, analog words may be negative."""
+        """Return the registers of the outputs; bit n of `digital` is channel n, analog words may be
+        negative.
+        """
         return [*_registers(digital, self.digital_outputs), *(word & 0xFFFF for word in analog)]
 
     def unpack_outputs(self, words: Sequence[int]) -> tuple[int, list[int]]:

@@ -68,9 +68,12 @@ class MapFile(BaseModel):
     limits: dict[int, int] = Field(default_factory=dict)
     partial_writes: bool = False
     word_order: Order = "high_first"
-    """Of double words, in process data too; with the low word first the bytes of the mailbox are in that order as well."""
+    """Of double words, in process data too; with the low word first the bytes of the mailbox are in that
+    order as well.
+    """
     watched: int | None = Field(default=None, ge=1)
-    """How many registers of either process data block keep the time-out from running out; None: all (PD-292)."""
+    """How many registers of either process data block keep the time-out from running out; None: all (PD-292).
+    """
     timeout_ms: int = Field(default=0, ge=0, le=2_000_000)
     """Time-out of the process data; 0 = off (p2040)."""
     block: tuple[BlockFile, ...]
@@ -80,7 +83,8 @@ def load_map(source: str | Path) -> MapFile:
     """Return a register map by the name of a shipped one or from a file.
 
     Raises:
-        ConfigurationError: There is none, or it cannot be used; the message names file, key and what is allowed.
+        ConfigurationError: There is none, or it cannot be used; the message names file, key and what is
+            allowed.
 
     """
     where = str(source)

@@ -1,4 +1,6 @@
-"""Requests and responses as values: checked, decoded and encoded (MODB-012 to MODB-021). Serves both sides."""
+"""Requests and responses as values: checked, decoded and encoded (MODB-012 to MODB-021). Serves both
+sides.
+"""
 
 from __future__ import annotations
 
@@ -119,7 +121,8 @@ def _hex(values: tuple[int, ...]) -> str:
 
 
 def is_well_formed(pdu: bytes, limits: Mapping[int, int] = LIMITS) -> bool:
-    """Return whether length, quantity, byte count and value of a request of a served function are right (MODB-024).
+    """Return whether length, quantity, byte count and value of a request of a served function are right
+    (MODB-024).
 
     Args:
         pdu: At least the function code.
@@ -241,7 +244,8 @@ def decode_response(request: Request, pdu: bytes) -> Response:
 
 
 def _identification(pdu: bytes) -> Response:
-    # Not by the library: it runs over the end of objects that claim more than there is, and merges equal ones.
+    # Not by the library: it runs over the end of objects that claim more than there is, and merges equal
+    # ones.
     if len(pdu) < 7 or pdu[1] != READ_DEVICE_IDENTIFICATION:
         raise ResponseError(f"no device identification: {pdu.hex(' ')}")
     objects: list[tuple[int, bytes]] = []

@@ -30,10 +30,12 @@ class ProcessDataRegisters:
         telegram: The telegram.
         low_word_first: Of double words the low word stands first, in the time-out too.
         combined: Function 23 is allowed: one request for both directions, written first (MODB-020).
-        timeout: Address and number of registers of the time-out of the process data, ms; None = there is none.
+        timeout: Address and number of registers of the time-out of the process data, ms; None = there is
+            none.
         inputs: Addresses of the digital inputs, one register each from bit 0 on; empty = there are none.
         fault_number: Address of the number of the oldest fault; None = there is none.
-        parameters: Address of the control word of the parameter channel (data record 47); None = there is none.
+        parameters: Address of the control word of the parameter channel (data record 47); None = there is
+            none.
 
     """
 
@@ -66,7 +68,9 @@ class ProcessDataRegisters:
         return self.telegram.actual.words
 
     def write(self, frame: bytes) -> Request:
-        """Return the request that writes a telegram, words with the high byte first; one of a wrong length as it is."""
+        """Return the request that writes a telegram, words with the high byte first; one of a wrong length as
+        it is.
+        """
         words = self._registers(frame)
         return Request(_WRITE, self.setpoints, len(words), words)
 
@@ -125,7 +129,8 @@ def process_data(file: MapFile, telegram: Telegram, *, name: str = "") -> Proces
         name: Its name, for messages.
 
     Raises:
-        ConfigurationError: The map has no process data, fewer words than the telegram, or allows no fitting function.
+        ConfigurationError: The map has no process data, fewer words than the telegram, or allows no
+            fitting function.
 
     """
     blocks = {block.hook: block for block in file.block if block.hook is not None}

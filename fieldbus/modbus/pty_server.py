@@ -16,9 +16,9 @@ _SHORTEST_PAUSE_NS: Final = 4 * MS
 class PtyServer:
     """A device behind a pseudo-terminal, in real time.
 
-    A pseudo-terminal knows neither rate nor parity, and hands over pieces when it likes. So a frame ends with a pause of
-    at least 4 ms, pauses within a frame are not judged, and the response waits as long as request and response would
-    have taken on a line of the given format.
+    A pseudo-terminal knows neither rate nor parity, and hands over pieces when it likes. So a frame ends with
+    a pause of at least 4 ms, pauses within a frame are not judged, and the response waits as long as request
+    and response would have taken on a line of the given format.
 
     Args:
         scheduler: A realtime scheduler.

@@ -1,4 +1,6 @@
-"""The data of a device as Modbus sees it: coils, discrete inputs, holding and input registers, in blocks with hooks."""
+"""The data of a device as Modbus sees it: coils, discrete inputs, holding and input registers, in blocks with
+hooks.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +66,18 @@ class Block:
 
     """
 
-    __slots__ = ("count", "maximum", "minimum", "name", "read", "readable", "start", "values", "writable", "write")  # fmt: skip
+    __slots__ = (
+        "count",
+        "maximum",
+        "minimum",
+        "name",
+        "read",
+        "readable",
+        "start",
+        "values",
+        "writable",
+        "write",
+    )
 
     def __init__(
         self,
@@ -113,8 +126,8 @@ class RegisterMap:
         name: For messages.
         word_order: Of 32-bit values in two registers.
         refused: Exception code for writing what is read-only or a value that is out of its limits (PD-337).
-        partial_writes: Whether a write that is refused for one register stores the valid ones before and behind it
-            all the same (PD-293).
+        partial_writes: Whether a write that is refused for one register stores the valid ones before and
+            behind it all the same (PD-293).
 
     """
 
@@ -149,7 +162,8 @@ class RegisterMap:
                 raise ConfigurationError(
                     f"{self.name or 'register map'}, {area.value}, block {block.name!r}",
                     f"{block.start}..{block.start + block.count - 1}",
-                    f"addresses that {other.name!r} ({other.start}..{other.start + other.count - 1}) leaves free",
+                    f"addresses that {other.name!r} ({other.start}..{other.start + other.count - 1}) "
+                    f"leaves free",
                 )
         starts.insert(at, block.start)
         blocks.insert(at, block)
@@ -160,7 +174,9 @@ class RegisterMap:
         return tuple(self._blocks[area])
 
     def _pieces(self, area: Area, address: int, count: int) -> list[tuple[Block, int, int]] | None:
-        """Return blocks with offset and quantity that cover a range; None where one address does not exist."""
+        """Return blocks with offset and quantity that cover a range; None where one address does not
+        exist.
+        """
         blocks = self._blocks[area]
         at = bisect_right(self._starts[area], address) - 1
         pieces = []

@@ -1,7 +1,7 @@
 """A serial line in simulated time: characters with their exact length, one talker at a time or a collision.
 
-A run of characters without a pause is one transmission on the line and two events, so that a frame costs no event per
-character. What a receiver makes of runs and pauses is its own affair (`FrameAssembler`).
+A run of characters without a pause is one transmission on the line and two events, so that a frame costs no
+event per character. What a receiver makes of runs and pauses is its own affair (`FrameAssembler`).
 """
 
 from __future__ import annotations
@@ -93,7 +93,9 @@ class SerialListener(Protocol):
         """Take note that a character begins after a pause."""
 
     def received(self, data: bytes, damaged: bool, time_ns: int) -> None:
-        """Take characters without a pause between them, at the end of the last one; `damaged`: one had a wrong parity."""
+        """Take characters without a pause between them, at the end of the last one; `damaged`: one had a
+        wrong parity.
+        """
 
 
 class _Run:
@@ -150,8 +152,8 @@ class SerialLine:
     Args:
         scheduler: Time.
         name: For logs.
-        format_: Of the ports that bring none of their own. Ports with different ones hear each other's characters as
-            damaged.
+        format_: Of the ports that bring none of their own. Ports with different ones hear each other's
+            characters as damaged.
         keep_log: Whether `log` is kept.
 
     """
@@ -287,13 +289,25 @@ class FrameAssembler:
         scheduler: Time.
         t15_ns: Longest pause within a frame, ns.
         t35_ns: Pause that ends a frame, ns.
-        on_frame: Called with a frame at the end of the pause behind it, and whether it is damaged: a wrong parity, a
-            pause that was too long, or more than 256 bytes.
+        on_frame: Called with a frame at the end of the pause behind it, and whether it is damaged: a
+            wrong parity, a pause that was too long, or more than 256 bytes.
         lenient: Accept pauses between both times, as many devices do.
 
     """
 
-    __slots__ = ("_buffer", "_damaged", "_last_ns", "_on_frame", "_scheduler", "_talkers", "_timer", "lenient", "overruns", "t15_ns", "t35_ns")  # fmt: skip
+    __slots__ = (
+        "_buffer",
+        "_damaged",
+        "_last_ns",
+        "_on_frame",
+        "_scheduler",
+        "_talkers",
+        "_timer",
+        "lenient",
+        "overruns",
+        "t15_ns",
+        "t35_ns",
+    )
 
     def __init__(
         self,

@@ -123,7 +123,9 @@ class ModbusServer:
         """Return whether a unit is this device."""
         return self.unit is None or unit == self.unit
 
-    def respond(self, pdu: bytes, *, serial: bool = False, broadcast: bool = False, unit: int = 1) -> bytes | None:  # fmt: skip
+    def respond(
+        self, pdu: bytes, *, serial: bool = False, broadcast: bool = False, unit: int = 1
+    ) -> bytes | None:
         """Carry out a request and return the response, None where there is none.
 
         The order of the checks is that of MODB-032: function, quantity and structure, addresses, execution.
@@ -207,7 +209,7 @@ class ModbusServer:
             return Response(function, exception=refused)
         return _read(function, registers.read(holding, request.address, request.quantity))
 
-    # ------------------------------------------------------------------------------------- function 08, diagnostics
+    # ------------------------------------------------------------------------------- function 08, diagnostics
 
     def _restart(self) -> None:
         self.listen_only = False
@@ -237,7 +239,7 @@ class ModbusServer:
         value = 0 if counter is None else getattr(self, counter)
         return Response(function, data=(value & 0xFFFF).to_bytes(2, "big"))
 
-    # --------------------------------------------------------------------------- function 43/14, device identification
+    # ------------------------------------------------------------------ function 43/14, device identification
 
     def _identify(self, request: Request) -> Response | bytes:
         function, code, first = request.function, request.code, request.object_id

@@ -1,4 +1,6 @@
-"""Real TCP connections: one thread waits for the sockets and hands over to the scheduler, where everything happens."""
+"""Real TCP connections: one thread waits for the sockets and hands over to the scheduler, where everything
+happens.
+"""
 
 from __future__ import annotations
 
@@ -208,7 +210,7 @@ class SocketNetwork:
         self._orders.append(order)
         self.wake()
 
-    # ---------------------------------------------------------------------------------- on the thread of the sockets
+    # --------------------------------------------------------------------------- on the thread of the sockets
 
     def _register(self, sock: socket.socket, end: SocketEnd | None) -> None:
         if end is not None:

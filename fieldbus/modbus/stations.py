@@ -46,7 +46,8 @@ class RtuStation:
         server: What answers.
         name: On the line.
         format_: Rate and parity, where they are not those of the line.
-        processing_ns: From the end of the request, which is t3.5 behind its last character, to the response, ns.
+        processing_ns: From the end of the request, which is t3.5 behind its last character, to the
+            response, ns.
         lenient: Accept pauses between t1.5 and t3.5 within a frame.
         t15_ns: Longest pause within a frame, ns; default that of the rate (p2024[1], PD-291).
         t35_ns: Pause that ends a frame, ns; default that of the rate (p2024[2], PD-291).
@@ -149,8 +150,8 @@ class TcpStation(Generic[End]):
     def online(self) -> bool:
         """Whether the station is supplied.
 
-        Without supply it refuses connections and answers nothing. Clients are not told (MODB-042): they learn it when
-        they send something after the supply has come back, which resets the connection.
+        Without supply it refuses connections and answers nothing. Clients are not told (MODB-042): they learn
+        it when they send something after the supply has come back, which resets the connection.
         """
         return self._online
 

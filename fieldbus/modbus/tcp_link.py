@@ -1,4 +1,6 @@
-"""A TCP link in simulated time: connections as ordered streams, segments, latency, reset, a cable that can be cut."""
+"""A TCP link in simulated time: connections as ordered streams, segments, latency, reset, a cable that can be
+cut.
+"""
 
 from __future__ import annotations
 
@@ -74,7 +76,9 @@ class TcpEnd:
         self._end("closed")
 
     def reset(self) -> None:
-        """End the connection at once at both ends, as after a loss of supply with a restart; both handlers are told."""
+        """End the connection at once at both ends, as after a loss of supply with a restart; both handlers
+        are told.
+        """
         if self.open:
             self._end("reset")
             self.handler.closed("reset")
@@ -139,7 +143,9 @@ class TcpLink:
 
     @property
     def cut(self) -> bool:
-        """Whether the cable is cut. Neither end is told (MODB-042); what is sent arrives when it is whole again."""
+        """Whether the cable is cut. Neither end is told (MODB-042); what is sent arrives when it is whole
+        again.
+        """
         return self._cut
 
     @cut.setter

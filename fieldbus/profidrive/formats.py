@@ -64,7 +64,8 @@ def torque_factor(momred: int, evaluation_percent: float = 100.0) -> float:
     """Return what MOMRED leaves of the torque limits, 0..1 (PD-037).
 
     Args:
-        momred: Word of the telegram; 4000h is a reduction by the whole `evaluation_percent`. Negative words reduce nothing.
+        momred: Word of the telegram; 4000h is a reduction by the whole `evaluation_percent`. Negative
+            words reduce nothing.
         evaluation_percent: p1544, 0 or more.
 
     """

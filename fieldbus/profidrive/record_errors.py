@@ -33,12 +33,22 @@ class RecordError(IntEnum):
 
 
 _TEXTS = {
-    RecordError.READ: "reading failed", RecordError.WRITE: "writing failed", RecordError.MODULE: "module failed",
-    RecordError.BUSY: "busy", RecordError.VERSION: "version conflict", RecordError.NOT_SUPPORTED: "not supported",
-    RecordError.INDEX: "no such record", RecordError.LENGTH: "wrong length", RecordError.SLOT: "no such slot",
-    RecordError.TYPE_CONFLICT: "type conflict", RecordError.STATE_CONFLICT: "state conflict", RecordError.DENIED: "denied",
-    RecordError.RANGE: "out of range", RecordError.PARAMETER: "wrong parameter", RecordError.TYPE: "wrong type",
-}  # fmt: skip
+    RecordError.READ: "reading failed",
+    RecordError.WRITE: "writing failed",
+    RecordError.MODULE: "module failed",
+    RecordError.BUSY: "busy",
+    RecordError.VERSION: "version conflict",
+    RecordError.NOT_SUPPORTED: "not supported",
+    RecordError.INDEX: "no such record",
+    RecordError.LENGTH: "wrong length",
+    RecordError.SLOT: "no such slot",
+    RecordError.TYPE_CONFLICT: "type conflict",
+    RecordError.STATE_CONFLICT: "state conflict",
+    RecordError.DENIED: "denied",
+    RecordError.RANGE: "out of range",
+    RecordError.PARAMETER: "wrong parameter",
+    RecordError.TYPE: "wrong type",
+}
 
 
 class RecordRefusedError(BusError):

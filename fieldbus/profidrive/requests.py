@@ -1,4 +1,6 @@
-"""Base mode parameter access: requests and answers as bytes (PD-199 to PD-230). Serves controller, drive and fuzzer."""
+"""Base mode parameter access: requests and answers as bytes (PD-199 to PD-230). Serves controller, drive and
+fuzzer.
+"""
 
 from __future__ import annotations
 
@@ -110,16 +112,41 @@ _WITH_SUB_INDEX: Final = frozenset({0x01, 0x02, 0x03, 0x06, 0x07, 0x14})
 """Errors that are followed by the sub-index (PD-205)."""
 
 _PACKING: Final[dict[int, str]] = {
-    TypeCode.BOOLEAN: "B", TypeCode.INTEGER8: "b", TypeCode.INTEGER16: "h", TypeCode.INTEGER32: "i",
-    TypeCode.UNSIGNED8: "B", TypeCode.UNSIGNED16: "H", TypeCode.UNSIGNED32: "I", TypeCode.FLOAT32: "f",
-    TypeCode.VISIBLE_STRING: "B", TypeCode.OCTET_STRING: "B", TypeCode.FLOAT64: "d", TypeCode.INTEGER64: "q",
-    TypeCode.UNSIGNED64: "Q", TypeCode.N2: "h", TypeCode.N4: "i", TypeCode.V2: "H", TypeCode.L2: "H", TypeCode.R2: "H",
-    TypeCode.T2: "H", TypeCode.T4: "I", TypeCode.D2: "H", TypeCode.E2: "h", TypeCode.C4: "i", TypeCode.X2: "h",
-    TypeCode.X4: "i", TypeCode.DATE: "7s", TypeCode.TIME_OF_DAY: "6s", TypeCode.TIME_DIFFERENCE: "6s",
-    TypeCode.TIME_OF_DAY_WITHOUT_DATE: "I", TypeCode.TIME_DIFFERENCE_WITH_DATE: "6s",
+    TypeCode.BOOLEAN: "B",
+    TypeCode.INTEGER8: "b",
+    TypeCode.INTEGER16: "h",
+    TypeCode.INTEGER32: "i",
+    TypeCode.UNSIGNED8: "B",
+    TypeCode.UNSIGNED16: "H",
+    TypeCode.UNSIGNED32: "I",
+    TypeCode.FLOAT32: "f",
+    TypeCode.VISIBLE_STRING: "B",
+    TypeCode.OCTET_STRING: "B",
+    TypeCode.FLOAT64: "d",
+    TypeCode.INTEGER64: "q",
+    TypeCode.UNSIGNED64: "Q",
+    TypeCode.N2: "h",
+    TypeCode.N4: "i",
+    TypeCode.V2: "H",
+    TypeCode.L2: "H",
+    TypeCode.R2: "H",
+    TypeCode.T2: "H",
+    TypeCode.T4: "I",
+    TypeCode.D2: "H",
+    TypeCode.E2: "h",
+    TypeCode.C4: "i",
+    TypeCode.X2: "h",
+    TypeCode.X4: "i",
+    TypeCode.DATE: "7s",
+    TypeCode.TIME_OF_DAY: "6s",
+    TypeCode.TIME_DIFFERENCE: "6s",
+    TypeCode.TIME_OF_DAY_WITHOUT_DATE: "I",
+    TypeCode.TIME_DIFFERENCE_WITH_DATE: "6s",
     TypeCode.TIME_DIFFERENCE_WITHOUT_DATE: "I",
-    Format.BYTE: "B", Format.WORD: "H", Format.DOUBLE_WORD: "I",
-}  # fmt: skip
+    Format.BYTE: "B",
+    Format.WORD: "H",
+    Format.DOUBLE_WORD: "I",
+}
 
 Value = int | float | bytes
 
@@ -180,7 +207,9 @@ class Address:
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """Values in a format: of a write request, or of a good answer to reading. A word of zero values answers writing."""
+    """Values in a format: of a write request, or of a good answer to reading. A word of zero values answers
+    writing.
+    """
 
     code: int
     values: tuple[Value, ...]
@@ -253,7 +282,8 @@ def decode_request(data: bytes) -> Request:
     """Return a request from its bytes. What the parameters are is not looked at.
 
     Raises:
-        ParameterAccessError: The bytes are no whole request; `error` is the number with which to refuse it (PD-207, PD-208).
+        ParameterAccessError: The bytes are no whole request; `error` is the number with which to refuse
+            it (PD-207, PD-208).
 
     """
     if len(data) < 4:

@@ -1,4 +1,6 @@
-"""Sign of life: the 4-bit counters with which controller and drive show each other that they work (PD-123 to PD-132)."""
+"""Sign of life: the 4-bit counters with which controller and drive show each other that they work (PD-123 to
+PD-132).
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,8 @@ class SignOfLife:
 
     Args:
         tolerance: PNU 925, tolerated failures, 0..65535; 65535 = not monitored.
-        factor: Bus cycles in an application cycle of the controller (CACF), for which its counter stands still; >= 1.
+        factor: Bus cycles in an application cycle of the controller (CACF), for which its counter stands
+            still; >= 1.
 
     Raises:
         ConfigurationError: An argument is out of its range.
@@ -87,7 +90,8 @@ class SignOfLife:
         return self.state is _SYNCHRONISED or self.tolerance == UNMONITORED
 
     def step(self, received: int) -> bool:
-        """Take the controller's counter of this cycle; return whether the sign of life has just failed (PD-129).
+        """Take the controller's counter of this cycle; return whether the sign of life has just failed
+        (PD-129).
 
         Args:
             received: Bits 12..15 of the control word, 0..15.

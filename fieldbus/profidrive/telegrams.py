@@ -1,7 +1,8 @@
-"""Telegrams as data: which signal stands in which word (PD-001 to PD-032, CFG-193 to CFG-247, PTO-023 to PTO-036).
+"""Telegrams as data: which signal stands in which word (PD-001 to PD-032, CFG-193 to CFG-247, PTO-023 to
+PTO-036).
 
-All words are big-endian; a double word has its high word first. *Setpoint* is the direction from the controller to the
-drive, *actual* the way back.
+All words are big-endian; a double word has its high word first. *Setpoint* is the direction from the
+controller to the drive, *actual* the way back.
 """
 
 from __future__ import annotations
@@ -27,11 +28,46 @@ _RANGES: Final[dict[Kind, tuple[int, int]]] = {
 SIGNALS: Final[dict[str, Kind]] = {
     **dict.fromkeys(
         (
-            "STW1", "ZSW1", "STW2", "ZSW2", "STW2_ENC", "ZSW2_ENC", "G1_STW", "G1_ZSW", "G2_STW", "G2_ZSW", "MELDW",
-            "SATZANW", "AKTSATZ", "POS_STW", "POS_ZSW", "POS_STW1", "POS_STW2", "POS_ZSW1", "POS_ZSW2", "POS_ZSW3",
-            "MDI_MOD", "FAULT_CODE", "WARN_CODE", "CU_STW1", "CU_ZSW1", "A_DIGITAL", "A_DIGITAL_1", "E_DIGITAL",
-            "E_DIGITAL_1", "MT_STW", "MT_ZSW", "MT_DIAG", "MELD_NAMUR", "S_STW1B", "S_STW3B", "S_ZSW1B", "S_ZSW2B",
-            "S_ZSW3B", "FREE", *(f"MT_ZSB{number}" for number in range(1, 5)),
+            "STW1",
+            "ZSW1",
+            "STW2",
+            "ZSW2",
+            "STW2_ENC",
+            "ZSW2_ENC",
+            "G1_STW",
+            "G1_ZSW",
+            "G2_STW",
+            "G2_ZSW",
+            "MELDW",
+            "SATZANW",
+            "AKTSATZ",
+            "POS_STW",
+            "POS_ZSW",
+            "POS_STW1",
+            "POS_STW2",
+            "POS_ZSW1",
+            "POS_ZSW2",
+            "POS_ZSW3",
+            "MDI_MOD",
+            "FAULT_CODE",
+            "WARN_CODE",
+            "CU_STW1",
+            "CU_ZSW1",
+            "A_DIGITAL",
+            "A_DIGITAL_1",
+            "E_DIGITAL",
+            "E_DIGITAL_1",
+            "MT_STW",
+            "MT_ZSW",
+            "MT_DIAG",
+            "MELD_NAMUR",
+            "S_STW1B",
+            "S_STW3B",
+            "S_ZSW1B",
+            "S_ZSW2B",
+            "S_ZSW3B",
+            "FREE",
+            *(f"MT_ZSB{number}" for number in range(1, 5)),
             *(f"MT_ZS_{number}" for number in range(1, 17)),
             *(f"MT{number}_ZS_{edge}" for number in range(1, 9) for edge in "FS"),
         ),
@@ -39,21 +75,46 @@ SIGNALS: Final[dict[str, Kind]] = {
     ),
     **dict.fromkeys(
         (
-            "NSOLL_A", "NIST_A", "NIST_A_GLATT", "IAIST_GLATT", "MIST_GLATT", "PIST_GLATT", "MOMRED", "OVERRIDE",
-            "MDI_ACC", "MDI_DEC", "M_ADD1", "M_LIMIT_POS", "M_LIMIT_NEG", "M_ACT", "E_ANALOG",
+            "NSOLL_A",
+            "NIST_A",
+            "NIST_A_GLATT",
+            "IAIST_GLATT",
+            "MIST_GLATT",
+            "PIST_GLATT",
+            "MOMRED",
+            "OVERRIDE",
+            "MDI_ACC",
+            "MDI_DEC",
+            "M_ADD1",
+            "M_LIMIT_POS",
+            "M_LIMIT_NEG",
+            "M_ACT",
+            "E_ANALOG",
         ),
         "n2",
     ),
     **dict.fromkeys(("NSOLL_B", "NIST_B", "S_V_LIMIT_B"), "n4"),
     **dict.fromkeys(
         (
-            "G1_XIST1", "G1_XIST2", "G2_XIST1", "G2_XIST2", "XERR", "KPC", "MDI_TARPOS", "MDI_VELOCITY", "XIST_A",
-            "VIST_A", "MDI_ACC_32", "MDI_DEC_32", "REF_COORDINATE", "RESERVED_32",
+            "G1_XIST1",
+            "G1_XIST2",
+            "G2_XIST1",
+            "G2_XIST2",
+            "XERR",
+            "KPC",
+            "MDI_TARPOS",
+            "MDI_VELOCITY",
+            "XIST_A",
+            "VIST_A",
+            "MDI_ACC_32",
+            "MDI_DEC_32",
+            "REF_COORDINATE",
+            "RESERVED_32",
         ),
         "int32",
     ),
     "G1_XIST3": "int64",
-}  # fmt: skip
+}
 """Kind of every signal: `word` bits or unsigned, `n2`, `n4` normalised, `int32`, `int64` signed."""
 
 
@@ -154,7 +215,9 @@ class Layout:
         raise TelegramError(f"{name} is not in this telegram; it has: {', '.join(self.names)}")
 
     def places(self, *, low_word_first: bool) -> tuple[int, ...]:
-        """Return for each word where it stands on a link: where it is, or with the low word of a signal first."""
+        """Return for each word where it stands on a link: where it is, or with the low word of a signal
+        first.
+        """
         found: list[int] = []
         for name in self.names:
             size = _CODES[SIGNALS[name]][1]
@@ -278,7 +341,10 @@ _TABLE: Final[dict[int, tuple[str, str]]] = {
         "ZSW1 POS_ZSW1 POS_ZSW2 ZSW2 MELDW XIST_A NIST_B FAULT_CODE WARN_CODE FREE",
     ),
     112: (
-        "STW1 POS_STW1 POS_STW2 STW2 OVERRIDE MDI_TARPOS MDI_VELOCITY MDI_ACC_32 MDI_DEC_32 RESERVED_32 REF_COORDINATE",
+        (
+            "STW1 POS_STW1 POS_STW2 STW2 OVERRIDE MDI_TARPOS MDI_VELOCITY MDI_ACC_32 MDI_DEC_32 RESERVED_32 "
+            "REF_COORDINATE"
+        ),
         "ZSW1 POS_ZSW1 POS_ZSW2 ZSW2 POS_ZSW3 XIST_A VIST_A MELDW FAULT_CODE WARN_CODE",
     ),
     390: ("CU_STW1 A_DIGITAL", "CU_ZSW1 E_DIGITAL"),
@@ -332,7 +398,9 @@ def free_telegram(setpoint: Sequence[str], actual: Sequence[str]) -> Telegram:
 
 
 def pto_telegram() -> Telegram:
-    """Return telegram 3 as the TM PTO understands it: 16-bit speeds and the encoder's second words (PTO-023 to PTO-029)."""
+    """Return telegram 3 as the TM PTO understands it: 16-bit speeds and the encoder's second words (PTO-023
+    to PTO-029).
+    """
     return Telegram(
         3,
         Layout(["STW1", "NSOLL_A", "STW2_ENC", "G1_STW"]),

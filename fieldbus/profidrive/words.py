@@ -1,4 +1,5 @@
-"""Bits of the control and status words, by name, and their words for a trace (PD-045 to PD-095, PD-141 to PD-149).
+"""Bits of the control and status words, by name, and their words for a trace (PD-045 to PD-095, PD-141 to
+PD-149).
 
 The masks are plain integers to the cycle: an `IntFlag` would make an object of every `&`.
 """
@@ -224,7 +225,9 @@ class CU_ZSW1(IntEnum):  # noqa: N801
 
 
 class S_ZSW1B(IntEnum):  # noqa: N801
-    """Status word 1 of the safety information channel (CFG-471 to CFG-493); bits 9 and 10 are the level of SLS."""
+    """Status word 1 of the safety information channel (CFG-471 to CFG-493); bits 9 and 10 are the level of
+    SLS.
+    """
 
     STO_ACTIVE = 0x0001
     SS1_ACTIVE = 0x0002
@@ -283,11 +286,27 @@ ENCODER_ERRORS: Final = MappingProxyType(
 """Codes in Gx_XIST2 while Gx_ZSW.15 is set (PD-175 to PD-187, PTO-262)."""
 
 _FLAGS: Final[dict[str, type[IntEnum]]] = {
-    "STW1": STW1, "ZSW1": ZSW1, "STW2": STW2, "ZSW2": ZSW2, "MELDW": MELDW, "STW2_ENC": STW2_ENC, "ZSW2_ENC": ZSW2_ENC,
-    "POS_STW1": POS_STW1, "POS_STW2": POS_STW2,
-    "POS_ZSW1": POS_ZSW1, "POS_ZSW2": POS_ZSW2, "G1_STW": G_STW, "G2_STW": G_STW, "G1_ZSW": G_ZSW, "G2_ZSW": G_ZSW,
-    "CU_STW1": CU_STW1, "CU_ZSW1": CU_ZSW1, "S_ZSW1B": S_ZSW1B, "S_ZSW2B": S_ZSW2B, "S_ZSW3B": S_ZSW3B,
-}  # fmt: skip
+    "STW1": STW1,
+    "ZSW1": ZSW1,
+    "STW2": STW2,
+    "ZSW2": ZSW2,
+    "MELDW": MELDW,
+    "STW2_ENC": STW2_ENC,
+    "ZSW2_ENC": ZSW2_ENC,
+    "POS_STW1": POS_STW1,
+    "POS_STW2": POS_STW2,
+    "POS_ZSW1": POS_ZSW1,
+    "POS_ZSW2": POS_ZSW2,
+    "G1_STW": G_STW,
+    "G2_STW": G_STW,
+    "G1_ZSW": G_ZSW,
+    "G2_ZSW": G_ZSW,
+    "CU_STW1": CU_STW1,
+    "CU_ZSW1": CU_ZSW1,
+    "S_ZSW1B": S_ZSW1B,
+    "S_ZSW2B": S_ZSW2B,
+    "S_ZSW3B": S_ZSW3B,
+}
 _WITH_SIGN_OF_LIFE: Final = frozenset({"STW2", "ZSW2", "STW2_ENC", "ZSW2_ENC", "CU_STW1", "CU_ZSW1"})
 
 

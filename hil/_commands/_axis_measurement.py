@@ -1,6 +1,8 @@
-"""What one axis costs the controller in one cycle: inputs, monitoring, setpoint, control, outputs, its instructions.
+"""What one axis costs the controller in one cycle: inputs, monitoring, setpoint, control, outputs, its
+instructions.
 
-No bus and no drive take part: the port of the axis returns its own setpoint as actual value, and nothing is recorded.
+No bus and no drive take part: the port of the axis returns its own setpoint as actual value, and nothing is
+recorded.
 """
 
 from __future__ import annotations
@@ -103,7 +105,9 @@ class RunningAxes:
         return [self._call(instruction(axis, **inputs)) for axis in self.axes]
 
     def run(self, cycles: int) -> None:
-        """Let `cycles` application cycles pass; positionings that have ended begin again in the other direction."""
+        """Let `cycles` application cycles pass; positionings that have ended begin again in the other
+        direction.
+        """
         cycle = self.runtime.cycle
         if not self._moves:
             for _ in range(cycles):

@@ -1,7 +1,7 @@
 """What `hil benchmark` measures: the cyclic path of a whole bench, and single parts against other libraries.
 
-Everything runs in rounds, ours and the peer's by turns, so that a noisy machine disturbs both alike; the median of the
-rounds is the figure.
+Everything runs in rounds, ours and the peer's by turns, so that a noisy machine disturbs both alike; the
+median of the rounds is the figure.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ class Figure(NamedTuple):
 
 
 def with_axes(config: Any, count: int, *, cycle_ms: int | None = None) -> Any:
-    """Return a bench configuration with `count` copies of its only drive and axis, and another bus cycle if given."""
+    """Return a bench configuration with `count` copies of its only drive and axis, and another bus cycle if
+    given.
+    """
     drive, axis = next(iter(config.drive.values())), next(iter(config.axis.values()))
     drives = {
         f"drive{i}": drive.model_copy(update={"node_id": drive.node_id + i - 1}) for i in range(1, count + 1)
@@ -85,7 +87,9 @@ class MovingBench:
 
 
 def speed(config: Any, seconds: float, rounds: int = 5) -> tuple[float, float]:
-    """Return simulated seconds per wall second, the median of `rounds`, and the load of the bus meanwhile, %."""
+    """Return simulated seconds per wall second, the median of `rounds`, and the load of the bus
+    meanwhile, %.
+    """
     moving = MovingBench(config)
     with moving.bench:
         moving.advance(0.5)
@@ -112,7 +116,9 @@ def alternately(*works: Callable[[], int], rounds: int = 7) -> tuple[float, ...]
 
 
 def can_frames() -> list[Figure]:
-    """Frames per second from one node to another: the medium, with bit timing, against python-can's virtual bus."""
+    """Frames per second from one node to another: the medium, with bit timing, against python-can's virtual
+    bus.
+    """
     import can
 
     scheduler = VirtualScheduler()
@@ -157,9 +163,11 @@ PORTS: Final = (2, 10, 16)
 
 
 def can_ports() -> list[Figure]:
-    """Frames on the wire and frames delivered per second, by the number of ports, with the full medium and its log off.
+    """Frames on the wire and frames delivered per second, by the number of ports, with the full medium and
+    its log off.
 
-    A frame counts once on the wire, and once for every port that receives it. The peer is python-can's virtual bus.
+    A frame counts once on the wire, and once for every port that receives it. The peer is python-can's
+    virtual bus.
     """
     figures: list[Figure] = []
     for count in PORTS:
@@ -221,9 +229,10 @@ def _ignore(_frame: CanFrame, _time_ns: int) -> None:
 
 
 def sdo_uploads() -> list[Figure]:
-    """SDO uploads per second from our slave in virtual time, by the canopen library and by our own client, and by the
+    """SDO uploads per second from our slave in virtual time, by the canopen library and by our own client,
+    and by the
     library from its own `LocalNode` over python-can's virtual bus.
-    """  # noqa: D205
+    """
     import canopen
 
     from fieldbus.canopen import CanopenMaster, CanopenSlave

@@ -1,7 +1,7 @@
 """Modbus requests per second over TCP on loopback, for `hil benchmark`.
 
-Each server has a process of its own, as a server has in use, and the same ten registers; the client is a bare socket in this
-process, for both. They are asked by turns, so that a noisy machine disturbs both alike.
+Each server has a process of its own, as a server has in use, and the same ten registers; the client is a bare
+socket in this process, for both. They are asked by turns, so that a noisy machine disturbs both alike.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ PEER: Final = "peer"
 
 
 def modbus_requests() -> list[Figure]:
-    """Return requests per second over TCP on loopback, one client: our server, and that of pymodbus with its simulator."""
+    """Return requests per second over TCP on loopback, one client: our server, and that of pymodbus with its
+    simulator.
+    """
     with ExitStack() as stack:
         ours = stack.enter_context(_process(OURS))
         theirs = stack.enter_context(_process(PEER))

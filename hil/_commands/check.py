@@ -9,7 +9,9 @@ from hil.campaign import load_bench_file
 
 
 def check_bench(reference: str, *, build: bool, as_json: bool) -> int:
-    """Validate, bring up, tell; returns the exit code. What is wrong is raised as an error with exit code 2."""
+    """Validate, bring up, tell; returns the exit code. What is wrong is raised as an error with exit code
+    2.
+    """
     with quiet_stdout(as_json):
         bench_file = load_bench_file(reference)
         kind = str(getattr(bench_file, "kind", "virtual"))

@@ -1,4 +1,6 @@
-"""`hil diag`: what the axes and external encoders of a bench say about themselves, on a fresh bench or in the middle of a case."""
+"""`hil diag`: what the axes and external encoders of a bench say about themselves, on a fresh bench or in the
+middle of a case.
+"""
 
 from __future__ import annotations
 
@@ -31,11 +33,13 @@ def show_diagnosis(
     with quiet_stdout(as_json):
         found, note = _of_case(token, bench, at_s, axis) if token else _of_bench(bench, after_s, axis)
     if as_json:
-        print_json({
-            "note": note,
-            "axes": [one.as_dict() for one in found.objects],
-            "controller": found.controller.as_dict(),
-        })  # fmt: skip
+        print_json(
+            {
+                "note": note,
+                "axes": [one.as_dict() for one in found.objects],
+                "controller": found.controller.as_dict(),
+            }
+        )
         return 0
     console().print(note, markup=False)
     for one in (*found.objects, found.controller):

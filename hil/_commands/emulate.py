@@ -76,16 +76,16 @@ def emulate_bench(
     Args:
         reference: Bench file or embedded name; a live bench or a virtual one.
         place: The bus for all segments; without one that of a live bench file, else SocketCAN vcan0.
-        adapter: "slcan": an emulated serial-line adapter is on the bus too, and the bus, if none is named, exists in
-            this process only.
-        link: Symbolic link to make to the adapter's device file, or to that of the first drive on a Modbus line; one that is
-            there already is replaced.
+        adapter: "slcan": an emulated serial-line adapter is on the bus too, and the bus, if none is
+            named, exists in this process only.
+        link: Symbolic link to make to the adapter's device file, or to that of the first drive on a
+            Modbus line; one that is there already is replaced.
         seed: Seed of the drives' random streams.
         duration_s: 0: until the end is asked for.
 
     Raises:
-        CannotRunError: The bench has no emulated drive, or drives that cannot share one bus; or no pseudo-terminal or
-            link can be made.
+        CannotRunError: The bench has no emulated drive, or drives that cannot share one bus; or no
+            pseudo-terminal or link can be made.
         ConfigurationError: The bench file, an option or the duration is wrong.
         BusError: The bus cannot be opened.
 
@@ -261,7 +261,8 @@ def _check_nodes(drives: Mapping[str, DriveSection | EncoderSection | DeviceSect
         other = owners.setdefault(section.node_id, name)
         if other != name:
             raise CannotRunError(
-                f"{other} and {name} are both node {section.node_id}: on different segments of the bench they may be, "
+                f"{other} and {name} are both node {section.node_id}: on different segments of the bench "
+                f"they may be, "
                 f"but {where} is one bus"
             )
 

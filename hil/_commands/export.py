@@ -18,7 +18,8 @@ _BUS_FORMATS: Final = (".log", ".asc", ".blf")
 def export_trace(
     source: Path, output: Path, *, signals: Sequence[str] = (), bus: str = "", as_json: bool = False
 ) -> int:
-    """Write signals (.mf4, .csv, .npz) or the frames of a CAN segment (.log, .asc, .blf) of a saved trace; returns the exit code.
+    """Write signals (.mf4, .csv, .npz) or the frames of a CAN segment (.log, .asc, .blf) of a saved trace;
+    returns the exit code.
 
     Args:
         source: `trace.npz` or `trace.json` of a case.
@@ -28,7 +29,8 @@ def export_trace(
         as_json: Tell on standard output what was written.
 
     Raises:
-        CannotRunError: The trace cannot be read, the suffix is unknown, or there is no such signal or segment.
+        CannotRunError: The trace cannot be read, the suffix is unknown, or there is no such signal or
+            segment.
 
     """
     try:
@@ -38,7 +40,8 @@ def export_trace(
     suffix = output.suffix.lower()
     if suffix not in (*SIGNAL_FORMATS, *_BUS_FORMATS):
         raise CannotRunError(
-            f"--output {output}: allowed are {', '.join(SIGNAL_FORMATS)} for signals, {', '.join(_BUS_FORMATS)} for the frames of a CAN segment"
+            f"--output {output}: allowed are {', '.join(SIGNAL_FORMATS)} for signals, "
+            f"{', '.join(_BUS_FORMATS)} for the frames of a CAN segment"
         )
     if source.resolve() == output.resolve() or (suffix == ".npz" and output.with_suffix(".json").exists()):
         raise CannotRunError(f"--output {output}: that is the file of a saved trace, which would be lost")

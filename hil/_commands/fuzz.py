@@ -39,10 +39,17 @@ def fuzz_bench(
                 progress.step(min(count, cases), "" if broken is None else f"shrinking: {broken.invariant}")
 
             found = search(
-                bench_file, cases=cases, seed=seed, longest=steps, configurations=configurations, bench=bench, jobs=jobs,
+                bench_file,
+                cases=cases,
+                seed=seed,
+                longest=steps,
+                configurations=configurations,
+                bench=bench,
+                jobs=jobs,
                 on_run=on_run,
-                parents=() if kept is None else kept.programs, on_new=None if kept is None else kept.keep,
-            )  # fmt: skip
+                parents=() if kept is None else kept.programs,
+                on_new=None if kept is None else kept.keep,
+            )
     out = console()
     failure = found.failure
     result: dict[str, object] = {

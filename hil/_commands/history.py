@@ -45,16 +45,31 @@ def _answer(plain: object, text: str, *, as_json: bool) -> None:
 
 def _plain(run: PastRun) -> dict[str, object]:
     names = (
-        "number", "started", "title", "seed", "bench", "version", "state", "passed", "failed", "blocked", "errors",
-        "simulated_s", "wall_s", "trace_digest",
-    )  # fmt: skip
+        "number",
+        "started",
+        "title",
+        "seed",
+        "bench",
+        "version",
+        "state",
+        "passed",
+        "failed",
+        "blocked",
+        "errors",
+        "simulated_s",
+        "wall_s",
+        "trace_digest",
+    )
     return {**{name: getattr(run, name) for name in names}, "interrupted": bool(run.interrupted)}
 
 
 def _list(history: History, *, as_json: bool) -> int:
     runs = history.runs()
     lines = [
-        f"{'run':>4}  {'started':25}  {'passed':>6} {'failed':>6} {'errors':>6} {'blocked':>7}  {'took':>10}  title"
+        (
+            f"{'run':>4}  {'started':25}  {'passed':>6} {'failed':>6} {'errors':>6} {'blocked':>7}  "
+            f"{'took':>10}  title"
+        )
     ]
     lines += [
         f"{run.number:4}  {run.started:25}  {run.passed:6} {run.failed:6} {run.errors:6} {run.blocked:7}  "
@@ -77,10 +92,18 @@ def _show(history: History, case: str, *, as_json: bool) -> int:
         for one in past
     ]
     plain = [
-        {"run": one.run, "started": runs[one.run].started, "verdict": one.verdict.value, "headline": one.headline,
-         "simulated_s": one.simulated_s, "wall_s": one.wall_s, "trace_digest": one.trace_digest, "token": one.token}
+        {
+            "run": one.run,
+            "started": runs[one.run].started,
+            "verdict": one.verdict.value,
+            "headline": one.headline,
+            "simulated_s": one.simulated_s,
+            "wall_s": one.wall_s,
+            "trace_digest": one.trace_digest,
+            "token": one.token,
+        }
         for one in past
-    ]  # fmt: skip
+    ]
     last = past[0]
     if last.verdict is not Verdict.PASSED and last.token:
         lines.append(f"repeat the last one with: {replay_command(last.token)}")
@@ -95,7 +118,8 @@ def _compare(found: Comparison, *, every: bool, as_json: bool) -> int:
     base = found.base
     assert base is not None
     head = (
-        f"run {found.now.number} ({found.now.started}) against run {base.number} ({base.started}): {found.common} cases "
+        f"run {found.now.number} ({found.now.started}) against run {base.number} ({base.started}): "
+        f"{found.common} cases "
         f"in common, {found.same_traces} traces the same bit for bit"
     )
     lines = [head]

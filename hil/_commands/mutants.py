@@ -103,9 +103,14 @@ def seed_defects(request: MutantsRequest) -> int:
                 store(seeder.so_far(), request.report)  # so that nothing is lost, whatever ends this
 
         seeder = Seeder(
-            mutants, judges, options, on_baseline=progress.baseline, on_result=on_result,
-            earlier=earlier, earlier_seconds=stored.seconds if request.resume else 0.0,
-        )  # fmt: skip
+            mutants,
+            judges,
+            options,
+            on_baseline=progress.baseline,
+            on_result=on_result,
+            earlier=earlier,
+            earlier_seconds=stored.seconds if request.resume else 0.0,
+        )
         seeding = seeder.run()
     if request.report is not None:
         store(seeding, request.report)
@@ -150,10 +155,12 @@ def _tell(seeding: Seeding, report: Path | None) -> None:
     out = console()
     if seeding.red:
         out.print(
-            f"{len(seeding.red)} of {len(seeding.baseline)} cases are red without any defect; mend them first, a defect cannot be "
+            f"{len(seeding.red)} of {len(seeding.baseline)} cases are red without any defect; mend them "
+            f"first, a defect cannot be "
             "judged by them",
-            style="bold red", markup=False,
-        )  # fmt: skip
+            style="bold red",
+            markup=False,
+        )
         return
     total = len(seeding.results)
     parts = [f"{seeding.count('caught')} of {total} caught in {seeding.seconds:.0f} s"]

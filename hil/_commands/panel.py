@@ -86,7 +86,9 @@ class PanelSession:
         return "  ".join([*parts, *self._notes()])
 
     def _notes(self) -> list[str]:
-        """Return what an operator has to know beside state and place: the job that has ended badly, alarm, loss of control."""
+        """Return what an operator has to know beside state and place: the job that has ended badly, alarm,
+        loss of control.
+        """
         panel, notes = self.panel, []
         job = panel.job
         if job is not None and job.Error:
@@ -180,7 +182,8 @@ class PanelSession:
         finally:
             for number, one in enumerate(routine.attempts, start=1):
                 self._write(
-                    f"  {number:3}  Kv {one.kv:8.3f}/s  Kpc {one.kpc:3.0f} %  T {1000 * one.time_constant:4.0f} ms  "
+                    f"  {number:3}  Kv {one.kv:8.3f}/s  Kpc {one.kpc:3.0f} %  T "
+                    f"{1000 * one.time_constant:4.0f} ms  "
                     f"overshoot {one.overshoot:8.4f}  settled after {one.settling_s:6.3f} s  "
                     f"{'good' if one.good else 'overshoots'}"
                 )
@@ -195,8 +198,8 @@ class PanelSession:
 def run_panel(bench: str, *, axis: str, monitoring_s: float, plot: Path, stdin: TextIO | None = None) -> int:
     """Run the panel until its input ends; returns the exit code.
 
-    On a terminal time passes as on the clock. A script lets it pass with `wait`, and ends with the first line that cannot be
-    carried out (exit code 1).
+    On a terminal time passes as on the clock. A script lets it pass with `wait`, and ends with the first line
+    that cannot be carried out (exit code 1).
 
     Args:
         bench: Bench file or embedded name; empty for the default one.

@@ -20,7 +20,10 @@ def replay_token(text: str, *, report: Path, force: bool, as_json: bool) -> int:
     with quiet_stdout(as_json):
         bench_file = load_bench_file(token.bench or None)
         if token.bench_digest and token.bench_digest != bench_file.digest:
-            message = f"the bench {bench_file.name!r} has changed since the token was made; the case may run differently"
+            message = (
+                f"the bench {bench_file.name!r} has changed since the token was made; "
+                "the case may run differently"
+            )
             if not force:
                 raise TokenError(f"{message} (repeat it all the same with --force)")
             console().print(f"warning: {message}", style="yellow", markup=False)

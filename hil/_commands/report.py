@@ -18,7 +18,8 @@ from reports.store import JOURNAL_FILE, RUN_FILE
 def report_runs(sources: Sequence[Path], directory: Path, *, history: str, digest: str, as_json: bool) -> int:
     """Merge the runs in `sources` into `directory`, write the report, and return the exit code of `hil run`.
 
-    A single source that is the folder itself gets its report anew. A run that the history has already is not recorded again.
+    A single source that is the folder itself gets its report anew. A run that the history has already is not
+    recorded again.
     """
     check_summary(digest, as_json=as_json)
     if [source.resolve() for source in sources] == [directory.resolve()]:

@@ -78,7 +78,8 @@ def _covered_by_tests(*, rerun: bool) -> set[str]:
     if rerun or not known:
         if not is_source_checkout(root):
             raise CannotRunError(
-                f"no test results in {root / FOLDER}: run pytest here first (the plugin records the results of tests that "
+                f"no test results in {root / FOLDER}: run pytest here first (the plugin records the results "
+                f"of tests that "
                 "carry @pytest.mark.requirement), or name the report folder of a run"
             )
         run_own_tests(root)

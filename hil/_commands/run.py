@@ -76,7 +76,8 @@ def selected(request: RunRequest) -> list[Selected]:
     again = [item for item in cases if item.case.identifier in wanted]
     if not again:
         raise CannotRunError(
-            f"none of the {len(wanted)} cases that failed in {request.report} is among the {len(cases)} selected ones"
+            f"none of the {len(wanted)} cases that failed in {request.report} is among the {len(cases)} "
+            f"selected ones"
             if wanted
             else f"no case failed in {request.report}: there is nothing to repeat"
         )
@@ -100,13 +101,16 @@ def list_cases(request: RunRequest) -> int:
         print_json(
             [
                 {
-                    "identifier": item.case.identifier, "title": item.case.title, "tags": list(item.case.tags),
-                    "bench": request.bench or item.case.bench, "campaign": item.campaign,
+                    "identifier": item.case.identifier,
+                    "title": item.case.title,
+                    "tags": list(item.case.tags),
+                    "bench": request.bench or item.case.bench,
+                    "campaign": item.campaign,
                     "requirements": list(item.case.requirements),
                 }
                 for item in cases
             ]
-        )  # fmt: skip
+        )
         return 0
     for item in cases:
         print(f"{item.case.identifier}  {item.case.title}")  # noqa: T201 - the answer
@@ -152,11 +156,18 @@ def run_selected(cases: list[Selected], request: RunRequest) -> int:
     if request.twice:
         _refuse_live(cases, request.bench)
     options = RunOptions(
-        bench=request.bench, seed=request.seed, jobs=request.jobs, twice=request.twice,
-        evidence=cast("Keep", request.evidence), directory=request.report, resume=request.resume,
-        repeat_failed=request.last_failed, shard=parse_shard(request.shard), wall_limit_s=request.wall_limit_s,
+        bench=request.bench,
+        seed=request.seed,
+        jobs=request.jobs,
+        twice=request.twice,
+        evidence=cast("Keep", request.evidence),
+        directory=request.report,
+        resume=request.resume,
+        repeat_failed=request.last_failed,
+        shard=parse_shard(request.shard),
+        wall_limit_s=request.wall_limit_s,
         cluster=request.cluster,
-    )  # fmt: skip
+    )
     with quiet_stdout(request.as_json), only_run_in(request.report):
         with CaseProgress(len(shard(cases, options.shard))) as progress:
             run = Runner(cases, options, on_result=progress.case_done).run()

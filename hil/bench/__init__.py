@@ -48,7 +48,8 @@ class BenchFile:
         """Return this bench with other content in some places.
 
         Args:
-            tables: What is laid over the file: tables are merged, everything else takes the place of what was there.
+            tables: What is laid over the file: tables are merged, everything else takes the place of what
+                was there.
 
         Raises:
             BenchFileError: The result is not usable.
@@ -64,7 +65,8 @@ class BenchFile:
 
 
 def load_bench(path: str | Path | None = None) -> BenchFile:
-    """Load and validate a bench file; a name of `EMBEDDED` or None stands for a bench that ships with the product.
+    """Load and validate a bench file; a name of `EMBEDDED` or None stands for a bench that ships with the
+    product.
 
     Raises:
         BenchFileError: No such file, or its content is not usable.

@@ -19,7 +19,9 @@ _SCALARS = {bool: "true or false", int: "a number", float: "a number", str: "a t
 
 
 def _scalars(annotation: Any) -> set[type]:
-    """Return which of bool, int, float and str an annotation permits; nothing for a choice of words, which is strict by itself."""
+    """Return which of bool, int, float and str an annotation permits; nothing for a choice of words, which is
+    strict by itself.
+    """
     if annotation in _SCALARS:
         return {annotation}
     if get_origin(annotation) not in (Union, UnionType, Annotated):
@@ -168,24 +170,35 @@ class ProfidriveSection(Section):
     ramp_up_s: Annotated[float, Field(ge=0.0, le=1000.0)] = 10.0
     """p1120 of the emulated drive; acts in operating mode 1."""
     interpolation: bool = True
-    """Whether the emulated drive reaches a setpoint of operating mode 3 linearly within the bus cycle, or at once."""
+    """Whether the emulated drive reaches a setpoint of operating mode 3 linearly within the bus cycle, or at
+    once.
+    """
     sign_of_life_tolerance: Annotated[int, Field(ge=0, le=65_535)] = 1
     """PNU 925 of the emulated drive; 65535 = not monitored."""
     sign_of_life: bool | None = None
-    """Whether drive and controller watch the counter of the other; None: where the telegram has one, but not on live Modbus."""
+    """Whether drive and controller watch the counter of the other; None: where the telegram has one, but not
+    on live Modbus.
+    """
     setpoint_monitoring_ms: Annotated[float, Field(ge=0.0, le=2_000_000.0)] = 100.0
     """p2040 of the emulated drive: without process data for this long F01910; 0 = not monitored."""
 
 
 CIA402_KEYS = (
-    "personality", "eds", "homing", "sync_loss", "sync_jitter_percent", "missing_setpoints", "following_error",
+    "personality",
+    "eds",
+    "homing",
+    "sync_loss",
+    "sync_jitter_percent",
+    "missing_setpoints",
+    "following_error",
     "csv_interpolation",
-)  # fmt: skip
+)
 """Keys of a drive that a PROFIdrive axis does not have."""
 
 
 def checked_personality(value: str, folder: Path | None) -> str:
-    """Return the name or absolute path of a personality that can be loaded; a relative path starts at `folder`.
+    """Return the name or absolute path of a personality that can be loaded; a relative path starts at
+    `folder`.
 
     Raises:
         ValueError: There is none, or it is not usable; the message says why.

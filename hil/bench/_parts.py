@@ -97,7 +97,8 @@ class BenchParts:
         return self._part("encoder", self._encoders, name)
 
     def encoder_port(self, name: str | None = None) -> ProfidriveEncoderPort:
-        """Return the controller's port to a PROFIdrive encoder with a node of its own, by name, or to the first one.
+        """Return the controller's port to a PROFIdrive encoder with a node of its own, by name, or to the
+        first one.
 
         Raises:
             ConfigurationError: There is no such encoder that the bench leads.
@@ -117,7 +118,8 @@ class BenchParts:
         return self._part("device", self._devices, name)
 
     def station(self, name: str | None = None) -> Any:
-        """Return an emulated I/O station by name, or the first one: `bench.station("io").input(3)` is a channel.
+        """Return an emulated I/O station by name, or the first one: `bench.station("io").input(3)` is a
+        channel.
 
         Raises:
             ConfigurationError: There is no such station.
@@ -137,7 +139,8 @@ class BenchParts:
     def record_calls(self) -> CallLog:
         """Record the outputs of every instruction instance in every call from now on (MC-566).
 
-        `log.of(job)` are its calls: number, application cycle, time, outputs. Outputs of a single call are not missed.
+        `log.of(job)` are its calls: number, application cycle, time, outputs. Outputs of a single call are
+        not missed.
         """
         return CallLog(self.runtime)
 
@@ -150,7 +153,9 @@ class BenchParts:
         return part
 
     def node(self, drive_name: str | None = None) -> RemoteNode:
-        """Return a drive or an encoder as its controller sees it, by name; default: the drive of the first axis."""
+        """Return a drive or an encoder as its controller sees it, by name; default: the drive of the first
+        axis.
+        """
         if self._encoder_nodes is not None and drive_name in self._encoder_nodes.nodes:
             return self._encoder_nodes.nodes[drive_name]
         port: Port = self._part("drive with an axis", self._ports, drive_name)
@@ -160,7 +165,9 @@ class BenchParts:
         return node
 
     def port(self, drive_name: str | None = None) -> Any:
-        """Return the port by which an axis of the bench leads a drive, by the name of the drive, or the first one."""
+        """Return the port by which an axis of the bench leads a drive, by the name of the drive, or the first
+        one.
+        """
         return self._part("drive with an axis", self._ports, drive_name)
 
     @property
@@ -209,7 +216,8 @@ class BenchParts:
         return self.config.axis[name].drive
 
     def cob_ids(self, drive_name: str) -> dict[str, int]:
-        """Return the identifiers that a drive, an encoder or a device uses, by name; a CiA 406 encoder has no RPDOs.
+        """Return the identifiers that a drive, an encoder or a device uses, by name; a CiA 406 encoder has no
+        RPDOs.
 
         Raises:
             ConfigurationError: There is no such node.
@@ -223,8 +231,15 @@ class BenchParts:
             raise ConfigurationError("drive", drive_name, "a node on CAN; this one is on Modbus")
         encoder = config.encoder.get(drive_name)
         node = nodes[drive_name].node_id
-        ids = {"nmt": 0, "sync": 0x80, "emcy": 0x80 + node, "heartbeat": 0x700 + node,
-               "sdo_rx": 0x600 + node, "sdo_tx": 0x580 + node, "controller_heartbeat": 0x700 + MASTER_NODE}  # fmt: skip
+        ids = {
+            "nmt": 0,
+            "sync": 0x80,
+            "emcy": 0x80 + node,
+            "heartbeat": 0x700 + node,
+            "sdo_rx": 0x600 + node,
+            "sdo_tx": 0x580 + node,
+            "controller_heartbeat": 0x700 + MASTER_NODE,
+        }
         for number in range(1, 5):
             ids[f"tpdo{number}"] = 0x080 + 0x100 * number + node
             if encoder is None or (encoder.profile == "profidrive" and number == 1):
@@ -258,11 +273,13 @@ class BenchParts:
         return tuple(self._masters)
 
     def decode(self, frame: CanFrame | ModbusFrame, *, segment: str | None = None) -> str:
-        """Return the meaning of a frame in words, by the mapping that the bench, or without axes somebody, has written.
+        """Return the meaning of a frame in words, by the mapping that the bench, or without axes somebody,
+        has written.
 
         Args:
             frame: The frame.
-            segment: Where it was, for a bench with several segments whose nodes have equal node-IDs; None = anywhere.
+            segment: Where it was, for a bench with several segments whose nodes have equal node-IDs; None
+                = anywhere.
 
         Raises:
             ConfigurationError: There is no such segment.

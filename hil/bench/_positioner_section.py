@@ -1,4 +1,6 @@
-"""`[drive.NAME.positioner]` of a bench file: the basic positioner of a drive behind a positioning telegram."""
+"""`[drive.NAME.positioner]` of a bench file: the basic positioner of a drive behind a positioning
+telegram.
+"""
 
 from __future__ import annotations
 

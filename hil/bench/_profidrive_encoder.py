@@ -1,4 +1,6 @@
-"""PROFIdrive encoders of a bench file: `[encoder.NAME.profidrive]`, `[drive.NAME.encoder2]`, and what they are made of."""
+"""PROFIdrive encoders of a bench file: `[encoder.NAME.profidrive]`, `[drive.NAME.encoder2]`, and what they
+are made of.
+"""
 
 from __future__ import annotations
 
@@ -90,7 +92,8 @@ def coupling(section: Any, lead_mm: float | None) -> tuple[float, float, float]:
 
     Args:
         section: Section with the keys that say how the encoder is coupled to a machine.
-        lead_mm: Lead of the screw for a rotary encoder at the load; None: at a motor shaft or a shaft of its own.
+        lead_mm: Lead of the screw for a rotary encoder at the load; None: at a motor shaft or a shaft of
+            its own.
 
     """
     ratio = section.gear_numerator / section.gear_denominator * (-1.0 if section.reversed else 1.0)
@@ -110,7 +113,8 @@ def encoder_format(
     wide: bool = False,
     counter_bits: int = 32,
 ) -> EncoderFormat:
-    """Return the format of a section's type and resolution; an absolute encoder loads G1_XIST1 with its value (PD-172).
+    """Return the format of a section's type and resolution; an absolute encoder loads G1_XIST1 with its value
+    (PD-172).
 
     Raises:
         ConfigurationError: Resolution, range and fine bits do not fit together.

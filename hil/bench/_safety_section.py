@@ -19,7 +19,9 @@ _OF_ANY_DRIVE: Final = frozenset({"sto", "ss1_time_ms", "ss1_monitored", "interl
 
 
 class SafetySection(Section):
-    """`[drive.NAME.safety]`: safety functions of the drive; those beyond the first four belong to a PROFIdrive axis."""
+    """`[drive.NAME.safety]`: safety functions of the drive; those beyond the first four belong to a
+    PROFIdrive axis.
+    """
 
     sto: Literal["inhibit", "fault"] = "inhibit"
     ss1_time_ms: SafeTime_ms = 500.0

@@ -1,4 +1,6 @@
-"""Taking the drives of a bench into service, all at the same time, and what is said when one does not come."""
+"""Taking the drives of a bench into service, all at the same time, and what is said when one does not
+come.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +75,8 @@ def _node_not_started(node: RemoteNode) -> HilError:
     if failure is None or (failure.silent and failure.state is BootState.WAITING):
         reason = "" if failure is None else f": {failure.what}"
         return BenchNotReadyError(
-            f"{node.name} (node {node.node_id}) does not answer on the bus within {BOOT_TIMEOUT_NS // S} s{reason}"
+            f"{node.name} (node {node.node_id}) does not answer on the bus within {BOOT_TIMEOUT_NS // S} "
+            f"s{reason}"
         )
     if failure.abort_code and not failure.silent:
         return CommissioningError(str(failure))

@@ -21,7 +21,9 @@ def dumps(data: Mapping[str, Any]) -> str:
 
 
 def merged(base: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `base` with `above` laid over it: tables are merged, everything else takes the place of what was there."""
+    """Return `base` with `above` laid over it: tables are merged, everything else takes the place of what was
+    there.
+    """
     result = dict(base)
     for key, value in above.items():
         below = result.get(key)

@@ -1,4 +1,6 @@
-"""`[axis.NAME]` and `[external_encoder.NAME]` of a bench file: which drives and encoders a technology object may have."""
+"""`[axis.NAME]` and `[external_encoder.NAME]` of a bench file: which drives and encoders a technology object
+may have.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ def check_axis_encoders(name: str, axis: AxisSection, config: BenchConfig) -> No
     drive = config.drive[axis.drive]
     if axis.connection == "data_block" and drive.profile != "profidrive":
         raise ValueError(
-            f"axis.{name}.connection: 'data_block' holds a telegram; profile of {axis.drive!r} is {drive.profile}"
+            f"axis.{name}.connection: 'data_block' holds a telegram; profile of {axis.drive!r} is "
+            f"{drive.profile}"
         )
     speed_only = drive.profile == "profidrive" and drive.telegram in (1, 2)
     if axis.type == "speed":
@@ -57,7 +60,8 @@ def check_axis_encoders(name: str, axis: AxisSection, config: BenchConfig) -> No
         if one == axis.drive:
             if speed_only:
                 raise ValueError(
-                    f"axis.{name}.drive: telegram {drive.telegram} of {axis.drive!r} has no encoder value for a positioning "
+                    f"axis.{name}.drive: telegram {drive.telegram} of {axis.drive!r} has no encoder value "
+                    f"for a positioning "
                     "axis; allowed: 3, 4, 5, 6, 102, 103, 105, 106, or `encoders` of its own"
                 )
         elif one == second_of(axis.drive):
@@ -76,7 +80,9 @@ def check_axis_encoders(name: str, axis: AxisSection, config: BenchConfig) -> No
 
 
 def encoders_of_axis(axis: AxisSection, drive: DriveSection, cpu: str) -> tuple[str, ...] | None:
-    """Return where the encoders of an axis come from: as it says, or both of telegram 6 and 106 (CFG-282); None: the drive."""
+    """Return where the encoders of an axis come from: as it says, or both of telegram 6 and 106 (CFG-282);
+    None: the drive.
+    """
     if axis.encoders is not None or axis.type == "speed":
         return axis.encoders
     both = drive.profile == "profidrive" and encoders_of_telegram(drive.telegram, cpu) == 2
@@ -98,17 +104,21 @@ def check_external_encoders(config: BenchConfig) -> None:
             )
         if not config.leads(config.encoder[section.encoder].segment):
             raise ValueError(
-                f"external_encoder.{name}.encoder: {section.encoder!r} is on a segment that somebody else leads"
+                f"external_encoder.{name}.encoder: {section.encoder!r} is on a segment that somebody "
+                f"else leads"
             )
         led = [axis.drive for axis in config.axis.values()]
         if section.drive is not None and section.drive not in led:
             raise ValueError(
-                f"external_encoder.{name}.drive: {section.drive!r} is not the drive of an axis; there are: {', '.join(led) or 'none'}"
+                f"external_encoder.{name}.drive: {section.drive!r} is not the drive of an axis; there are: "
+                f"{', '.join(led) or 'none'}"
             )
 
 
 def from_drive(drive: DriveSection) -> dict[str, Any]:
-    """Return what the controller takes over from the configuration of a drive, as an offline transfer does (CFG-356)."""
+    """Return what the controller takes over from the configuration of a drive, as an offline transfer does
+    (CFG-356).
+    """
     if drive.profile == "profidrive":
         own = drive.profidrive
         speed, torque = own.reference_speed_rpm, own.reference_torque_nm

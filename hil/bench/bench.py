@@ -1,7 +1,8 @@
 """The bench: wires what the bench file describes, and runs it in virtual or in real time.
 
-Both kinds share everything but the medium and the place of the drives: a virtual bench holds the emulated drives
-itself; on a live bench they run in a process of their own (`hil.bench.remote`), or are somebody's hardware.
+Both kinds share everything but the medium and the place of the drives: a virtual bench holds the emulated
+drives itself; on a live bench they run in a process of their own (`hil.bench.remote`), or are somebody's
+hardware.
 """
 
 from __future__ import annotations
@@ -111,8 +112,8 @@ class Bench(BenchParts):
         self._remote: RemoteDrives | None = None
         self._words: dict[str | None, BenchWords] = {}
         self._closed = False
-        # What a bench allocates lives as long as it does: frames, events, samples. Looking through all of it for cycles
-        # again and again costs a tenth of the cyclic path and finds nothing.
+        # What a bench allocates lives as long as it does: frames, events, samples. Looking through all of it
+        # for cycles again and again costs a tenth of the cyclic path and finds nothing.
         self._gc_threshold = gc.get_threshold()
         gc.set_threshold(max(_GC_THRESHOLD, self._gc_threshold[0]), *self._gc_threshold[1:])
         try:
@@ -122,7 +123,8 @@ class Bench(BenchParts):
             self.close()
             raise
 
-    # -- construction -----------------------------------------------------------------------------------------
+    # -- construction
+    # -----------------------------------------------------------------------------------------
 
     def _build(self) -> None:
         config = self.config
@@ -249,9 +251,14 @@ class Bench(BenchParts):
                 self._encoders[name] = self._remote.proxy(name, ENCODER_METHODS)
                 continue
             encoder = build_encoder(
-                self.scheduler, self._segments, self.config, name,
-                drives=self._drives, history=self.history, rng=self.rng(name),
-            )  # fmt: skip
+                self.scheduler,
+                self._segments,
+                self.config,
+                name,
+                drives=self._drives,
+                history=self.history,
+                rng=self.rng(name),
+            )
             self._encoders[name] = encoder
             self._record(name, encoder)
         cia406 = build_encoder_ports(self._masters, self.config, self.history)
@@ -314,18 +321,29 @@ class Bench(BenchParts):
             port.connect_block()  # type: ignore[union-attr]  # checked with the bench file
         variables |= {**wired_variables(self.config, name), **section.variables}
         axis: TechnologyAxis = kind(
-            name, port, cycle_ns=self.cycle_ns, interpolator_ns=self.interpolator_ns, variables=variables, delay_s=port.delay_ns / S,
-            history=self.history, encoders=encoders, connection=section.connection, cpu=self.config.bench.cpu,
+            name,
+            port,
+            cycle_ns=self.cycle_ns,
+            interpolator_ns=self.interpolator_ns,
+            variables=variables,
+            delay_s=port.delay_ns / S,
+            history=self.history,
+            encoders=encoders,
+            connection=section.connection,
+            cpu=self.config.bench.cpu,
             ramp_times=section.ramp_times,
-        )  # fmt: skip
+        )
         axis.station_inputs = axis_inputs(self.config, name, self._links)
         axis.inputs_in_servo = section.inputs_update == "servo"
         axis.homing_input = SWITCHES[section.homing_input]
         on_motor = encoders is None and axis.has_position and variables.get("Sensor[1].System", 1) == 1
         self.history.emit(
-            name, "axis.wired", drive=section.drive, homing_input=section.homing_input,
+            name,
+            "axis.wired",
+            drive=section.drive,
+            homing_input=section.homing_input,
             zero_mark_pitch=60.0 / axis.mechanics.rpm_per_unit if on_motor else 0.0,
-        )  # fmt: skip
+        )
         axis.enabling.timeout_s = section.enable_timeout_s
         self.runtime.add(axis)
         self._ports[section.drive] = port
@@ -356,9 +374,12 @@ class Bench(BenchParts):
         variables = from_encoder(self.config.encoder[section.encoder], "Sensor")
         variables.pop("Sensor.MountingMode", None)
         encoder = ExternalEncoder(
-            name, self._encoder_ports[section.encoder], cycle_ns=self.cycle_ns,
-            variables={**variables, **section.variables}, history=self.history,
-        )  # fmt: skip
+            name,
+            self._encoder_ports[section.encoder],
+            cycle_ns=self.cycle_ns,
+            variables={**variables, **section.variables},
+            history=self.history,
+        )
         if section.drive is not None:
             drive, mask = section.drive, SWITCHES[section.homing_input]
             encoder.digital_input = lambda: self._ports[drive].inputs & mask != 0
@@ -370,7 +391,8 @@ class Bench(BenchParts):
         self.runtime.after_cycle.append(group.sample)
 
     def telegram(self, name: str | None = None) -> TelegramMaster:
-        """Return the master of a PROFIdrive drive without an axis: the test leads it by the words of its telegram.
+        """Return the master of a PROFIdrive drive without an axis: the test leads it by the words of its
+        telegram.
 
         The first call takes the drive into service and waits until it answers; not inside of a callback.
 
@@ -391,7 +413,9 @@ class Bench(BenchParts):
         return self._telegrams[wanted]
 
     def lead_drive(self, name: str) -> tuple[Any, CanopenMaster | None]:
-        """Return a new port to a drive without an axis, and the CANopen services on its segment if it is on CAN."""
+        """Return a new port to a drive without an axis, and the CANopen services on its segment if it is on
+        CAN.
+        """
         port = self._build_port(name)
         self._ports[name] = port
         return port, self._masters.get(self.config.drive[name].segment)
@@ -407,7 +431,8 @@ class Bench(BenchParts):
             self.config, name, self._segments[place], self.scheduler, history=self.history
         )
 
-    # -- start ------------------------------------------------------------------------------------------------
+    # -- start
+    # ------------------------------------------------------------------------------------------------
 
     def _start(self) -> None:
         """Power the drives, commission them and wait for the cyclic link."""
@@ -436,7 +461,8 @@ class Bench(BenchParts):
             raise BenchNotReadyError(str(failure)) from None
         if not self.scheduler.run_until(lambda: not encoders.missing, BOOT_TIMEOUT_NS):
             raise BenchNotReadyError(
-                f"no heartbeat in Operational from {', '.join(encoders.missing)} within {BOOT_TIMEOUT_NS // S} s"
+                f"no heartbeat in Operational from {', '.join(encoders.missing)} within "
+                f"{BOOT_TIMEOUT_NS // S} s"
             )
 
     @property
@@ -457,7 +483,9 @@ class Bench(BenchParts):
 
     @property
     def allowed_lateness_s(self) -> float:
-        """Lateness up to which measured times and distances mean something, s: `[tolerance]` of the bench file."""
+        """Lateness up to which measured times and distances mean something, s: `[tolerance]` of the bench
+        file.
+        """
         section = self.config.tolerance
         return section.time_s if section.lateness_s is None else section.lateness_s
 
@@ -477,7 +505,8 @@ class Bench(BenchParts):
         for callback in self._cycle_callbacks:
             callback()
 
-    # -- time -------------------------------------------------------------------------------------------------
+    # -- time
+    # -------------------------------------------------------------------------------------------------
 
     def on_cycle(self, callback: Callable[[], object]) -> Callable[[], None]:
         """Call `callback` at the end of every application cycle; returns the function that ends it."""
@@ -506,7 +535,8 @@ class Bench(BenchParts):
         """Return the seeded random stream of component `name`; the same name gives the same stream."""
         return named_rng(self.seed, name)
 
-    # -- evidence ---------------------------------------------------------------------------------------------
+    # -- evidence
+    # ---------------------------------------------------------------------------------------------
 
     @property
     def vocabulary(self) -> Vocabulary:

@@ -63,7 +63,9 @@ class BenchSection(Section):
     cycle_ms: Annotated[int, Field(ge=1, le=255)] = 4
     """Bus cycle, cycle of `MC_Servo` and SYNC period, ms."""
     interpolator_ms: Annotated[int, Field(ge=1, le=255)] | None = None
-    """Cycle of `MC_Interpolator`, ms: a multiple of the bus cycle, at most 32 where it is another one; None = the same."""
+    """Cycle of `MC_Interpolator`, ms: a multiple of the bus cycle, at most 32 where it is another one; None =
+    the same.
+    """
     servo_priority: Annotated[int, Field(ge=17, le=26)] = 26
     """Priority of `MC_Servo` with the blocks of the user; above that of the interpolator."""
     interpolator_priority: Annotated[int, Field(ge=16, le=25)] = 24
@@ -72,7 +74,9 @@ class BenchSection(Section):
     """Control cycle of the emulated drives, microseconds; a divisor of the bus cycle."""
 
     cpu: Literal["S7-1500", "S7-1500T", "S7-1200 G2"] = "S7-1500T"
-    """Controller whose technology objects the axes are, with its instructions and their parameters (`motion.compatibility`)."""
+    """Controller whose technology objects the axes are, with its instructions and their parameters
+    (`motion.compatibility`).
+    """
     program_cycles: Annotated[int, Field(ge=1, le=1000)] = 1
     """Application cycles from one call of the user program, so of every instruction instance, to the next."""
     grace_cycles: Annotated[int, Field(ge=1, le=1000)] = 3
@@ -115,13 +119,19 @@ class AxisSection(Section):
     type: Literal["positioning", "speed", "synchronous"] = "positioning"
     drive: str
     inputs: str | None = None
-    """Station to which the switches of the drive are wired that count for this axis; None = those at the drive."""
+    """Station to which the switches of the drive are wired that count for this axis; None = those at the
+    drive.
+    """
     inputs_update: Literal["servo", "program"] = "servo"
-    """When limit switches are read: in every servo cycle (`PIP OB Servo`), or with the process image of the program."""
+    """When limit switches are read: in every servo cycle (`PIP OB Servo`), or with the process image of the
+    program.
+    """
     homing_input: Literal["home", "negative_limit", "positive_limit"] = "home"
     """Switch that is reference cam or homing mark (`DigitalInputAddress`)."""
     encoders: tuple[str, ...] | None = Field(default=None, max_length=4)
-    """Where `Sensor[1]`, `Sensor[2]`, ... come from: the name of the drive for its own encoder, or encoders; None: the drive."""
+    """Where `Sensor[1]`, `Sensor[2]`, ... come from: the name of the drive for its own encoder, or encoders;
+    None: the drive.
+    """
     connection: Literal["direct", "data_block"] = "direct"
     """`data_block`: a program of the test stands between telegram and axis."""
     enable_timeout_s: float | None = Field(default=None, gt=0.0, le=3600.0)
@@ -137,7 +147,9 @@ class ExternalEncoderSection(Section):
 
     encoder: str
     drive: str | None = None
-    """Drive of an axis, one of whose switches is wired to this object's digital input as well; None: it has none."""
+    """Drive of an axis, one of whose switches is wired to this object's digital input as well; None: it has
+    none.
+    """
     homing_input: Literal["home", "negative_limit", "positive_limit"] = "home"
     """That switch: reference cam or homing mark (`DigitalInputAddress`)."""
     variables: dict[str, StartValue] = {}
@@ -170,7 +182,8 @@ class BenchConfig(Section):
     def counts_life(self, drive: DriveSection) -> bool:
         """Whether a PROFIdrive axis and its controller watch each other's sign of life.
 
-        Over Modbus the counters keep step only in virtual time: on a live bench nothing keeps both sides to one clock.
+        Over Modbus the counters keep step only in virtual time: on a live bench nothing keeps both sides to
+        one clock.
         """
         if drive.profidrive.sign_of_life is not None:
             return drive.profidrive.sign_of_life
@@ -178,7 +191,9 @@ class BenchConfig(Section):
         return drive.telegram not in (1, *WORD_TELEGRAMS) and not live_modbus
 
     def leads(self, segment: str) -> bool:
-        """Whether the bench is the controller on a segment: it moves an axis there, or nobody else can be there."""
+        """Whether the bench is the controller on a segment: it moves an axis there, or nobody else can be
+        there.
+        """
         if any(self.drive[axis.drive].segment == segment for axis in self.axis.values()):
             return True
         return self.bench.kind == "virtual" and any(one.segment == segment for one in self.encoder.values())
@@ -210,7 +225,8 @@ class BenchConfig(Section):
         for name, drive in self.drive.items():
             if drive.segment not in self.segment:
                 raise ValueError(
-                    f"drive.{name}.segment: {drive.segment!r} is not a segment; there are: {', '.join(self.segment)}"
+                    f"drive.{name}.segment: {drive.segment!r} is not a segment; there are: "
+                    f"{', '.join(self.segment)}"
                 )
             key = (drive.segment, drive.node_id)
             if drive.node_id and key in nodes:
@@ -220,12 +236,14 @@ class BenchConfig(Section):
             nodes[key] = name
             if drive.velocity_time_constant_ms * 1000.0 < 3 * self.bench.servo_period_us:
                 raise ValueError(
-                    f"drive.{name}.velocity_time_constant_ms: {drive.velocity_time_constant_ms:g} is less than three servo "
+                    f"drive.{name}.velocity_time_constant_ms: {drive.velocity_time_constant_ms:g} is less "
+                    f"than three servo "
                     f"periods ({3 * self.bench.servo_period_us / 1000:g} ms)"
                 )
             if drive.guard_time_ms and drive.heartbeat_ms:
                 raise ValueError(
-                    f"drive.{name}.guard_time_ms: {drive.guard_time_ms} needs heartbeat_ms = 0; a node has one of the two"
+                    f"drive.{name}.guard_time_ms: {drive.guard_time_ms} needs heartbeat_ms = 0; a node has "
+                    f"one of the two"
                 )
         used: dict[str, str] = {}
         for name, axis in self.axis.items():
@@ -242,7 +260,8 @@ class BenchConfig(Section):
             check_axis_encoders(name, axis, self)
             if drive.profile == "profidrive" and drive.telegram in WORD_TELEGRAMS:
                 raise ValueError(
-                    f"axis.{name}.drive: telegram {drive.telegram} of {axis.drive!r} has no setpoints for an axis"
+                    f"axis.{name}.drive: telegram {drive.telegram} of {axis.drive!r} has no setpoints for "
+                    f"an axis"
                 )
             with_dsc = drive.profile == "profidrive" and drive.telegram in (5, 6, 105, 106)
             if axis.variables.get("PositionControl.EnableDSC") and not with_dsc:
@@ -299,7 +318,9 @@ def _known_keys(location: tuple[int | str, ...]) -> list[str]:
 
 
 class BenchFileError(ConfigurationError):
-    """The bench file cannot be used; the message lists every problem with file, key, value and what is allowed."""
+    """The bench file cannot be used; the message lists every problem with file, key, value and what is
+    allowed.
+    """
 
     def __init__(self, source: str, message: str) -> None:
         super(ConfigurationError, self).__init__(message)

@@ -65,7 +65,8 @@ def check_devices(config: BenchConfig) -> None:
                 raise ValueError(f"{where}: a {kind} has this name already; signals are told apart by it")
         if device.segment not in config.segment:
             raise ValueError(
-                f"{where}.segment: {device.segment!r} is not a segment; there are: {', '.join(config.segment)}"
+                f"{where}.segment: {device.segment!r} is not a segment; there are: "
+                f"{', '.join(config.segment)}"
             )
         owner = owners.setdefault((device.segment, device.node_id), where)
         if owner != where:
@@ -79,7 +80,9 @@ def _own_file(files: dict[str, str], where: str, storage: str | None) -> None:
 
 
 def anchor_files(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of files relative to the folder of the bench file; what is no text is left to the checks."""
+    """Make the names of files relative to the folder of the bench file; what is no text is left to the
+    checks.
+    """
     bench = data.get("bench")
     if isinstance(bench, dict) and isinstance(bench.get("memory_card"), str) and bench["memory_card"]:
         bench["memory_card"] = str(folder / bench["memory_card"])

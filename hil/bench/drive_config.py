@@ -45,10 +45,13 @@ class SwitchSection(Section):
     home_mm: Finite | None = -500.0
     """The home switch is active below this position; not together with the two following keys."""
     home_from_mm: Finite | None = None
-    """The home switch is active from here to `home_to_mm`; without the other key up to the end of the travel."""
+    """The home switch is active from here to `home_to_mm`; without the other key up to the end of the travel.
+    """
     home_to_mm: Finite | None = None
     probe1_from_mm: Finite | None = None
-    """The load actuates touch probe 1 from here to `probe1_to_mm`; without the other key up to the end of the travel."""
+    """The load actuates touch probe 1 from here to `probe1_to_mm`; without the other key up to the end of the
+    travel.
+    """
     probe1_to_mm: Finite | None = None
     probe2_from_mm: Finite | None = None
     probe2_to_mm: Finite | None = None
@@ -77,7 +80,9 @@ class HomingSection(Section):
     hard_stop_methods: dict[
         str, Literal["positive", "negative", "positive_index", "negative_index", "unsupported"]
     ] = {}
-    """What methods -1 to -4 do where they differ: side of the stop, and whether the index on the way back counts."""
+    """What methods -1 to -4 do where they differ: side of the stop, and whether the index on the way back
+    counts.
+    """
 
     @model_validator(mode="after")
     def _numbers(self) -> HomingSection:
@@ -115,7 +120,8 @@ class MechanicsSection(Section):
     def _friction(self) -> MechanicsSection:
         if self.static_friction_n is not None and self.static_friction_n < self.coulomb_friction_n:
             raise ValueError(
-                f"static_friction_n: {self.static_friction_n:g} is less than coulomb_friction_n = {self.coulomb_friction_n:g}"
+                f"static_friction_n: {self.static_friction_n:g} is less than coulomb_friction_n = "
+                f"{self.coulomb_friction_n:g}"
             )
         return self
 
@@ -142,7 +148,9 @@ class DriveSection(Section):
     processing_ms: Annotated[float, Field(ge=0.0, le=10_000.0)] = 1.0
     """On Modbus: from a request to its response in the emulated drive, ms (p2024[0])."""
     personality: str = "standard"
-    """How the emulated drive differs from the profile: a name of `hil personalities`, or a file `*.toml` beside the bench file."""
+    """How the emulated drive differs from the profile: a name of `hil personalities`, or a file `*.toml`
+    beside the bench file.
+    """
     encoder: Literal["incremental", "absolute"] = "incremental"
     increments_per_revolution: Annotated[int, Field(ge=4, le=2**24)] = 131072
     index_increments: Annotated[int, Field(ge=0)] = 0
@@ -156,13 +164,18 @@ class DriveSection(Section):
     velocity_time_constant_ms: Annotated[float, Field(gt=0.0, le=1000.0)] = 2.0
     """Time constant of the emulated drive's closed speed loop, ms; at least three servo periods."""
     torque_precontrol: bool = True
-    """Whether the emulated drive pre-controls the torque of its inertia; without, its speed loop is a first-order lag."""
+    """Whether the emulated drive pre-controls the torque of its inertia; without, its speed loop is a
+    first-order lag.
+    """
     sync_loss: Literal["fault", "warning", "none"] = "fault"
     """What the emulated drive does when SYNC stays away."""
     sync_jitter_percent: Annotated[float, Field(ge=0.0, le=50.0)] = 0.0
-    """Deviation of SYNC from the bus cycle from which on the emulated drive does the same; 0 = not watched."""
+    """Deviation of SYNC from the bus cycle from which on the emulated drive does the same; 0 = not watched.
+    """
     missing_setpoints: Annotated[int, Field(ge=0, le=1000)] = 2
-    """Cycles without a setpoint after which the emulated drive reacts as to a lost connection (6007h); 0 = never."""
+    """Cycles without a setpoint after which the emulated drive reacts as to a lost connection (6007h); 0 =
+    never.
+    """
     following_error: Literal["fault", "status"] = "fault"
     """What the emulated drive does when the window of 6065h is exceeded in its own position modes."""
     csv_interpolation: bool = True
@@ -190,7 +203,9 @@ class DriveSection(Section):
     optional: bool = False
     """The bench is ready without this drive."""
     store_parameters: bool | None = None
-    """Whether the controller has the drive keep its parameters (1010h); None: an emulated one, no physical one."""
+    """Whether the controller has the drive keep its parameters (1010h); None: an emulated one, no physical
+    one.
+    """
     mechanics: MechanicsSection = MechanicsSection()
     switches: SwitchSection = SwitchSection()
     homing: HomingSection = HomingSection()
@@ -239,17 +254,20 @@ class DriveSection(Section):
             raise ValueError(f"profidrive.sign_of_life: telegram {self.telegram} has none; allowed: false")
         if self.differs("positioner") and not self.positions:
             raise ValueError(
-                f"positioner: telegram {self.telegram} leads the speed; a positioner goes with 7, 9, 110 and 111"
+                f"positioner: telegram {self.telegram} leads the speed; a positioner goes with 7, 9, 110 "
+                f"and 111"
             )
         bits = self.profidrive.fine_resolution_bits
         if self.increments_per_revolution << bits > 1 << 31:
             raise ValueError(
-                f"increments_per_revolution: {self.increments_per_revolution} with {bits} bits of fine resolution exceed the "
+                f"increments_per_revolution: {self.increments_per_revolution} with {bits} bits of fine "
+                f"resolution exceed the "
                 f"32 bits of G1_XIST1; at most {(1 << 31) >> bits}"
             )
         if self.encoder == "absolute" and self.increments_per_revolution > 1 << 20:
             raise ValueError(
-                f"increments_per_revolution: {self.increments_per_revolution} times 4096 revolutions exceed the 32 bits of "
+                f"increments_per_revolution: {self.increments_per_revolution} times 4096 revolutions exceed "
+                f"the 32 bits of "
                 f"G1_XIST2; at most {1 << 20}"
             )
         return self
@@ -294,7 +312,8 @@ class DriveSection(Section):
             fastest = self.max_speed_rpm * 1000.0 / 0xFFFFFFFF
             if getattr(self, key) < fastest:
                 raise ValueError(
-                    f"{key}: {getattr(self, key):g} s from {self.max_speed_rpm:g} rpm is steeper than 6084h and 6085h can "
+                    f"{key}: {getattr(self, key):g} s from {self.max_speed_rpm:g} rpm is steeper than 6084h "
+                    f"and 6085h can "
                     f"say (10^-3 rpm/s, 32 bits); at least {fastest:.3g} s"
                 )
         return self

@@ -18,19 +18,78 @@ from hil.record import Recorder
 if TYPE_CHECKING:
     from fieldbus.modbus import SocketNetwork
 
-FAULT_METHODS: Final = frozenset((
-    "raise_fault", "clear_fault_cause", "set_sto", "freeze_encoder", "jump_encoder", "miss_index", "invert_input", "swap_limit_switches", "jam", "load_force", "add_friction", "slip_coupling", "break_coupling", "wear_out",
-    "force_input", "stop_heartbeat", "power_off", "power_on",
-    "set_encoder_noise", "reverse_encoder", "lose_encoder_steps",
-    "set_ss1", "set_ss2", "set_sos", "set_sbc", "set_sls", "set_sdi", "set_slp", "acknowledge_safety", "open_interlock", "delay_heartbeat", "cut_mains", "sag_mains",
-    "cut_phase", "set_dc_link_voltage", "restore_dc_link", "break_chopper", "limit_torque", "stick_brake", "slip_brake",
-    "scale_ramps", "set_local_control", "refuse_transitions", "fall_to_switch_on_disabled", "show_warning",
-    "freeze_statusword", "lie_in_statusword", "toggle_target_reached", "show_mode_as", "reset_node", "abort_sdo",
-    "silence_sdo", "storm_emcy", "force_temperature", "drift_encoder", "scale_encoder",
-    "break_encoder", "set_encoder_error",
-    "force_ready", "short_outputs", "mend_outputs", "cut_supply", "fail_module", "report_encoder_error", "heal_encoder",
-    "lose_steps", "drift_clock", "jitter_clock",
-))  # fmt: skip
+FAULT_METHODS: Final = frozenset(
+    (
+        "raise_fault",
+        "clear_fault_cause",
+        "set_sto",
+        "freeze_encoder",
+        "jump_encoder",
+        "miss_index",
+        "invert_input",
+        "swap_limit_switches",
+        "jam",
+        "load_force",
+        "add_friction",
+        "slip_coupling",
+        "break_coupling",
+        "wear_out",
+        "force_input",
+        "stop_heartbeat",
+        "power_off",
+        "power_on",
+        "set_encoder_noise",
+        "reverse_encoder",
+        "lose_encoder_steps",
+        "set_ss1",
+        "set_ss2",
+        "set_sos",
+        "set_sbc",
+        "set_sls",
+        "set_sdi",
+        "set_slp",
+        "acknowledge_safety",
+        "open_interlock",
+        "delay_heartbeat",
+        "cut_mains",
+        "sag_mains",
+        "cut_phase",
+        "set_dc_link_voltage",
+        "restore_dc_link",
+        "break_chopper",
+        "limit_torque",
+        "stick_brake",
+        "slip_brake",
+        "scale_ramps",
+        "set_local_control",
+        "refuse_transitions",
+        "fall_to_switch_on_disabled",
+        "show_warning",
+        "freeze_statusword",
+        "lie_in_statusword",
+        "toggle_target_reached",
+        "show_mode_as",
+        "reset_node",
+        "abort_sdo",
+        "silence_sdo",
+        "storm_emcy",
+        "force_temperature",
+        "drift_encoder",
+        "scale_encoder",
+        "break_encoder",
+        "set_encoder_error",
+        "force_ready",
+        "short_outputs",
+        "mend_outputs",
+        "cut_supply",
+        "fail_module",
+        "report_encoder_error",
+        "heal_encoder",
+        "lose_steps",
+        "drift_clock",
+        "jitter_clock",
+    )
+)
 """Methods of a drive that may be called through the pipe."""
 
 
@@ -45,16 +104,18 @@ class RemoteError(HilError):
 
 
 class DriveHost:
-    """Emulated drives of a bench file on live buses, in real time; a virtual bench file is taken as a live one.
+    """Emulated drives of a bench file on live buses, in real time; a virtual bench file is taken as a live
+    one.
 
     Args:
         config: Validated bench file.
-        place: Arguments of `LiveSegment.open` (`interface`, `channel`, options) that replace those of every segment;
-            None keeps the bench file's. The drives of a segment with a bridge are on its far side.
+        place: Arguments of `LiveSegment.open` (`interface`, `channel`, options) that replace those of
+            every segment; None keeps the bench file's. The drives of a segment with a bridge are on its far
+            side.
         origin_ns: Value of the monotonic clock that is time zero; None: now.
         seed: Seed of the drives' random streams.
-        record: Whether frames, signals and events are kept for `execute("fetch")`. Without a record the host may
-            run for weeks; `history` then tells its listeners and forgets.
+        record: Whether frames, signals and events are kept for `execute("fetch")`. Without a record the
+            host may run for weeks; `history` then tells its listeners and forgets.
 
     Raises:
         BusError: A bus cannot be opened.
@@ -127,9 +188,14 @@ class DriveHost:
                 self._second_encoders[f"{name}.encoder2"] = getattr(drive, "second_encoder", None)
         for name in encoder_names(config):
             self.drives[name] = build_encoder(
-                self.scheduler, self.segments, config, name,
-                drives=self.drives, history=self.history, rng=named_rng(seed, name),
-            )  # fmt: skip
+                self.scheduler,
+                self.segments,
+                config,
+                name,
+                drives=self.drives,
+                history=self.history,
+                rng=named_rng(seed, name),
+            )
         if record:
             for name, device in self.drives.items():
                 group = self.recorder.add_group(

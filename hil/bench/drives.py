@@ -165,15 +165,27 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
         missing_setpoints=section.missing_setpoints,
         eds=None if section.eds is None else Path(section.eds),
         storage=None if section.storage is None else Path(section.storage),
-        # Velocities are in 10^-3 rpm (60A9h); so are the defaults, for controllers that leave them as they are.
-        objects={(0x607F, 0): speed, (0x6080, 0): round(section.max_speed_rpm), (0x60A9, 0): 0xFDB44700,
-                 (0x6081, 0): speed // 3, (0x6083, 0): round(speed / section.off1_ramp_s),
-                 (0x6084, 0): round(speed / section.off1_ramp_s), (0x6085, 0): round(speed / section.off3_ramp_s),
-                 (0x6099, 1): speed // 15, (0x6099, 2): speed // 150, (0x609A, 0): round(speed / section.off1_ramp_s),
-                 (0x60C2, 1): config.bench.cycle_ms, (0x60C2, 2): -3,
-                 (0x60C5, 0): 60_000_000, (0x60C6, 0): 60_000_000,
-                 (0x6092, 1): section.increments_per_revolution, (0x6092, 2): 1},
-    )  # fmt: skip
+        # Velocities are in 10^-3 rpm (60A9h); so are the defaults, for controllers that leave them as they
+        # are.
+        objects={
+            (0x607F, 0): speed,
+            (0x6080, 0): round(section.max_speed_rpm),
+            (0x60A9, 0): 0xFDB44700,
+            (0x6081, 0): speed // 3,
+            (0x6083, 0): round(speed / section.off1_ramp_s),
+            (0x6084, 0): round(speed / section.off1_ramp_s),
+            (0x6085, 0): round(speed / section.off3_ramp_s),
+            (0x6099, 1): speed // 15,
+            (0x6099, 2): speed // 150,
+            (0x609A, 0): round(speed / section.off1_ramp_s),
+            (0x60C2, 1): config.bench.cycle_ms,
+            (0x60C2, 2): -3,
+            (0x60C5, 0): 60_000_000,
+            (0x60C6, 0): 60_000_000,
+            (0x6092, 1): section.increments_per_revolution,
+            (0x6092, 2): 1,
+        },
+    )
     drive = load_personality(section.personality).apply(drive)
     if "offset" in section.homing.model_fields_set:
         drive = replace(drive, home_offset=section.homing.offset)  # what the bench file says itself wins
@@ -181,7 +193,9 @@ def drive_config(config: BenchConfig, name: str) -> DriveConfig:
 
 
 def profidrive_config(config: BenchConfig, name: str) -> ProfidriveConfig:
-    """Return the configuration of the emulated PROFIdrive axis that `drive.NAME` describes, without its bus."""
+    """Return the configuration of the emulated PROFIdrive axis that `drive.NAME` describes, without its
+    bus.
+    """
     from emulators.drive.profidrive import DriveSettings, ProfidriveConfig
     from emulators.drive.profidrive.config import finest_xist2
 
@@ -286,7 +300,9 @@ def _modbus_drive(
 def build_decoder(
     config: BenchConfig, ports: Mapping[str, CanPort], *, segment: str | None = None
 ) -> FrameDecoder:
-    """Return a decoder that knows names, dictionary and commissioned mapping of every node, of one segment or of all."""
+    """Return a decoder that knows names, dictionary and commissioned mapping of every node, of one segment or
+    of all.
+    """
     from fieldbus.canopen.decode import FrameDecoder
     from hil.bench.encoders import encoder_dictionary
 

@@ -47,7 +47,9 @@ class ShaftSection(_Model):
     speed_mm_s: Finite = 0.0
     """Constant speed of a slide, mm/s."""
     profile: tuple[tuple[NotNegative, Finite], ...] | None = None
-    """Pairs of a duration in s and the speed at its end, rpm or mm/s, one after the other; instead of a constant speed."""
+    """Pairs of a duration in s and the speed at its end, rpm or mm/s, one after the other; instead of a
+    constant speed.
+    """
     repeat: bool = False
     """The profile begins again at its end."""
 
@@ -128,7 +130,8 @@ def check_encoders(config: BenchConfig) -> None:
                 raise ValueError(f"{where}: a {kind} has this name already; signals are told apart by it")
         if encoder.segment not in config.segment:
             raise ValueError(
-                f"{where}.segment: {encoder.segment!r} is not a segment; there are: {', '.join(config.segment)}"
+                f"{where}.segment: {encoder.segment!r} is not a segment; there are: "
+                f"{', '.join(config.segment)}"
             )
         owner = owners.setdefault((encoder.segment, encoder.node_id), where)
         if owner != where:

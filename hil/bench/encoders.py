@@ -36,11 +36,31 @@ _HEARTBEATS: Final = 3
 _SENSOR_SHARE: Final = 0.25
 """The second sensor of a multi-sensor device sits a quarter of the scale behind the first."""
 
-ENCODER_METHODS: Final = frozenset((
-    "freeze_encoder", "jump_encoder", "set_encoder_noise", "reverse_encoder", "lose_encoder_steps", "miss_index", "preset_encoder",
-    "near_overflow", "set_alarm", "set_warning", "force_cycle_time", "stop_heartbeat", "power_off", "power_on",
-    "turn_shaft", "place_shaft", "set_encoder_error", "break_encoder", "freeze_sign_of_life", "drift_clock", "jitter_clock",
-))  # fmt: skip
+ENCODER_METHODS: Final = frozenset(
+    (
+        "freeze_encoder",
+        "jump_encoder",
+        "set_encoder_noise",
+        "reverse_encoder",
+        "lose_encoder_steps",
+        "miss_index",
+        "preset_encoder",
+        "near_overflow",
+        "set_alarm",
+        "set_warning",
+        "force_cycle_time",
+        "stop_heartbeat",
+        "power_off",
+        "power_on",
+        "turn_shaft",
+        "place_shaft",
+        "set_encoder_error",
+        "break_encoder",
+        "freeze_sign_of_life",
+        "drift_clock",
+        "jitter_clock",
+    )
+)
 """Methods of an encoder that may be called through the pipe to another process."""
 
 
@@ -92,7 +112,9 @@ def build_encoder(
     history: History,
     rng: Generator,
 ) -> CiA406Encoder | ProfidriveCanEncoder:
-    """Return the emulated encoder `name`, still switched off, on the machine of a drive or a shaft of its own."""
+    """Return the emulated encoder `name`, still switched off, on the machine of a drive or a shaft of its
+    own.
+    """
     from emulators.encoder.cia406 import CiA406Encoder
 
     section = config.encoder[name]
@@ -197,8 +219,8 @@ def build_encoder_ports(
 class EncoderNodes:
     """The encoders that the controller leads, as nodes of its network: checked, started, started again.
 
-    Encoders on a segment that somebody else leads are left to him. Nothing is written to them. A PROFIdrive encoder has a
-    port, which exchanges its telegram in every cycle.
+    Encoders on a segment that somebody else leads are left to him. Nothing is written to them. A PROFIdrive
+    encoder has a port, which exchanges its telegram in every cycle.
 
     Args:
         masters: CANopen services of the controller, by segment.

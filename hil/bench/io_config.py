@@ -26,17 +26,75 @@ _TERMINALS: Final = {
 """What can be wired to a channel of a kind; `ready`, `enable` and `setpoint` are those of an analog drive."""
 _ANALOG_ONLY: Final = ("ready", "enable", "setpoint")
 _WITHOUT_ANALOG: Final = (
-    "telegram", "node_id", "unit", "map", "host", "port", "processing_ms", "personality", "sync_loss", "sync_jitter_percent",
-    "missing_setpoints", "following_error", "csv_interpolation", "power_on_delay_ms", "boot_time_ms", "blocked_time_ms", "eds",
-    "storage", "heartbeat_ms", "consumer_heartbeat_ms", "guard_time_ms", "life_time_factor", "vendor_id", "product_code",
-    "revision", "serial", "store_parameters", "homing", "supply", "thermal", "safety", "profidrive", "tm_pto", "off1_ramp_s", "encoder2", "positioner",
-)  # fmt: skip
+    "telegram",
+    "node_id",
+    "unit",
+    "map",
+    "host",
+    "port",
+    "processing_ms",
+    "personality",
+    "sync_loss",
+    "sync_jitter_percent",
+    "missing_setpoints",
+    "following_error",
+    "csv_interpolation",
+    "power_on_delay_ms",
+    "boot_time_ms",
+    "blocked_time_ms",
+    "eds",
+    "storage",
+    "heartbeat_ms",
+    "consumer_heartbeat_ms",
+    "guard_time_ms",
+    "life_time_factor",
+    "vendor_id",
+    "product_code",
+    "revision",
+    "serial",
+    "store_parameters",
+    "homing",
+    "supply",
+    "thermal",
+    "safety",
+    "profidrive",
+    "tm_pto",
+    "off1_ramp_s",
+    "encoder2",
+    "positioner",
+)
 _WITHOUT_PTO: Final = (
-    "telegram", "unit", "map", "host", "port", "processing_ms", "personality", "encoder", "index_increments",
-    "velocity_time_constant_ms", "torque_precontrol", "sync_loss", "sync_jitter_percent", "missing_setpoints", "following_error",
-    "csv_interpolation", "power_on_delay_ms", "blocked_time_ms", "eds", "storage", "store_parameters", "homing", "brake",
-    "supply", "thermal", "safety", "profidrive", "analog", "encoder2", "positioner",
-)  # fmt: skip
+    "telegram",
+    "unit",
+    "map",
+    "host",
+    "port",
+    "processing_ms",
+    "personality",
+    "encoder",
+    "index_increments",
+    "velocity_time_constant_ms",
+    "torque_precontrol",
+    "sync_loss",
+    "sync_jitter_percent",
+    "missing_setpoints",
+    "following_error",
+    "csv_interpolation",
+    "power_on_delay_ms",
+    "blocked_time_ms",
+    "eds",
+    "storage",
+    "store_parameters",
+    "homing",
+    "brake",
+    "supply",
+    "thermal",
+    "safety",
+    "profidrive",
+    "analog",
+    "encoder2",
+    "positioner",
+)
 
 _WITHOUT_TM41: Final = (
     *_WITHOUT_PTO, "off1_ramp_s", "off3_ramp_s", "rated_torque_nm", "mechanics", "switches", "tm_pto",
@@ -48,7 +106,9 @@ _AT_TM41: Final = {
     "PositionControl.Kpc": (100.0, 100.0),
     "DynamicAxisModel.VelocityTimeConstant": (0.0, 0.0),
 }
-"""Variables of an axis at an encoder-signal output: what they have to be, and what they are by default (CFG-413, CFG-414)."""
+"""Variables of an axis at an encoder-signal output: what they have to be, and what they are by default
+(CFG-413, CFG-414).
+"""
 
 
 class StationSection(Section):
@@ -139,7 +199,8 @@ def check_io(config: BenchConfig) -> None:
         if segment is None or not segment.on_modbus:
             names = [key for key, one in config.segment.items() if one.on_modbus]
             raise ValueError(
-                f"{where}.segment: {station.segment!r} is not a segment on Modbus; there are: {', '.join(names) or 'none'}"
+                f"{where}.segment: {station.segment!r} is not a segment on Modbus; there are: "
+                f"{', '.join(names) or 'none'}"
             )
         if segment.kind == "modbus_rtu":
             owner = places.setdefault((station.segment, station.unit), where)
@@ -212,7 +273,8 @@ def _check_analog(config: BenchConfig, name: str, drive: DriveSection) -> None:
     section = config.station[station]
     if drive.segment != section.segment:
         raise ValueError(
-            f"{where}.segment: {drive.segment!r} is not the segment of station.{station}; allowed: {section.segment}"
+            f"{where}.segment: {drive.segment!r} is not the segment of station.{station}; allowed: "
+            f"{section.segment}"
         )
     for kind in ("digital_inputs", "digital_outputs", "counters"):
         for key, other in config.station.items():
@@ -230,7 +292,8 @@ def _check_axes(config: BenchConfig) -> None:
             station = config.station.get(axis.inputs)
             if station is None:
                 raise ValueError(
-                    f"{where}.inputs: {axis.inputs!r} is not a station; there are: {', '.join(config.station) or 'none'}"
+                    f"{where}.inputs: {axis.inputs!r} is not a station; there are: "
+                    f"{', '.join(config.station) or 'none'}"
                 )
             if not any(f"{axis.drive}.{one}" in station.digital_inputs for one in LIMITS):
                 raise ValueError(
@@ -241,7 +304,8 @@ def _check_axes(config: BenchConfig) -> None:
             for path, (needed, usual) in _AT_TM41.items():
                 if axis.variables.get(path, usual) != needed:
                     raise ValueError(
-                        f"{where}.variables: {path} has to be {str(needed).lower()} at an encoder-signal output "
+                        f"{where}.variables: {path} has to be {str(needed).lower()} at an encoder-signal "
+                        f"output "
                         f"({axis.drive!r}, CFG-413, CFG-414)"
                     )
         if drive.profile == "analog" and axis.type != "speed":
@@ -274,7 +338,8 @@ def check_drive_keys(drive: DriveSection) -> None:
     if drive.profile in ("tm_pto", "tm41"):
         if drive.mechanics.backlash_mm:
             raise ValueError(
-                f"mechanics.backlash_mm: {drive.mechanics.backlash_mm:g} is not allowed; allowed: 0, a stepper motor moves its load without play"
+                f"mechanics.backlash_mm: {drive.mechanics.backlash_mm:g} is not allowed; allowed: 0, a "
+                f"stepper motor moves its load without play"
             )
         from hil.bench.io_devices import stepper_config
 

@@ -1,4 +1,6 @@
-"""I/O stations, analog drives and pulse modules of a bench file: what they are made of, their wires, the controller's side."""
+"""I/O stations, analog drives and pulse modules of a bench file: what they are made of, their wires, the
+controller's side.
+"""
 
 from __future__ import annotations
 
@@ -145,7 +147,9 @@ def build_analog_drive(
     history: History,
     rng: Generator,
 ) -> AnalogDrive:
-    """Return the emulated analog drive `name`, still switched off; `machine` is what a drive of any profile has."""
+    """Return the emulated analog drive `name`, still switched off; `machine` is what a drive of any profile
+    has.
+    """
     from emulators.drive.analog import AnalogDrive
     from emulators.drive.analog_config import AnalogConfig
 
@@ -233,7 +237,8 @@ def build_stepper(
     return StepperCanDrive(scheduler, segment, node, name=name, history=history)
 
 
-# -- the controller's side -------------------------------------------------------------------------------------------
+# -- the controller's side
+# -------------------------------------------------------------------------------------------
 
 
 def build_link(

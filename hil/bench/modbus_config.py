@@ -54,7 +54,9 @@ def address_of(drive: DriveSection, segment: SegmentSection) -> tuple[str, int]:
 
 
 def combines(drive: DriveSection, segment: SegmentSection) -> bool:
-    """Say whether one request writes and reads: on a serial line, where the map allows it, because it takes less time."""
+    """Say whether one request writes and reads: on a serial line, where the map allows it, because it takes
+    less time.
+    """
     return segment.kind == "modbus_rtu" and registers_of(drive).combined
 
 
@@ -71,7 +73,8 @@ def check_modbus(config: BenchConfig) -> None:
             segment = config.segment.get(section.segment)
             if segment is not None and segment.on_modbus:
                 raise ValueError(
-                    f'{table}.{name}.segment: {section.segment!r} is of kind = "{segment.kind}"; needs one of kind = "can"'
+                    f'{table}.{name}.segment: {section.segment!r} is of kind = "{segment.kind}"; needs one '
+                    f'of kind = "can"'
                 )
     owners: dict[tuple[Any, ...], str] = {}
     for name, drive in config.drive.items():
@@ -111,7 +114,8 @@ def _check_can_drive(where: str, drive: DriveSection) -> None:
 def _check_drive(where: str, drive: DriveSection, segment: SegmentSection) -> None:
     if drive.profile != "profidrive":
         raise ValueError(
-            f'{where}.profile: "{drive.profile}" is not spoken on {drive.segment!r}, which is of kind = "{segment.kind}"; '
+            f'{where}.profile: "{drive.profile}" is not spoken on {drive.segment!r}, which is of kind = '
+            f'"{segment.kind}"; '
             'allowed: profile = "profidrive"'
         )
     for key in CAN_KEYS:
@@ -145,7 +149,8 @@ def _check_place(
             raise ValueError(f"segment.{drive.segment}.path: the key is missing; {where} is a physical drive")
         if live and drive.device == "emulated" and segment.path is not None:
             raise ValueError(
-                f"segment.{drive.segment}.path: {where} is emulated: it comes with a pseudo-terminal of its own; "
+                f"segment.{drive.segment}.path: {where} is emulated: it comes with a pseudo-terminal of "
+                f"its own; "
                 'leave the key out, or set device = "physical"'
             )
     elif live:
@@ -165,11 +170,13 @@ def _check_place(
 def _check_axis(where: str, variables: dict[str, Any], name: str, drive: DriveSection) -> None:
     if variables.get("PositionControl.EnableDSC"):
         raise ValueError(
-            f"{where}: PositionControl.EnableDSC needs the clock of the bus (PD-198), and {name!r} is on Modbus, which has none"
+            f"{where}: PositionControl.EnableDSC needs the clock of the bus (PD-198), and {name!r} is on "
+            f"Modbus, which has none"
         )
     if variables.get("PositionLimits_HW.Active") and registers_of(drive).inputs is None:
         raise ValueError(
-            f"{where}: PositionLimits_HW.Active needs the limit switches, and the map of {name!r} ({drive.map}) shows no "
+            f"{where}: PositionLimits_HW.Active needs the limit switches, and the map of {name!r} "
+            f"({drive.map}) shows no "
             "digital inputs (r0722)"
         )
 
@@ -202,7 +209,8 @@ def _check_line(config: BenchConfig, name: str, segment: SegmentSection) -> None
     needed_ms = sum(cycle_time_ns(drive, segment) for drive in drives) / 1e6
     if needed_ms > config.bench.cycle_ms:
         raise ValueError(
-            f"segment.{name}.baud: at {segment.baud} the requests of every bus cycle take {needed_ms:.1f} ms, longer than "
+            f"segment.{name}.baud: at {segment.baud} the requests of every bus cycle take {needed_ms:.1f} "
+            f"ms, longer than "
             f"bench.cycle_ms = {config.bench.cycle_ms}"
         )
 

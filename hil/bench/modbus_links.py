@@ -1,4 +1,6 @@
-"""Modbus segments of a bench: networks and lines, virtual and real, with the clients of the controller and one log."""
+"""Modbus segments of a bench: networks and lines, virtual and real, with the clients of the controller and
+one log.
+"""
 
 from __future__ import annotations
 
@@ -47,8 +49,8 @@ class _Channel:
 class ModbusSegment:
     """A network or a serial line.
 
-    Over TCP every drive has a connection of its own; on a virtual line all hang on the same wire, with the controller as
-    master.
+    Over TCP every drive has a connection of its own; on a virtual line all hang on the same wire, with the
+    controller as master.
 
     Args:
         scheduler: Time of the bench.
@@ -75,7 +77,8 @@ class ModbusSegment:
         self._ports: list[ProfidriveModbusPort] = []
         self._recorded = False
 
-    # -- making the ways ----------------------------------------------------------------------------------------------
+    # -- making the ways
+    # ----------------------------------------------------------------------------------------------
 
     def attach(self, name: str, device: Any) -> None:
         """Put an emulated drive on the virtual network or line."""
@@ -162,7 +165,8 @@ class ModbusSegment:
         return line.duration_ns(8) + line.t35_ns
 
     def add_hook(self, hook: LinkHook) -> Callable[[], None]:
-        """Ask `hook` (sender, bytes, time) before everything that goes on the virtual links; returns the function that ends it.
+        """Ask `hook` (sender, bytes, time) before everything that goes on the virtual links; returns the
+        function that ends it.
 
         Senders are `controller` and the drives by name.
         """
@@ -184,7 +188,8 @@ class ModbusSegment:
 
         return end
 
-    # -- evidence -----------------------------------------------------------------------------------------------------
+    # -- evidence
+    # -----------------------------------------------------------------------------------------------------
 
     @property
     def log(self) -> list[LogEntry]:
@@ -206,7 +211,9 @@ class ModbusSegment:
 
     @property
     def columns(self) -> tuple[tuple[str, str], ...]:
-        """Columns of the segment in the trace: load of a line, then of every drive response time, missing cycles, exceptions."""
+        """Columns of the segment in the trace: load of a line, then of every drive response time, missing
+        cycles, exceptions.
+        """
         self._recorded = True
         load = () if self.kind == "modbus_tcp" else (("load", "%"),)
         return (

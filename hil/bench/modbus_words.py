@@ -1,4 +1,6 @@
-"""Frames of Modbus segments in words: who is meant, what is asked, and the telegram that stands in the registers."""
+"""Frames of Modbus segments in words: who is meant, what is asked, and the telegram that stands in the
+registers.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,8 @@ class ModbusWords:
         drives = self._drives.get((segment or "", frame.can_id), [])
         if not frame.data or not drives:
             return text
-        # Over TCP drives with a connection each may have the same unit: then the words are those of the map they share.
+        # Over TCP drives with a connection each may have the same unit: then the words are those of the map
+        # they share.
         names = ", ".join(name for name, _ in drives)
         _, registers = drives[0]
         chosen = registers.telegram

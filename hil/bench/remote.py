@@ -1,7 +1,9 @@
 """Emulated drives in a process of their own, on a live bus.
 
-`DriveHost` (`hil.bench.drive_host`) is the process' inside; `hil emulate` runs it for somebody else's controller.
-`RemoteDrives` is the bench's side: it starts that process, shares its time base, and passes fault commands and records over
+`DriveHost` (`hil.bench.drive_host`) is the process' inside; `hil emulate` runs it for somebody else's
+controller.
+`RemoteDrives` is the bench's side: it starts that process, shares its time base, and passes fault commands
+and records over
 pipes as JSON lines. Nothing of the control path runs over the pipes: axis and
 drive meet on the bus only.
 """
@@ -97,7 +99,9 @@ class RemoteParameters:
 
 
 class DriveProcess:
-    """One process that holds emulated drives; it serves one bench after the other, because starting it takes seconds."""
+    """One process that holds emulated drives; it serves one bench after the other, because starting it takes
+    seconds.
+    """
 
     def __init__(self) -> None:
         self.gone = False
@@ -292,7 +296,8 @@ def main() -> int:
                     waiting.put(command)
                     continue
             host.scheduler.post(partial(serve, host, command))
-        # Nobody is at the other end any more, killed perhaps: the drives leave the bus, whatever they are doing.
+        # Nobody is at the other end any more, killed perhaps: the drives leave the bus, whatever they are
+        # doing.
         waiting.put(None)
         with lock:
             if active:

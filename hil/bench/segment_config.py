@@ -69,7 +69,8 @@ class SegmentSection(Section):
     path: str | None = None
     """Device file of the serial line of a live bench; None = a pseudo-terminal, for emulated drives."""
     timeout_ms: Annotated[float, Field(gt=0.0, le=60_000.0)] | None = None
-    """How long the controller waits for a response; None = one bus cycle over TCP, a quarter of it on a line."""
+    """How long the controller waits for a response; None = one bus cycle over TCP, a quarter of it on a line.
+    """
 
     @property
     def on_modbus(self) -> bool:
@@ -156,5 +157,6 @@ def _check_options(where: str, segment: SegmentSection) -> None:
         kinds = {segment.interface, far.interface or segment.interface}
         if kinds != {"socketcan"}:
             raise ValueError(
-                f"{where}.bridge.gateway: the kernel joins interfaces of SocketCAN only, not {', '.join(map(str, kinds))}"
+                f"{where}.bridge.gateway: the kernel joins interfaces of SocketCAN only, not "
+                f"{', '.join(map(str, kinds))}"
             )

@@ -1,4 +1,6 @@
-"""Signals of PROFIdrive telegrams in words: hexadecimal and what it means, normalised values in percent and in their unit."""
+"""Signals of PROFIdrive telegrams in words: hexadecimal and what it means, normalised values in percent and
+in their unit.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ _EXTRAS: Final = ((0x0080, "acknowledge"), (0x0100, "jog 1"), (0x0200, "jog 2"))
 
 
 def command(stw1: int) -> str:
-    """Return what a control word in speed mode asks for: `operate`, `OFF1`, `OFF2`, ... (PD-045 to PD-054, PD-114)."""
+    """Return what a control word in speed mode asks for: `operate`, `OFF1`, `OFF2`, ... (PD-045 to PD-054,
+    PD-114).
+    """
     if not stw1 & 0x0400:
         return "no control by PLC"
     first = next((text for bit, text in _OFFS if not stw1 & bit), "")
@@ -33,7 +37,9 @@ def command(stw1: int) -> str:
 
 
 def state(zsw1: int) -> str:
-    """Return the state that a status word in speed mode shows, with fault, warning and control (PD-060 to PD-069)."""
+    """Return the state that a status word in speed mode shows, with fault, warning and control (PD-060 to
+    PD-069).
+    """
     bits = zsw1 & 0x47
     if bits == 0x03:
         text = "S3 switched on or S5 ramp stop" if zsw1 & 0x20 else "S5 quick stop"
@@ -64,7 +70,9 @@ class SignalWords:
             at += size
 
     def describe(self, first: int, words: Sequence[int]) -> list[str]:
-        """Return the signals that stand in some of the words, the first of them being word `first` of the telegram."""
+        """Return the signals that stand in some of the words, the first of them being word `first` of the
+        telegram.
+        """
         texts = []
         end = first + len(words)
         for at, name, size in self._place:

@@ -5,8 +5,8 @@
     bench.run_for(0.1)
     master["ZSW1"]
 
-In every application cycle the last answer is taken and the telegram is sent; signals stay as they are until `send` changes
-them.
+In every application cycle the last answer is taken and the telegram is sent; signals stay as they are until
+`send` changes them.
 """
 
 from __future__ import annotations
@@ -44,8 +44,12 @@ class TelegramMaster:
         self._row = [0] * len(port.telegram.setpoint.names)
         # Limits of 200 % and an override of 100 %: what a telegram without them has.
         for name, value in (
-            ("M_LIMIT_POS", 0x7FFF), ("M_LIMIT_NEG", -0x8000), ("OVERRIDE", 0x4000), ("MDI_ACC", 0x4000), ("MDI_DEC", 0x4000),
-        ):  # fmt: skip
+            ("M_LIMIT_POS", 0x7FFF),
+            ("M_LIMIT_NEG", -0x8000),
+            ("OVERRIDE", 0x4000),
+            ("MDI_ACC", 0x4000),
+            ("MDI_DEC", 0x4000),
+        ):
             if name in self._places:
                 self._row[self._places[name]] = value
 
@@ -63,7 +67,8 @@ class TelegramMaster:
         """Set signals of the telegram, from the next application cycle on.
 
         Args:
-            signals: By name, as the wire has them; a word may be signed or unsigned. The sign of life in STW2 is the master's.
+            signals: By name, as the wire has them; a word may be signed or unsigned. The sign of life in
+                STW2 is the master's.
 
         Raises:
             ConfigurationError: The telegram has no such signal.
@@ -105,7 +110,8 @@ class TelegramMaster:
 
 
 def lead(bench: Bench, name: str) -> TelegramMaster:
-    """Take a drive without an axis into service and return its master; bench time passes until the drive answers.
+    """Take a drive without an axis into service and return its master; bench time passes until the drive
+    answers.
 
     Raises:
         ConfigurationError: There is no such drive, it has an axis, or it is none with a telegram.

@@ -18,9 +18,10 @@ class BenchWords:
     """Describes frames.
 
     Args:
-        build: Makes a decoder that knows names, dictionaries and the mapping that the bench itself has commissioned.
-        logs: Logs of segments whose drives somebody else commissions: PDOs are described by the mapping that has been
-            written there up to now, whatever the order in which frames are asked for.
+        build: Makes a decoder that knows names, dictionaries and the mapping that the bench itself has
+            commissioned.
+        logs: Logs of segments whose drives somebody else commissions: PDOs are described by the mapping
+            that has been written there up to now, whatever the order in which frames are asked for.
 
     """
 

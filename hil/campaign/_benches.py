@@ -16,8 +16,8 @@ def load_bench_file(reference: str | None) -> BenchFile:
     """Return the bench that `reference` names.
 
     Args:
-        reference: Path of a bench file, name of an embedded bench, `package.module:NAME` of an object that satisfies
-            `hil.protocols.BenchFile`, or empty for the embedded default.
+        reference: Path of a bench file, name of an embedded bench, `package.module:NAME` of an object
+            that satisfies `hil.protocols.BenchFile`, or empty for the embedded default.
 
     Raises:
         ConfigurationError: The file does not exist or is wrong.

@@ -49,7 +49,8 @@ class Case:
     simulated_limit_s: float = SIMULATED_LIMIT_S
     wall_limit_s: float = WALL_LIMIT_S
     seed: int | None = None
-    """Seed of the bench where it belongs to the case; None: made from the seed of the run and the identifier."""
+    """Seed of the bench where it belongs to the case; None: made from the seed of the run and the identifier.
+    """
 
     def call(self, context: CaseContext) -> None:
         """Run the function of the case."""
@@ -63,7 +64,8 @@ class Campaign:
         title: Name; its slug begins the identifiers of the cases.
         tags: Tags of all cases.
         requirements: Identifiers of the specification that every case checks.
-        bench: Bench that the cases are written for (an embedded name or a path), used when the user names none.
+        bench: Bench that the cases are written for (an embedded name or a path), used when the user names
+            none.
         signals: Signals kept in the report; empty: the usual ones.
 
     """
@@ -142,9 +144,16 @@ class Campaign:
 
         """
         return self.product(
-            name, title=title, tags=tags, requirements=requirements, signals=signals, without=without,
-            simulated_limit_s=simulated_limit_s, wall_limit_s=wall_limit_s, parameters={},
-        )  # fmt: skip
+            name,
+            title=title,
+            tags=tags,
+            requirements=requirements,
+            signals=signals,
+            without=without,
+            simulated_limit_s=simulated_limit_s,
+            wall_limit_s=wall_limit_s,
+            parameters={},
+        )
 
     def product(
         self,
@@ -163,7 +172,8 @@ class Campaign:
 
         Args:
             name: As of `case`, with every parameter as a placeholder: `mc-power-{mode}/{phase}`.
-            parameters: Values by name (all combinations, the last name varying fastest), or the combinations themselves.
+            parameters: Values by name (all combinations, the last name varying fastest), or the
+                combinations themselves.
             title: As of `case`, may hold placeholders.
             tags: Further tags, may hold placeholders.
             requirements: Further identifiers, or a function of the parameters that returns them.

@@ -1,8 +1,9 @@
-"""Running cases on the workers of a dask scheduler: an engine of others, with the protocol of our own processes.
+"""Running cases on the workers of a dask scheduler: an engine of others, with the protocol of our own
+processes.
 
-Every thread of a worker keeps a worker process of ours beside it. So a case has its limits of time, and one that
-kills its process takes no worker along; and a worker that is lost itself loses nothing, because the scheduler gives its
-cases to another one.
+Every thread of a worker keeps a worker process of ours beside it. So a case has its limits of time, and one
+that kills its process takes no worker along; and a worker that is lost itself loses nothing, because the
+scheduler gives its cases to another one.
 """
 
 from __future__ import annotations
@@ -63,15 +64,16 @@ class Cluster:
         """Execute all orders.
 
         Raises:
-            CannotRunError: dask.distributed is not installed, the scheduler does not answer or has no workers, or a worker has
-                other versions.
+            CannotRunError: dask.distributed is not installed, the scheduler does not answer or has no
+                workers, or a worker has other versions.
 
         """
         try:
             distributed: Any = importlib.import_module("distributed")
         except ModuleNotFoundError as error:
             raise CannotRunError(
-                f"a cluster needs dask.distributed, which is not installed ({error}): pip install 'motion-hil[cluster]'"
+                f"a cluster needs dask.distributed, which is not installed ({error}): pip install "
+                f"'motion-hil[cluster]'"
             ) from error
         with self._client(distributed) as client:
             run = uuid.uuid4().hex

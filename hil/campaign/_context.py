@@ -1,4 +1,6 @@
-"""What a case function gets: the bench, its parts, faults, and the words to tell the story and state expectations."""
+"""What a case function gets: the bench, its parts, faults, and the words to tell the story and state
+expectations.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ class CaseContext:
         self.expectations: list[Expectation] = []
         """Judged on the finished trace."""
 
-    # -- parts --------------------------------------------------------------------------------------------------
+    # -- parts
+    # --------------------------------------------------------------------------------------------------
 
     @property
     def axis(self) -> Any:
@@ -60,7 +63,8 @@ class CaseContext:
         trace: Trace = self.bench.trace()
         return trace
 
-    # -- story --------------------------------------------------------------------------------------------------
+    # -- story
+    # --------------------------------------------------------------------------------------------------
 
     def do(self, text: str, **detail: Scalar) -> float:
         """Tell that an instruction is given now; returns the time, s."""
@@ -75,7 +79,8 @@ class CaseContext:
         self.story.append(Step(now, kind, text, detail))
         return now
 
-    # -- time ---------------------------------------------------------------------------------------------------
+    # -- time
+    # ---------------------------------------------------------------------------------------------------
 
     def run_for(self, seconds: float) -> None:
         """Let `seconds` of bench time pass."""
@@ -114,7 +119,8 @@ class CaseContext:
             raise ExpectationFailedError(describe(check))
         return self.now_s
 
-    # -- faults -------------------------------------------------------------------------------------------------
+    # -- faults
+    # -------------------------------------------------------------------------------------------------
 
     def inject(self, kind: str, target: str = "", **options: Any) -> ArmedFault:
         """Arm a fault; arguments as of `Injector.inject`. Without a trigger it is applied at once.
@@ -125,7 +131,8 @@ class CaseContext:
         """
         return self.faults.inject(kind, target, **options)
 
-    # -- expectations -------------------------------------------------------------------------------------------
+    # -- expectations
+    # -------------------------------------------------------------------------------------------
 
     def expect(self, *expectations: Expectation) -> None:
         """State what the finished trace must show."""
@@ -167,10 +174,18 @@ class CaseContext:
         )
         self.checks.append(
             Check(
-                name, Verdict.PASSED if good else Verdict.FAILED, limits or "any value", f"{value:g} {unit}".rstrip(),
-                self.now_s, value, unit, low, high, list(requirements),
+                name,
+                Verdict.PASSED if good else Verdict.FAILED,
+                limits or "any value",
+                f"{value:g} {unit}".rstrip(),
+                self.now_s,
+                value,
+                unit,
+                low,
+                high,
+                list(requirements),
             )
-        )  # fmt: skip
+        )
         return good
 
     def require(self, condition: object, text: str) -> None:

@@ -232,7 +232,8 @@ def select_cases(
         for case in entry.campaign.cases:
             if case.identifier in selected:
                 raise CannotRunError(
-                    f"the case {case.identifier!r} is defined twice: in {selected[case.identifier].campaign} and in "
+                    f"the case {case.identifier!r} is defined twice: in "
+                    f"{selected[case.identifier].campaign} and in "
                     f"{entry.reference}"
                 )
             selected[case.identifier] = Selected(case, entry.reference)

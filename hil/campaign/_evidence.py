@@ -1,4 +1,6 @@
-"""From a finished case to its result: story, alarms, faults, messages, signals. Reads the trace, runs nothing."""
+"""From a finished case to its result: story, alarms, faults, messages, signals. Reads the trace, runs
+nothing.
+"""
 
 from __future__ import annotations
 
@@ -43,9 +45,13 @@ def _alarm_text(entry: Event) -> str:
 
 def _job_text(entry: Event) -> str:
     words = {
-        "job.started": "Busy", "job.active": "Active", "job.done": "Done", "job.aborted": "CommandAborted",
-        "job.error": "Error", "job.in_velocity": "InVelocity",
-    }  # fmt: skip
+        "job.started": "Busy",
+        "job.active": "Active",
+        "job.done": "Done",
+        "job.aborted": "CommandAborted",
+        "job.error": "Error",
+        "job.in_velocity": "InVelocity",
+    }
     error = entry.data.get("error_id")
     code = f" 16#{error:04X}" if isinstance(error, int) and error else ""
     return f"{entry.data.get('job')}: {words.get(entry.kind, entry.kind)}{code}"
@@ -73,22 +79,32 @@ def _state_text(entry: Event) -> str:
 
 _TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
     "alarm.raised": ("observe", _alarm_text),
-    "alarm.gone": ("observe", lambda entry: f"The cause of alarm {entry.data.get('number')} of {entry.source} is gone"),
+    "alarm.gone": (
+        "observe",
+        lambda entry: f"The cause of alarm {entry.data.get('number')} of {entry.source} is gone",
+    ),
     "alarm.cleared": ("observe", lambda entry: f"Alarm {entry.data.get('number')} of {entry.source} cleared"),
     "axis.state": ("observe", _state_text),
     "drive.state": ("observe", _state_text),
     "drive.nmt": ("observe", _state_text),
     "nmt.state": ("observe", _state_text),
     "drive.fault": (
-        "observe", lambda entry: f"Fault of {entry.source}: {entry.data.get('text') or entry.data.get('code')}"
+        "observe",
+        lambda entry: f"Fault of {entry.source}: {entry.data.get('text') or entry.data.get('code')}",
     ),
     "emcy.received": (
-        "observe", lambda entry: f"EMCY of {entry.data.get('name')}: {entry.data.get('code') or 0:04X}h {entry.data.get('text')}"
+        "observe",
+        lambda entry: (
+            f"EMCY of {entry.data.get('name')}: {entry.data.get('code') or 0:04X}h {entry.data.get('text')}"
+        ),
     ),
     "encoder.alarm": ("observe", lambda entry: f"Alarms of {entry.source}: {entry.data.get('text')}"),
     "encoder.warning": ("observe", lambda entry: f"Warnings of {entry.source}: {entry.data.get('text')}"),
     "encoder.preset": ("observe", lambda entry: f"{entry.source}: preset {entry.data.get('value')}"),
-    "log.silent": ("observe", lambda entry: f"{entry.source} is not known from here on: {entry.data.get('reason')}"),
+    "log.silent": (
+        "observe",
+        lambda entry: f"{entry.source} is not known from here on: {entry.data.get('reason')}",
+    ),
     "log.heard": ("observe", lambda entry: f"{entry.source} is heard again"),
     "power.status": ("observe", lambda entry: f"{entry.source}: MC_Power.Status {entry.data.get('value')}"),
     "fault.armed": ("inject", _fault_text),
@@ -96,7 +112,7 @@ _TELLERS: Final[dict[str, tuple[str, Callable[[Event], str]]]] = {
     "fault.removed": ("inject", _fault_text),
     "fault.disarmed": ("inject", _fault_text),
     "fault.waiting": ("inject", _fault_text),
-}  # fmt: skip
+}
 
 
 def build_story(trace: Trace, told: Iterable[Step], checks: Iterable[Check]) -> list[Step]:
@@ -114,11 +130,13 @@ def build_story(trace: Trace, told: Iterable[Step], checks: Iterable[Check]) -> 
             steps.append(Step(entry.time_ns * 1e-9, teller[0], teller[1](entry), _detail(entry)))
     steps.extend(
         Step(
-            trace.end_s if check.time_s is None else check.time_s, "expect", f"{check.name}: {check.verdict.value}",
+            trace.end_s if check.time_s is None else check.time_s,
+            "expect",
+            f"{check.name}: {check.verdict.value}",
             {"expected": check.expected, "observed": check.observed},
         )
         for check in checks
-    )  # fmt: skip
+    )
     steps.sort(key=lambda step: step.time_s)
     if len(steps) > _MAX_STEPS:
         left_out = len(steps) - _MAX_STEPS
@@ -135,9 +153,12 @@ def build_alarms(trace: Trace) -> list[AlarmRecord]:
         key = (entry.source, entry.data.get("number"))
         if entry.kind == "alarm.raised":
             record = AlarmRecord(
-                entry.time_ns * 1e-9, entry.source, int(entry.data.get("number") or 0),
-                int(entry.data.get("reaction") or 0), str(entry.data.get("text") or ""),
-            )  # fmt: skip
+                entry.time_ns * 1e-9,
+                entry.source,
+                int(entry.data.get("number") or 0),
+                int(entry.data.get("reaction") or 0),
+                str(entry.data.get("text") or ""),
+            )
             records.append(record)
             pending[key] = record
         elif entry.kind == "alarm.gone" and key in pending:
@@ -220,7 +241,9 @@ def _decoded(decode: Callable[[Any], str], frame: Any) -> str:
 
 
 def build_signals(trace: Trace, wanted: Sequence[str] = (), *, judged: Iterable[str] = ()) -> list[Signal]:
-    """Return the signals for the report: the usual ones, the named ones, or with `*` all; and those of failed checks."""
+    """Return the signals for the report: the usual ones, the named ones, or with `*` all; and those of failed
+    checks.
+    """
     if "*" in wanted:
         return list(trace)
     if wanted:

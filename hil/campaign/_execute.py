@@ -78,7 +78,8 @@ def execute_case(case: Case, bench_file: Any, settings: CaseSettings) -> Executi
     if first.late_s:
         first.result.verdict = Verdict.BLOCKED
         first.result.message = (
-            f"the machine was {first.late_s:.3f} s late, more than the bench allows, in {LIVE_REPETITIONS + 1} runs; "
+            f"the machine was {first.late_s:.3f} s late, more than the bench allows, in "
+            f"{LIVE_REPETITIONS + 1} runs; "
             f"the last of them: {first.result.message}"
         )
     if not settings.twice or first.trace is None:
@@ -89,7 +90,9 @@ def execute_case(case: Case, bench_file: Any, settings: CaseSettings) -> Executi
 
 
 def _judge_repetition(first: Execution, second: Execution) -> None:
-    """Add the check that both runs left the same trace; a difference makes the case an error of the harness."""
+    """Add the check that both runs left the same trace; a difference makes the case an error of the
+    harness.
+    """
     result = first.result
     result.wall_s += second.result.wall_s
     difference: Difference | None = None
@@ -110,16 +113,21 @@ def _judge_repetition(first: Execution, second: Execution) -> None:
     )
     result.checks.append(
         Check(
-            REPEATABLE, Verdict.FAILED, "the same trace in both runs", observed,
+            REPEATABLE,
+            Verdict.FAILED,
+            "the same trace in both runs",
+            observed,
             None if difference is None else difference.time_s,
         )
-    )  # fmt: skip
+    )
     result.verdict = Verdict.ERROR
     result.message = f"not repeatable: {observed}" + (f"; {result.message}" if result.message else "")
 
 
 def _run_and_clear(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
-    """Run a case and free its bench at once: a web of references to itself, a dozen of which take thrice as long together."""
+    """Run a case and free its bench at once: a web of references to itself, a dozen of which take thrice as
+    long together.
+    """
     collects = gc.isenabled()
     gc.disable()  # until the case is over nearly all that it makes is in use
     try:
@@ -133,9 +141,15 @@ def _run_and_clear(case: Case, bench_file: Any, settings: CaseSettings) -> Execu
 def _run_once(case: Case, bench_file: Any, settings: CaseSettings) -> Execution:
     started = time.perf_counter()
     result = CaseResult(
-        identifier=case.identifier, title=case.title, verdict=Verdict.PASSED, group=case.group, tags=list(case.tags),
-        requirements=list(case.requirements), seed=settings.seed, token=settings.token,
-    )  # fmt: skip
+        identifier=case.identifier,
+        title=case.title,
+        verdict=Verdict.PASSED,
+        group=case.group,
+        tags=list(case.tags),
+        requirements=list(case.requirements),
+        seed=settings.seed,
+        token=settings.token,
+    )
     context: CaseContext | None = None
     trace: Trace | None = None
     late_s = 0.0
@@ -178,7 +192,9 @@ def requirements_here(requirements: Sequence[str], profiles: Iterable[str]) -> l
 
 
 def _lateness(bench: Any) -> float:
-    """Return by how much a live bench was later than it allows, s: then timing says nothing about what was tested."""
+    """Return by how much a live bench was later than it allows, s: then timing says nothing about what was
+    tested.
+    """
     lateness = float(getattr(bench, "lateness_s", 0.0))
     return lateness if lateness > float(getattr(bench, "allowed_lateness_s", 0.0)) else 0.0
 
@@ -208,7 +224,9 @@ def _told(error: BaseException) -> str:
 
 
 def _judge(case: Case, context: CaseContext, trace: Trace, result: CaseResult) -> list[str]:
-    """Evaluate what the case expects and what every run must obey; returns the signals of what does not hold."""
+    """Evaluate what the case expects and what every run must obey; returns the signals of what does not
+    hold.
+    """
     checks = list(context.checks)
     judged: list[str] = []
     if result.verdict is not Verdict.BLOCKED:
@@ -239,7 +257,9 @@ def collect_evidence(
     judged: Sequence[str] = (),
     window: int = MESSAGE_WINDOW,
 ) -> None:
-    """Fill a result with story, alarms, faults, messages, signals and digest; its checks must be there already."""
+    """Fill a result with story, alarms, faults, messages, signals and digest; its checks must be there
+    already.
+    """
     result.simulated_s = trace.end_s
     result.trace_digest = trace.digest()
     result.story = build_story(trace, context.story, result.checks)

@@ -31,7 +31,8 @@ class Executor(Protocol):
     def execute(self, orders: Sequence[Order]) -> Generator[Finished, None, None]:
         """Execute all orders and give each as soon as it has ended.
 
-        Closing the iterator ends what is under way. Losing a worker loses at most the case that it was running.
+        Closing the iterator ends what is under way. Losing a worker loses at most the case that it was
+        running.
         """
         ...
 
@@ -84,7 +85,9 @@ class LocalProcesses:
 
 
 def _given(order: Order, idle: list[WorkerProcess]) -> WorkerProcess:
-    """Return a worker that has taken the order; one that died idle, by what an earlier case left behind, is replaced."""
+    """Return a worker that has taken the order; one that died idle, by what an earlier case left behind, is
+    replaced.
+    """
     while idle:
         worker = idle.pop()
         try:

@@ -14,7 +14,9 @@ from reports.model import Verdict
 
 Keep = Literal["all", "failed", "none"]
 EPOCH_S: Final = 946_684_800
-"""Unix time of time zero of a bench, 2000-01-01: exported logs need an absolute time, and some formats lose early ones."""
+"""Unix time of time zero of a bench, 2000-01-01: exported logs need an absolute time, and some formats lose
+early ones.
+"""
 FOLDER: Final = "evidence"
 _LONGEST_NAME: Final = 120
 _PLAIN_NAME: Final = re.compile(r"[A-Za-z0-9-][A-Za-z0-9.-]*(/[A-Za-z0-9-][A-Za-z0-9.-]*)*")
@@ -39,7 +41,9 @@ def write_candump(trace: Trace, path: Path) -> Path:
 
 
 def write_modbus_log(trace: Trace, path: Path) -> Path:
-    """Write the requests and responses of a trace, a line each: time, segment, sender, bytes, words, what went wrong."""
+    """Write the requests and responses of a trace, a line each: time, segment, sender, bytes, words, what
+    went wrong.
+    """
     rows = [
         (time_ns, bus, sender, frame, error)
         for bus in trace.buses
@@ -52,16 +56,18 @@ def write_modbus_log(trace: Trace, path: Path) -> Path:
             seconds, rest = divmod(time_ns, 1_000_000_000)
             trouble = f" [{error}]" if error else ""
             stream.write(
-                f"{seconds}.{rest // 1000:06d} {bus} {sender} {frame.data.hex(' ').upper() or '-'}  {frame.words()}{trouble}\n"
+                f"{seconds}.{rest // 1000:06d} {bus} {sender} {frame.data.hex(' ').upper() or '-'}  "
+                f"{frame.words()}{trouble}\n"
             )
     return path
 
 
 def folder_name(identifier: str) -> str:
-    """Return the folder of a case: its identifier with `_` for `/`; told apart by a digest where that could mean two of them.
+    """Return the folder of a case: its identifier with `_` for `/`; told apart by a digest where that could
+    mean two of them.
 
-    The second kind are identifiers with characters beyond letters, digits, `.` and `-`, with empty parts, or too long for a name
-    of a file.
+    The second kind are identifiers with characters beyond letters, digits, `.` and `-`, with empty parts, or
+    too long for a name of a file.
     """
     if len(identifier) <= _LONGEST_NAME and _PLAIN_NAME.fullmatch(identifier):
         return identifier.replace("/", "_")

@@ -37,8 +37,9 @@ def limit_simulated(bench: Any, seconds: float) -> None:
 def limit_wall(seconds: float) -> Iterator[None]:
     """Raise `CaseTimeoutError` in this thread once `seconds` of wall time have passed.
 
-    A case that swallows it and goes on gets `CaseEndedError` some seconds later, and again, which no `except Exception` takes.
-    Works in the main thread of a POSIX system, which is where cases run; elsewhere there is no limit.
+    A case that swallows it and goes on gets `CaseEndedError` some seconds later, and again, which no `except
+    Exception` takes. Works in the main thread of a POSIX system, which is where cases run; elsewhere there is
+    no limit.
     """
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield

@@ -20,8 +20,9 @@ except ImportError:  # not a POSIX system
 def only_run_in(directory: Path) -> Iterator[None]:
     """Hold a folder, which is made where it is missing, for one run.
 
-    The lock is the system's and lies on the folder itself: it leaves nothing behind, and ends with the process, however that ends.
-    Where the system has no such locks, on some network drives for example, nothing is held.
+    The lock is the system's and lies on the folder itself: it leaves nothing behind, and ends with the
+    process, however that ends. Where the system has no such locks, on some network drives for example,
+    nothing is held.
 
     Raises:
         CannotRunError: Another run is going on in the folder, or it cannot be made.
@@ -43,7 +44,8 @@ def only_run_in(directory: Path) -> Iterator[None]:
         except OSError as error:
             if error.errno in {errno.EWOULDBLOCK, errno.EACCES}:
                 raise CannotRunError(
-                    f"{directory}: another run is going on in this folder; wait for its end, or give another one (--report)"
+                    f"{directory}: another run is going on in this folder; wait for its end, or give "
+                    f"another one (--report)"
                 ) from None
         yield
     finally:

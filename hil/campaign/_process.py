@@ -1,7 +1,7 @@
 """A worker process: it gets orders over a socket of its own, one at a time, and answers with results.
 
-What one of them does to itself concerns its case alone: a process that dies or hangs is known by its socket, and
-the others go on.
+What one of them does to itself concerns its case alone: a process that dies or hangs is known by its socket,
+and the others go on.
 """
 
 from __future__ import annotations

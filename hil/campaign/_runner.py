@@ -99,7 +99,8 @@ def clear_run(directory: Path) -> None:
 
 
 def shard(cases: Sequence[Selected], part: tuple[int, int] | None) -> Sequence[Selected]:
-    """Return a part of the cases, `(number, count)` with numbers from 1; the parts have no case in common and are all together.
+    """Return a part of the cases, `(number, count)` with numbers from 1; the parts have no case in common and
+    are all together.
 
     Neighbours, which often take about the same time, go to different parts.
 
@@ -112,7 +113,8 @@ def shard(cases: Sequence[Selected], part: tuple[int, int] | None) -> Sequence[S
     number, count = part
     if not 1 <= number <= count:
         raise CannotRunError(
-            f"there is no shard {number}/{count}; allowed: 1/{max(count, 1)} to {max(count, 1)}/{max(count, 1)}"
+            f"there is no shard {number}/{count}; allowed: 1/{max(count, 1)} to "
+            f"{max(count, 1)}/{max(count, 1)}"
         )
     found = cases[number - 1 :: count]
     if not found:
@@ -129,7 +131,8 @@ class Runner:
         on_result: Called after every case.
 
     Raises:
-        CannotRunError: A negative worker count, `twice` on a live bench, or a folder that does not fit `resume`.
+        CannotRunError: A negative worker count, `twice` on a live bench, or a folder that does not fit
+            `resume`.
 
     """
 
@@ -160,7 +163,9 @@ class Runner:
         )
 
     def run(self) -> RunResult:
-        """Run everything that is left to run; Ctrl-C ends early, with the results so far and `interrupted` set."""
+        """Run everything that is left to run; Ctrl-C ends early, with the results so far and `interrupted`
+        set.
+        """
         benches = list(dict.fromkeys(self._bench_for(selected) for selected in self._cases.values()))
         files = [bench_of(reference) for reference in benches]
         self._run.bench_name = ", ".join(file.name for file in files)
@@ -209,7 +214,8 @@ class Runner:
             old = load_run(directory, lazy=True)
             if old.seed != self._run.seed or old.bench_text != self._run.bench_text:
                 raise CannotRunError(
-                    f"{directory} holds a run with seed {old.seed} on {old.bench_name!r}; it can only be resumed with "
+                    f"{directory} holds a run with seed {old.seed} on {old.bench_name!r}; it can only be "
+                    f"resumed with "
                     "the same seed and bench"
                 )
             again = {Verdict.FAILED, Verdict.ERROR} if self._options.repeat_failed else set()
@@ -224,7 +230,8 @@ class Runner:
     def _check_shard(self, old: RunResult) -> None:
         if old.shard != self._run.shard:
             raise CannotRunError(
-                f"{self._options.directory} holds {_part(old.shard)}; it cannot be resumed with {_part(self._run.shard)}"
+                f"{self._options.directory} holds {_part(old.shard)}; it cannot be resumed with "
+                f"{_part(self._run.shard)}"
             )
 
     def _keep(self, result: CaseResult) -> None:
@@ -263,12 +270,22 @@ class Runner:
             return parcel.result
         case = self._cases[order.identifier].case
         return CaseResult(
-            identifier=case.identifier, title=case.title, verdict=Verdict.ERROR, group=case.group, tags=list(case.tags),
-            message=finished.reason, requirements=list(case.requirements), seed=order.seed,
+            identifier=case.identifier,
+            title=case.title,
+            verdict=Verdict.ERROR,
+            group=case.group,
+            tags=list(case.tags),
+            message=finished.reason,
+            requirements=list(case.requirements),
+            seed=order.seed,
             token=make_token(
-                case, seed=order.seed, campaign=order.campaign, bench=order.bench, bench_digest=order.bench_digest
+                case,
+                seed=order.seed,
+                campaign=order.campaign,
+                bench=order.bench,
+                bench_digest=order.bench_digest,
             ),
-        )  # fmt: skip
+        )
 
 
 def _title(cases: Sequence[Selected]) -> str:

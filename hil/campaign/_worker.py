@@ -1,4 +1,6 @@
-"""Running a case away from the command: everything is found again by reference, nothing but plain data travels."""
+"""Running a case away from the command: everything is found again by reference, nothing but plain data
+travels.
+"""
 
 from __future__ import annotations
 

@@ -107,7 +107,9 @@ class Expectation(ABC):
 
     @abstractmethod
     def judge(self, trace: Trace) -> list[Check]:
-        """Evaluate on a trace; may raise `ReferenceMissingError`, which `evaluate` turns into a failed check."""
+        """Evaluate on a trace; may raise `ReferenceMissingError`, which `evaluate` turns into a failed
+        check.
+        """
 
     def signals_named(self) -> tuple[str, ...]:
         """Return the signals that this expectation judges: a plot of a failed one has to show them."""
@@ -126,7 +128,9 @@ class Expectation(ABC):
         return bool(self.signals_named())
 
     def needed_until(self, trace: Trace) -> Reference:
-        """Return to when everything has to be recorded for it to pass: by default `until`, the instant itself, or the end."""
+        """Return to when everything has to be recorded for it to pass: by default `until`, the instant
+        itself, or the end.
+        """
         until: Reference | None = getattr(self, "until", None)
         at: Reference | None = getattr(self, "at", None)
         return next((one for one in (at, until) if one is not None), trace.end_s)
@@ -143,7 +147,8 @@ class Expectation(ABC):
         """Refuse names that cannot be in the trace: an expectation with a slip of the pen must not pass.
 
         Raises:
-            RecordingError: There is no such kind of event, component, state, job, ...; the message names what there is.
+            RecordingError: There is no such kind of event, component, state, job, ...; the message names
+                what there is.
 
         """
         for selector in self.events_named():
@@ -152,8 +157,8 @@ class Expectation(ABC):
     def evaluate(self, trace: Trace) -> list[Check]:
         """Return the outcome on `trace`: at least one check, each with expected, observed and when.
 
-        A check is an *error* when it names what does not exist, and *blocked* when a recording like this one cannot
-        answer it.
+        A check is an *error* when it names what does not exist, and *blocked* when a recording like this one
+        cannot answer it.
         """
         try:
             self.verify(trace)
@@ -175,11 +180,15 @@ class Expectation(ABC):
             return [self.check(Verdict.ERROR, str(error), None)]
 
     def unseen(self, trace: Trace, observed: str, time_s: float) -> Check:
-        """Return the check for what was not recorded: *blocked* where a log of somebody else ends, *failed* on the bench."""
+        """Return the check for what was not recorded: *blocked* where a log of somebody else ends, *failed*
+        on the bench.
+        """
         return self.check(Verdict.BLOCKED if trace.from_log else Verdict.FAILED, observed, time_s)
 
     def missing(self, trace: Trace, observed: str, time_s: float, bound_s: float | None) -> Check:
-        """Return the check for what did not come until `bound_s`; a log that ended before then cannot tell."""
+        """Return the check for what did not come until `bound_s`; a log that ended before then cannot
+        tell.
+        """
         begin_s = self._begin(trace) or 0.0
         end_s = trace.end_s if bound_s is None else bound_s
         if trace.from_log and end_s > trace.end_s + SLACK_S:
@@ -196,7 +205,8 @@ class Expectation(ABC):
         for name in self.levels_named():
             if words is not None and name in words.relative:
                 raise NotRecordedError(
-                    f"{words.origin} does not tell where the zero of {name} is, which homing sets; judge displacements, "
+                    f"{words.origin} does not tell where the zero of {name} is, which homing sets; judge "
+                    f"displacements, "
                     "or the increments of the encoder"
                 )
 
@@ -209,7 +219,9 @@ class Expectation(ABC):
         return None
 
     def _outside(self, trace: Trace) -> tuple[str, float] | None:
-        """Return what of the observation lies outside of the recording, or makes it none, and when; None: nothing."""
+        """Return what of the observation lies outside of the recording, or makes it none, and when; None:
+        nothing.
+        """
         begin_s = self._begin(trace)
         if begin_s is None:
             return None
@@ -260,7 +272,9 @@ class Expectation(ABC):
         return replace(self.unseen(trace, observed, unknown[0]), name=check.name)
 
     def _not_known(self, trace: Trace, begin_s: float, end_s: float) -> tuple[float, str] | None:
-        """Return when a component that has to be heard was not in a log, between two times, and the words for it."""
+        """Return when a component that has to be heard was not in a log, between two times, and the words for
+        it.
+        """
         for component in self.components_named():
             for silent_s, heard_s, reason in trace.silences(component, values=self.needs_values()):
                 over = silent_s <= begin_s + SLACK_S and heard_s >= trace.end_s - SLACK_S
@@ -317,4 +331,7 @@ def describe(check: Check) -> str:
     by = margin_text(check)
     margin = f", {by}" if by else ""
     when = "" if check.time_s is None else f" (at {check.time_s:.6f} s)"
-    return f"{check.name}: {check.verdict.value}; expected {check.expected}; observed {check.observed}{margin}{when}"
+    return (
+        f"{check.name}: {check.verdict.value}; expected {check.expected}; "
+        f"observed {check.observed}{margin}{when}"
+    )

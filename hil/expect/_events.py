@@ -103,11 +103,16 @@ class AlarmExpectation(Expectation):
             good = False
         return [
             self.outcome(
-                passed=good, observed=f"{_told(entry, 'number', 'reaction')}, {delay_s:.6f} s after",
-                time_s=entry.time_ns * 1e-9, value=delay_s, unit="s",
-                low=0.0 if self.within_s is not None else None, high=self.within_s, since_s=since_s,
+                passed=good,
+                observed=f"{_told(entry, 'number', 'reaction')}, {delay_s:.6f} s after",
+                time_s=entry.time_ns * 1e-9,
+                value=delay_s,
+                unit="s",
+                low=0.0 if self.within_s is not None else None,
+                high=self.within_s,
+                since_s=since_s,
             )
-        ]  # fmt: skip
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,10 +210,14 @@ class HappensExpectation(Expectation):
             self.outcome(
                 passed=self.within_s is None or delay_s <= self.within_s + SLACK_S,
                 observed=f"{entry.kind} of {entry.source} {delay_s:.6f} s after",
-                time_s=entry.time_ns * 1e-9, value=delay_s, unit="s",
-                low=0.0 if self.within_s is not None else None, high=self.within_s, since_s=since_s,
+                time_s=entry.time_ns * 1e-9,
+                value=delay_s,
+                unit="s",
+                low=0.0 if self.within_s is not None else None,
+                high=self.within_s,
+                since_s=since_s,
             )
-        ]  # fmt: skip
+        ]
 
     def _seen_instead(self, trace: Trace, since_s: float) -> str:
         """Tell what the same job or component did in its place."""
@@ -222,10 +231,14 @@ class HappensExpectation(Expectation):
         texts = [
             f"{entry.kind}"
             + (f" to {entry.data['to']}" if "to" in entry.data else "")
-            + (f" 16#{entry.data['error_id']:04X}" if isinstance(entry.data.get("error_id"), int) and entry.data["error_id"] else "")
+            + (
+                f" 16#{entry.data['error_id']:04X}"
+                if isinstance(entry.data.get("error_id"), int) and entry.data["error_id"]
+                else ""
+            )
             + f" at {entry.time_ns * 1e-9:.6f} s"
             for entry in near[:3]
-        ]  # fmt: skip
+        ]
         return f"; instead: {', '.join(texts)}" if texts else ""
 
 
@@ -324,7 +337,9 @@ class StateExpectation(Expectation):
         check_state(trace, self.component, self.text, self.kind)
 
     def judge(self, trace: Trace) -> list[Check]:
-        """Evaluate on a trace: of every state machine of the component, the last event not later than the instant."""
+        """Evaluate on a trace: of every state machine of the component, the last event not later than the
+        instant.
+        """
         at_s = instant(trace, self.at)
         found: dict[str, Event] = {}
         for entry in trace.select(source=self.component):
@@ -399,7 +414,9 @@ def happens(
 def never_happens(
     selector: EventSelector, *, since: Reference = 0.0, until: Reference | None = None
 ) -> HappensExpectation:
-    """Expect that an event does not happen from `since` to `until` (default: the end); with nth=2 not a second time."""
+    """Expect that an event does not happen from `since` to `until` (default: the end); with nth=2 not a
+    second time.
+    """
     return HappensExpectation(_checked_event("never_happens", selector), since, until, None, never=True)
 
 
@@ -411,7 +428,9 @@ def event_order(selectors: Sequence[EventSelector], *, since: Reference = 0.0) -
 
 
 def state_at(component: str, at: Reference, text: str, *, kind: str = "") -> StateExpectation:
-    """Expect `component` in the state `text` at an instant; `kind` picks one of several state machines (`drive.nmt`)."""
+    """Expect `component` in the state `text` at an instant; `kind` picks one of several state machines
+    (`drive.nmt`).
+    """
     return StateExpectation(component, at, text, kind)
 
 

@@ -1,4 +1,6 @@
-"""States of a drive that a log need not show: it tells the state at every SYNC, and not what was between two of them."""
+"""States of a drive that a log need not show: it tells the state at every SYNC, and not what was between two
+of them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Measuring a stop on recorded signals: begin, end, ramp time, travel, peak values, and who made the ramp (STP-553)."""
+"""Measuring a stop on recorded signals: begin, end, ramp time, travel, peak values, and who made the ramp
+(STP-553).
+"""
 
 from __future__ import annotations
 
@@ -19,19 +21,24 @@ class StopMeasurement:
     begin_s: float
     """Where time and travel begin to count: the reference, or the begin of the straight ramp."""
     end_s: float | None
-    """First sample from which on the signal stays at rest, or the end of the straight ramp; None when it never rests."""
+    """First sample from which on the signal stays at rest, or the end of the straight ramp; None when it
+    never rests.
+    """
     start_velocity: float
     """Signed velocity at the reference instant."""
     distance: float | None
     """Travel from begin to end, magnitude."""
     mean_deceleration: float | None
-    """Slope of a straight line through the middle of the ramp (80 % to 20 % of the start velocity), magnitude."""
+    """Slope of a straight line through the middle of the ramp (80 % to 20 % of the start velocity),
+    magnitude.
+    """
     peak_deceleration: float
     """Greatest decrease of speed per second between two samples."""
     peak_jerk: float
     """Greatest change of that per second."""
     made_by: str
-    """`controller` (the setpoint ramps), `drive` (the setpoint is zero while the axis still brakes), or empty when no
+    """`controller` (the setpoint ramps), `drive` (the setpoint is zero while the axis still brakes), or empty
+    when no
     setpoint was recorded."""
 
     @property
@@ -66,8 +73,9 @@ def measure_stop(
         setpoint: Speed or velocity setpoint, to tell who made the ramp.
         threshold: Magnitude up to which `velocity` counts as rest; default 0.5 % of the start velocity.
         until_s: End of the observation (a later motion is another story); default the end of the trace.
-        straight: Begin and end are those of a straight line through the middle of the ramp, which leaves delays of bus
-            and control out of the ramp time: right for the ramp of a drive, wrong for a jerk-limited one.
+        straight: Begin and end are those of a straight line through the middle of the ramp, which leaves
+            delays of bus and control out of the ramp time: right for the ramp of a drive, wrong for a
+            jerk-limited one.
 
     Raises:
         RecordingError: A signal was not recorded.
@@ -113,7 +121,9 @@ def _travel(trace: Trace, velocity: Signal, position: str | None, begin_s: float
 
 
 def _middle_line(ramp: Signal, start: float, sign: float) -> tuple[float, float, float] | None:
-    """Fit a straight line between 80 % and 20 % of the start velocity; returns a point (time, speed) and the slope."""
+    """Fit a straight line between 80 % and 20 % of the start velocity; returns a point (time, speed) and the
+    slope.
+    """
     speed = sign * ramp.values
     middle = (speed <= 0.8 * start) & (speed >= 0.2 * start)
     if start <= 0 or int(middle.sum()) < 2:
@@ -127,9 +137,9 @@ def _middle_line(ramp: Signal, start: float, sign: float) -> tuple[float, float,
 def _maker(setpoint: Signal, velocity: Signal, begin_s: float, end_s: float, start_velocity: float) -> str:
     """Tell a setpoint that ramps down from one that is gone while the axis still brakes.
 
-    Each signal is measured against its own start, so that the speed setpoint to the drive (rpm) may stand beside an
-    actual velocity in mm/s. The sample before the reference counts as start too: at the reference itself the setpoint
-    may already be zero.
+    Each signal is measured against its own start, so that the speed setpoint to the drive (rpm) may stand
+    beside an actual velocity in mm/s. The sample before the reference counts as start too: at the reference
+    itself the setpoint may already be zero.
     """
     if len(setpoint) == 0:
         return ""

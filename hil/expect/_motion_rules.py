@@ -20,7 +20,9 @@ REST_TRAVEL: dict[str, float] = {"m": 0.0001, "rad": 0.01, "mm": 0.1}
 
 
 WINDOW_S = (0.05, 0.15)
-"""What counts as an earlier speed: between these times back. A rebound from an elastic stop is then no acceleration."""
+"""What counts as an earlier speed: between these times back. A rebound from an elastic stop is then no
+acceleration.
+"""
 _AFTER_PUSH_S = 0.5
 """A spring that is let go or a load that swings back needs a moment to come to rest."""
 _JOLT_S = 0.02
@@ -30,7 +32,9 @@ _REST_S = 0.1
 
 
 def pushed_spans(trace: Trace, drive: str) -> list[tuple[float, float]]:
-    """Return when something else than the drive may move the mechanics: a force, a released block, an end stop."""
+    """Return when something else than the drive may move the mechanics: a force, a released block, an end
+    stop.
+    """
     spans = []
     pushing: dict[object, float] = {}
     for entry in trace.select(source=drive, kind="fault."):
@@ -46,7 +50,9 @@ def pushed_spans(trace: Trace, drive: str) -> list[tuple[float, float]]:
 
 
 def _stop_spans(trace: Trace, drive: str) -> list[tuple[float, float]]:
-    """Return when the axis touches an end stop, where the bench states its place (`<drive>.positive_stop`)."""
+    """Return when the axis touches an end stop, where the bench states its place
+    (`<drive>.positive_stop`).
+    """
     position = trace[f"{drive}.position"]
     slack = REST_TRAVEL.get(position.unit, 0.0001)
     low, high = trace.constants.get(f"{drive}.negative_stop"), trace.constants.get(f"{drive}.positive_stop")
@@ -68,7 +74,9 @@ def _stretches(times: NDArray[np.float64], flags: NDArray[np.bool_]) -> list[tup
 
 
 def check_motion_while_disabled(trace: Trace) -> list[Check]:
-    """Without torque an axis coasts at most: it gets no faster, and once at rest it stays there (STP-331, C402-010)."""
+    """Without torque an axis coasts at most: it gets no faster, and once at rest it stays there (STP-331,
+    C402-010).
+    """
     checks = []
     for drive, word, without, requirements in _drives_without_torque(trace):
         position, velocity = trace[f"{drive}.position"], trace[f"{drive}.velocity"]
@@ -101,7 +109,9 @@ def check_motion_while_disabled(trace: Trace) -> list[Check]:
 
 
 def _drives_without_torque(trace: Trace) -> Iterator[tuple[str, Signal, NDArray[np.bool_], list[str]]]:
-    """Return drives of either profile, with a signal for the times, where they show no torque, and what that concerns."""
+    """Return drives of either profile, with a signal for the times, where they show no torque, and what that
+    concerns.
+    """
     for drive in trace.components_with("statusword", "position", "velocity", "torque"):
         word = trace[f"{drive}.statusword"]
         yield drive, word, ~has_torque(word.values.astype(np.int64)), ["STP-331", "C402-010"]
@@ -142,12 +152,15 @@ def _speed_before(velocity: Signal, time_s: float) -> float | None:
 
 
 def commanded(speed: float, outputs: Iterable[float]) -> bool:
-    """Return whether a motor speed may be what an axis commanded at last, give or take an overshoot; all of them in rpm."""
+    """Return whether a motor speed may be what an axis commanded at last, give or take an overshoot; all of
+    them in rpm.
+    """
     return any(abs(speed) <= 1.2 * abs(output) and speed * output >= 0 for output in outputs)
 
 
 def _commanded(trace: Trace, drive: str, time_s: float) -> bool:
-    """Return whether a drive had been told to get as fast as it is in the very sample in which its torque went.
+    """Return whether a drive had been told to get as fast as it is in the very sample in which its torque
+    went.
 
     A setpoint that jumped (MotionIn) lets it take a good step in one sample.
     """
@@ -214,9 +227,11 @@ STOPS = {"halting", "stopping", "alarm_ramp", "disabling_ramp"}
 def check_setpoint_continuity(trace: Trace) -> list[Check]:
     """The velocity setpoint changes no faster than the greatest configured (de)celeration (STP-239, STP-244).
 
-    Needs the constants `<axis>.max_acceleration`, `<axis>.max_deceleration` and `<axis>.emergency_deceleration`. At a
-    change of the axis state the generator may start anew from actual values; the samples around it are not judged, but that a ramp
-    which stops the axis begins among the velocities that it has or had a moment ago. Setpoints that the user program gives itself are not judged (MC-568).
+    Needs the constants `<axis>.max_acceleration`, `<axis>.max_deceleration` and
+    `<axis>.emergency_deceleration`. At a change of the axis state the generator may start anew from actual
+    values; the samples around it are not judged, but that a ramp which stops the axis begins among the
+    velocities that it has or had a moment ago. Setpoints that the user program gives itself are not judged
+    (MC-568).
     """
     checks = []
     for axis in trace.components_with("velocity_setpoint", "state", "status_word"):
@@ -233,7 +248,8 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
         state = trace[f"{axis}.state"]
         steady_codes = [code for code, text in state.enum.items() if normal_state(text) in STEADY_STATES]
         steady = np.isin(np.round(state.values), steady_codes)
-        # On a live bench late cycles are caught up in a burst; each of them is still one cycle of the setpoint.
+        # On a live bench late cycles are caught up in a burst; each of them is still one cycle of the
+        # setpoint.
         step_s = np.maximum(np.diff(signal.time_s), trace.constants.get(f"{axis}.cycle_s", 0.0))
         bound = max(known) * step_s * 1.001 + 1e-6
         jump = np.abs(np.diff(signal.values))
@@ -269,7 +285,9 @@ def check_setpoint_continuity(trace: Trace) -> list[Check]:
 
 
 def _starts_anew(trace: Trace, axis: str, setpoint: Signal, at: int, bound: NDArray[np.float64]) -> bool:
-    """Return whether a step behind sample `at` ends between the setpoint before it and the actual velocities around it."""
+    """Return whether a step behind sample `at` ends between the setpoint before it and the actual velocities
+    around it.
+    """
     if f"{axis}.actual_velocity" not in trace:
         return True
     actual = trace[f"{axis}.actual_velocity"].values[max(at - 3, 0) : at + 2]
@@ -279,14 +297,18 @@ def _starts_anew(trace: Trace, axis: str, setpoint: Signal, at: int, bound: NDAr
 
 
 def given_by_program(trace: Trace, axis: str) -> NDArray[np.bool_]:
-    """Return the samples in which the user program gives setpoints: StatusWord.X31, StatusWord2.X6 (MIN-013, MIN-014)."""
+    """Return the samples in which the user program gives setpoints: StatusWord.X31, StatusWord2.X6 (MIN-013,
+    MIN-014).
+    """
     given = _bit(trace[f"{axis}.status_word"], 31)
     name = f"{axis}.status_word2"
     return given | _bit(trace[name], 6) if name in trace else given
 
 
 def follows_actual(trace: Trace, axis: str) -> NDArray[np.bool_]:
-    """Return the samples without position control, in which the position setpoint is the actual position: StatusWord.X28 (CTL-003)."""
+    """Return the samples without position control, in which the position setpoint is the actual position:
+    StatusWord.X28 (CTL-003).
+    """
     return _bit(trace[f"{axis}.status_word"], 28)
 
 
@@ -295,7 +317,9 @@ def _bit(word: Signal, number: int) -> NDArray[np.bool_]:
 
 
 def no_change(trace: Trace, axis: str, signal: Signal) -> NDArray[np.bool_]:
-    """Return which intervals between samples hold no change of state and no start of a job, nor follow one directly."""
+    """Return which intervals between samples hold no change of state and no start of a job, nor follow one
+    directly.
+    """
     free = np.ones(len(signal) - 1, dtype=bool)
     for kind in ("axis.state", "axis.homed", "alarm.raised", "program.write", "job.active"):
         for entry in trace.select(source=axis, kind=kind):

@@ -1,7 +1,8 @@
-"""Always-on rules for PROFIdrive axes, from their recorded words: states, stops, pulses, acknowledging, sign of life.
+"""Always-on rules for PROFIdrive axes, from their recorded words: states, stops, pulses, acknowledging, sign
+of life.
 
-They judge the words of the drive itself (`<drive>.drive_stw1`, ...), which a disturbed telegram does not touch. While a
-fault lets the drive lie about its own ZSW1 that word is not judged.
+They judge the words of the drive itself (`<drive>.drive_stw1`, ...), which a disturbed telegram does not
+touch. While a fault lets the drive lie about its own ZSW1 that word is not judged.
 """
 
 from __future__ import annotations
@@ -86,7 +87,9 @@ _TEXTS: Final = {
 
 
 def state_of(text: object) -> str:
-    """Return the state that a drive's event names, as in `TRANSITIONS`; empty when it is none of this profile."""
+    """Return the state that a drive's event names, as in `TRANSITIONS`; empty when it is none of this
+    profile.
+    """
     return _TEXTS.get(normal_state(str(text)), "")
 
 
@@ -116,7 +119,8 @@ def _check(
 
 
 def check_profidrive_transitions(trace: Trace) -> list[Check]:
-    """Every change of state is one of the general state machine, and STW1 shows its condition (PD-097 to PD-113).
+    """Every change of state is one of the general state machine, and STW1 shows its condition (PD-097 to
+    PD-113).
 
     A bus log shows the states at SYNC only: there one in between may be missing.
     """
@@ -144,10 +148,13 @@ def check_profidrive_transitions(trace: Trace) -> list[Check]:
                 problems.append((when, f"{old} to {new} without its condition in STW1"))
         checks.append(
             _check(
-                f"general state machine of {drive}", "only transitions of PROFIdrive, each with its condition", problems,
-                [rule.requirement for rule in TRANSITIONS.values()] + ["PD-113"], f"{len(changes)} transitions",
+                f"general state machine of {drive}",
+                "only transitions of PROFIdrive, each with its condition",
+                problems,
+                [rule.requirement for rule in TRANSITIONS.values()] + ["PD-113"],
+                f"{len(changes)} transitions",
             )
-        )  # fmt: skip
+        )
     return checks
 
 
@@ -164,7 +171,9 @@ def _condition_holds(trace: Trace, drive: str, when: float, rule: Rule) -> bool:
 
 
 def check_profidrive_words(trace: Trace) -> list[Check]:
-    """ZSW1 shows one of the states, and a fault goes with an edge of STW1.7 under control by PLC only (PD-078)."""
+    """ZSW1 shows one of the states, and a fault goes with an edge of STW1.7 under control by PLC only
+    (PD-078).
+    """
     checks = []
     for drive in profidrive_axes(trace):
         times = trace[f"{drive}.drive_zsw1"].time_s
@@ -174,10 +183,13 @@ def check_profidrive_words(trace: Trace) -> list[Check]:
         problems = [(float(times[at]), f"ZSW1 = {int(zsw1[at]):04X}h") for at in np.flatnonzero(strange)]
         checks.append(
             _check(
-                f"ZSW1 of {drive}", "bits 0, 1, 2 and 6 of one state", problems,
-                ["PD-060", "PD-061", "PD-062", "PD-066"], f"{len(times)} samples",
+                f"ZSW1 of {drive}",
+                "bits 0, 1, 2 and 6 of one state",
+                problems,
+                ["PD-060", "PD-061", "PD-062", "PD-066"],
+                f"{len(times)} samples",
             )
-        )  # fmt: skip
+        )
         gone = np.zeros(len(times), dtype=bool)
         gone[1:] = (zsw1[:-1] & _FAULT != 0) & (zsw1[1:] & _FAULT == 0) & (zsw1[1:] != 0)
         gone[1:] &= honest[1:] & honest[:-1]
@@ -194,15 +206,20 @@ def check_profidrive_words(trace: Trace) -> list[Check]:
         ]
         checks.append(
             _check(
-                f"acknowledging of {drive}", "a fault goes by an edge of STW1.7 alone", problems, ["PD-078", "PD-137"],
+                f"acknowledging of {drive}",
+                "a fault goes by an edge of STW1.7 alone",
+                problems,
+                ["PD-078", "PD-137"],
                 f"{int(gone.sum())} acknowledged",
             )
-        )  # fmt: skip
+        )
     return checks
 
 
 def check_profidrive_stops(trace: Trace) -> list[Check]:
-    """While STW1.1 = 0 (OFF2) the pulses are off at once; without pulses there is no torque (PD-104, PD-108, PD-112)."""
+    """While STW1.1 = 0 (OFF2) the pulses are off at once; without pulses there is no torque (PD-104, PD-108,
+    PD-112).
+    """
     checks = []
     for drive in profidrive_axes(trace):
         times = trace[f"{drive}.drive_stw1"].time_s
@@ -218,25 +235,33 @@ def check_profidrive_stops(trace: Trace) -> list[Check]:
         ]
         checks.append(
             _check(
-                f"OFF2 of {drive}", "pulses off at once", problems, ["PD-104", "PD-108", "PD-112"],
+                f"OFF2 of {drive}",
+                "pulses off at once",
+                problems,
+                ["PD-104", "PD-108", "PD-112"],
                 f"{int(held.sum())} samples with OFF2",
             )
-        )  # fmt: skip
+        )
         problems = [
             (float(times[at]), f"{float(torque[at]):.4g} Nm")
             for at in np.flatnonzero(~pulses & (torque != 0.0))
         ]
         checks.append(
             _check(
-                f"torque of {drive} without pulses", "0 Nm", problems, ["PD-083", "PD-104"],
+                f"torque of {drive} without pulses",
+                "0 Nm",
+                problems,
+                ["PD-083", "PD-104"],
                 f"{int((~pulses).sum())} samples without pulses",
             )
-        )  # fmt: skip
+        )
     return checks
 
 
 def check_profidrive_sign_of_life(trace: Trace) -> list[Check]:
-    """The drive's counter stands, begins with 1, counts 1 to 15 and again 1, or goes back to 0; it never jumps (PD-123)."""
+    """The drive's counter stands, begins with 1, counts 1 to 15 and again 1, or goes back to 0; it never
+    jumps (PD-123).
+    """
     checks = []
     for drive in profidrive_axes(trace):
         times = trace[f"{drive}.drive_zsw2"].time_s
@@ -257,10 +282,13 @@ def check_profidrive_sign_of_life(trace: Trace) -> list[Check]:
         ]
         checks.append(
             _check(
-                f"sign of life of {drive}", "0, or 1 to 15 and again 1", problems, ["PD-123", "PD-126"],
+                f"sign of life of {drive}",
+                "0, or 1 to 15 and again 1",
+                problems,
+                ["PD-123", "PD-126"],
                 f"{int((sign > 0).sum())} samples",
             )
-        )  # fmt: skip
+        )
     return checks
 
 

@@ -1,4 +1,6 @@
-"""Always-on rules about the setpoints of an axis: they are smooth, within the limits, and a stop ends where it is computed to end."""
+"""Always-on rules about the setpoints of an axis: they are smooth, within the limits, and a stop ends where
+it is computed to end.
+"""
 
 from __future__ import annotations
 
@@ -30,12 +32,15 @@ def _axes(trace: Trace) -> Iterator[tuple[str, Signal, NDArray[np.float64]]]:
         velocity = trace[f"{axis}.velocity_setpoint"]
         if len(velocity) >= 3:
             cycle_s = trace.constants.get(f"{axis}.cycle_s", 0.0)
-            # On a live bench late cycles are caught up in a burst; each of them is still one cycle of the setpoint.
+            # On a live bench late cycles are caught up in a burst; each of them is still one cycle of the
+            # setpoint.
             yield axis, velocity, np.maximum(np.diff(velocity.time_s), cycle_s)
 
 
 def _judged(trace: Trace, axis: str, velocity: Signal) -> Flags:
-    """Return the steps between samples in which the axis makes its setpoints itself and nothing begins anew."""
+    """Return the steps between samples in which the axis makes its setpoints itself and nothing begins
+    anew.
+    """
     state = trace[f"{axis}.state"]
     codes = [code for code, text in state.enum.items() if normal_state(text) in STEADY_STATES]
     own = np.isin(np.round(state.values), codes) & ~given_by_program(trace, axis)
@@ -46,8 +51,9 @@ def _judged(trace: Trace, axis: str, velocity: Signal) -> Flags:
 def check_position_continuity(trace: Trace) -> list[Check]:
     """The position setpoint moves by its velocity: no step beyond v * T and a tolerance (MC-568).
 
-    The tolerance is what the greatest acceleration can add in a cycle. A change of state and an offset of homing may set the position
-    anew; they are not judged, nor are setpoints that the user program gives, nor what follows the actual position without position control.
+    The tolerance is what the greatest acceleration can add in a cycle. A change of state and an offset of
+    homing may set the position anew; they are not judged, nor are setpoints that the user program gives, nor
+    what follows the actual position without position control.
     """
     checks = []
     for axis, velocity, step_s in _axes(trace):
@@ -70,7 +76,8 @@ def check_position_continuity(trace: Trace) -> list[Check]:
                 "no step beyond velocity times cycle",
                 f"{int(judged.sum())} cycles, nearest to the limit by {max(-over, 0.0):.3g} {position.unit}"
                 if index is None
-                else f"a step of {float(step[index]):.5g} {position.unit} at {float(speed[index]):.4g} {velocity.unit}",
+                else f"a step of {float(step[index]):.5g} {position.unit} at {float(speed[index]):.4g} "
+                f"{velocity.unit}",
                 None if index is None else float(velocity.time_s[index + 1]),
                 value=None if index is None else float(step[index]),
                 unit=position.unit,
@@ -85,7 +92,8 @@ def check_position_continuity(trace: Trace) -> list[Check]:
 def check_acceleration_setpoint(trace: Trace) -> list[Check]:
     """The acceleration setpoint keeps within the greatest configured one (STP-239, STP-241, MC-568).
 
-    As in `check_setpoint_continuity`, with the value that the generator itself states in place of the difference.
+    As in `check_setpoint_continuity`, with the value that the generator itself states in place of the
+    difference.
     """
     checks = []
     for axis, velocity, _ in _axes(trace):
@@ -125,9 +133,10 @@ def _greatest_acceleration(trace: Trace, axis: str) -> float | None:
 def check_stop_travel(trace: Trace) -> list[Check]:
     """A stop of the axis takes no more way than its ramp by formula (STP-239, STP-241, STP-244, STP-245).
 
-    Judged are the ramps of `MC_Power` (StopMode 0 or 2) and of alarms with reaction 2 and 3, on the setpoints, from the velocity with which the
-    ramp begins. Which of both a disabling ramp is does not show in the words: the longer one counts. Ramps that something else
-    interrupts, and those after limits were written by the program, are left out.
+    Judged are the ramps of `MC_Power` (StopMode 0 or 2) and of alarms with reaction 2 and 3, on the
+    setpoints, from the velocity with which the ramp begins. Which of both a disabling ramp is does not show
+    in the words: the longer one counts. Ramps that something else interrupts, and those after limits were
+    written by the program, are left out.
     """
     checks = []
     for axis, velocity, _ in _axes(trace):
@@ -192,7 +201,8 @@ def _stops(trace: Trace, axis: str) -> Iterator[tuple[float, float, int]]:
         else:
             reaction = 0
         if later or any(entry.time_ns <= time_ns < end_ns for time_ns in halts):
-            continue  # another alarm may have taken over with its own ramp; a controller that hangs makes no setpoints
+            # Another alarm may have taken over with its own ramp; a controller that hangs makes no setpoints.
+            continue
         yield entry.time_ns * 1e-9, end_ns * 1e-9, reaction
 
 
@@ -207,7 +217,8 @@ class _Ramps:
         self._jerk = jerk
         self._cycle_s = cycle_s
         self._plan_s = max(plan_s, cycle_s)
-        """Cycle in which setpoints are planned: that of the interpolator, where it is slower than the servo."""
+        """Cycle in which setpoints are planned: that of the interpolator, where it is slower than the servo.
+        """
 
     @classmethod
     def of(cls, trace: Trace, axis: str) -> _Ramps | None:

@@ -1,4 +1,6 @@
-"""Expectations about words and values at a time and from then on: bits of a telegram, settling, an axis that is disabled."""
+"""Expectations about words and values at a time and from then on: bits of a telegram, settling, an axis that
+is disabled.
+"""
 
 from __future__ import annotations
 
@@ -83,10 +85,15 @@ class TelegramBitsExpectation(Expectation):
             held_s = float(times[at]) - begin_s
             return [
                 self.outcome(
-                    passed=False, observed=f"16#{int(words[at]):04X} after {held_s:.6f} s", time_s=float(times[at]),
-                    value=held_s, unit="s", low=self.for_s, since_s=begin_s,
+                    passed=False,
+                    observed=f"16#{int(words[at]):04X} after {held_s:.6f} s",
+                    time_s=float(times[at]),
+                    value=held_s,
+                    unit="s",
+                    low=self.for_s,
+                    since_s=begin_s,
                 )
-            ]  # fmt: skip
+            ]
         if begin_s + self.for_s > trace.end_s + SLACK_S:
             held_s = trace.end_s - begin_s
             observed = (
@@ -95,10 +102,16 @@ class TelegramBitsExpectation(Expectation):
             return [self.unseen(trace, observed, trace.end_s)]
         return [
             self.outcome(
-                passed=True, observed=f"16#{int(words[first]):04X} at {begin_s:.6f} s", time_s=begin_s,
-                value=begin_s - at_s, unit="s", low=0.0, high=self.within_s, since_s=at_s,
+                passed=True,
+                observed=f"16#{int(words[first]):04X} at {begin_s:.6f} s",
+                time_s=begin_s,
+                value=begin_s - at_s,
+                unit="s",
+                low=0.0,
+                high=self.within_s,
+                since_s=at_s,
             )
-        ]  # fmt: skip
+        ]
 
 
 def _bits(mask: int) -> str:
@@ -125,7 +138,10 @@ class SettlesExpectation(Expectation):
     def wanted(self) -> str:
         """What is expected, in words."""
         until = "" if self.until is None else f" until {words_of(self.until)}"
-        return f"{self.target:g} +- {self.tolerance:g} within {self.within_s:g} s of {words_of(self.since)}, and from then on{until}"
+        return (
+            f"{self.target:g} +- {self.tolerance:g} within {self.within_s:g} s of {words_of(self.since)}, "
+            f"and from then on{until}"
+        )
 
     def signals_named(self) -> tuple[str, ...]:
         """See `Expectation`."""
@@ -136,7 +152,9 @@ class SettlesExpectation(Expectation):
         return self.signals_named()
 
     def judge(self, trace: Trace) -> list[Check]:
-        """Evaluate on a trace: the time of settling is that of the first sample from which on all are within the band."""
+        """Evaluate on a trace: the time of settling is that of the first sample from which on all are within
+        the band.
+        """
         since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
         part = trace[self.signal].between(since_s, until_s)
         if len(part) == 0 or float(part.time_s[-1]) < since_s + self.within_s - SLACK_S:
@@ -149,18 +167,30 @@ class SettlesExpectation(Expectation):
             value = float(part.values[-1])
             return [
                 self.outcome(
-                    passed=False, observed=f"{value:g} {part.unit} at the end", time_s=float(part.time_s[-1]),
-                    value=value, unit=part.unit, signal=self.signal, low=low, high=high,
+                    passed=False,
+                    observed=f"{value:g} {part.unit} at the end",
+                    time_s=float(part.time_s[-1]),
+                    value=value,
+                    unit=part.unit,
+                    signal=self.signal,
+                    low=low,
+                    high=high,
                 )
-            ]  # fmt: skip
+            ]
         settled_s = float(part.time_s[int(outside[-1]) + 1 if len(outside) else 0])
         taken_s = settled_s - since_s
         return [
             self.outcome(
-                passed=taken_s <= self.within_s + SLACK_S, observed=f"settled after {taken_s:.6f} s", time_s=settled_s,
-                value=taken_s, unit="s", low=0.0, high=self.within_s, since_s=since_s,
+                passed=taken_s <= self.within_s + SLACK_S,
+                observed=f"settled after {taken_s:.6f} s",
+                time_s=settled_s,
+                value=taken_s,
+                unit="s",
+                low=0.0,
+                high=self.within_s,
+                since_s=since_s,
             )
-        ]  # fmt: skip
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,12 +255,15 @@ class DisabledExpectation(Expectation):
 
 
 def _torque_possible(trace: Trace, drive: str) -> tuple[Signal, NDArray[np.bool_]]:
-    """Return a word of a drive of either profile, and where it says that the drive may give torque, or says nothing."""
+    """Return a word of a drive of either profile, and where it says that the drive may give torque, or says
+    nothing.
+    """
     if f"{drive}.drive_zsw2" in trace:
         word = trace[f"{drive}.drive_zsw2"]
         on = _integers(word) & 0x0400 != 0
     elif f"{drive}.drive_zsw1" in trace:
-        # Without ZSW2 switched on (S3) and a stop with torque (S5) are the same bits; S5 comes from operation alone.
+        # Without ZSW2 switched on (S3) and a stop with torque (S5) are the same bits; S5 comes from operation
+        # alone.
         word = trace[f"{drive}.drive_zsw1"]
         on = _from_operation(_integers(word))
     else:
@@ -292,7 +325,9 @@ def settles_within(
     since: Reference = 0.0,
     until: Reference | None = None,
 ) -> SettlesExpectation:
-    """Expect `signal` within `tolerance` of `target` (its unit) at most `within_s` after `since`, and to the end or `until`."""
+    """Expect `signal` within `tolerance` of `target` (its unit) at most `within_s` after `since`, and to the
+    end or `until`.
+    """
     if not tolerance >= 0:
         raise ConfigurationError("settles_within.tolerance", tolerance, "a number >= 0")
     if not within_s >= 0:
@@ -303,7 +338,9 @@ def settles_within(
 def disabled(
     *, by: Reference, axis: str = "axis1", drive: str = "drive1", until: Reference | None = None
 ) -> DisabledExpectation:
-    """Expect no enable of the axis and no torque of its drive from `by` on; with `axis=""` or `drive=""` of the other alone."""
+    """Expect no enable of the axis and no torque of its drive from `by` on; with `axis=""` or `drive=""` of
+    the other alone.
+    """
     if not axis and not drive:
         raise ConfigurationError("disabled", (axis, drive), "an axis, a drive, or both")
     return DisabledExpectation(axis, drive, by, until)

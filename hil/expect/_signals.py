@@ -92,13 +92,17 @@ class AlwaysExpectation(Expectation):
             f"{name} = {float(column[index]):g}" for name, column in zip(self.signals, columns, strict=True)
         )
         return self.outcome(
-            passed=False, observed=f"{values}; {text}, this is the first",
-            time_s=float(base.time_s[index]), signal=self.signals[0],
-        )  # fmt: skip
+            passed=False,
+            observed=f"{values}; {text}, this is the first",
+            time_s=float(base.time_s[index]),
+            signal=self.signals[0],
+        )
 
 
 def _held(signal: Signal, base: Signal) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return `signal` at the sample times of `base`, each time the last value so far, and where there is one."""
+    """Return `signal` at the sample times of `base`, each time the last value so far, and where there is
+    one.
+    """
     if len(signal) == 0:
         return np.full(len(base), np.nan), np.zeros(len(base), dtype=bool)
     index = np.searchsorted(signal.time_s, base.time_s + SLACK_S / 2, side="right") - 1
@@ -139,10 +143,16 @@ class ValueExpectation(Expectation):
         low, high = self.expected - self.tolerance, self.expected + self.tolerance
         return [
             self.outcome(
-                passed=low <= value <= high, observed=f"{value:g} {signal.unit}".rstrip(), time_s=at_s,
-                value=value, unit=signal.unit, low=low, high=high, signal=self.signal,
+                passed=low <= value <= high,
+                observed=f"{value:g} {signal.unit}".rstrip(),
+                time_s=at_s,
+                value=value,
+                unit=signal.unit,
+                low=low,
+                high=high,
+                signal=self.signal,
             )
-        ]  # fmt: skip
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +186,9 @@ class RangeExpectation(Expectation):
         return self.signals_named()
 
     def judge(self, trace: Trace) -> list[Check]:
-        """Evaluate on a trace; the measurement is the value that comes nearest to, or goes farthest over, a limit."""
+        """Evaluate on a trace; the measurement is the value that comes nearest to, or goes farthest over, a
+        limit.
+        """
         since_s = instant(trace, self.since)
         part = trace[self.signal].between(since_s, end_of(trace, self.until))
         if len(part) == 0:
@@ -190,10 +202,16 @@ class RangeExpectation(Expectation):
         value, when = float(part.values[index]), float(part.time_s[index])
         return [
             self.outcome(
-                passed=bool(over[index] <= 0), observed=f"extreme value {value:g} {part.unit}".rstrip(), time_s=when,
-                value=value, unit=part.unit, low=self.low, high=self.high, signal=self.signal,
+                passed=bool(over[index] <= 0),
+                observed=f"extreme value {value:g} {part.unit}".rstrip(),
+                time_s=when,
+                value=value,
+                unit=part.unit,
+                low=self.low,
+                high=self.high,
+                signal=self.signal,
             )
-        ]  # fmt: skip
+        ]
 
 
 @dataclass(frozen=True, slots=True)

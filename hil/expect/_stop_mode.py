@@ -1,4 +1,6 @@
-"""Expectation of a stop by its mode: the ramp is calculated from the limits of the axis and its motion in the trace."""
+"""Expectation of a stop by its mode: the ramp is calculated from the limits of the axis and its motion in the
+trace.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,9 @@ class StopExpectation(Expectation):
         return tuple(f"{self.axis}.{name}" for name in ("velocity_setpoint", "position_setpoint"))
 
     def judge(self, trace: Trace) -> list[Check]:
-        """Evaluate on a trace: time and travel by formula, from velocity and acceleration at the reference."""
+        """Evaluate on a trace: time and travel by formula, from velocity and acceleration at the
+        reference.
+        """
         constants = [f"{self.axis}.{name}" for name in (*MODES[self.mode], "cycle_s") if name]
         missing = [name for name in constants if name not in trace.constants]
         if missing:
@@ -60,10 +64,16 @@ class StopExpectation(Expectation):
             return [self.outcome(passed=False, observed=observed, time_s=since_s)]
         cycles_s = 2 * trace.constants[f"{self.axis}.cycle_s"]
         judged = ramp(
-            self.since, expected, axis=self.axis, made_by="controller", until=self.until,
+            self.since,
+            expected,
+            axis=self.axis,
+            made_by="controller",
+            until=self.until,
             time_tolerance_s=cycles_s if self.time_tolerance_s is None else self.time_tolerance_s,
-            distance_tolerance=speed * cycles_s if self.distance_tolerance is None else self.distance_tolerance,
-        )  # fmt: skip
+            distance_tolerance=speed * cycles_s
+            if self.distance_tolerance is None
+            else self.distance_tolerance,
+        )
         return replace(judged, label=self.label or self.title, requirements=self.requirements).judge(trace)
 
     def _ramp(self, trace: Trace, since_s: float) -> tuple[StopRamp, float]:
@@ -76,7 +86,8 @@ class StopExpectation(Expectation):
             speed = abs(value_in_force(trace, f"{self.axis}.actual_velocity", since_s))
             return stop_ramp(speed, limit), speed
         velocity = value_in_force(trace, f"{self.axis}.velocity_setpoint", since_s)
-        # A setpoint that has gone at the reference itself was no ramp: the cycle before tells what there was to stop.
+        # A setpoint that has gone at the reference itself was no ramp: the cycle before tells what there was
+        # to stop.
         before = trace[f"{self.axis}.velocity_setpoint"].at(since_s - of[f"{self.axis}.cycle_s"])
         velocity = max(velocity, before, key=abs)
         acceleration = trace[f"{self.axis}.acceleration_setpoint"].at(since_s) * (
@@ -95,12 +106,14 @@ def stop(
     time_tolerance_s: float | None = None,
     distance_tolerance: float | None = None,
 ) -> StopExpectation:
-    """Expect a stop of the axis whose time and travel are those of its mode, from the velocity that the axis has in the trace.
+    """Expect a stop of the axis whose time and travel are those of its mode, from the velocity that the axis
+    has in the trace.
 
     Args:
         since: The falling edge of the enable, the alarm, the job.
-        mode: `emergency` (StopMode 0, reaction 3, `MC_Stop` 0), `maximum` (StopMode 2, reaction 2, `MC_Stop` 2) or `default`
-            (`MC_Halt`, reaction 1 with the default dynamics). For ramps of the drive see `ramp` with `made_by="drive"`.
+        mode: `emergency` (StopMode 0, reaction 3, `MC_Stop` 0), `maximum` (StopMode 2, reaction 2,
+            `MC_Stop` 2) or `default` (`MC_Halt`, reaction 1 with the default dynamics). For ramps of the
+            drive see `ramp` with `made_by="drive"`.
         axis: The axis.
         until: End of the observation.
         time_tolerance_s: Default two cycles.

@@ -55,10 +55,15 @@ class RampExpectation(Expectation):
         since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
         setpoint = next((name for name in self.setpoints if name in trace), self.setpoints[-1])
         stop = measure_stop(
-            trace, since_s, velocity=self.velocity, position=self.position,
-            setpoint=setpoint if self.made_by else None, threshold=self.threshold,
-            until_s=until_s, straight=self.made_by == "drive",
-        )  # fmt: skip
+            trace,
+            since_s,
+            velocity=self.velocity,
+            position=self.position,
+            setpoint=setpoint if self.made_by else None,
+            threshold=self.threshold,
+            until_s=until_s,
+            straight=self.made_by == "drive",
+        )
         speed_unit = trace[self.velocity].unit
         if stop.end_s is None:
             last = trace[self.velocity].at(until_s)
@@ -74,11 +79,18 @@ class RampExpectation(Expectation):
             half = (high - low) / 2
             checks.append(
                 self.outcome(
-                    passed=good, observed=observed, time_s=stop.end_s, name=name,
+                    passed=good,
+                    observed=observed,
+                    time_s=stop.end_s,
+                    name=name,
                     expected=text or f"{(low + high) / 2:.6g} {unit} +- {half:.3g}",
-                    value=value, unit=unit, low=low, high=high, since_s=since_s,
+                    value=value,
+                    unit=unit,
+                    low=low,
+                    high=high,
+                    since_s=since_s,
                 )
-            )  # fmt: skip
+            )
 
         if self.made_by == "drive":
             limit(
@@ -101,10 +113,13 @@ class RampExpectation(Expectation):
         if self.made_by is not None:
             checks.append(
                 self.outcome(
-                    passed=stop.made_by == self.made_by, observed=stop.made_by, expected=self.made_by,
-                    name="ramp made by", time_s=since_s,
+                    passed=stop.made_by == self.made_by,
+                    observed=stop.made_by,
+                    expected=self.made_by,
+                    name="ramp made by",
+                    time_s=since_s,
                 )
-            )  # fmt: skip
+            )
         if not checks:
             checks.append(
                 self.outcome(passed=True, observed=f"at rest at {stop.end_s:.6f} s", time_s=stop.end_s)
@@ -133,10 +148,10 @@ def ramp(
 ) -> RampExpectation:
     """Expect a stop.
 
-    A ramp of the controller is measured on its setpoints, from the reference to setpoint zero. A ramp of the drive is
-    measured on the actual values, as the straight line through its middle, which begins at most `delay_s` after the
-    reference; so the delays of bus and measurement do not count as ramp time. Without `made_by` the actual values
-    are measured from the reference to rest.
+    A ramp of the controller is measured on its setpoints, from the reference to setpoint zero. A ramp of the
+    drive is measured on the actual values, as the straight line through its middle, which begins at most
+    `delay_s` after the reference; so the delays of bus and measurement do not count as ramp time. Without
+    `made_by` the actual values are measured from the reference to rest.
 
     Args:
         since: The falling edge of the enable, the alarm, the job.
@@ -154,7 +169,8 @@ def ramp(
         slope: Deceleration in the middle of the ramp, magnitude.
         slope_tolerance: Default 2 % of `slope`.
         delay_s: Latest begin of a ramp of the drive after the reference; default five cycles of 4 ms.
-        threshold: Magnitude that counts as rest; default 0.5 % of the start velocity, for setpoints a millionth.
+        threshold: Magnitude that counts as rest; default 0.5 % of the start velocity, for setpoints a
+            millionth.
 
     """
     for name, value in (
@@ -176,9 +192,18 @@ def ramp(
         velocity or (f"{axis}.velocity_setpoint" if on_setpoints else f"{axis}.actual_velocity"),
         position or (f"{axis}.position_setpoint" if on_setpoints else f"{axis}.actual_position"),
         (setpoint,) if setpoint else (f"{axis}.speed_output", f"{axis}.velocity_setpoint"),
-        since, until, time_s, time_tolerance_s, distance, distance_tolerance, slope,
-        (abs(slope or 0.0) * 0.02) if slope_tolerance is None else slope_tolerance, delay_s, made_by, threshold,
-    )  # fmt: skip
+        since,
+        until,
+        time_s,
+        time_tolerance_s,
+        distance,
+        distance_tolerance,
+        slope,
+        (abs(slope or 0.0) * 0.02) if slope_tolerance is None else slope_tolerance,
+        delay_s,
+        made_by,
+        threshold,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,11 +241,17 @@ class StandstillExpectation(Expectation):
         index = int(moving[0]) if len(moving) else int(np.argmax(speeds))
         return [
             self.outcome(
-                passed=len(moving) == 0, observed=f"{float(part.values[index]):.6g} {part.unit}",
-                time_s=float(part.time_s[index]), value=float(part.values[index]), unit=part.unit,
-                low=-self.tolerance, high=self.tolerance, signal=self.velocity, since_s=by_s,
+                passed=len(moving) == 0,
+                observed=f"{float(part.values[index]):.6g} {part.unit}",
+                time_s=float(part.time_s[index]),
+                value=float(part.values[index]),
+                unit=part.unit,
+                low=-self.tolerance,
+                high=self.tolerance,
+                signal=self.velocity,
+                since_s=by_s,
             )
-        ]  # fmt: skip
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,11 +290,16 @@ class NoMotionExpectation(Expectation):
         value = float(displacement[index])
         return [
             self.outcome(
-                passed=bool(distances[index] <= self.tolerance), observed=f"{value:.6g} {part.unit}",
-                time_s=float(part.time_s[index]), value=value, unit=part.unit,
-                low=-self.tolerance, high=self.tolerance, since_s=after_s,
+                passed=bool(distances[index] <= self.tolerance),
+                observed=f"{value:.6g} {part.unit}",
+                time_s=float(part.time_s[index]),
+                value=value,
+                unit=part.unit,
+                low=-self.tolerance,
+                high=self.tolerance,
+                since_s=after_s,
             )
-        ]  # fmt: skip
+        ]
 
 
 def standstill(
@@ -274,7 +310,9 @@ def standstill(
     tolerance: float = 1.0,
     until: Reference | None = None,
 ) -> StandstillExpectation:
-    """Expect |velocity| <= `tolerance` (in the unit of the signal) from `by` to `until` (default: the end)."""
+    """Expect |velocity| <= `tolerance` (in the unit of the signal) from `by` to `until` (default: the
+    end).
+    """
     if not tolerance >= 0:
         raise ConfigurationError("standstill.tolerance", tolerance, "a number >= 0")
     return StandstillExpectation(velocity or f"{axis}.actual_velocity", by, tolerance, until)
@@ -290,7 +328,8 @@ def no_motion_after(
 ) -> NoMotionExpectation:
     """Expect that the position stays within `tolerance` (its unit) of where it is at `after`.
 
-    Judge the true position of the mechanics (`position="drive1.position"`) where an encoder fault lies (STP-550).
+    Judge the true position of the mechanics (`position="drive1.position"`) where an encoder fault lies
+    (STP-550).
     """
     if not tolerance >= 0:
         raise ConfigurationError("no_motion_after.tolerance", tolerance, "a number >= 0")

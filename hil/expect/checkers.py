@@ -1,7 +1,7 @@
 """Rules that hold in every run, whatever the case is about. They judge a finished trace.
 
-A checker takes a trace and returns one check per rule and component that it could judge; where the trace holds
-nothing to judge (no axis, no drive) it returns none. Each check names its requirement.
+A checker takes a trace and returns one check per rule and component that it could judge; where the trace
+holds nothing to judge (no axis, no drive) it returns none. Each check names its requirement.
 """
 
 from __future__ import annotations
@@ -33,10 +33,19 @@ Checker = Callable[[Trace], list[Check]]
 
 MOTION_JOBS: Final = frozenset(
     {
-        "MC_MoveAbsolute", "MC_MoveRelative", "MC_MoveVelocity", "MC_MoveJog", "MC_MoveSuperimposed", "MC_Home",
-        "MC_Halt", "MC_HaltSuperimposed", "MC_MotionInVelocity", "MC_MotionInPosition", "MC_MotionInSuperimposed",
+        "MC_MoveAbsolute",
+        "MC_MoveRelative",
+        "MC_MoveVelocity",
+        "MC_MoveJog",
+        "MC_MoveSuperimposed",
+        "MC_Home",
+        "MC_Halt",
+        "MC_HaltSuperimposed",
+        "MC_MotionInVelocity",
+        "MC_MotionInPosition",
+        "MC_MotionInSuperimposed",
     }
-)  # fmt: skip
+)
 _ENDS: Final = {"job.done": "Done", "job.aborted": "CommandAborted", "job.error": "Error"}
 
 LEGAL_TRANSITIONS: Final[dict[str, frozenset[str]]] = {
@@ -51,7 +60,9 @@ LEGAL_TRANSITIONS: Final[dict[str, frozenset[str]]] = {
     "fault_reaction_active": frozenset({"fault"}),
     "fault": frozenset({"switch_on_disabled"}),
 }
-"""Transitions 2 to 12, 14 to 16 of the power drive system; 0 and 13 are possible from everywhere (C402-001..C402-017)."""
+"""Transitions 2 to 12, 14 to 16 of the power drive system; 0 and 13 are possible from everywhere
+(C402-001..C402-017).
+"""
 
 _WITHOUT_TORQUE: Final = frozenset(
     {"not_ready_to_switch_on", "switch_on_disabled", "ready_to_switch_on", "switched_on"}
@@ -117,7 +128,9 @@ _CIA402_STATES = frozenset({"", "not_ready_to_switch_on", "fault_reaction_active
 
 
 def check_drive_transitions(trace: Trace) -> list[Check]:
-    """Every state change of a CiA 402 drive is one of the profile's transitions; a drive that shows another state is of another profile."""
+    """Every state change of a CiA 402 drive is one of the profile's transitions; a drive that shows another
+    state is of another profile.
+    """
     checks = []
     # A bus log shows the states at SYNC only: one in between may be missing.
     sampled = trace.from_log
@@ -149,10 +162,13 @@ def check_drive_transitions(trace: Trace) -> list[Check]:
             problems.append((entry.time_ns * 1e-9, f"{entry.data.get('from')} to {entry.data.get('to')}"))
         checks.append(
             _check(
-                f"state transitions of {drive}", "only transitions of CiA 402", problems,
-                ["C402-026"], seen=f"{len(entries)} transitions",
+                f"state transitions of {drive}",
+                "only transitions of CiA 402",
+                problems,
+                ["C402-026"],
+                seen=f"{len(entries)} transitions",
             )
-        )  # fmt: skip
+        )
     return checks
 
 
@@ -196,15 +212,32 @@ def check_status_words(trace: Trace) -> list[Check]:
         must, must_not = _error_spans(trace, axis, times)
         rules: list[tuple[str, str, NDArray[np.bool_], list[str]]] = [
             ("switching on", "STW1.0 does not rise while ZSW1.6 = 1 is received", rises, ["STP-510"]),
-            ("control word in a ramp", "STW1 = 16#047F until setpoint zero, acknowledging aside",
-             braking & ((stw1 & 0x047F) != 0x047F), ["STP-511"]),
+            (
+                "control word in a ramp",
+                "STW1 = 16#047F until setpoint zero, acknowledging aside",
+                braking & ((stw1 & 0x047F) != 0x047F),
+                ["STP-511"],
+            ),
             ("motion bits", "at most one of X12, X13, X14", motion_bits > 1, ["STP-512", "DIA-105"]),
-            ("error bits", "X1 implies an ErrorWord bit and an alarm number",
-             has_error & ((error == 0) | (number == 0)), ["DIA-103"]),
-            ("error bit and alarms", "X1 exactly while an alarm with a reaction is pending",
-             (must & ~has_error) | (must_not & has_error), ["STP-513"]),
-            ("reaction", "a reaction shown implies X1, in one snapshot", (reaction > 0) & ~has_error, ["DIA-110"]),
-        ]  # fmt: skip
+            (
+                "error bits",
+                "X1 implies an ErrorWord bit and an alarm number",
+                has_error & ((error == 0) | (number == 0)),
+                ["DIA-103"],
+            ),
+            (
+                "error bit and alarms",
+                "X1 exactly while an alarm with a reaction is pending",
+                (must & ~has_error) | (must_not & has_error),
+                ["STP-513"],
+            ),
+            (
+                "reaction",
+                "a reaction shown implies X1, in one snapshot",
+                (reaction > 0) & ~has_error,
+                ["DIA-110"],
+            ),
+        ]
         if f"{axis}.power_status" in trace and f"{axis}.power_busy" in trace:
             status, busy = _words(trace, f"{axis}.power_status"), _words(trace, f"{axis}.power_busy")
             rules.append(
@@ -229,7 +262,9 @@ def check_status_words(trace: Trace) -> list[Check]:
 
 
 def _until_zero(ramping: NDArray[np.bool_], setpoint: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return, of every run of true flags, the part before the setpoint is zero: afterwards it may follow actual values."""
+    """Return, of every run of true flags, the part before the setpoint is zero: afterwards it may follow
+    actual values.
+    """
     result = ramping.copy()
     ended = False
     for index in np.flatnonzero(ramping):
@@ -243,7 +278,9 @@ def _until_zero(ramping: NDArray[np.bool_], setpoint: NDArray[np.float64]) -> ND
 def _error_spans(
     trace: Trace, axis: str, times: NDArray[np.float64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return where X1 must be TRUE (an alarm with a reaction is pending) and where it must be FALSE (none at all)."""
+    """Return where X1 must be TRUE (an alarm with a reaction is pending) and where it must be FALSE (none at
+    all).
+    """
     must, may = np.zeros(len(times), dtype=bool), np.zeros(len(times), dtype=bool)
     slack_s = 2 * float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     for raised_ns, cleared_ns, _, reaction in _pending_alarms(trace, axis):
@@ -278,10 +315,13 @@ def check_jobs_and_alarms(trace: Trace) -> list[Check]:
                     problems.append((when, f"{job} is busy while alarm {number} is pending"))
         checks.append(
             _check(
-                f"jobs under alarms of {axis}", "no motion job busy while an alarm with reaction 1..4 is pending",
-                sorted(problems), ["STP-514"], seen=f"{len(spans)} alarms",
+                f"jobs under alarms of {axis}",
+                "no motion job busy while an alarm with reaction 1..4 is pending",
+                sorted(problems),
+                ["STP-514"],
+                seen=f"{len(spans)} alarms",
             )
-        )  # fmt: skip
+        )
     return checks
 
 

@@ -31,9 +31,9 @@ def stop_ramp(
         velocity: Magnitude of the velocity at the start, >= 0.
         deceleration: Magnitude of the greatest deceleration, > 0.
         jerk: Magnitude of the jerk, > 0; None or 0 for no jerk limit.
-        acceleration: Acceleration at the start in the direction of travel; with a jerk limit a positive one is first
-            taken to zero, while the velocity still rises (STP-325), and a negative one (already braking, not harder
-            than `deceleration`) is carried on; without a jerk limit it ends at once.
+        acceleration: Acceleration at the start in the direction of travel; with a jerk limit a positive
+            one is first taken to zero, while the velocity still rises (STP-325), and a negative one (already
+            braking, not harder than `deceleration`) is carried on; without a jerk limit it ends at once.
 
     Raises:
         ConfigurationError: A magnitude is negative, not finite, or the deceleration is zero.
@@ -82,7 +82,9 @@ def stop_distance(velocity: float, deceleration: float, jerk: float | None = Non
 
 
 def drive_ramp(velocity: float, maximum_velocity: float, ramp_time_s: float) -> StopRamp:
-    """Return the ramp that a drive makes: `ramp_time_s` is the time from `maximum_velocity` to zero (OFF1, OFF3)."""
+    """Return the ramp that a drive makes: `ramp_time_s` is the time from `maximum_velocity` to zero (OFF1,
+    OFF3).
+    """
     if not (math.isfinite(maximum_velocity) and maximum_velocity > 0):
         raise ConfigurationError("drive_ramp.maximum_velocity", maximum_velocity, "a finite number > 0")
     if not (math.isfinite(ramp_time_s) and ramp_time_s > 0):
@@ -158,7 +160,9 @@ class ReferenceAxis:
     def job(
         self, velocity: float | None = None, *, deceleration: float | None = None, jerk: float | None = None
     ) -> StopRamp:
-        """Values of a job, limited by the maximum values: reaction 1, `MC_Halt`, `MC_Stop` mode 3 (STP-012, STP-013)."""
+        """Values of a job, limited by the maximum values: reaction 1, `MC_Halt`, `MC_Stop` mode 3 (STP-012,
+        STP-013).
+        """
         return stop_ramp(
             self._start(velocity),
             min(
@@ -176,7 +180,9 @@ class ReferenceAxis:
         return 2 * self.cycle_s
 
     def distance_tolerance(self, velocity: float | None = None, *, following_error: float = 0.0) -> float:
-        """Allowed deviation of a travel: two cycles at the start velocity, plus the following error on actual values."""
+        """Allowed deviation of a travel: two cycles at the start velocity, plus the following error on actual
+        values.
+        """
         return self._start(velocity) * 2 * self.cycle_s + abs(following_error)
 
 

@@ -1,9 +1,9 @@
 """Faults: what can break, when it breaks, and the injector that breaks it.
 
-A `Fault` is a value that serialises to the bench's file format and back. `CATALOGUE` says which kinds there are,
-with parameters, seam and the benches that can inject them. `Injector` arms faults on a bench and logs every arming,
-application and removal as an event (`fault.armed`, `fault.applied`, `fault.removed`, `fault.disarmed`), and every
-frame that is hit (`fault.hit`).
+A `Fault` is a value that serialises to the bench's file format and back. `CATALOGUE` says which kinds there
+are, with parameters, seam and the benches that can inject them. `Injector` arms faults on a bench and logs
+every arming, application and removal as an event (`fault.armed`, `fault.applied`, `fault.removed`,
+`fault.disarmed`), and every frame that is hit (`fault.hit`).
 """
 
 from __future__ import annotations

@@ -146,9 +146,13 @@ def drive_action(bench: Bench, fault: Fault, stream: str) -> Action:
             )
         case "drive.overtemperature":
             force, part = _method(drive, "force_temperature", fault), value("part")
-            return Claim(bench, (name, "temperature", part), partial(force, part), partial(force, part, None),
+            return Claim(
+                bench,
+                (name, "temperature", part),
+                partial(force, part),
+                partial(force, part, None),
                 (value("temperature_C"),),
-            )  # fmt: skip
+            )
         case "drive.power_off":
             return _supply(bench, fault, drive)
         case "switch.inverted":
@@ -178,8 +182,8 @@ def drive_action(bench: Bench, fault: Fault, stream: str) -> Action:
 def encoder_action(bench: Bench, fault: Fault) -> Action:
     """Return the action of a fault at an encoder: that of a drive, or a device of its own.
 
-    The target is the name of either; without one the first drive is meant, or the first encoder with a node of its own for
-    kinds that need one.
+    The target is the name of either; without one the first drive is meant, or the first encoder with a node
+    of its own for kinds that need one.
 
     Args:
         bench: The bench.

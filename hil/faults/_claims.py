@@ -1,7 +1,8 @@
 """Several faults that want the same thing of the same part: none of them mends what another one still breaks.
 
-A *door* is what a fault operates: a method of a drive, an input, a channel, a port. Every fault lays a claim on it. The newest claim
-acts; when it ends, the one before it acts again; the last one that ends puts the door right. Forces add up instead.
+A *door* is what a fault operates: a method of a drive, an input, a channel, a port. Every fault lays a claim
+on it. The newest claim acts; when it ends, the one before it acts again; the last one that ends puts the door
+right. Forces add up instead.
 """
 
 from __future__ import annotations
@@ -76,7 +77,8 @@ class Claim(Action):
         mend: Puts it right.
         arguments: What this fault wants.
         combine: What several claims make together; None: the newest counts.
-        anew: The door is operated for every new claim, also when it stands like that already: it may have recovered.
+        anew: The door is operated for every new claim, also when it stands like that already: it may have
+            recovered.
 
     """
 
@@ -94,7 +96,8 @@ class Claim(Action):
         anew: bool = False,
     ) -> None:
         super().__init__(place[0], self.lay, self.withdraw)
-        # On the bench itself, and so gone with it: doors lead to its parts, and a table of them elsewhere would keep it alive.
+        # On the bench itself, and so gone with it: doors lead to its parts, and a table of them elsewhere
+        # would keep it alive.
         doors: dict[tuple[Any, ...], Door] = vars(bench).setdefault(_DOORS, {})
         self._door = doors.setdefault(place, Door(operate, mend, combine=combine, anew=anew))
         self.arguments = arguments

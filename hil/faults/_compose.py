@@ -16,7 +16,9 @@ Part = Trigger | EventSelector
 
 @dataclass(frozen=True, slots=True)
 class InCondition(ComposedTrigger):
-    """When a recorded signal comes to be as described, at once if it is already; looked at once per application cycle."""
+    """When a recorded signal comes to be as described, at once if it is already; looked at once per
+    application cycle.
+    """
 
     signal: str
     """`component.column`; without a component the default axis is meant."""
@@ -152,7 +154,9 @@ class ByChance(ComposedTrigger):
 def condition(
     signal: str, *, low: float | None = None, high: float | None = None, ones: int = 0, zeros: int = 0
 ) -> InCondition:
-    """When a recorded signal is within limits, or a word has bits set and cleared; at once if it is so already."""
+    """When a recorded signal is within limits, or a word has bits set and cleared; at once if it is so
+    already.
+    """
     return InCondition(signal, low, high, ones, zeros)
 
 
@@ -164,7 +168,8 @@ def every(period_s: float, *, first_s: float | None = None) -> Every:
 def sequence(*triggers: Part) -> InSequence:
     """When the last of `triggers` fires; each counts from when the one before it has fired.
 
-    `sequence(on_event("fault.removed", fault="drive.sto"), after(0.3))` is 0.3 s behind the end of another fault.
+    `sequence(on_event("fault.removed", fault="drive.sto"), after(0.3))` is 0.3 s behind the end of another
+    fault.
     """
     return InSequence(tuple(as_trigger(one) for one in triggers))
 

@@ -49,7 +49,9 @@ def controller_action(bench: Bench, fault: Fault) -> Action:
 
 @dataclass(slots=True)
 class _Held:
-    """What the faults of one controller hold at present: they may overlap, and the last that ends gives it free."""
+    """What the faults of one controller hold at present: they may overlap, and the last that ends gives it
+    free.
+    """
 
     stops: int = 0
     cuts: int = 0

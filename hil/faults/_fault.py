@@ -35,7 +35,8 @@ class Fault:
     """A fault, checked against the catalogue when it is made.
 
     Raises:
-        ConfigurationError: Unknown kind or parameter, value outside its range, or options that contradict each other.
+        ConfigurationError: Unknown kind or parameter, value outside its range, or options that contradict
+            each other.
 
     """
 
@@ -48,7 +49,9 @@ class Fault:
     duration_s: float | None = None
     """Removed after this time, s; not together with `until`."""
     count: int | None = None
-    """Frame and telegram faults: how many are hit, then over (None: no limit). Others: how often the trigger applies it (None: once)."""
+    """Frame and telegram faults: how many are hit, then over (None: no limit). Others: how often the trigger
+    applies it (None: once).
+    """
     parameters: Mapping[str, Scalar] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -118,9 +121,10 @@ class Fault:
                 )
         if self.kind == "drive.refuse_transition" and values["transition"] not in _COMMANDED:
             raise ConfigurationError(
-                "drive.refuse_transition.parameters.transition", values["transition"],
+                "drive.refuse_transition.parameters.transition",
+                values["transition"],
                 ", ".join(map(str, _COMMANDED)),
-            )  # fmt: skip
+            )
         if self.kind in ("frame.inject", "can.babble", "can.load") and not values.get("extended", False):
             for name in ("can_id", "lowest_id", "highest_id"):
                 if int(values.get(name, 0)) > 0x7FF:

@@ -90,7 +90,9 @@ def _treatment(fault: Fault, segment: Any, scheduler: Scheduler, rng: Generator)
 
 
 def selected_identifier(bench: Bench, fault: Fault, segment: str) -> tuple[int, int]:
-    """Return the identifier that the parameters select, and the bits of it that count; 0 bits: every frame."""
+    """Return the identifier that the parameters select, and the bits of it that count; 0 bits: every
+    frame.
+    """
     message, can_id = fault.value("message"), fault.value("can_id")
     mask: int = fault.value("mask") if message or can_id is not None else 0
     wanted = message_id(bench, fault.value("drive"), message, segment) if message else can_id or 0
@@ -102,7 +104,8 @@ def _known_sender(segment: Any, fault: Fault) -> str:
 
     Raises:
         ConfigurationError: No node of the segment has this name.
-        UnsupportedFaultError: It is a live bus, where frames of others are known by the side from which they come.
+        UnsupportedFaultError: It is a live bus, where frames of others are known by the side from which
+            they come.
 
     """
     name: str = fault.value("sender")
@@ -112,7 +115,8 @@ def _known_sender(segment: Any, fault: Fault) -> str:
         return name
     if sides:
         raise UnsupportedFaultError(
-            f"{fault.kind} cannot be injected: on {segment.name} senders are known as {', '.join(known)}, not as {name!r}"
+            f"{fault.kind} cannot be injected: on {segment.name} senders are known as {', '.join(known)}, "
+            f"not as {name!r}"
         )
     raise ConfigurationError(
         f"{fault.kind}.parameters.sender",
@@ -134,9 +138,26 @@ class FrameAction(Action):
     """
 
     __slots__ = (
-        "_active", "_bench", "_can_id", "_chance", "_counter", "_ended", "_every", "_first", "_hits_left", "_mask", "_note",
-        "_on_trigger", "_remove_hook", "_rng", "_segment", "_sender", "_treat", "_trigger_matches", "hits",
-    )  # fmt: skip
+        "_active",
+        "_bench",
+        "_can_id",
+        "_chance",
+        "_counter",
+        "_ended",
+        "_every",
+        "_first",
+        "_hits_left",
+        "_mask",
+        "_note",
+        "_on_trigger",
+        "_remove_hook",
+        "_rng",
+        "_segment",
+        "_sender",
+        "_treat",
+        "_trigger_matches",
+        "hits",
+    )
 
     def __init__(
         self, bench: Bench, fault: Fault, stream: str, ended: Work, note: Callable[[int, int], None]
@@ -165,7 +186,9 @@ class FrameAction(Action):
         """Frames hit so far."""
 
     def arm_with(self, trigger: OnFrame, apply: Work) -> Work:
-        """Begin with the frame that fulfils `trigger`, that frame included; returns the function that ends waiting."""
+        """Begin with the frame that fulfils `trigger`, that frame included; returns the function that ends
+        waiting.
+        """
         self._trigger_matches = frame_matcher(self._bench, trigger, self._segment.name)
         self._on_trigger = apply
         self._hook_up()

@@ -1,4 +1,6 @@
-"""The injector: arms faults on a bench, watches their triggers, applies and removes them, and logs all of it."""
+"""The injector: arms faults on a bench, watches their triggers, applies and removes them, and logs all of
+it.
+"""
 
 from __future__ import annotations
 
@@ -198,7 +200,9 @@ class ArmedFault:
             self._emit("fault.disarmed")
 
     def note_waiting(self) -> None:
-        """Log that the fault waits for its trigger, if it does: it has never come, or fewer times than wanted."""
+        """Log that the fault waits for its trigger, if it does: it has never come, or fewer times than
+        wanted.
+        """
         if not self.over and not self.active:
             self._emit("fault.waiting", applications=self.applications, trigger=str(self.fault.trigger))
 

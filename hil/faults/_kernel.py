@@ -24,7 +24,8 @@ class KernelFrameAction(Action):
     Args:
         bench: The bench.
         fault: What to do.
-        note: Called at the end with the number of frames hit and their identifier, where the kernel counts them.
+        note: Called at the end with the number of frames hit and their identifier, where the kernel
+            counts them.
 
     Raises:
         UnsupportedFaultError: The kernel cannot do that; the message says what it lacks.
@@ -39,7 +40,8 @@ class KernelFrameAction(Action):
         where = f"{fault.kind} cannot be injected by the gateway of the kernel: it"
         if fault.kind not in _KINDS:
             raise UnsupportedFaultError(
-                f'{where} only passes on, drops and changes; set gateway = "bench" at the bridge of {segment.name}'
+                f'{where} only passes on, drops and changes; set gateway = "bench" at the bridge of '
+                f"{segment.name}"
             )
         if fault.count is not None:
             raise UnsupportedFaultError(f"{where} does not count frames; give an end in place of count")

@@ -15,7 +15,9 @@ _BABBLE_PERIOD_NS: Final = MS
 
 
 def live_babble(bench: Bench, segment: Any, fault: Fault) -> Action:
-    """Return a babbling node: every millisecond as many frames as the wire could carry in it, or the adapter takes."""
+    """Return a babbling node: every millisecond as many frames as the wire could carry in it, or the adapter
+    takes.
+    """
     return _Babble(bench, segment, fault)
 
 
@@ -29,7 +31,8 @@ def break_bridge(segment: Any, fault: Fault) -> Action:
     """
     if not getattr(segment, "bridged", False):
         raise UnsupportedFaultError(
-            f"{fault.kind} cannot be injected on {segment.name}: it needs a hand at the cable, or a bridge of the bench"
+            f"{fault.kind} cannot be injected on {segment.name}: it needs a hand at the cable, or a bridge "
+            f"of the bench"
         )
     key = "node" if fault.kind == "can.unplug" else "nodes"
     wanted = [name.strip() for name in str(fault.value(key)).split(",")]

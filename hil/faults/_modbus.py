@@ -1,4 +1,6 @@
-"""Faults of Modbus segments: a hook in the virtual network or line that picks its frames, and what becomes of them."""
+"""Faults of Modbus segments: a hook in the virtual network or line that picks its frames, and what becomes of
+them.
+"""
 
 from __future__ import annotations
 

@@ -85,10 +85,12 @@ class Parameter:
             "summary": self.summary,
         }
         result["range"] = (
-            list(self.choices) if self.choices
-            else None if self.minimum is None and self.maximum is None
+            list(self.choices)
+            if self.choices
+            else None
+            if self.minimum is None and self.maximum is None
             else [self.minimum, self.maximum]
-        )  # fmt: skip
+        )
         result["required"] = self.required
         result["default"] = self.default
         return result
@@ -101,7 +103,8 @@ class FaultType:
     name: str
     summary: str
     target: Literal["segment", "drive", "axis", "switch", "mechanics", "encoder", "station", "controller"]
-    """What kind of thing is broken; switch, mechanics and encoder are addressed by the name of their drive, an
+    """What kind of thing is broken; switch, mechanics and encoder are addressed by the name of their drive,
+    an
     encoder with a node of its own by its own."""
     seam: str
     """Where in the bench the fault is applied."""

@@ -123,7 +123,9 @@ def _each(
     change: Callable[[MediumPort, Any], object],
     values: tuple[Any, Any],
 ) -> Action:
-    """Return the action that changes one thing at every node that a fault names: to the first value, and back to the second."""
+    """Return the action that changes one thing at every node that a fault names: to the first value, and back
+    to the second.
+    """
     wrong, usual = values
 
     def claim(port: MediumPort) -> Claim:
@@ -270,7 +272,8 @@ class _Load(Action):
         frame = self._draw()
         with suppress(BusError):  # the adapter of a live bus may be at its limit
             self._segment.inject(frame, sender=_LOAD_NODE)
-        # From when the frame was due, so that the lateness of a real clock does not add up; but no flood after a pause.
+        # From when the frame was due, so that the lateness of a real clock does not add up; but no flood
+        # after a pause.
         now = self._bench.scheduler.now
         if now - self._due_ns > _CATCH_UP_NS:
             self._due_ns = now

@@ -1,7 +1,9 @@
-"""Faults of PROFIdrive telegrams: a filter between the profile and the bus that carries it, on the controller's side.
+"""Faults of PROFIdrive telegrams: a filter between the profile and the bus that carries it, on the
+controller's side.
 
-Both directions pass the port of the axis, whatever the bus is and whoever the drive is, so that one seam serves CAN and
-Modbus, emulated and physical drives. Several faults of a direction work one after the other, in the order of their coming.
+Both directions pass the port of the axis, whatever the bus is and whoever the drive is, so that one seam
+serves CAN and Modbus, emulated and physical drives. Several faults of a direction work one after the other,
+in the order of their coming.
 """
 
 from __future__ import annotations
@@ -228,7 +230,8 @@ def _counts(fault: Fault, place: words.Place) -> int:
     return words.percent_of(place, fault.value("percent")) if normalised else (int(fault.value("counts")))
 
 
-# -- whole telegrams -------------------------------------------------------------------------------------------------
+# -- whole telegrams
+# -------------------------------------------------------------------------------------------------
 
 
 def _sign_place(fault: Fault, telegram: Any, direction: str) -> words.Place | None:

@@ -1,4 +1,6 @@
-"""Places in a telegram by name, and what a fault makes of the numbers that stand there. Works on frames as one big number."""
+"""Places in a telegram by name, and what a fault makes of the numbers that stand there. Works on frames as
+one big number.
+"""
 
 from __future__ import annotations
 
@@ -78,9 +80,11 @@ def find_place(telegram: Telegram, text: str, direction: str, where: str) -> Pla
         layout = _layout(telegram, setpoint)
         if name not in layout.names or name == "FREE":
             raise ConfigurationError(
-                where, text,
-                f"{', '.join(telegram.setpoint.names)} to the drive, {', '.join(telegram.actual.names)} from it, or PZD1, ...",
-            )  # fmt: skip
+                where,
+                text,
+                f"{', '.join(telegram.setpoint.names)} to the drive, {', '.join(telegram.actual.names)} "
+                f"from it, or PZD1, ...",
+            )
         first, bits, kind = _signal(layout, name)
     shift = 8 * (layout.length - first) - bits
     if match["bit"] is None:

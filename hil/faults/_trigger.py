@@ -145,7 +145,9 @@ class ComposedTrigger(ABC):
 
 @dataclass(frozen=True, slots=True)
 class OnFrame:
-    """At the n-th frame after arming that fits: identifier under a mask, or message name, and the beginning of its data."""
+    """At the n-th frame after arming that fits: identifier under a mask, or message name, and the beginning
+    of its data.
+    """
 
     can_id: int | None = None
     number: int = 1
@@ -286,7 +288,9 @@ def frame(
     mask: int = 0x1FFFFFFF,
     data: str = "",
 ) -> OnFrame:
-    """At the `number`-th frame with an identifier under `mask`, or a message name of a drive, whose data begin with `data`."""
+    """At the `number`-th frame with an identifier under `mask`, or a message name of a drive, whose data
+    begin with `data`.
+    """
     return OnFrame(can_id, number, message, drive, segment, mask, data)
 
 
@@ -369,6 +373,11 @@ def trigger_from_dict(content: Any, where: str = "trigger") -> Trigger:
             return OnEvent(selector.plus(float(values.get("offset_s", 0.0))))
         case _:
             return OnFrame(
-                values.get("can_id"), values.get("number", 1), values.get("message", ""), values.get("drive", ""),
-                values.get("segment", ""), values.get("mask", 0x1FFFFFFF), values.get("data", ""),
-            )  # fmt: skip
+                values.get("can_id"),
+                values.get("number", 1),
+                values.get("message", ""),
+                values.get("drive", ""),
+                values.get("segment", ""),
+                values.get("mask", 0x1FFFFFFF),
+                values.get("data", ""),
+            )

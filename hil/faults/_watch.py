@@ -88,7 +88,8 @@ def check_names(bench: Bench, trigger: Trigger, where: str = "trigger") -> None:
     Jobs are not looked at, because their instance may be made later.
 
     Raises:
-        ConfigurationError: There is no such kind, component, state or detail; the message names what there is.
+        ConfigurationError: There is no such kind, component, state or detail; the message names what
+            there is.
 
     """
     check_kind(bench, trigger, where)
@@ -135,8 +136,10 @@ def _refuse_deaf(bench: Bench, trigger: Trigger) -> None:
     told = any(kind_matches(one, kind) or kind_matches(kind, one) for one in _DRIVE_PROCESS)
     if told and kind not in _CONTROLLER_OWN and not any(entry.kind == kind for entry in bench.history.events):
         raise UnsupportedFaultError(
-            f"trigger '{trigger}' cannot be used on a live bench: {kind} is told in the process of the drives, and the "
-            "bench hears of it at its end. Wait for an event of the controller (link.*, axis.*, alarm.*, emcy.received), a signal or a frame"
+            f"trigger '{trigger}' cannot be used on a live bench: {kind} is told in the process of the "
+            f"drives, and the "
+            "bench hears of it at its end. Wait for an event of the controller (link.*, axis.*, alarm.*, "
+            "emcy.received), a signal or a frame"
         )
 
 

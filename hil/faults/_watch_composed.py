@@ -101,7 +101,8 @@ class _Sequence:
         self._ended = False
         self._pending: Any = None
         for part in self._parts[1:]:
-            # A later part that names what the bench does not have must not be found out in the middle of a run.
+            # A later part that names what the bench does not have must not be found out in the middle of a
+            # run.
             watch(bench, part, lambda: None, stream)()
         self._begin()
 

@@ -11,18 +11,24 @@ from fieldbus.errors import ConfigurationError
 from hil.errors import CannotRunError
 
 UNITS: Final = "units"
-"""The part that says in which units the axis counts; its values are codes of `Units.LengthUnit` and `.VelocityUnit`."""
+"""The part that says in which units the axis counts; its values are codes of `Units.LengthUnit` and
+`.VelocityUnit`.
+"""
 _UNIT_KEYS: Final = frozenset({"length", "velocity"})
 
 
 class UnitScale(NamedTuple):
-    """What the numbers of a program, which are in mm and s, are multiplied with for an axis that counts otherwise."""
+    """What the numbers of a program, which are in mm and s, are multiplied with for an axis that counts
+    otherwise.
+    """
 
     length: float = 1.0
     velocity: float = 1.0
 
     def of(self, unit: str) -> float:
-        """Return the factor for a unit of a program's parameters or a kind of unit of variables; 1.0 for one without length."""
+        """Return the factor for a unit of a program's parameters or a kind of unit of variables; 1.0 for one
+        without length.
+        """
         if unit in {"mm/s", "velocity"}:
             return self.velocity
         if unit in {"mm", "mm/s3", "position", "acceleration", "jerk", "position/revolution"}:
@@ -31,7 +37,8 @@ class UnitScale(NamedTuple):
 
     @classmethod
     def of_codes(cls, length: int, velocity: int) -> UnitScale:
-        """Return the scale for codes of `Units.LengthUnit` and `Units.VelocityUnit`; 1 where they are no lengths.
+        """Return the scale for codes of `Units.LengthUnit` and `Units.VelocityUnit`; 1 where they are no
+        lengths.
 
         Raises:
             ConfigurationError: There is no such code.
@@ -48,7 +55,9 @@ class UnitScale(NamedTuple):
 
     @classmethod
     def of_axis(cls, axis: Any) -> UnitScale:
-        """Return the scale for an axis; 1 for one that has no unit of length, and for one that does not tell."""
+        """Return the scale for an axis; 1 for one that has no unit of length, and for one that does not
+        tell.
+        """
         variables = getattr(axis, "variables", None)
         if variables is None or getattr(variables, "object_type", "SpeedAxis") == "SpeedAxis":
             return cls()
@@ -64,8 +73,8 @@ class Configuration:
     """What is laid over a bench file.
 
     Args:
-        parts: By a name that says what it is about, tables of a bench file; the part `units` has the codes of `length` and
-            `velocity` instead, and tells the same machine to the axis in these units.
+        parts: By a name that says what it is about, tables of a bench file; the part `units` has the
+            codes of `length` and `velocity` instead, and tells the same machine to the axis in these units.
 
     """
 
@@ -136,7 +145,9 @@ def _leaves(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any
 
 
 def _in_units(bench_file: Any, length: int, velocity: int) -> dict[str, Any]:
-    """Return the variables of all axes with a position, as numbers in other units: the same machine, told otherwise."""
+    """Return the variables of all axes with a position, as numbers in other units: the same machine, told
+    otherwise.
+    """
     from motion.data._variables import elements, variables_of
 
     scale = UnitScale.of_codes(length, velocity)

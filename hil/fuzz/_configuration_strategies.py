@@ -1,4 +1,6 @@
-"""Hypothesis strategies for configurations: what a bench file may say otherwise, and still be a machine that works."""
+"""Hypothesis strategies for configurations: what a bench file may say otherwise, and still be a machine that
+works.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +16,24 @@ Table = dict[str, Any]
 Part = SearchStrategy[Table]
 
 _LENGTHS: Final = (
-    (1013, 1524), (1013, 1061), (1536, 1538), (1010, 1061), (1010, 1525), (1014, 1062), (1019, 1066), (1018, 1070),
-)  # fmt: skip
-"""Codes of units: mm and mm/min, mm and m/s, mm and mm/s with six decimals, m and m/s, m and m/min, µm and mm/s, in and in/s,
+    (1013, 1524),
+    (1013, 1061),
+    (1536, 1538),
+    (1010, 1061),
+    (1010, 1525),
+    (1014, 1062),
+    (1019, 1066),
+    (1018, 1070),
+)
+"""Codes of units: mm and mm/min, mm and m/s, mm and mm/s with six decimals, m and m/s, m and m/min, µm and
+mm/s, in and in/s,
 ft and ft/min."""
 _MACHINES: Final = (
-    {"load_mass_kg": 5.0}, {"load_mass_kg": 100.0}, {"coulomb_friction_n": 150.0}, {"viscous_friction_n_per_m_s": 300.0},
-)  # fmt: skip
+    {"load_mass_kg": 5.0},
+    {"load_mass_kg": 100.0},
+    {"coulomb_friction_n": 150.0},
+    {"viscous_friction_n_per_m_s": 300.0},
+)
 
 
 class _Tables:
@@ -71,9 +84,7 @@ def _dynamics(tables: _Tables) -> dict[str, Part]:
     ramps = ("DynamicDefaults.Acceleration", "DynamicDefaults.Deceleration")
     return {
         "jerk": st.sampled_from([(0.0, 20000.0), (2000.0, 2000.0), (50000.0, 100000.0)]).map(
-            lambda two: tables.variables(
-                {"DynamicDefaults.Jerk": two[0], "DynamicLimits.MaxJerk": two[1]}
-            )
+            lambda two: tables.variables({"DynamicDefaults.Jerk": two[0], "DynamicLimits.MaxJerk": two[1]})
         ),
         "dynamics": st.sampled_from([200.0, 500.0, 2000.0]).map(
             lambda value: tables.variables(dict.fromkeys(ramps, value))
@@ -83,7 +94,7 @@ def _dynamics(tables: _Tables) -> dict[str, Part]:
         "control": st.tuples(st.sampled_from([2.0, 10.0, 30.0]), st.sampled_from([0.0, 50.0, 100.0])).map(
             lambda two: tables.variables({"PositionControl.Kv": two[0], "PositionControl.Kpc": two[1]})
         ),
-    }  # fmt: skip
+    }
 
 
 def _positions(tables: _Tables) -> dict[str, Part]:
@@ -97,10 +108,14 @@ def _positions(tables: _Tables) -> dict[str, Part]:
         ),
         "following error": _variable(tables, "FollowingError.EnableMonitoring", False),
         "software limits": st.tuples(st.sampled_from([40.0, 150.0, 500.0]), st.integers(0, 1)).map(
-            lambda two: tables.variables({
-                "PositionLimits_SW.Active": True, "PositionLimits_SW.MinPosition": -two[0],
-                "PositionLimits_SW.MaxPosition": two[0], "PositionLimits_SW.LimitReachedBehavior": two[1],
-            })
+            lambda two: tables.variables(
+                {
+                    "PositionLimits_SW.Active": True,
+                    "PositionLimits_SW.MinPosition": -two[0],
+                    "PositionLimits_SW.MaxPosition": two[0],
+                    "PositionLimits_SW.LimitReachedBehavior": two[1],
+                }
+            )
         ),
         "hardware limits": st.tuples(st.booleans(), st.integers(0, 1)).map(
             lambda two: tables.variables(
@@ -108,15 +123,19 @@ def _positions(tables: _Tables) -> dict[str, Part]:
             )
         ),
         "homing": homing.map(
-            lambda how: tables.variables({
-                "Sensor[1].ActiveHoming.Mode": how[0], "Sensor[1].ActiveHoming.Direction": how[1],
-                "Sensor[1].ActiveHoming.SideInput": how[2], "Homing.AutoReversal": how[3],
-            })
+            lambda how: tables.variables(
+                {
+                    "Sensor[1].ActiveHoming.Mode": how[0],
+                    "Sensor[1].ActiveHoming.Direction": how[1],
+                    "Sensor[1].ActiveHoming.SideInput": how[2],
+                    "Homing.AutoReversal": how[3],
+                }
+            )
         ),
         "type": st.just(tables.on_axis(type="synchronous")),
         "inputs": st.just(tables.on_axis(inputs_update="program")),
         "quantization": _variable(tables, "PositionControl.ControlDifferenceQuantization.Mode", 1),
-    }  # fmt: skip
+    }
 
 
 def _machine(tables: _Tables, drive: Any) -> dict[str, Part]:
@@ -169,7 +188,7 @@ def _cia402(tables: _Tables) -> dict[str, Part]:
             on_drive(brake={"torque_nm": 5.0, "opening_time_ms": 30.0, "closing_time_ms": 30.0})
         ),
         "reaction": _variable(tables, "Actor.RemoveEnableReaction", 1, 3, 5),
-    }  # fmt: skip
+    }
 
 
 def _profidrive(tables: _Tables, drive: Any, *, on_can: bool) -> dict[str, Part]:
@@ -188,10 +207,11 @@ def _profidrive(tables: _Tables, drive: Any, *, on_can: bool) -> dict[str, Part]
         "setpoints": _one(own, "setpoint_monitoring_ms", 0.0, 50.0),
         "reaction": _variable(tables, "Actor.RemoveEnableReaction", 1, 3, 5),
         "reference": st.sampled_from([3000.0, 6000.0]).map(lambda rpm: own(reference_speed_rpm=rpm)),
-    }  # fmt: skip
+    }
     parts["velocity"] = _variable(tables, "Sensor[1].ActualVelocityMode", 1)
     if on_can:
-        # Over Modbus the transfer takes longer than an axis may need to come up, and a register map has no room for more words.
+        # Over Modbus the transfer takes longer than an axis may need to come up, and a register map has no
+        # room for more words.
         parts["transfer"] = st.just(tables.variables({"Actor.DataAdaption": 1, "Sensor[1].DataAdaption": 1}))
         parts["supplement"] = st.one_of(
             _one(own, "torque_telegram", True), _one(own, "safety_telegram", 700, 701)
@@ -204,7 +224,8 @@ def _profidrive(tables: _Tables, drive: Any, *, on_can: bool) -> dict[str, Part]
 def configurations(config: Any) -> SearchStrategy[Configuration]:
     """Return a strategy of configurations for the first axis of a bench and its drive.
 
-    Parts are drawn independently of each other; some do not go together, and then the bench file is refused when it is built.
+    Parts are drawn independently of each other; some do not go together, and then the bench file is refused
+    when it is built.
 
     Args:
         config: The content of the bench file (`BenchFile.config`).

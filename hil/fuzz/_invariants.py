@@ -1,4 +1,6 @@
-"""Invariants of a fuzz run: watched in every application cycle, from recorded signals and the event log only."""
+"""Invariants of a fuzz run: watched in every application cycle, from recorded signals and the event log
+only.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ class Violation:
 
 
 class Invariant:
-    """Base: `cycle` is called at the end of every application cycle and returns what is wrong, or an empty text."""
+    """Base: `cycle` is called at the end of every application cycle and returns what is wrong, or an empty
+    text.
+    """
 
     name = ""
     requirements: tuple[str, ...] = ()
@@ -64,7 +68,9 @@ def _unit(bench: Any, signal: str) -> str:
 
 
 def _torque_reader(bench: Any, drive: str) -> tuple[Callable[[], bool | None], Callable[[], str]]:
-    """Return what tells whether a drive may give torque (None: unknown), and the words that say so, for the message."""
+    """Return what tells whether a drive may give torque (None: unknown), and the words that say so, for the
+    message.
+    """
     statusword = _reader(bench, f"{drive}.statusword")
     zsw2 = _reader(bench, f"{drive}.drive_zsw2")
     read = statusword if statusword is not None else zsw2
@@ -128,7 +134,8 @@ class NoMotionWithoutTorque(Invariant):
         self._scheduler = bench.scheduler
         self._earlier: deque[tuple[int, float]] = deque()
         self._entry: float | None = None
-        """Greatest speed at the begin of the time without torque; 0 once that is long ago, None when unknown."""
+        """Greatest speed at the begin of the time without torque; 0 once that is long ago, None when unknown.
+        """
         self._last = 0.0
 
     def event(self, entry: Event) -> None:
@@ -137,7 +144,9 @@ class NoMotionWithoutTorque(Invariant):
         self._jolted.event(entry)
 
     def _was_commanded(self) -> bool:
-        """Whether in the very cycle in which the torque went a setpoint that jumped may still have driven the axis."""
+        """Whether in the very cycle in which the torque went a setpoint that jumped may still have driven the
+        axis.
+        """
         speed = None if self._speed is None else self._speed()
         return speed is not None and commanded(speed, self._outputs)
 
@@ -181,7 +190,9 @@ class NoMotionWithoutTorque(Invariant):
 
 
 class _EndStops:
-    """Tells whether the axis is, or was a moment ago, at an end stop that the bench has stated the place of."""
+    """Tells whether the axis is, or was a moment ago, at an end stop that the bench has stated the place
+    of.
+    """
 
     def __init__(self, bench: Any, drive: str) -> None:
         constants = bench.trace().constants
@@ -274,7 +285,9 @@ class RestAfterAlarm(Invariant):
 
 
 class ComesUp(Invariant):
-    """Enabled before anything else is asked of it, a sound axis comes into operation within a moment, without an alarm."""
+    """Enabled before anything else is asked of it, a sound axis comes into operation within a moment, without
+    an alarm.
+    """
 
     name = "comes up"
     requirements = ("STP-015", "STP-030")
@@ -315,7 +328,8 @@ class ComesUp(Invariant):
         if self._status():
             self._decided = True
         elif self._alarm or now - self._since_ns > self._within_ns:
-            return f"not enabled {(now - self._since_ns) * 1e-9:.3f} s after MC_Power, {self._alarm or 'no alarm'}"
+            seconds = (now - self._since_ns) * 1e-9
+            return f"not enabled {seconds:.3f} s after MC_Power, {self._alarm or 'no alarm'}"
         return ""
 
 

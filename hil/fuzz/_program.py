@@ -202,7 +202,9 @@ class Program:
     """What is laid over the bench file first."""
 
     def to_json(self) -> list[dict[str, Any]]:
-        """Return the program as JSON values: the configuration, if there is one, stands in front of the steps."""
+        """Return the program as JSON values: the configuration, if there is one, stands in front of the
+        steps.
+        """
         head = [{_CONFIGURATION: self.configuration.to_json()}] if self.configuration else []
         return [*head, *(step.to_json() for step in self.steps)]
 

@@ -1,7 +1,7 @@
 """Where a search gets its choices from: the seed alone.
 
-Hypothesis mixes in constants that it finds in the modules of the project, those that happen to be loaded: the same seed
-would give other programs in another process, or after another test.
+Hypothesis mixes in constants that it finds in the modules of the project, those that happen to be loaded: the
+same seed would give other programs in another process, or after another test.
 """
 
 from __future__ import annotations

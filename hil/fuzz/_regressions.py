@@ -25,15 +25,15 @@ from pathlib import Path
 from hil.fuzz import regressions
 
 CAMPAIGN = regressions(Path(__file__).parent)
-'''
+'''  # noqa: E501
 _KEYS: Final = {"title": str, "bench": str, "seed": int, "program": list}
 
 
 def regressions(folder: Path, title: str = "regressions") -> Campaign:
     """Return a campaign with a case for each kept program of a folder.
 
-    Each case runs its program with the seed that it was found with, and all invariants of a search have to hold. The bench of a
-    program that was found on a configuration of its own is a file beside it.
+    Each case runs its program with the seed that it was found with, and all invariants of a search have to
+    hold. The bench of a program that was found on a configuration of its own is a file beside it.
 
     Args:
         folder: Where `hil keep` has put them, as files with the ending `.json`.
@@ -78,8 +78,8 @@ def _read(file: Path) -> tuple[dict[str, Any], Program]:
 def keep_program(token: Token, folder: Path, title: str) -> Path:
     """Write the program of a token into a folder, with the campaign that runs it, and return its file.
 
-    A configuration of the program becomes a bench file beside it: what the program was found on stays, whatever becomes of the
-    bench that it was made of.
+    A configuration of the program becomes a bench file beside it: what the program was found on stays,
+    whatever becomes of the bench that it was made of.
 
     Args:
         token: Of a program.
@@ -87,7 +87,8 @@ def keep_program(token: Token, folder: Path, title: str) -> Path:
         title: What the program has found.
 
     Raises:
-        CannotRunError: The token is that of a case, which is in a campaign already; or nothing can be written there.
+        CannotRunError: The token is that of a case, which is in a campaign already; or nothing can be
+            written there.
         ConfigurationError: The configuration of the program is refused for its bench.
 
     """

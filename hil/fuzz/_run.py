@@ -130,7 +130,8 @@ def run_program(
 ) -> FuzzOutcome:
     """Run a program on a fresh bench until an invariant breaks or it ends.
 
-    An exception out of the product counts as a broken invariant too: nothing that a program can say may crash it.
+    An exception out of the product counts as a broken invariant too: nothing that a program can say may crash
+    it.
 
     Args:
         program: What to do.
@@ -246,7 +247,9 @@ def _perform(step: Step, context: CaseContext, hands: _Hands, skipped: list[str]
 
 
 def _skip(step: Step, error: Exception, context: CaseContext, skipped: list[str]) -> None:
-    """Take note of a step that the bench cannot do: an instruction, or a word of a telegram, that is not there."""
+    """Take note of a step that the bench cannot do: an instruction, or a word of a telegram, that is not
+    there.
+    """
     skipped.append(f"{step}: {error}")
     context.observe(f"skipped: {error}")
 
@@ -306,10 +309,14 @@ def _checks(watched: Sequence[Invariant], violation: Violation | None) -> list[C
     if violation is not None:
         checks.append(
             Check(
-                violation.invariant, Verdict.FAILED, "in every cycle", violation.text, violation.time_s,
+                violation.invariant,
+                Verdict.FAILED,
+                "in every cycle",
+                violation.text,
+                violation.time_s,
                 requirements=list(violation.requirements),
             )
-        )  # fmt: skip
+        )
     return checks
 
 

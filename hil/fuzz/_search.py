@@ -1,4 +1,6 @@
-"""The search: programs are generated, those that reach something new are built upon, a failing one is shrunk."""
+"""The search: programs are generated, those that reach something new are built upon, a failing one is
+shrunk.
+"""
 
 from __future__ import annotations
 
@@ -109,9 +111,10 @@ def search(
 ) -> FuzzReport:
     """Look for a program that breaks an invariant.
 
-    The search works in generations. Half of the programs of a generation are drawn anew, the others go on from programs which reached
-    situations (`situations_of`) that none before them had reached. The same arguments, `jobs` aside, give the same
-    programs. Bench and product must be deterministic, which a failing program is tested for by running it once more.
+    The search works in generations. Half of the programs of a generation are drawn anew, the others go on
+    from programs which reached situations (`situations_of`) that none before them had reached. The same
+    arguments, `jobs` aside, give the same programs. Bench and product must be deterministic, which a failing
+    program is tested for by running it once more.
 
     Args:
         bench_file: Builds the benches.
@@ -120,14 +123,16 @@ def search(
         longest: Greatest number of steps after the preamble.
         configurations: Whether the programs change the bench file as well.
         bench: Reference of the bench, for the token and for other processes.
-        invariants: Makes the invariants for a bench; with `jobs` > 1 a function that other processes can import.
+        invariants: Makes the invariants for a bench; with `jobs` > 1 a function that other processes can
+            import.
         jobs: Processes.
         parents: Programs to begin with; they are run first.
         on_new: Called with each program that has reached something new.
         on_run: Called after every program, or with `jobs` > 1 after every round.
 
     Raises:
-        CannotRunError: `jobs` < 1, or `jobs` > 1 and no reference of the bench, or configurations of a bench without a file.
+        CannotRunError: `jobs` < 1, or `jobs` > 1 and no reference of the bench, or configurations of a
+            bench without a file.
 
     """
     if jobs < 1:
@@ -141,9 +146,16 @@ def search(
     running = _Search(bench_file, cases, seed, invariants=invariants, on_new=on_new, on_run=on_run)
     with bench_file.build(seed=seed) as sample:
         plan = _Round(
-            0, seed, 0, longest, configurations, tuple(fault_kinds(sample)), job_names(sample.axis()),
-            _identifiers(sample), (),
-        )  # fmt: skip
+            0,
+            seed,
+            0,
+            longest,
+            configurations,
+            tuple(fault_kinds(sample)),
+            job_names(sample.axis()),
+            _identifiers(sample),
+            (),
+        )
     running.begin_with(parents)
     with _pool(jobs) as pool:
         running.go_on(plan, pool, bench)
@@ -300,11 +312,17 @@ def _do(
             strategy, descendants(order.parents, step, longest=longest, configurations=others)
         )
     settings = hypothesis.settings(
-        max_examples=order.cases, deadline=None, database=None, derandomize=False, print_blob=False,
-        report_multiple_bugs=False, verbosity=hypothesis.Verbosity.quiet,
+        max_examples=order.cases,
+        deadline=None,
+        database=None,
+        derandomize=False,
+        print_blob=False,
+        report_multiple_bugs=False,
+        verbosity=hypothesis.Verbosity.quiet,
         suppress_health_check=list(hypothesis.HealthCheck),
-        phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink), backend=BACKEND,
-    )  # fmt: skip
+        phases=(hypothesis.Phase.generate, hypothesis.Phase.shrink),
+        backend=BACKEND,
+    )
 
     run: Any = settings(hypothesis.given(strategy)(attempt.one))
     with contextlib.suppress(_FoundError, FlakyFailure):
@@ -313,7 +331,9 @@ def _do(
 
 
 class _Attempt:
-    """Runs one program after the other, and keeps the smallest of those that break the same invariant as the first did."""
+    """Runs one program after the other, and keeps the smallest of those that break the same invariant as the
+    first did.
+    """
 
     def __init__(
         self,
@@ -357,7 +377,9 @@ class _Attempt:
         raise _FoundError
 
     def finish(self) -> _Found:
-        """Return what was found, a failing program without whatever does not matter: that of a parent is not drawn part by part."""
+        """Return what was found, a failing program without whatever does not matter: that of a parent is not
+        drawn part by part.
+        """
         found = self._found
         if found.failing is None:
             return found

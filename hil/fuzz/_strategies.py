@@ -1,4 +1,6 @@
-"""Hypothesis strategies for fuzz programs. Numbers are drawn in coarse steps, so that a shrunk program reads well."""
+"""Hypothesis strategies for fuzz programs. Numbers are drawn in coarse steps, so that a shrunk program reads
+well.
+"""
 
 from __future__ import annotations
 
@@ -147,8 +149,11 @@ def _fault(kind: str, ids: dict[str, int]) -> SearchStrategy[Step]:
             lambda chosen, extras, count, duration: Break(
                 Fault(kind, count=count, duration_s=duration, parameters={**chosen, **extras})
             ),
-            _selection(messages), _extras(kind), st.integers(1, 20), _grid(1, 25, 0.02),
-        )  # fmt: skip
+            _selection(messages),
+            _extras(kind),
+            st.integers(1, 20),
+            _grid(1, 25, 0.02),
+        )
     entry = next(one for one in CATALOGUE if one.name == kind)
     duration = _grid(1, 25, 0.02) if entry.lasting and kind != "axis.alarm" else st.none()
     return st.builds(
@@ -158,22 +163,43 @@ def _fault(kind: str, ids: dict[str, int]) -> SearchStrategy[Step]:
     )
 
 
-_LIES = frozenset((
-    "drive.brake_slip", "drive.brake_stuck", "drive.interlock",
-    "drive.local_control", "drive.mode_display", "drive.slow_ramp", "drive.statusword_bits", "drive.statusword_stuck",
-    "drive.target_toggle", "drive.torque_limit", "drive.heartbeat_late", "drive.emcy_storm", "drive.sdo_abort",
-    "encoder.drift", "encoder.wire_break", "encoder.scale", "mechanics.slip", "mechanics.coupling_break", "mechanics.backlash",
-    "drive.clock_drift", "drive.clock_jitter", "drive.brown_out",
-))  # fmt: skip
-"""Kinds that a fuzz search leaves out: what the bench does not fit, drives that lie or do not do what they are told, or have another
+_LIES = frozenset(
+    (
+        "drive.brake_slip",
+        "drive.brake_stuck",
+        "drive.interlock",
+        "drive.local_control",
+        "drive.mode_display",
+        "drive.slow_ramp",
+        "drive.statusword_bits",
+        "drive.statusword_stuck",
+        "drive.target_toggle",
+        "drive.torque_limit",
+        "drive.heartbeat_late",
+        "drive.emcy_storm",
+        "drive.sdo_abort",
+        "encoder.drift",
+        "encoder.wire_break",
+        "encoder.scale",
+        "mechanics.slip",
+        "mechanics.coupling_break",
+        "mechanics.backlash",
+        "drive.clock_drift",
+        "drive.clock_jitter",
+        "drive.brown_out",
+    )
+)
+"""Kinds that a fuzz search leaves out: what the bench does not fit, drives that lie or do not do what they
+are told, or have another
 time, under which no invariant can hold, and what is a milder form of another kind."""
 
 
 def fault_kinds(bench: Any) -> list[str]:
     """Return the kinds of the catalogue that a bench can inject and that leave the drive to its controller.
 
-    Of the faults of the segment as a whole only noise and load are drawn; the others need the name of a node, or silence the
-    bus for so long that nothing is left to be seen. A twin node would command the drive like a foreign controller.
+    Of the faults of the segment as a whole only noise and load are drawn; the others need the name of a node,
+    or silence the bus for so long that nothing is left to be seen. A twin node would command the drive like a
+    foreign controller.
     """
     where = environment(bench, bench.drive())
     has_alarms = hasattr(bench.axis(), "alarms")
@@ -255,7 +281,8 @@ def descendants(
     longest: int,
     configurations: SearchStrategy[Configuration] | None = None,
 ) -> SearchStrategy[Program]:
-    """Return a strategy of programs that go on from others: cut, joined, with steps left out, put in or repeated.
+    """Return a strategy of programs that go on from others: cut, joined, with steps left out, put in or
+    repeated.
 
     Args:
         parents: The others, at least one.

@@ -1,4 +1,6 @@
-"""Lines of a Vector ASC file as the reader of python-can takes them, whatever its header leaves out or says."""
+"""Lines of a Vector ASC file as the reader of python-can takes them, whatever its header leaves out or
+says.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,9 @@ _TIMED: Final = re.compile(r"\s*(\d+)\.(\d{1,9})(\s.*)", re.DOTALL)
 class AscLines(io.TextIOBase):
     """The lines of an ASC file, with times from its begin.
 
-    With `timestamps relative` every event, CAN frame or not, has the time since the one before it: the times are added up. A header
-    without `internal events logged` gets that line, because the reader would take the first frame for it. Comments in the code
-    page of another country are no hindrance.
+    With `timestamps relative` every event, CAN frame or not, has the time since the one before it: the times
+    are added up. A header without `internal events logged` gets that line, because the reader would take the
+    first frame for it. Comments in the code page of another country are no hindrance.
     """
 
     def __init__(self, path: Path) -> None:

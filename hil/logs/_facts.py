@@ -1,4 +1,6 @@
-"""What a log is read by: the nodes, mappings and scales of the bench file, taken from a bench of the same make in virtual time."""
+"""What a log is read by: the nodes, mappings and scales of the bench file, taken from a bench of the same
+make in virtual time.
+"""
 
 from __future__ import annotations
 
@@ -140,7 +142,10 @@ def _nodes(bench: Any, config: BenchConfig) -> list[NodeFacts]:
             telegram = bench._ports[name].telegram  # noqa: SLF001 - as above
         found.append(
             NodeFacts(
-                name, drive.node_id, drive.segment, drive.profile,
+                name,
+                drive.node_id,
+                drive.segment,
+                drive.profile,
                 consumer_heartbeat_ns=drive.consumer_heartbeat_ms * 1_000_000 if drive.heartbeat_ms else 0,
                 rated_torque_nm=drive.rated_torque_nm,
                 reference_speed_rpm=drive.profidrive.reference_speed_rpm,
@@ -148,7 +153,7 @@ def _nodes(bench: Any, config: BenchConfig) -> list[NodeFacts]:
                 axis=None if axis is None else _axis(bench, config, axis, name),
                 enums=columns[name].enums,
             )
-        )  # fmt: skip
+        )
     others: dict[str, Any] = {**config.encoder, **config.device}
     for name, section in others.items():
         if section.segment in config.segment and not config.segment[section.segment].on_modbus:

@@ -1,4 +1,6 @@
-"""Reading bus logs that other tools have written: candump, ASC, BLF and whatever else python-can knows by its suffix."""
+"""Reading bus logs that other tools have written: candump, ASC, BLF and whatever else python-can knows by its
+suffix.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,8 @@ def read_bus_log(path: str | Path) -> BusLog:
     """Read a log of CAN frames, one after the other: a long one takes 21 bytes a frame.
 
     Raises:
-        CannotRunError: There is no such file, it is empty, cut off, no CAN log, or its timestamps go backwards.
+        CannotRunError: There is no such file, it is empty, cut off, no CAN log, or its timestamps go
+            backwards.
 
     """
     path = Path(path)
@@ -81,7 +84,8 @@ def read_bus_log(path: str | Path) -> BusLog:
             raise CannotRunError(
                 f"{path}: timestamps go backwards: frame {number} of the file, on {channel}, is at "
                 f"{(stamp_ns - origin_ns) / S:.6f} s, and frame {numbers[channel]} before it at "
-                f"{(frames.last_ns - origin_ns) / S:.6f} s; where the clock was set, the parts before and behind it are logs of their own"
+                f"{(frames.last_ns - origin_ns) / S:.6f} s; where the clock was set, the parts before and "
+                f"behind it are logs of their own"
             )
         frames.append(stamp_ns, frame, error)
         numbers[channel] = number
@@ -95,7 +99,9 @@ def read_bus_log(path: str | Path) -> BusLog:
 
 
 def _origin(log: BusLog) -> int:
-    """Return the stamp that is time zero: that of a bench in logs of this product, else the first frame, or 0."""
+    """Return the stamp that is time zero: that of a bench in logs of this product, else the first frame, or
+    0.
+    """
     first = min(frames.first_ns for frames in log.channels.values())
     if BENCH_EPOCH_NS <= first < BENCH_EPOCH_NS + _BENCH_DAYS_NS:
         return BENCH_EPOCH_NS
@@ -185,16 +191,27 @@ def _read_with_library(log: BusLog) -> Stamped:
                     yield round(message.timestamp * S), channel, _ERROR_FRAME, "bus error"
                 else:
                     yield round(message.timestamp * S), channel, to_frame(message), ""
-    except (OSError, ValueError, LookupError, struct.error, zlib.error, BLFParseError, can.CanError, BusError) as error:  # fmt: skip
+    except (
+        OSError,
+        ValueError,
+        LookupError,
+        struct.error,
+        zlib.error,
+        BLFParseError,
+        can.CanError,
+        BusError,
+    ) as error:
         read = f" after {count} frames" if count else ""
         raise CannotRunError(
-            f"{log.path} cannot be read as a CAN log{read}: {error or type(error).__name__}; it may be cut off. "
+            f"{log.path} cannot be read as a CAN log{read}: {error or type(error).__name__}; it may be "
+            f"cut off. "
             f"Logs are {FORMATS}"
         ) from error
     there = log.path.stat().st_size
     if isinstance(told, int) and told > there:
         raise CannotRunError(
-            f"{log.path} cannot be read as a CAN log: it says that it has {told} bytes and has {there}: it is cut off"
+            f"{log.path} cannot be read as a CAN log: it says that it has {told} bytes and has {there}: it "
+            f"is cut off"
         )
 
 

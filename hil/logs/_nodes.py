@@ -1,4 +1,6 @@
-"""Nodes of a bench as a log shows them: process data become signals, changes of state and faults become events."""
+"""Nodes of a bench as a log shows them: process data become signals, changes of state and faults become
+events.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +18,22 @@ Emit = Callable[..., None]
 """Takes time (ns), source, kind and details."""
 
 _WORDS: Final = {
-    0x604000: "controlword", 0x604100: "statusword", 0x606000: "mode_set", 0x606100: "mode", 0x603F00: "error_code",
-    0x60FD00: "inputs", 0x60FE01: "outputs", 0x100100: "error_register",
-}  # fmt: skip
+    0x604000: "controlword",
+    0x604100: "statusword",
+    0x606000: "mode_set",
+    0x606100: "mode",
+    0x603F00: "error_code",
+    0x60FD00: "inputs",
+    0x60FE01: "outputs",
+    0x100100: "error_register",
+}
 _PROFILE: Final = 0x60
 """Objects of a device profile begin with 6000h."""
 _SILENCE_NS: Final = S
 """A node without heartbeat that sends nothing for so long is not known."""
 _EMCY_NS: Final = 100_000_000
-"""An EMCY this long before the change of state belongs to it, or longer where no status word came meanwhile."""
+"""An EMCY this long before the change of state belongs to it, or longer where no status word came meanwhile.
+"""
 
 
 _STAYED_AWAY: Final = "its process data {:03X}h stayed away"
@@ -84,14 +93,18 @@ class LogNode:
             )
 
     def unknown(self, from_ns: int, to_ns: int | None, reason: str, *, values: bool = False) -> None:
-        """Tell that nothing is known of the node and its axis for a time; with `values` but for what is no process data."""
+        """Tell that nothing is known of the node and its axis for a time; with `values` but for what is no
+        process data.
+        """
         for name in self._names():
             self._emit(from_ns, name, "log.silent", reason=reason, values=values)
             if to_ns is not None:
                 self._emit(to_ns, name, "log.heard", values=values)
 
     def excuse(self, from_ns: int, to_ns: int, reason: str) -> None:
-        """Tell of a time in which the node may have sent what was not recorded: no heartbeat was lost then."""
+        """Tell of a time in which the node may have sent what was not recorded: no heartbeat was lost
+        then.
+        """
         self.unknown(from_ns, to_ns, reason)
         self._heard_ns = to_ns
         if self._heartbeat_ns is not None:
@@ -107,7 +120,9 @@ class LogNode:
         return (self.facts.name,) if axis is None else (self.facts.name, axis.name)
 
     def _takes_part(self, time_ns: int, can_id: int, sync_ns: int | None, *, sent: bool) -> None:
-        """Take note of process data: those of a node that is not operational are of long ago, as are those that stay away."""
+        """Take note of process data: those of a node that is not operational are of long ago, as are those
+        that stay away.
+        """
         if not sent:
             return
         self.heard(time_ns)
@@ -150,7 +165,9 @@ class LogNode:
         self.table.row(time_ns)
 
     def silence(self, time_ns: int) -> None:
-        """Tell of a heartbeat that did not come within the time of the bench file, as the controller would have."""
+        """Tell of a heartbeat that did not come within the time of the bench file, as the controller would
+        have.
+        """
         limit, last = self.facts.consumer_heartbeat_ns, self._heartbeat_ns
         if limit and last is not None and time_ns - last > limit:
             self._emit(last + limit, "controller", "heartbeat.lost", node=self.facts.node_id)
@@ -167,9 +184,15 @@ class LogNode:
         else:
             self._emit(time_ns, name, "emcy.cleared", code=self._emcy, register=register)
         self._emit(
-            time_ns, "controller", "emcy.received",
-            node=self.facts.node_id, name=name, code=code, register=register, text=emcy_text(code),
-        )  # fmt: skip
+            time_ns,
+            "controller",
+            "emcy.received",
+            node=self.facts.node_id,
+            name=name,
+            code=code,
+            register=register,
+            text=emcy_text(code),
+        )
         self._emcy, self._emcy_ns = code, time_ns
 
     def process_data(
@@ -181,7 +204,9 @@ class LogNode:
         sync_ns: int | None,
         sent: bool,
     ) -> None:
-        """Take a PDO; `sent`: by the node itself. Objects without a meaning known here are columns of their number."""
+        """Take a PDO; `sent`: by the node itself. Objects without a meaning known here are columns of their
+        number.
+        """
         self._takes_part(time_ns, can_id, sync_ns, sent=sent)
         for key, value in values:
             if key >= 0x100000:
@@ -372,7 +397,9 @@ class ProfidriveNode(LogNode):
         self._fault = fault
 
     def _state_text(self, zsw1: int, zsw2: int | None) -> str:
-        """Return the state; ZSW1 alone does not tell S3 from the stops of S5, in which there are still pulses."""
+        """Return the state; ZSW1 alone does not tell S3 from the stops of S5, in which there are still
+        pulses.
+        """
         bits = zsw1 & 0x47
         if bits == 0x03:
             pulses = self._state[:2] in ("S4", "S5") if zsw2 is None else zsw2 & _PULSES != 0

@@ -1,4 +1,6 @@
-"""What is told by process data over time: whether they come with every SYNC, and the motion that positions make."""
+"""What is told by process data over time: whether they come with every SYNC, and the motion that positions
+make.
+"""
 
 from __future__ import annotations
 

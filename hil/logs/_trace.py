@@ -1,4 +1,6 @@
-"""From a log to a trace: frames are decoded by the mapping in force, which writes of SDOs in the log itself may change."""
+"""From a log to a trace: frames are decoded by the mapping in force, which writes of SDOs in the log itself
+may change.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,18 @@ if TYPE_CHECKING:
     from fieldbus.can.frame import CanFrame
 
 LOG_KINDS: Final = (
-    "drive.state", "drive.fault", "drive.fault_cleared", "drive.inputs", "drive.nmt", "nmt.state", "node.bootup", "emcy.", "heartbeat.lost",
-    "can.bus_error", "log.",
-)  # fmt: skip
+    "drive.state",
+    "drive.fault",
+    "drive.fault_cleared",
+    "drive.inputs",
+    "drive.nmt",
+    "nmt.state",
+    "node.bootup",
+    "emcy.",
+    "heartbeat.lost",
+    "can.bus_error",
+    "log.",
+)
 """Events that frames tell of."""
 _SHORTEST_NS: Final = S // 100
 _SHORTEST_GAP_NS: Final = S // 20
@@ -53,7 +64,8 @@ def trace_of_log(log: BusLog, bench_file: Any, *, channels: Mapping[str, str] | 
         channels: Segment of the bench -> channel of the log, where the names do not tell it.
 
     Raises:
-        CannotRunError: No channel of the log belongs to the bench, none of its nodes sends, or the log is too short.
+        CannotRunError: No channel of the log belongs to the bench, none of its nodes sends, or the log is
+            too short.
 
     """
     facts = facts_of(bench_file)
@@ -85,7 +97,8 @@ def trace_of_log(log: BusLog, bench_file: Any, *, channels: Mapping[str, str] | 
         )
     notes += reading.notes
     notes += [
-        f"{node.facts.name} (node {node.facts.node_id}) sends no process data that the bench file maps: nothing is known of its states and values"
+        f"{node.facts.name} (node {node.facts.node_id}) sends no process data that the bench file maps: "
+        f"nothing is known of its states and values"
         for node in reading.nodes
         if node.seen and node.speechless and node.facts.segment in pairs
     ]
@@ -130,7 +143,8 @@ def _pair(log: BusLog, facts: BenchFacts, given: Mapping[str, str]) -> dict[str,
     for segment, channel in given.items():
         if segment not in facts.segments:
             raise CannotRunError(
-                f"--channel {segment}={channel}: bench {facts.name!r} has no such CAN segment; it has: {', '.join(facts.segments)}"
+                f"--channel {segment}={channel}: bench {facts.name!r} has no such CAN segment; it has: "
+                f"{', '.join(facts.segments)}"
             )
         if channel not in log.channels:
             raise CannotRunError(
@@ -165,7 +179,9 @@ class _Bus:
         self._pause: tuple[int, int] | None = None
 
     def sync(self, time_ns: int) -> None:
-        """Take a SYNC: where it ran before a pause and runs on behind it, the bus was not silent, but not recorded."""
+        """Take a SYNC: where it ran before a pause and runs on behind it, the bus was not silent, but not
+        recorded.
+        """
         before = self.sync_ns
         if self._pause is not None and before is not None:
             from_ns, to_ns = self._pause
@@ -247,13 +263,16 @@ class _Reading:
         return unknown
 
     def _compare(self, segment: str, lengths: Mapping[int, int], here: Mapping[int, LogNode]) -> None:
-        """Note process data of another length than by the bench file: the sign of another mapping, or of another bench."""
+        """Note process data of another length than by the bench file: the sign of another mapping, or of
+        another bench.
+        """
         decoder = self._words[segment]
         for can_id, length in sorted(lengths.items()):
             wanted = decoder.mapped_length(can_id)
             if length != wanted:
                 self.notes.append(
-                    f"{here[decoder.pdo_ids[can_id]].facts.name}: process data {can_id:03X}h have {length} bytes, {wanted} by the bench file"
+                    f"{here[decoder.pdo_ids[can_id]].facts.name}: process data {can_id:03X}h have {length} "
+                    f"bytes, {wanted} by the bench file"
                 )
 
     def decode(self, frame: CanFrame) -> str:

@@ -1,7 +1,7 @@
 """Matrix campaigns: a file that crosses factors - jobs, faults, moments, stops, benches - and becomes cases.
 
-What the words of the factors mean, and what is expected of a combination, says a vocabulary; this package knows only how
-they are combined, reduced, left out and named.
+What the words of the factors mean, and what is expected of a combination, says a vocabulary; this package
+knows only how they are combined, reduced, left out and named.
 """
 
 from __future__ import annotations

@@ -50,14 +50,17 @@ class MatrixCampaign(Campaign):
         """What came of the factors: how many combinations there are, and why which were left out."""
         if len(self.combined.rows) * matrix.seeds > MOST_CASES:
             raise ConfigurationError(
-                f"{path}: factors", f"more than {MOST_CASES} cases",
-                'at most that many: name fewer words, exclude more, choose reduction = "pairwise" or fewer seeds',
-            )  # fmt: skip
+                f"{path}: factors",
+                f"more than {MOST_CASES} cases",
+                'at most that many: name fewer words, exclude more, choose reduction = "pairwise" or '
+                "fewer seeds",
+            )
         if not self.combined.rows and not matrix.cases:
             raise ConfigurationError(
-                f"{path}: factors", f"{sum(self.combined.left_out.values())} combinations, all of them left out",
+                f"{path}: factors",
+                f"{sum(self.combined.left_out.values())} combinations, all of them left out",
                 "at least one combination that no [[exclude]] and nothing else speaks against",
-            )  # fmt: skip
+            )
         for named in matrix.cases:
             values = {**matrix.vocabulary.defaults, **named.values}
             reason = _objection(matrix, values, exclusions=False)
@@ -69,9 +72,15 @@ class MatrixCampaign(Campaign):
             self._add(matrix, name, {**matrix.vocabulary.defaults, **row}, "", tags=tuple(row.values()))
 
     def _add(
-        self, matrix: MatrixFile, name: str, values: Mapping[str, str], title: str, *,
-        tags: tuple[str, ...], own: tuple[str, ...] = (),
-    ) -> None:  # fmt: skip
+        self,
+        matrix: MatrixFile,
+        name: str,
+        values: Mapping[str, str],
+        title: str,
+        *,
+        tags: tuple[str, ...],
+        own: tuple[str, ...] = (),
+    ) -> None:
         vocabulary = matrix.vocabulary
         tags = tuple(tag for tag in tags if tag not in {"", "none"} and not tag.endswith(".toml"))
         for number in range(1, matrix.seeds + 1):
@@ -141,7 +150,8 @@ def load_matrix(path: str | Path) -> MatrixCampaign:
     """Return the campaign that a matrix file describes.
 
     Raises:
-        ConfigurationError: Something in the file is not allowed; the message names file, key, value and what is allowed.
+        ConfigurationError: Something in the file is not allowed; the message names file, key, value and
+            what is allowed.
         CannotRunError: Its vocabulary cannot be imported.
 
     """

@@ -37,8 +37,8 @@ def combine(
     Args:
         factors: Values by name of the factor.
         objection: What speaks against a combination.
-        strength: Every so many values of different factors, where nothing speaks against them, are together in at least
-            one combination; None: all combinations.
+        strength: Every so many values of different factors, where nothing speaks against them, are
+            together in at least one combination; None: all combinations.
         most: Stop with the first combination beyond so many; None: go on to the end.
 
     """

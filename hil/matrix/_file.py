@@ -20,9 +20,20 @@ VOCABULARY: Final = "testcases.campaigns.vocabulary:VOCABULARY"
 """The vocabulary that ships with the product."""
 BENCH: Final = "bench"
 _KEYS: Final = (
-    "title", "vocabulary", "tags", "requirements", "signals", "reduction", "seeds", "simulated_limit_s", "wall_limit_s",
-    "factors", "exclude", "case", "bench",
-)  # fmt: skip
+    "title",
+    "vocabulary",
+    "tags",
+    "requirements",
+    "signals",
+    "reduction",
+    "seeds",
+    "simulated_limit_s",
+    "wall_limit_s",
+    "factors",
+    "exclude",
+    "case",
+    "bench",
+)
 _CASE_KEYS: Final = ("name", "title", "tags", "requirements")
 _BENCH_KEYS: Final = ("drive", "transport", "file")
 REDUCTIONS: Final = '"full", "pairwise" or a whole number N >= 1 for N-wise'
@@ -75,8 +86,8 @@ def read_matrix(path: Path) -> MatrixFile:
     """Read a matrix file.
 
     Raises:
-        ConfigurationError: It is no TOML, or something in it is not allowed; the message names file, key, value and
-            what is allowed.
+        ConfigurationError: It is no TOML, or something in it is not allowed; the message names file, key,
+            value and what is allowed.
         CannotRunError: Its vocabulary cannot be imported.
 
     """
@@ -286,8 +297,10 @@ class _Reader:
                 else:
                     values[factor] = text
             found[slug(name)] = NamedCase(
-                slug(name), str(table.get("title", "")), values,
+                slug(name),
+                str(table.get("title", "")),
+                values,
                 self._texts(f"{key}.tags", table.get("tags", [])),
                 self._texts(f"{key}.requirements", table.get("requirements", [])),
-            )  # fmt: skip
+            )
         return tuple(found.values())

@@ -36,8 +36,8 @@ class Vocabulary(Protocol):
     def impossible(self, values: Values) -> str:
         """Return why a combination cannot exist at all, whatever the bench; empty: it can.
 
-        What only the present bench cannot do is not impossible: such a case ends *blocked*. Factors may be missing
-        while combinations are being made; what is true of a part has to be true of the whole.
+        What only the present bench cannot do is not impossible: such a case ends *blocked*. Factors may be
+        missing while combinations are being made; what is true of a part has to be true of the whole.
         """
         ...
 

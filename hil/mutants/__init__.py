@@ -1,8 +1,9 @@
-"""Defect seeding: plausible defects of drive, mechanics, bus and controller, switched on one at a time, to be caught by campaigns.
+"""Defect seeding: plausible defects of drive, mechanics, bus and controller, switched on one at a time, to be
+caught by campaigns.
 
-A defect is data (`Mutant`): a place in the product, what stands there, what stands there instead. `Seeder` runs the campaigns
-without any defect first, and then each defect in a process of its own until a case is red. A defect that no case notices
-points at a missing expectation.
+A defect is data (`Mutant`): a place in the product, what stands there, what stands there instead. `Seeder`
+runs the campaigns without any defect first, and then each defect in a process of its own until a case is red.
+A defect that no case notices points at a missing expectation.
 """
 
 from __future__ import annotations

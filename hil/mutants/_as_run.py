@@ -1,4 +1,6 @@
-"""A run of seeded defects in the form of a run of cases, so that report and JUnit file show it like any other."""
+"""A run of seeded defects in the form of a run of cases, so that report and JUnit file show it like any
+other.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +20,11 @@ _VERDICT: Final = {
 
 
 def as_run(seeding: Seeding) -> RunResult:
-    """Return a run with a case for every defect: passed is caught, failed has survived, blocked has an explanation.
+    """Return a run with a case for every defect: passed is caught, failed has survived, blocked has an
+    explanation.
 
-    No case claims a requirement: that a defect is caught shows that cases judge, not that the product does what it should.
+    No case claims a requirement: that a defect is caught shows that cases judge, not that the product does
+    what it should.
     """
     return RunResult(
         title="Defect seeding",

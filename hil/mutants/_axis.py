@@ -67,7 +67,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
             Edit(
                 f"{_ENABLING}.step",
                 "if axis.alarms.blocking:\n                axis.set_state(AxisState.ALARM_DISABLED)",
-                "if axis.alarms.blocking and not self.enable:\n                axis.set_state(AxisState.ALARM_DISABLED)",
+                "if axis.alarms.blocking and not self.enable:\n                "
+                "axis.set_state(AxisState.ALARM_DISABLED)",
             ),
         ),
         ("STP-344", "MC-123"),
@@ -355,6 +356,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "self.drive_fault_code = 0",
         ids=("STP-559",),
         likely=("drive-faults/trip/motor-hot/*@reference",),
-        explained="the new code comes twice before the status word with the fault bit: in the EMCY, and in TPDO3 with 603Fh",
+        explained="the new code comes twice before the status word with the fault bit: in the EMCY, and in "
+        "TPDO3 with 603Fh",
     ),
 )

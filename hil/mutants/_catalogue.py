@@ -42,8 +42,8 @@ def load_catalogue(reference: str) -> Mapping[str, Mutant]:
     """Return a catalogue; empty: the one that ships with the product.
 
     Args:
-        reference: `package.module:NAME` or `file.py:NAME` of a list of mutants; without a name `MUTANTS`. Modules of the current
-            folder are found.
+        reference: `package.module:NAME` or `file.py:NAME` of a list of mutants; without a name `MUTANTS`.
+            Modules of the current folder are found.
 
     Raises:
         CannotRunError: There is none, or it holds something else.

@@ -244,7 +244,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     # -- torque --
     _defect(
         "torque-limit-of-the-other-side-of-the-gear",
-        "A force limit is sent to the drive as if the spindle had a lead of one revolution per unit of length",
+        "A force limit is sent to the drive as if the spindle had a lead of one revolution per unit of "
+        "length",
         "motion.axis.torque:_limit_scale",
         'return ratio * lead_m / tau, "Force"',
         'return ratio * lead_m, "Force"',

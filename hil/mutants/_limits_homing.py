@@ -292,8 +292,10 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "software-limit-bits-swapped",
         "StatusWord.X15 and X16 show the software limit of the other side",
         f"{_LIMITS}._follow_range",
-        "self.software_min = position <= low + _PASSED_TOLERANCE\n        self.software_max = position >= high - _PASSED_TOLERANCE",
-        "self.software_max = position <= low + _PASSED_TOLERANCE\n        self.software_min = position >= high - _PASSED_TOLERANCE",
+        "self.software_min = position <= low + _PASSED_TOLERANCE\n        self.software_max = position >= "
+        "high - _PASSED_TOLERANCE",
+        "self.software_max = position <= low + _PASSED_TOLERANCE\n        self.software_min = position >= "
+        "high - _PASSED_TOLERANCE",
         ids=("LIM-082",),
         likely=("limits/software/positive/constant/maximum",),
     ),

@@ -123,7 +123,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "The encoder shows the angle before the servo step, one period late",
         f"{_CORE}.step",
         "angle = self._sample(self._step_mechanics(self.torque, self._period))",
-        "angle = self._sample(self._mechanics.motor_angle)\n        self._step_mechanics(self.torque, self._period)",
+        "angle = self._sample(self._mechanics.motor_angle)\n        self._step_mechanics(self.torque, "
+        "self._period)",
         ids=("CTL-001",),
         likely=("axis-signals/follows@reference",),
     ),

@@ -8,7 +8,8 @@ from typing import Final
 from fieldbus.errors import ConfigurationError
 
 AREAS: Final = ("cia402", "profidrive", "axis", "machine", "bus")
-"""Where a defect can be: the CiA 402 drive, the PROFIdrive drive with its telegrams, the axis of the controller, encoders and
+"""Where a defect can be: the CiA 402 drive, the PROFIdrive drive with its telegrams, the axis of the
+controller, encoders and
 mechanics, bus and network."""
 
 
@@ -16,7 +17,8 @@ mechanics, bus and network."""
 class Edit:
     """A change of the source of one function.
 
-    `old` has to stand in the function exactly once, so that a change of the product that touches it is noticed.
+    `old` has to stand in the function exactly once, so that a change of the product that touches it is
+    noticed.
     """
 
     target: str
@@ -27,7 +29,9 @@ class Edit:
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """A defect as a firmware engineer could make it; nothing of it is in the product until it is switched on."""
+    """A defect as a firmware engineer could make it; nothing of it is in the product until it is switched
+    on.
+    """
 
     name: str
     area: str
@@ -38,7 +42,9 @@ class Mutant:
     requirements: tuple[str, ...] = ()
     """Identifiers of the specification that the defect offends against."""
     likely: tuple[str, ...] = ()
-    """Patterns of cases that are tried first, best first: `stop-modes/power-1/*`, or `homing/*@reference` with the bench."""
+    """Patterns of cases that are tried first, best first: `stop-modes/power-1/*`, or `homing/*@reference`
+    with the bench.
+    """
     explained: str = ""
     """Why no case can notice it; empty: one has to."""
 

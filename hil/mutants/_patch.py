@@ -1,8 +1,9 @@
-"""Switching a defect on in the running process: the code of a function is replaced in place, and put back afterwards.
+"""Switching a defect on in the running process: the code of a function is replaced in place, and put back
+afterwards.
 
-The function object stays the same, so that the defect is in force wherever the function is held already: in a class, under an
-imported name, as a callback on the scheduler. What is compiled is the source of the function with the change in it, and one
-call before the changed statement that tells that it has been reached.
+The function object stays the same, so that the defect is in force wherever the function is held already: in a
+class, under an imported name, as a callback on the scheduler. What is compiled is the source of the function
+with the change in it, and one call before the changed statement that tells that it has been reached.
 """
 
 from __future__ import annotations
@@ -144,7 +145,8 @@ def _compiled(function: FunctionType, source: str, lines: Iterable[tuple[int, st
     first = function.__code__.co_firstlineno
     ast.increment_lineno(tree, first - 1)
     free = function.__code__.co_freevars
-    # A function around it gives it the variables that it has from outside, `__class__` of `super()` among them.
+    # A function around it gives it the variables that it has from outside, `__class__` of `super()` among
+    # them.
     around = ast.parse(f"def around({', '.join(free)}): pass")
     (outer,) = around.body
     assert isinstance(outer, ast.FunctionDef)  # parsed just now
@@ -181,7 +183,9 @@ def _replaced(codes: dict[FunctionType, CodeType], reached: set[str]) -> Iterato
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """Compiled code for functions; it can be sent to another process of the same interpreter, which need not compile it again."""
+    """Compiled code for functions; it can be sent to another process of the same interpreter, which need not
+    compile it again.
+    """
 
     places: tuple[tuple[Edit, bytes], ...] = ()
     """For each function one of the edits that lead to it, and its code."""

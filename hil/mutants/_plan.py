@@ -65,7 +65,8 @@ def find_judges(references: Sequence[str] = ()) -> list[Judge]:
     """Return the cases of campaigns, each on the bench given with `@bench` or else on its own, in order.
 
     Args:
-        references: Files, directories or modules, each perhaps with `@` and a bench; none: those that ship with the product.
+        references: Files, directories or modules, each perhaps with `@` and a bench; none: those that
+            ship with the product.
 
     Raises:
         CampaignNotFoundError: A reference leads to no campaign.
@@ -89,7 +90,9 @@ def _cases(found: Found, bench: str) -> Iterable[Judge]:
 
 
 def modules_of(judges: Iterable[Judge]) -> list[str]:
-    """Return the modules that campaigns and benches of cases lie in, as far as they can be imported by name."""
+    """Return the modules that campaigns and benches of cases lie in, as far as they can be imported by
+    name.
+    """
     references = dict.fromkeys(name for judge in judges for name in (judge.campaign, judge.bench))
     return list(
         dict.fromkeys(module for one in references if (module := one.partition(":")[0]) in sys.modules)
@@ -109,7 +112,8 @@ def in_order(
 ) -> list[Judge]:
     """Return the cases for a mutant: the likely ones, then the others from the quickest on.
 
-    A case is left out when the unmutated product did not come to the changed statement in it: up to there both are the same.
+    A case is left out when the unmutated product did not come to the changed statement in it: up to there
+    both are the same.
 
     Args:
         mutant: The defect.

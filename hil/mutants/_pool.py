@@ -1,4 +1,6 @@
-"""Processes for tasks: each task has a fresh one, each case a limit; a process that hangs or dies is told from one that works."""
+"""Processes for tasks: each task has a fresh one, each case a limit; a process that hangs or dies is told
+from one that works.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ RESERVE_S: Final = 5.0
 
 
 def _context(preload: Iterable[str]) -> Any:
-    """Return how processes are started: as copies of one that has imported everything and run nothing, where there is that."""
+    """Return how processes are started: as copies of one that has imported everything and run nothing, where
+    there is that.
+    """
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
@@ -152,7 +156,9 @@ class Pool:
             one.finished.outcomes.append(Outcome(judge, verdict, message, limit_s, names))
 
     def _rest(self, finished: Finished) -> Task | None:
-        """Return the cases that are left after a process has gone, to be run in another one; None when it is the end."""
+        """Return the cases that are left after a process has gone, to be run in another one; None when it is
+        the end.
+        """
         task, done = finished.task, len(finished.outcomes)
         last = finished.outcomes[-1] if finished.outcomes else None
         if finished.trouble or last is None or done >= len(task.judges):

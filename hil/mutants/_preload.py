@@ -1,4 +1,6 @@
-"""Imports the whole product, for processes that are copies of the one that has done so: an import is most of a case's time."""
+"""Imports the whole product, for processes that are copies of the one that has done so: an import is most of
+a case's time.
+"""
 
 from __future__ import annotations
 

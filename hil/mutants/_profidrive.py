@@ -1,4 +1,6 @@
-"""Defects of the PROFIdrive drive, of its telegram and encoder interface, and of the controller's side of the telegram."""
+"""Defects of the PROFIdrive drive, of its telegram and encoder interface, and of the controller's side of the
+telegram.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +28,11 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "off2-as-off3",
         "OFF2 is treated like OFF3: the drive brakes instead of coasting",
         _MACHINE,
-        "if not no_off2:\n                return self._to(AxisState.S1, Action.INHIBIT)\n            if not no_off3:\n"
+        "if not no_off2:\n                return self._to(AxisState.S1, Action.INHIBIT)\n            if not "
+        "no_off3:\n"
         "                return self._to(AxisState.S5B, Action.QUICK_STOP)\n            if not on:",
-        "if not no_off2 or not no_off3:\n                return self._to(AxisState.S5B, Action.QUICK_STOP)\n            if not on:",
+        "if not no_off2 or not no_off3:\n                return self._to(AxisState.S5B, "
+        "Action.QUICK_STOP)\n            if not on:",
         ids=("PD-104", "PD-114"),
         likely=("telegram-faults/withdrawn-off2/*@profidrive",),
     ),
@@ -36,8 +40,10 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "off3-as-off1",
         "OFF3 brakes with the ramp of OFF1",
         _MACHINE,
-        "if not no_off3:\n                return self._to(AxisState.S5B, Action.QUICK_STOP)\n            if not on:",
-        "if not no_off3:\n                return self._to(AxisState.S5B, Action.RAMP_STOP)\n            if not on:",
+        "if not no_off3:\n                return self._to(AxisState.S5B, Action.QUICK_STOP)\n            if "
+        "not on:",
+        "if not no_off3:\n                return self._to(AxisState.S5B, Action.RAMP_STOP)\n            if "
+        "not on:",
         ids=("PD-105", "PD-116"),
         likely=("stop-modes/power-1/constant@profidrive",),
     ),
@@ -244,8 +250,10 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "stale-answer-shown",
         "The controller goes on with the last answer when one of the wrong length comes",
         f"{_PORT}._take",
-        "if frame is None or len(frame) != self.telegram.actual.length:\n            alive = self._judge(fresh=False)",
-        "if frame is None:\n            alive = self._judge(fresh=False)\n        elif len(frame) != self.telegram.actual.length:\n"
+        "if frame is None or len(frame) != self.telegram.actual.length:\n            alive = "
+        "self._judge(fresh=False)",
+        "if frame is None:\n            alive = self._judge(fresh=False)\n        elif len(frame) != "
+        "self.telegram.actual.length:\n"
         "            alive = self._judge(fresh=True)",
         ids=("PD-030", "TA-020"),
         likely=("telegram-faults/wrong-length/*@profidrive",),

@@ -90,7 +90,9 @@ class MutantResult:
 
     @property
     def status(self) -> str:
-        """`caught`, `explained` (nobody can notice it, with a reason), `survived`, `never ran`, or `trouble`."""
+        """`caught`, `explained` (nobody can notice it, with a reason), `survived`, `never ran`, or
+        `trouble`.
+        """
         if self.earlier is not None:
             return str(self.earlier["status"])
         if self.trouble:
@@ -139,7 +141,9 @@ class Seeding:
     """Whether it ended before every defect was judged, or has not ended yet."""
     seed: int = 0
     judged_by: str = ""
-    """Digest of the cases that judge and of their benches' names: with others the results would not be comparable."""
+    """Digest of the cases that judge and of their benches' names: with others the results would not be
+    comparable.
+    """
 
     def count(self, status: str) -> int:
         """Return how many defects ended so."""
@@ -183,7 +187,8 @@ class Seeder:
         mutants: The defects.
         judges: The cases, on their benches.
         options: How.
-        on_baseline: Called after every case of the baseline with its outcome, the number done and the number of all.
+        on_baseline: Called after every case of the baseline with its outcome, the number done and the
+            number of all.
         on_result: The same for every defect.
         earlier: Results of an earlier run that are kept.
         earlier_seconds: Wall time that went into them, s.
@@ -244,7 +249,9 @@ class Seeder:
         return seeding
 
     def _all_stages(self) -> None:
-        """Try the best of the likely cases, then all likely ones, then all others: few defects come that far."""
+        """Try the best of the likely cases, then all likely ones, then all others: few defects come that
+        far.
+        """
         left = [one for one in self._mutants if one.name not in self._done]
         if not left:
             return
@@ -265,7 +272,8 @@ class Seeder:
         if self._measure(self._judges):
             self._judge(self._judges, left)
 
-    # -- baseline -----------------------------------------------------------------------------------------------
+    # -- baseline
+    # -----------------------------------------------------------------------------------------------
 
     def _measure(self, judges: Sequence[Judge]) -> bool:
         """Run cases without a defect, those that have not been yet; returns whether all are green."""
@@ -275,11 +283,15 @@ class Seeder:
         limit_s = self._options.limit_s or BASELINE_LIMIT_S
         tasks = [
             Task(
-                tuple(new[index : index + _CHUNK]), self._options.seed, None, self._watching, False,
+                tuple(new[index : index + _CHUNK]),
+                self._options.seed,
+                None,
+                self._watching,
+                False,
                 (limit_s,) * len(new[index : index + _CHUNK]),
             )
             for index in range(0, len(new), _CHUNK)
-        ]  # fmt: skip
+        ]
         total = len(seeding.baseline) + len(new)
         for finished in self._pool.run(tasks):
             if finished.trouble:
@@ -293,12 +305,15 @@ class Seeder:
         seeding.baseline_seconds += time.perf_counter() - started
         return not seeding.red
 
-    # -- defects ------------------------------------------------------------------------------------------------
+    # -- defects
+    # ------------------------------------------------------------------------------------------------
 
     def _judge(
         self, judges: Sequence[Judge], mutants: Sequence[Mutant], only: Mapping[str, set[Judge]] | None = None
     ) -> None:
-        """Try cases on mutants; `only`: the cases for each, None = all that can notice it, and then it is over."""
+        """Try cases on mutants; `only`: the cases for each, None = all that can notice it, and then it is
+        over.
+        """
         baseline = self._seeding.baseline
         green = [judge for judge in judges if baseline[judge].verdict == "passed"]
         reached = {judge: baseline[judge].reached for judge in green}
@@ -340,7 +355,8 @@ class Seeder:
         for outcome in finished.outcomes:
             if outcome.catches and mutant.name not in outcome.reached:
                 result.trouble = (
-                    f"{outcome.judge.name} was {outcome.verdict} though it never came to the changed statement: it is not "
+                    f"{outcome.judge.name} was {outcome.verdict} though it never came to the changed "
+                    f"statement: it is not "
                     "the same twice"
                 )
         return result

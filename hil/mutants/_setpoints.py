@@ -1,4 +1,6 @@
-"""Defects of setpoints: profiles, superimposed motion, MotionIn, several encoders, external encoders, control panel."""
+"""Defects of setpoints: profiles, superimposed motion, MotionIn, several encoders, external encoders, control
+panel.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Results in the report folder: written after every defect, so that a run can be resumed, or its survivors tried again."""
+"""Results in the report folder: written after every defect, so that a run can be resumed, or its survivors
+tried again.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,8 @@ class Stored:
     def kept(
         self, mutants: Iterable[Mutant], judges: Sequence[Judge], seed: int, *, again: bool
     ) -> list[MutantResult]:
-        """Return the results that need not be found again: of defects that are still the same, and could be judged.
+        """Return the results that need not be found again: of defects that are still the same, and could be
+        judged.
 
         Args:
             mutants: The defects that are asked for.
@@ -60,7 +63,8 @@ class Stored:
             )
         if self.judged_by != digest_of(judges):
             raise CannotRunError(
-                f"{self.where} holds a run that other cases have judged; it can only be resumed with the same campaigns"
+                f"{self.where} holds a run that other cases have judged; it can only be resumed with the "
+                f"same campaigns"
             )
         kept = []
         for mutant in mutants:
@@ -82,7 +86,8 @@ class Stored:
         found = [mutant for mutant in mutants if mutant.name in bad]
         if not found:
             raise CannotRunError(
-                f"none of the {len(bad)} defects that were not caught in {self.where} is among the {len(mutants)} selected ones"
+                f"none of the {len(bad)} defects that were not caught in {self.where} is among the "
+                f"{len(mutants)} selected ones"
                 if bad
                 else f"every defect was caught in {self.where}: there is nothing to repeat"
             )

@@ -18,7 +18,10 @@ def markdown(seeding: Seeding) -> str:
     lines = [
         "# Defect seeding",
         "",
-        f"{caught} of {total} caught in {seeding.seconds:.0f} s, baseline ({len(seeding.baseline)} cases) included.",
+        (
+            f"{caught} of {total} caught in {seeding.seconds:.0f} s, baseline ({len(seeding.baseline)} cases) "  # noqa: E501
+            f"included."
+        ),
         "",
         "| defect | area | what is wrong | status | noticed by | how | s |",
         "|---|---|---|---|---|---|---|",

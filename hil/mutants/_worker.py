@@ -1,4 +1,6 @@
-"""What happens in the process of one mutant: switch it on, run cases, tell about each. The process serves nobody else."""
+"""What happens in the process of one mutant: switch it on, run cases, tell about each. The process serves
+nobody else.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ class Task:
     """Its code; without a defect: code that notes the places of all of them."""
     stop_at_first: bool = True
     limits_s: tuple[float, ...] = ()
-    """Limit of wall time of each case, s; the case ends itself at it, and the parent ends the process a little later."""
+    """Limit of wall time of each case, s; the case ends itself at it, and the parent ends the process a
+    little later.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +56,16 @@ class Outcome:
 
     @property
     def catches(self) -> bool:
-        """Whether a case that is green without the defect is not green with it; blocked counts, as its bench came up before."""
+        """Whether a case that is green without the defect is not green with it; blocked counts, as its bench
+        came up before.
+        """
         return self.verdict != "passed"
 
     @property
     def red(self) -> bool:
-        """Whether it is red in the baseline; a case that its bench cannot have is blocked there, and judges nothing."""
+        """Whether it is red in the baseline; a case that its bench cannot have is blocked there, and judges
+        nothing.
+        """
         return self.verdict not in {"passed", "blocked"}
 
 

@@ -18,7 +18,9 @@ _WIDTH: Final = 8
 
 
 class PackedFrames(Sequence[Entry]):
-    """A log of CAN frames of which nobody knows the senders: 21 bytes a frame. Frames are put behind the last one only."""
+    """A log of CAN frames of which nobody knows the senders: 21 bytes a frame. Frames are put behind the last
+    one only.
+    """
 
     def __init__(self) -> None:
         self._times = array("q")

@@ -1,7 +1,7 @@
 """From the trace of a homing to its drawing: what was travelled, what the switches did, where the mark was.
 
-Everything here is read from what was recorded: positions and velocities of the axis, inputs of the drive, events. What a case
-expects has no part in it.
+Everything here is read from what was recorded: positions and velocities of the axis, inputs of the drive,
+events. What a case expects has no part in it.
 """
 
 from __future__ import annotations
@@ -73,8 +73,13 @@ class _Homing:
         """Return the drawing of the homing that an event begins; None where its axis was not recorded."""
         trace, axis = self._trace, started.source
         columns = next(
-            (pair for pair in (("actual_position", "actual_velocity"), ("position", "velocity")) if f"{axis}.{pair[0]}" in trace), None
-        )  # fmt: skip
+            (
+                pair
+                for pair in (("actual_position", "actual_velocity"), ("position", "velocity"))
+                if f"{axis}.{pair[0]}" in trace
+            ),
+            None,
+        )
         if columns is None:
             return None
         data = _data(started)
@@ -83,10 +88,12 @@ class _Homing:
             (
                 entry
                 for entry in trace.select(source=axis, kind="job.")
-                if _data(entry).get("job") == data["job"] and entry.kind in _OUTCOMES and entry.time_ns >= started.time_ns
+                if _data(entry).get("job") == data["job"]
+                and entry.kind in _OUTCOMES
+                and entry.time_ns >= started.time_ns
             ),
             None,
-        )  # fmt: skip
+        )
         job_end_s = trace.end_s if ended is None else ended.time_ns * 1e-9
         homed = next(
             (
@@ -120,10 +127,20 @@ class _Homing:
             "still active" if ended is None else _OUTCOMES[ended.kind].format(_data(ended).get("error_id", 0))
         )
         drawing = HomingDrawing(
-            axis, trace[f"{axis}.{columns[0]}"].unit, str(data["job"]), int(data["mode"]), bool(parts), _KINDS[int(data["mark"])],
-            int(data["direction"]), outcome, begin_s, end_s, float(data["approach"]), float(data["homing"]),
+            axis,
+            trace[f"{axis}.{columns[0]}"].unit,
+            str(data["job"]),
+            int(data["mode"]),
+            bool(parts),
+            _KINDS[int(data["mark"])],
+            int(data["direction"]),
+            outcome,
+            begin_s,
+            end_s,
+            float(data["approach"]),
+            float(data["homing"]),
             mark=None if homed is None else float(_data(homed)["mark"]),
-        )  # fmt: skip
+        )
         if drawing.active and outcome == "Done":
             drawing.home = path.at(job_end_s)
         drawing.lanes = self._lanes(axis, data, path, drawing)
@@ -137,14 +154,18 @@ class _Homing:
         return drawing
 
     def _path(self, axis: str, columns: tuple[str, str]) -> _Path:
-        """Return the motion of an axis; its actual values are those of half a cycle before the row that shows them."""
+        """Return the motion of an axis; its actual values are those of half a cycle before the row that shows
+        them.
+        """
         position, velocity = (self._trace[f"{axis}.{column}"] for column in columns)
         late = 0.5 * self._trace.constants.get(f"{axis}.cycle_s", 0.0)
         return _Path(position.time_s - late, position.values.copy(), velocity.values)
 
     @staticmethod
     def _end(path: _Path, job_end_s: float, homed: Event | None, *, done: bool) -> float:
-        """Return where the drawing ends: with the job, at the standstill after it, or behind the mark of a passive homing."""
+        """Return where the drawing ends: with the job, at the standstill after it, or behind the mark of a
+        passive homing.
+        """
         if homed is not None:
             return homed.time_ns * 1e-9 + _PASSING_S
         if done:
@@ -155,7 +176,8 @@ class _Homing:
         )
         return float(path.time[after][standing[0]]) if len(standing) else job_end_s + _TAIL_S
 
-    # -- switches ---------------------------------------------------------------------------------------------
+    # -- switches
+    # ---------------------------------------------------------------------------------------------
 
     def _lanes(
         self, axis: str, data: dict[str, Any], path: _Path, drawing: HomingDrawing
@@ -200,7 +222,9 @@ class _Homing:
         return lane
 
     def _zero_marks(self, wired: Event | None, path: _Path, drawing: HomingDrawing) -> SwitchLane:
-        """Return the zero mark that was used, and the encoder's other ones, one per revolution of a motor encoder."""
+        """Return the zero mark that was used, and the encoder's other ones, one per revolution of a motor
+        encoder.
+        """
         lane = SwitchLane("zero mark")
         if drawing.mark is None:
             return lane
@@ -219,7 +243,8 @@ class _Homing:
         lane.bars += [[drawing.mark + turn * pitch] * 2 for turn in turns if turn]
         return lane
 
-    # -- steps ------------------------------------------------------------------------------------------------
+    # -- steps
+    # ------------------------------------------------------------------------------------------------
 
     def _active_steps(
         self, drawing: HomingDrawing, path: _Path, parts: list[Event], mark_s: float | None, end_s: float
@@ -254,8 +279,11 @@ def _passive_steps(
     yield _moment("start", float(path.time[0]), path)
     until_s = end_s if mark_s is None else mark_s
     edges = [
-        (edge, lane.name) for lane in drawing.lanes for edge in lane.edges if lane.name in {"cam", "input"} and edge.time_s <= until_s
-    ]  # fmt: skip
+        (edge, lane.name)
+        for lane in drawing.lanes
+        for edge in lane.edges
+        if lane.name in {"cam", "input"} and edge.time_s <= until_s
+    ]
     last_s = float(path.time[0])
     for edge, name in sorted(edges, key=lambda pair: pair[0].time_s):
         if mark_s is not None and drawing.mark_kind == "digital input" and edge is edges[-1][0]:
@@ -292,7 +320,9 @@ def _travel(name: str, direction: int, begin_s: float, end_s: float, path: _Path
 
 
 def _cause(lanes: Iterable[SwitchLane], since_s: float, until_s: float) -> tuple[float, str]:
-    """Return the moment and the name of the switch that changed last before a phase; without one the phase begins by itself."""
+    """Return the moment and the name of the switch that changed last before a phase; without one the phase
+    begins by itself.
+    """
     found = [
         (edge.time_s, f"{lane.name} {'reached' if edge.active else 'left'}")
         for lane in lanes
@@ -314,7 +344,9 @@ def _widen(lane: SwitchLane, path: _Path, begin_s: float, end_s: float) -> None:
 
 
 def _thinned(path: _Path, moments: Iterable[float]) -> list[list[float]]:
-    """Return the points that a picture needs: as soon as position or velocity have moved visibly, and at every moment of a step."""
+    """Return the points that a picture needs: as soon as position or velocity have moved visibly, and at
+    every moment of a step.
+    """
     extent = max(float(np.ptp(path.position)), 1e-9) / _FINE
     speed = max(float(np.ptp(path.velocity)), 1e-9) / _FINE
     always = {int(np.searchsorted(path.time, moment)) for moment in moments}

@@ -1,4 +1,6 @@
-"""The kinds of events that a bench writes into its log, with what they tell: a trigger on any other would never fire."""
+"""The kinds of events that a bench writes into its log, with what they tell: a trigger on any other would
+never fire.
+"""
 
 from __future__ import annotations
 
@@ -31,9 +33,11 @@ EVENT_KINDS: Final = MappingProxyType(
         "can.overrun": "a transmit queue is full",
         "can.status": "a node changes its error state",
         "controller.encoder_data_refused": "adjustment data on the memory card do not fit",
-        "controller.encoder_data_restored": "adjustments of absolute encoders are restored from the memory card",
+        "controller.encoder_data_restored": "adjustments of absolute encoders are restored from the "
+        "memory card",
         "controller.encoder_data_saved": "adjustments of absolute encoders are saved to the memory card",
-        "controller.initialised": "technology objects of the controller have got their start values: memory reset, download",
+        "controller.initialised": "technology objects of the controller have got their start values: memory "
+        "reset, download",
         "controller.state": "the controller changes its operating state",
         "drive.brake_test": "the safe brake test of a PROFIdrive axis has ended",
         "drive.communication_lost": "a PROFIdrive axis has lost its controller",

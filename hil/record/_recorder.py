@@ -29,8 +29,18 @@ class Group:
     """
 
     __slots__ = (
-        "_buffer", "_chunks", "_end", "_offset", "_pack_into", "_row", "_scheduler", "_stride", "columns", "enums", "name",
-    )  # fmt: skip
+        "_buffer",
+        "_chunks",
+        "_end",
+        "_offset",
+        "_pack_into",
+        "_row",
+        "_scheduler",
+        "_stride",
+        "columns",
+        "enums",
+        "name",
+    )
 
     def __init__(
         self,
@@ -158,7 +168,9 @@ class Recorder:
         return group
 
     def add_bus(self, name: str, log: FrameLog | Callable[[], FrameLog]) -> None:
-        """Take over the frame log of a segment: a growing list of (time_ns, sender, frame, error), or what returns it."""
+        """Take over the frame log of a segment: a growing list of (time_ns, sender, frame, error), or what
+        returns it.
+        """
         if not name or name in self._buses:
             raise ConfigurationError("recorder bus", name, "a new name")
         self._buses[name] = log if callable(log) else lambda: log

@@ -19,13 +19,16 @@ _SLACK_S = 5e-10
 
 @dataclass(slots=True)
 class Signal(ReportSignal):
-    """One column of a trace: `time_s` [s], `values` [`unit`], ascending in time; do not write to the arrays."""
+    """One column of a trace: `time_s` [s], `values` [`unit`], ascending in time; do not write to the
+    arrays.
+    """
 
     def __len__(self) -> int:
         return len(self.values)
 
     def at(self, time_s: float) -> float:
-        """Return the value in force at `time_s`: the last sample not later (the first one before all samples).
+        """Return the value in force at `time_s`: the last sample not later (the first one before all
+        samples).
 
         Raises:
             ConfigurationError: The signal has no samples.
@@ -73,7 +76,9 @@ class Signal(ReportSignal):
         return times
 
     def changes(self) -> list[tuple[float, float]]:
-        """Return time and new value of every change, the first sample included: the change log of a word (DIA-111)."""
+        """Return time and new value of every change, the first sample included: the change log of a word
+        (DIA-111).
+        """
         values = self.values
         if len(values) == 0:
             return []

@@ -64,7 +64,8 @@ def _can_body(frame: Any, data: bytes, tail: str) -> bytes:
 def _can_log(bus: str, log: Sequence[tuple[int, str, Any, str]]) -> Iterator[tuple[int, bytes]]:
     """Return time and canonical bytes of the frames of a CAN segment.
 
-    The bytes behind the time are made once of a frame that is sent again and again, as one is that nobody acknowledges.
+    The bytes behind the time are made once of a frame that is sent again and again, as one is that nobody
+    acknowledges.
     """
     if isinstance(log, PackedFrames):
         # Its frames are made anew each time, so that they cannot be told by their identity.
@@ -123,8 +124,11 @@ def event_json(entry: Event) -> str:
     """Return an event as canonical JSON: fixed key order, no blanks, shortest floats."""
     return json.dumps(
         [entry.time_ns, entry.source, entry.kind, entry.data],
-        sort_keys=True, separators=(",", ":"), ensure_ascii=True, default=_plain,
-    )  # fmt: skip
+        sort_keys=True,
+        separators=(",", ":"),
+        ensure_ascii=True,
+        default=_plain,
+    )
 
 
 def _plain(value: Any) -> Any:
@@ -217,11 +221,14 @@ class Trace:
 
     @property
     def from_log(self) -> bool:
-        """Whether it was read from a log of somebody else, which cannot tell everything and may end anywhere."""
+        """Whether it was read from a log of somebody else, which cannot tell everything and may end
+        anywhere.
+        """
         return self.vocabulary is not None and bool(self.vocabulary.kinds)
 
     def silences(self, component: str, *, values: bool = True) -> list[tuple[float, float, str]]:
-        """Return when a component (empty: any) was not heard of in a log: begin and end (s), who and why; on a bench never.
+        """Return when a component (empty: any) was not heard of in a log: begin and end (s), who and why; on
+        a bench never.
 
         With `values` also when it sent no process data, though it told of itself otherwise.
         """
@@ -276,9 +283,18 @@ class Trace:
         protocol = protocol_of(log)
         for time_ns, sender, frame, error in log:
             yield TraceFrame(
-                time_ns, bus, sender, frame.can_id, bytes(frame.data), bool(frame.extended), bool(frame.remote),
-                frame.dlc, error, protocol, frame.note if protocol != "can" else "",
-            )  # fmt: skip
+                time_ns,
+                bus,
+                sender,
+                frame.can_id,
+                bytes(frame.data),
+                bool(frame.extended),
+                bool(frame.remote),
+                frame.dlc,
+                error,
+                protocol,
+                frame.note if protocol != "can" else "",
+            )
 
     def raw_frames(self, bus: str) -> Sequence[tuple[int, str, Any, str]]:
         """Return the frame log of a bus as the segment kept it."""

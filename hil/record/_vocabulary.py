@@ -1,4 +1,6 @@
-"""What can be in a recording at all, so that a question with a slip of the pen is refused and not answered with "never"."""
+"""What can be in a recording at all, so that a question with a slip of the pen is refused and not answered
+with "never".
+"""
 
 from __future__ import annotations
 
@@ -115,10 +117,12 @@ class Vocabulary:
 def check_selector(trace: Worded, selector: EventSelector) -> None:
     """Refuse a question for an event that cannot be in this trace.
 
-    Kinds and details are known of every trace; components, jobs and other words of those that a bench has made.
+    Kinds and details are known of every trace; components, jobs and other words of those that a bench has
+    made.
 
     Raises:
-        RecordingError: There is no such kind, component, detail, state, job or other word; the message names what there is.
+        RecordingError: There is no such kind, component, detail, state, job or other word; the message
+            names what there is.
         NotRecordedError: There is, but a recording like this one does not hold it.
 
     """
@@ -151,7 +155,8 @@ def check_component(trace: Worded, name: str, where: str) -> None:
 
 
 def check_word(trace: Worded, kind: str, detail: str, value: Scalar, where: str) -> None:
-    """Refuse a word that a detail of an event never has, as far as the bench of this trace has told its words.
+    """Refuse a word that a detail of an event never has, as far as the bench of this trace has told its
+    words.
 
     Raises:
         RecordingError: It is none of the known words.
@@ -208,7 +213,8 @@ def _check_details(kind: str, details: Mapping[str, Scalar], alike: list[Event])
     for key in details:
         if key not in known:
             raise RecordingError(
-                f"event {kind}: no detail {key!r}; it has: {', '.join(sorted(known))} (the n-th event is nth=n)"
+                f"event {kind}: no detail {key!r}; it has: {', '.join(sorted(known))} (the n-th event is "
+                f"nth=n)"
             )
 
 

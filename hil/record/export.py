@@ -24,10 +24,10 @@ _NS: Final = 1e-9
 def write_signals(trace: Trace, path: str | Path, names: Sequence[str] = ()) -> Path:
     """Write signals of a trace; the suffix of `path` says in which format.
 
-    * `.mf4`: a channel group per component, with units, the texts of states as conversion, and time in seconds. Needs the extra
-      `mdf` (`pip install motion-hil[mdf]`).
-    * `.csv`: a row per sample, `time_s` first; where components were sampled at different times a field is empty. Numbers are
-      written so that reading gives back the same float64; a header line has `name [unit]`.
+    * `.mf4`: a channel group per component, with units, the texts of states as conversion, and time in
+      seconds. Needs the extra `mdf` (`pip install motion-hil[mdf]`).
+    * `.csv`: a row per sample, `time_s` first; where components were sampled at different times a field is
+      empty. Numbers are written so that reading gives back the same float64; a header line has `name [unit]`.
     * `.npz`: arrays `name` and, per component, `component.time_ns` (int64) and `component.time_s`.
 
     Args:

@@ -46,8 +46,8 @@ class AlarmError(HilError):
 def severity(reaction: int) -> int:
     """Return the place of an alarm reaction in the order of importance; only the order means something.
 
-    Removing the enable, tracking, emergency stop, maximum dynamics, current dynamics, none (TA-004; STP-432 to
-    STP-435).
+    Removing the enable, tracking, emergency stop, maximum dynamics, current dynamics, none (TA-004; STP-432
+    to STP-435).
 
     Raises:
         AlarmError: There is no such reaction of an axis or encoder.
@@ -60,7 +60,8 @@ def severity(reaction: int) -> int:
 
 
 def stop_mode_severity(mode: int) -> int:
-    """Return the severity of `MC_Stop` with `Mode` 0, 2 or 3, on the scale of `severity` (STP-433 to STP-435).
+    """Return the severity of `MC_Stop` with `Mode` 0, 2 or 3, on the scale of `severity` (STP-433 to
+    STP-435).
 
     Raises:
         AlarmError: There is no such mode.

@@ -38,7 +38,9 @@ class PendingAlarm:
 
     @property
     def priority(self) -> tuple[int, int, int]:
-        """Sort key of `ErrorDetail`: effect, then class, then the earlier one; the largest is shown (TA-004)."""
+        """Sort key of `ErrorDetail`: effect, then class, then the earlier one; the largest is shown
+        (TA-004).
+        """
         return severity(self.reaction), _CLASS_RANK[self.entry.alarm_class], -self.sequence
 
     @property
@@ -70,14 +72,15 @@ class _Cause(NamedTuple):
 class AlarmEngine:
     """The technology alarms of one technology object.
 
-    It decides what is pending and what the data block shows. What an alarm does to the object is left to `on_alarm`,
-    which is called at the moment of raising, after the words have changed.
+    It decides what is pending and what the data block shows. What an alarm does to the object is left to
+    `on_alarm`, which is called at the moment of raising, after the words have changed.
 
     Args:
         name: Source of history events.
-        object_type: Type of the technology object; it decides which alarms are possible and the reaction shown.
-        history: Log for `alarm.raised`, `alarm.gone` (a cause held by `set_cause` has ended, the alarm is still pending),
-            `alarm.acknowledged` and `alarm.cleared`.
+        object_type: Type of the technology object; it decides which alarms are possible and the reaction
+            shown.
+        history: Log for `alarm.raised`, `alarm.gone` (a cause held by `set_cause` has ended, the alarm is
+            still pending), `alarm.acknowledged` and `alarm.cleared`.
         on_alarm: Called with every new alarm, and with a pending one whose reaction became stronger.
 
     """
@@ -114,7 +117,8 @@ class AlarmEngine:
         self.diagnostic_buffer: list[DiagnosticEntry] = []
         """Alarms that the system records in its diagnostic buffer, in the order of raising (TA-011)."""
 
-    # -- state ------------------------------------------------------------------------------------------------
+    # -- state
+    # ------------------------------------------------------------------------------------------------
 
     @property
     def error(self) -> bool:
@@ -139,7 +143,8 @@ class AlarmEngine:
         """Return whether the cause of alarm `number` is held by `set_cause`."""
         return number in self._causes
 
-    # -- raising ----------------------------------------------------------------------------------------------
+    # -- raising
+    # ----------------------------------------------------------------------------------------------
 
     def raise_alarm(
         self,
@@ -154,7 +159,8 @@ class AlarmEngine:
 
         Args:
             number: Number in the catalogue.
-            reaction: One of the alarm's reactions, for those that depend on the configuration; None takes the usual.
+            reaction: One of the alarm's reactions, for those that depend on the configuration; None takes
+                the usual.
             info: Supplementary value; it numbers the causes of the catalogue from 1 (TA-013).
             text: Detail in place of the cause from the catalogue.
             restart: Whether only a restart clears it, for an alarm where that depends on the cause (531).
@@ -203,8 +209,8 @@ class AlarmEngine:
     ) -> None:
         """Say whether the cause of an alarm is present; cheap to call in every cycle.
 
-        A cause raises its alarm, and again after each acknowledgement while it lasts (TA-007). When it goes, the alarm
-        stays until it is acknowledged.
+        A cause raises its alarm, and again after each acknowledgement while it lasts (TA-007). When it goes,
+        the alarm stays until it is acknowledged.
 
         Raises:
             AlarmError: As `raise_alarm`.
@@ -222,7 +228,9 @@ class AlarmEngine:
         self.raise_alarm(number, reaction=reaction, info=info, text=text, restart=restart)
 
     def update(self) -> None:
-        """Raise the alarms again that have been acknowledged although their cause is present; once per cycle."""
+        """Raise the alarms again that have been acknowledged although their cause is present; once per
+        cycle.
+        """
         if not self._waiting:
             return
         self._waiting = False
@@ -230,7 +238,8 @@ class AlarmEngine:
             if number not in self._pending:
                 self.raise_alarm(number, **cause._asdict())
 
-    # -- clearing ---------------------------------------------------------------------------------------------
+    # -- clearing
+    # ---------------------------------------------------------------------------------------------
 
     def acknowledge(self) -> tuple[int, ...]:
         """Clear all alarms but those that need a restart (`MC_Reset`; TA-007, TA-008).
@@ -242,7 +251,9 @@ class AlarmEngine:
         return self._clear([number for number, alarm in self._pending.items() if not alarm.restart])
 
     def restart(self) -> tuple[int, ...]:
-        """Clear all alarms (`MC_Reset` with `Restart` = TRUE; STP-079); returns an empty tuple, as `acknowledge`."""
+        """Clear all alarms (`MC_Reset` with `Restart` = TRUE; STP-079); returns an empty tuple, as
+        `acknowledge`.
+        """
         return self._clear(list(self._pending))
 
     def power_down(self) -> None:
@@ -272,7 +283,8 @@ class AlarmEngine:
         """
         self._check(alarm(number), reaction, None)
 
-    # -- inside -----------------------------------------------------------------------------------------------
+    # -- inside
+    # -----------------------------------------------------------------------------------------------
 
     def _check(self, entry: AlarmEntry, reaction: int | None, restart: bool | None) -> int:
         """Return the reaction to use; refuse what the catalogue does not provide for."""

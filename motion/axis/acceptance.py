@@ -69,7 +69,8 @@ class JobAcceptance(SetpointPlanning):
             return NO_ERROR
         job.start(axis.name, axis.history)
         if active is not None and not aborts(job.job_class, active.job_class):
-            # MC_Halt Mode 1 on top of MC_Halt Mode 0: without superimposed motion both end at the same zero (OVR-089).
+            # MC_Halt Mode 1 on top of MC_Halt Mode 0: without superimposed motion both end at the same zero
+            # (OVR-089).
             self.queue.append(job)
             return NO_ERROR
         if axis.homings and aborts(job.job_class, JobClass.PASSIVE_HOMING):
@@ -82,7 +83,9 @@ class JobAcceptance(SetpointPlanning):
         return NO_ERROR
 
     def submit_superimposed(self, job: Job) -> int:
-        """Let `job` move the axis by its distance, or halt that, on top of what it does; or return an ErrorID (OVR-016)."""
+        """Let `job` move the axis by its distance, or halt that, on top of what it does; or return an ErrorID
+        (OVR-016).
+        """
         axis = self._axis
         state = axis.state
         if state is AxisState.RESTARTING:
@@ -129,7 +132,9 @@ class JobAcceptance(SetpointPlanning):
         return NO_ERROR
 
     def submit_stop(self, job: Job) -> int:
-        """Take an `MC_Stop` job over, end it with `CommandAborted`, or return the ErrorID of its rejection."""
+        """Take an `MC_Stop` job over, end it with `CommandAborted`, or return the ErrorID of its
+        rejection.
+        """
         axis = self._axis
         state = axis.state
         severity = _STOP_SEVERITY[job.mode]
@@ -141,8 +146,10 @@ class JobAcceptance(SetpointPlanning):
             job.abort()
             return NO_ERROR
         if not axis.facts.enabled or state in (
-            AxisState.DISABLING_RAMP, AxisState.DISABLING_QUICK, AxisState.DISABLING_COAST,
-        ):  # fmt: skip
+            AxisState.DISABLING_RAMP,
+            AxisState.DISABLING_QUICK,
+            AxisState.DISABLING_COAST,
+        ):
             return ERROR_LOCKED
         job.start(axis.name, axis.history)
         acknowledged = state is AxisState.ALARM_RAMP and not (
@@ -249,7 +256,9 @@ class JobAcceptance(SetpointPlanning):
             axis.set_state(AxisState.HALTING)
 
     def control_position_of(self, job: Job) -> None:
-        """Switch position control as `job` wants it; what is superimposed ends where there is none (MC-098 to MC-103)."""
+        """Switch position control as `job` wants it; what is superimposed ends where there is none (MC-098 to
+        MC-103).
+        """
         controlled = job.position_controlled
         if controlled is None or controlled is self.position_controlled or not self._axis.has_position:
             return

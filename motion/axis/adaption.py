@@ -1,9 +1,9 @@
 """Automatic transfer of drive and encoder parameters at start-up (CFG section 18, VAR-106).
 
-Setpoints and actual values are shares of reference values, so controller and drive must have the same ones. Where
-`Actor.DataAdaption` or `Sensor[n].DataAdaption` says so, they are read from the drive: after every (re)initialisation of the
-technology object, and whenever the drive comes back. Nothing waits: a request is put, its answer comes by a call, and the
-axis cannot be enabled before.
+Setpoints and actual values are shares of reference values, so controller and drive must have the same ones.
+Where `Actor.DataAdaption` or `Sensor[n].DataAdaption` says so, they are read from the drive: after every
+(re)initialisation of the technology object, and whenever the drive comes back. Nothing waits: a request is
+put, its answer comes by a call, and the axis cannot be enabled before.
 """
 
 from __future__ import annotations
@@ -69,7 +69,9 @@ class AlarmSink(Protocol):
 
 
 class Read(NamedTuple):
-    """A parameter to be read, and the number of the cause in the alarm if that fails (TA-013); 0 = the transfer goes on without it."""
+    """A parameter to be read, and the number of the cause in the alarm if that fails (TA-013); 0 = the
+    transfer goes on without it.
+    """
 
     number: int
     element: int
@@ -106,9 +108,21 @@ class _Transfer:
     """One part: the drive, or one encoder. `take` turns the values read into variables."""
 
     __slots__ = (
-        "_age", "_at", "_axis_name", "_history", "_values", "alarm", "prefix", "reads", "selected", "source", "state", "state_path",
-        "store", "unused_cause",
-    )  # fmt: skip
+        "_age",
+        "_at",
+        "_axis_name",
+        "_history",
+        "_values",
+        "alarm",
+        "prefix",
+        "reads",
+        "selected",
+        "source",
+        "state",
+        "state_path",
+        "store",
+        "unused_cause",
+    )
 
     def __init__(
         self,
@@ -148,7 +162,9 @@ class _Transfer:
             )
 
     def begin(self, on_end: Callable[[_Transfer, list[float] | None, str, int], None]) -> None:
-        """Read everything, one after the other; `on_end` gets the values, or None with the reason and its number."""
+        """Read everything, one after the other; `on_end` gets the values, or None with the reason and its
+        number.
+        """
         self._age += 1
         age = self._age
         self._values = []
@@ -231,16 +247,24 @@ class Adaption:
         self._apply = apply
         self._done_once: dict[str, tuple[Any, ...]] = {}
         self.ready = True
-        """Whether nothing stands against enabling: everything that is selected is transferred (CFG-353, CFG-354)."""
+        """Whether nothing stands against enabling: everything that is selected is transferred (CFG-353,
+        CFG-354).
+        """
         parts = []
         if drive is not None:
             dsc = store.object_type != "SpeedAxis" and store.read("PositionControl.EnableDSC")
             parts.append(
                 _Transfer(
-                    store, drive, prefix="Actor", state_path="StatusDrive.AdaptionState", alarm=ALARM_DRIVE_TRANSFER,
-                    reads=(*_DRIVE_READS, *_INERTIA_READS) if dsc else _DRIVE_READS, name=name, history=history,
+                    store,
+                    drive,
+                    prefix="Actor",
+                    state_path="StatusDrive.AdaptionState",
+                    alarm=ALARM_DRIVE_TRANSFER,
+                    reads=(*_DRIVE_READS, *_INERTIA_READS) if dsc else _DRIVE_READS,
+                    name=name,
+                    history=history,
                 )
-            )  # fmt: skip
+            )
         for number, encoder in enumerate(encoders, start=1):
             place = "" if store.object_type == "ExternalEncoder" else f"[{number}]"
             prefix = f"Sensor{place}"
@@ -248,11 +272,16 @@ class Adaption:
                 continue
             parts.append(
                 _Transfer(
-                    store, encoder, prefix=prefix, state_path=f"StatusSensor{place}.AdaptionState",
-                    alarm=ALARM_ENCODER_TRANSFER, reads=_encoder_reads(store.read(f"{prefix}.Interface.Number")),
-                    name=name, history=history,
+                    store,
+                    encoder,
+                    prefix=prefix,
+                    state_path=f"StatusSensor{place}.AdaptionState",
+                    alarm=ALARM_ENCODER_TRANSFER,
+                    reads=_encoder_reads(store.read(f"{prefix}.Interface.Number")),
+                    name=name,
+                    history=history,
                 )
-            )  # fmt: skip
+            )
         for part in parts:
             part.selected = part.selected and not simulated
             part.set_state(NOT_ADAPTED if part.selected else NOT_APPLICABLE)
@@ -297,7 +326,8 @@ class Adaption:
             part.cancel()
         self._parts = ()
 
-    # -- what has been read -------------------------------------------------------------------------------------
+    # -- what has been read
+    # -------------------------------------------------------------------------------------
 
     def _end(self, part: _Transfer, values: list[float] | None, reason: str, cause: int) -> None:
         if values is None:
@@ -359,7 +389,9 @@ class Adaption:
         return changes
 
     def _inertias(self, motor: float, load: float, *, linear: bool) -> dict[str, Any]:
-        """Return the inertias of the drive, p0341 and p1498, the second one as it is at the load (CFG-575 to CFG-577, CFG-581)."""
+        """Return the inertias of the drive, p0341 and p1498, the second one as it is at the load (CFG-575 to
+        CFG-577, CFG-581).
+        """
         read = self._store.read
         changes: dict[str, Any] = {}
         if motor >= 0.0:
@@ -387,9 +419,11 @@ class Adaption:
         absolute = self._store.read(f"{prefix}.Type") != 0
         if absolute is not (revolutions > 0):
             self._alarms.raise_alarm(
-                ALARM_ENCODER_DIFFERS, info=2 if absolute else 5,
-                text=f"{prefix}.Type = {self._store.read(f'{prefix}.Type')}, p0979 has {revolutions:g} revolutions",
-            )  # fmt: skip
+                ALARM_ENCODER_DIFFERS,
+                info=2 if absolute else 5,
+                text=f"{prefix}.Type = {self._store.read(f'{prefix}.Type')}, p0979 has {revolutions:g} "
+                f"revolutions",
+            )
         place = f"{prefix}.Parameter."
         changes: dict[str, Any] = {
             f"{prefix}.System": 0 if linear else 1,

@@ -1,4 +1,6 @@
-"""What a technology axis consists of, made of its variables: ratios, limits, encoders, controller, transfer of parameters."""
+"""What a technology axis consists of, made of its variables: ratios, limits, encoders, controller, transfer
+of parameters.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,9 @@ class AxisAssembly:
 
     object_type: ClassVar[str] = ""
     kinds: ClassVar[tuple[str, ...]] = ()
-    """Types of technology objects as which instructions take it: its own, and the one whose functions it contains."""
+    """Types of technology objects as which instructions take it: its own, and the one whose functions it
+    contains.
+    """
     has_position: ClassVar[bool] = False
 
     name: str
@@ -84,7 +88,9 @@ class AxisAssembly:
         return cast("TechnologyAxis", self)
 
     def check(self, *, start: bool) -> list[Problem]:
-        """Return what does not fit together, in the values in force or in the start values of the next restart."""
+        """Return what does not fit together, in the values in force or in the start values of the next
+        restart.
+        """
         read = self.variables.start_value if start else self.variables.read
         port = self.drive_port
         number = port.telegram_number
@@ -137,9 +143,15 @@ class AxisAssembly:
             self.adaption.close()
         sources = self.encoder_ports if self.has_position else ()
         adaption = Adaption(
-            store, self.drive_port, sources, self.alarms, self.derive, simulated=simulated, name=self.name,
+            store,
+            self.drive_port,
+            sources,
+            self.alarms,
+            self.derive,
+            simulated=simulated,
+            name=self.name,
             history=self.history,
-        )  # fmt: skip
+        )
         self.adaption = adaption
         self._adapting = adaption if adaption.active else None
         if self.history is not None:
@@ -224,9 +236,12 @@ class AxisAssembly:
         self._build_control()
         self.take_sensor(self.operative_sensor)
         self.leading_value = LeadingValue(
-            store, cycle_s=self.interpolator_s, acquisition_s=self.acquisition_s, feedback=lambda: self.feedback,
+            store,
+            cycle_s=self.interpolator_s,
+            acquisition_s=self.acquisition_s,
+            feedback=lambda: self.feedback,
             setpoint=self._axis.motion.setpoint,
-        )  # fmt: skip
+        )
         self._leading = self.leading_value.in_use()
 
     def _gives_leading_value(self) -> bool:
@@ -236,7 +251,9 @@ class AxisAssembly:
         return any(read(output.format(number)) for number in range(1, 33))
 
     def _delay(self) -> float:
-        """Return T_i + T_o + T_DC + T_servo, s: of a direct connection as it is, of a data block as it is told (CFG-263)."""
+        """Return T_i + T_o + T_DC + T_servo, s: of a direct connection as it is, of a data block as it is
+        told (CFG-263).
+        """
         if self.simulated:
             return self.cycle_s
         if self.connection == "data_block":
@@ -247,13 +264,17 @@ class AxisAssembly:
 
     @property
     def acquisition_s(self) -> float:
-        """T_i, how old an actual value is when the axis takes it, s; of a direct connection half of what is not T_servo."""
+        """T_i, how old an actual value is when the axis takes it, s; of a direct connection half of what is
+        not T_servo.
+        """
         if self.connection == "data_block" and not self.simulated:
             return float(self.variables.parameter(1010).value)
         return max(0.0, 0.5 * (self.delay_s - self.cycle_s))
 
     def setpoint_execution_s(self) -> float:
-        """`StatusPositioning.SetpointExecutionTime`: T_ipo, T_vtc or 1 / Kv, T_o and T_DC, s (VAR-115, SYN-063)."""
+        """`StatusPositioning.SetpointExecutionTime`: T_ipo, T_vtc or 1 / Kv, T_o and T_DC, s (VAR-115,
+        SYN-063).
+        """
         read = self.variables.bind
         if read("PositionControl.Kpc").value > 0.0:
             lag = read("DynamicAxisModel.VelocityTimeConstant").value
@@ -304,7 +325,9 @@ class AxisAssembly:
         self.controller.quantum = self._control_quantum()
 
     def _control_quantum(self) -> float:
-        """Return the quantum of the control difference, axis unit: none, the encoder's resolution, or a value (CFG-379 to 381)."""
+        """Return the quantum of the control difference, axis unit: none, the encoder's resolution, or a value
+        (CFG-379 to 381).
+        """
         read = self.variables.read
         mode = read("PositionControl.ControlDifferenceQuantization.Mode")
         if mode == 1:

@@ -51,15 +51,20 @@ class TechnologyAxis(ServoCycle):
         variables: Start values by their original path, for example `{"DynamicLimits.MaxVelocity": 500.0}`.
         history: Event log, or None.
         delay_s: Time from a setpoint to the actual value that it makes, without the lag of the drive
-            (`T_i + T_o + T_DC + T_servo`), s; default two cycles. With a data block the parameters 1010 to 1012 say it.
-        encoders: Where the values of `Sensor[1]`, `Sensor[2]`, ... come from; None = of one encoder, that of the drive.
-        connection: `direct`, or `data_block`: a user program stands between telegram and axis (CFG section 13).
-        cpu: Controller that the object belongs to, one of `motion.compatibility.LEVELS`; it decides how many encoders an
-            axis has (CFG-177) and what instructions offer.
-        ramp_times: Ramps as times in s, in place of accelerations, by the names of `motion.axis.ramp_times.RAMPS`.
+            (`T_i + T_o + T_DC + T_servo`), s; default two cycles. With a data block the parameters 1010 to
+            1012 say it.
+        encoders: Where the values of `Sensor[1]`, `Sensor[2]`, ... come from; None = of one encoder, that
+            of the drive.
+        connection: `direct`, or `data_block`: a user program stands between telegram and axis (CFG
+            section 13).
+        cpu: Controller that the object belongs to, one of `motion.compatibility.LEVELS`; it decides how
+            many encoders an axis has (CFG-177) and what instructions offer.
+        ramp_times: Ramps as times in s, in place of accelerations, by the names of
+            `motion.axis.ramp_times.RAMPS`.
 
     Raises:
-        ConfigurationError: A variable does not exist, its value is out of range, or values do not fit together.
+        ConfigurationError: A variable does not exist, its value is out of range, or values do not fit
+            together.
 
     """
 
@@ -141,9 +146,13 @@ class TechnologyAxis(ServoCycle):
         self._setpoint_due = False
         self._resets: list[Reset] = []
         self.station_inputs: Callable[[DrivePort], bool] | None = None
-        """Puts the switches at an I/O station into the inputs of the port, once per cycle; returns whether it answers."""
+        """Puts the switches at an I/O station into the inputs of the port, once per cycle; returns whether it
+        answers.
+        """
         self.inputs_in_servo = True
-        """Limit switches are read in the servo cycle (`PIP OB Servo`); else with the call of the program (LIM-025)."""
+        """Limit switches are read in the servo cycle (`PIP OB Servo`); else with the call of the program
+        (LIM-025).
+        """
         self.data_blocks = DataBlocks()
         """Global data blocks of the controller, of which a bit can be a limit switch."""
         self.master: object | None = None
@@ -173,7 +182,8 @@ class TechnologyAxis(ServoCycle):
         if self.has_position:
             self.trace_columns = unit_names(self)
 
-    # -- state ------------------------------------------------------------------------------------------------
+    # -- state
+    # ------------------------------------------------------------------------------------------------
 
     def set_state(self, state: AxisState) -> None:
         """Change the state and record it."""
@@ -231,7 +241,8 @@ class TechnologyAxis(ServoCycle):
         """Warn that a restart was asked for that is not possible now."""
         self.alarms.raise_alarm(ALARM_RESTART_REFUSED)
 
-    # -- cycle ------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------
 
     def cycle(self) -> None:
         """Run one application cycle: inputs, monitoring, state, setpoint, control, outputs."""
@@ -258,7 +269,8 @@ class TechnologyAxis(ServoCycle):
         facts = self.facts
         if facts.controlled and not enabling.switching_off:
             if motion.limits_assigned:
-                motion.follow_limits()  # so that the look-ahead of the software limits sees what becomes of the motion
+                # So that the look-ahead of the software limits sees what becomes of the motion.
+                motion.follow_limits()
             if has_position and motion.position_controlled:
                 self.limits.check_software()
             gen: SetpointGenerator | Superposition | FineInterpolation
@@ -275,7 +287,8 @@ class TechnologyAxis(ServoCycle):
                     output = self.close_loop(gen)
                     self.monitoring.step(controlled=True)
                     if self.torque.detects:
-                        self.torque.step()  # behind the monitoring, which comes first where both are due (STP-163)
+                        # Behind the monitoring, which comes first where both are due (STP-163).
+                        self.torque.step()
                 else:
                     self.controller.follow(gen.s if fine is None else feedback.position)
                     output = gen.v
@@ -293,7 +306,8 @@ class TechnologyAxis(ServoCycle):
                 motion.gen.set_state(
                     feedback.position, 0.0
                 )  # follow-up: position tracks, speed setpoint zero (CTL-003)
-            # Otherwise the drive is being switched off: the setpoint stays where its ramp has ended (STP-306).
+            # Otherwise the drive is being switched off: the setpoint stays where its ramp has ended
+            # (STP-306).
             if has_position:
                 self.controller.follow(feedback.position)
                 self.limits.check_actual(controlled=False)
@@ -310,8 +324,9 @@ class TechnologyAxis(ServoCycle):
     def setpoint_delay_s(self) -> float:
         """Time by which a setpoint that is taken from the actual values has to be ahead of them, s.
 
-        It is the transport delay and, with velocity precontrol, the time constant of the drive. Between reading the
-        actual values and the setpoint of the same cycle it is one cycle less, because the setpoint still advances.
+        It is the transport delay and, with velocity precontrol, the time constant of the drive. Between
+        reading the actual values and the setpoint of the same cycle it is one cycle less, because the
+        setpoint still advances.
         """
         delay = self.delay_s - self.cycle_s if self._setpoint_due else self.delay_s
         if not self.has_position:
@@ -324,12 +339,14 @@ class TechnologyAxis(ServoCycle):
     def trace_row(self) -> tuple[float, ...]:
         """Return the values of `trace_columns` for the present cycle."""
         if self.alarms.engine.error_word != self._error_word_shown:
-            # An instruction has raised an alarm after the cycle: the words of one row belong together (DIA-110).
+            # An instruction has raised an alarm after the cycle: the words of one row belong together
+            # (DIA-110).
             self.status_word = status_word(self)
             self._error_word_shown = self.alarms.engine.error_word
         return trace_row(self)
 
-    # -- variables under their original paths -----------------------------------------------------------------
+    # -- variables under their original paths
+    # -----------------------------------------------------------------
 
     def var(self, path: str) -> Any:
         """Return a variable of the technology data block by its original path; bits as `StatusWord.X7`.
@@ -347,7 +364,9 @@ class TechnologyAxis(ServoCycle):
         return self.variables.read(path)
 
     def write(self, path: str, value: Any) -> None:
-        """Assign a variable like the user program does; the access class decides when it acts (VAR-001 to VAR-015)."""
+        """Assign a variable like the user program does; the access class decides when it acts (VAR-001 to
+        VAR-015).
+        """
         self.variables.write(path, value)
 
 
@@ -384,7 +403,9 @@ class PositioningAxis(TechnologyAxis):
         return f"Sensor[{number}]"
 
     def homing_switch(self, path: str) -> bool:
-        """Return whether reference cam or homing input is active: its level is `path.SwitchLevel` (HOM-057, HOM-062)."""
+        """Return whether reference cam or homing input is active: its level is `path.SwitchLevel` (HOM-057,
+        HOM-062).
+        """
         level: bool = self.variables.read(f"{path}.SwitchLevel")
         return (self.port.inputs & self.homing_input != 0) is level
 

@@ -1,9 +1,10 @@
 """Backlash compensation of a motor encoder (CFG section 26).
 
-Axis position = motor position + offset; the offset is 0 after positive motion and the size of the backlash after negative
-motion. While the axis is position-controlled, a reversal of the setpoint moves the offset to its other end, and the control
-difference that this makes lets the motor pass the backlash. Otherwise, and while another encoder is in control, the offset follows
-the motor: the position stays while the motor moves within the backlash.
+Axis position = motor position + offset; the offset is 0 after positive motion and the size of the backlash
+after negative motion. While the axis is position-controlled, a reversal of the setpoint moves the offset to
+its other end, and the control difference that this makes lets the motor pass the backlash. Otherwise, and
+while another encoder is in control, the offset follows the motor: the position stays while the motor moves
+within the backlash.
 """
 
 from __future__ import annotations
@@ -29,10 +30,25 @@ class Backlash:
     """
 
     __slots__ = (
-        "_armed", "_axis", "_base", "_direction", "_first", "_homing_direction", "_last", "_offset", "_rest", "_restarts", "_seen", "_size",
-        "_velocity", "_waits",
-        "enabled", "feedback", "passing", "used",
-    )  # fmt: skip
+        "_armed",
+        "_axis",
+        "_base",
+        "_direction",
+        "_first",
+        "_homing_direction",
+        "_last",
+        "_offset",
+        "_rest",
+        "_restarts",
+        "_seen",
+        "_size",
+        "_velocity",
+        "_waits",
+        "enabled",
+        "feedback",
+        "passing",
+        "used",
+    )
 
     def __init__(self, axis: TechnologyAxis, feedback: Feedback, prefix: str) -> None:
         bind = axis.variables.bind
@@ -55,14 +71,18 @@ class Backlash:
             self._assume_flank()
 
     def _assume_flank(self) -> None:
-        """Take it that the flank is the one that was touched when the absolute encoder was adjusted (CFG-568)."""
+        """Take it that the flank is the one that was touched when the absolute encoder was adjusted
+        (CFG-568).
+        """
         self._armed = True
         self._direction = 1.0 if self._homing_direction.value == 0 else -1.0
         self._offset = 0.0 if self._direction > 0.0 else self._size.value
         self._base = -self._offset
 
     def _begin(self, motor: float) -> None:
-        """Wait until the whole backlash has been passed in one direction: before, nobody knows which flank is touched."""
+        """Wait until the whole backlash has been passed in one direction: before, nobody knows which flank is
+        touched.
+        """
         self._armed = False
         self._first = self._last = motor
         self._offset = self._base = self._rest = 0.0

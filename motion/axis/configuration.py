@@ -1,4 +1,6 @@
-"""Which configurations of a technology object fit together, and what is adjusted instead (CFG sections 4 to 18, alarms 101, 110)."""
+"""Which configurations of a technology object fit together, and what is adjusted instead (CFG sections 4 to
+18, alarms 101, 110).
+"""
 
 from __future__ import annotations
 
@@ -38,8 +40,13 @@ _ROTARY: Final = 1
 _LINEAR_MOTOR: Final = 1
 _LINEAR_SYSTEM: Final = 0
 _HIGH_RESOLUTION_LIMIT: Final = 1.0e9
-_POSITIONS: Final = ("PositionLimits_SW.MinPosition", "PositionLimits_SW.MaxPosition", "Modulo.StartValue", "Modulo.Length",
-                     "Homing.HomePosition")  # fmt: skip
+_POSITIONS: Final = (
+    "PositionLimits_SW.MinPosition",
+    "PositionLimits_SW.MaxPosition",
+    "Modulo.StartValue",
+    "Modulo.Length",
+    "Homing.HomePosition",
+)
 _DYNAMICS: Final = tuple(
     f"{group}.{name}"
     for group, names in (
@@ -128,9 +135,11 @@ def check_telegrams(object_type: str, drive: int | None, encoders: tuple[int, ..
             return Problem("encoder telegrams", encoders, "none: a speed axis has no encoder (CFG-174)")
     elif not encoders and drive not in DRIVE_WITH_ENCODER:
         return Problem(
-            "drive telegram", drive,
-            f"{_numbers(DRIVE_WITH_ENCODER)}, or an encoder with telegram {_numbers(ENCODER_TELEGRAMS)} beside it (CFG-201)",
-        )  # fmt: skip
+            "drive telegram",
+            drive,
+            f"{_numbers(DRIVE_WITH_ENCODER)}, or an encoder with telegram {_numbers(ENCODER_TELEGRAMS)} "
+            f"beside it (CFG-201)",
+        )
     return None
 
 
@@ -165,17 +174,21 @@ def check_configuration(
 
 
 def doubts(store: VariableStore) -> list[Problem]:
-    """Return what is permitted, but hardly meant: a flat emergency ramp (STP-126), communication times in ms (CFG-269)."""
+    """Return what is permitted, but hardly meant: a flat emergency ramp (STP-126), communication times in ms
+    (CFG-269).
+    """
     found = []
     emergency = store.read("DynamicDefaults.EmergencyDeceleration")
     maximum = store.read("DynamicLimits.MaxDeceleration")
     if emergency < maximum:
         found.append(
             Problem(
-                "DynamicDefaults.EmergencyDeceleration", emergency,
-                f"at least DynamicLimits.MaxDeceleration = {maximum:g}, or the axis stops behind its limit switch (STP-126)",
+                "DynamicDefaults.EmergencyDeceleration",
+                emergency,
+                f"at least DynamicLimits.MaxDeceleration = {maximum:g}, or the axis stops behind its limit "
+                f"switch (STP-126)",
             )
-        )  # fmt: skip
+        )
     for number in (1010, 1011, 1012):
         time = store.parameter(number)
         if time.value > _LONG_TIME_S:
@@ -244,16 +257,19 @@ class _Check:
         if (length in ANGLES) is not rotary:
             word, units = ("rotary", ANGLES) if rotary else ("linear", LENGTHS)
             yield Problem(
-                "Units.LengthUnit", length,
-                f"{_numbers(tuple(units))}: Properties.MotionType = {int(rotary)} is a {word} object (CFG-068, CFG-069)",
-            )  # fmt: skip
+                "Units.LengthUnit",
+                length,
+                f"{_numbers(tuple(units))}: Properties.MotionType = {int(rotary)} is a {word} object "
+                f"(CFG-068, CFG-069)",
+            )
         elif (VELOCITIES[velocity][0] in ANGLES) is not rotary:
             fitting = tuple(code for code, (way, _) in VELOCITIES.items() if (way in ANGLES) is rotary)
             word = "an angle" if rotary else "a length"
             yield Problem(
-                "Units.VelocityUnit", velocity,
+                "Units.VelocityUnit",
+                velocity,
                 f"{_numbers(fitting)}: Units.LengthUnit = {length} is {word} (CFG-078 to CFG-080)",
-            )  # fmt: skip
+            )
         if length in HIGH_RESOLUTION or velocity in HIGH_RESOLUTION:
             axis = self.kind != "ExternalEncoder"
             paths = (*_POSITIONS, *_DYNAMICS) if axis else ("Modulo.StartValue", "Modulo.Length")
@@ -265,25 +281,29 @@ class _Check:
         read = self.read
         if read(f"{prefix}.System") == _LINEAR_SYSTEM and read("Properties.MotionType") == _ROTARY:
             yield Problem(
-                f"{prefix}.System", 0,
+                f"{prefix}.System",
+                0,
                 "1: a linear encoder cannot measure a rotary object (Properties.MotionType = 1)",
-            )  # fmt: skip
+            )
         if (
             read(f"{prefix}.Type") == CYCLIC_ABSOLUTE
             and read(f"{prefix}.Parameter.DeterminableRevolutions") == 0
         ):
             yield Problem(
-                f"{prefix}.Parameter.DeterminableRevolutions", 0,
+                f"{prefix}.Parameter.DeterminableRevolutions",
+                0,
                 f"1 or more: {prefix}.Type = 2 counts measuring ranges (CFG-292, CFG-299)",
-            )  # fmt: skip
+            )
         steps = read(f"{prefix}.Parameter.StepsPerRevolution")
         fine = read(f"{prefix}.Parameter.FineResolutionXist1")
         if read(f"{prefix}.System") != _LINEAR_SYSTEM and steps << fine > _LARGEST_COUNT:
             yield Problem(
-                f"{prefix}.Parameter.FineResolutionXist1", fine,
-                f"at most {(_LARGEST_COUNT // steps).bit_length() - 1}: with {prefix}.Parameter.StepsPerRevolution = {steps} "
+                f"{prefix}.Parameter.FineResolutionXist1",
+                fine,
+                f"at most {(_LARGEST_COUNT // steps).bit_length() - 1}: with "
+                f"{prefix}.Parameter.StepsPerRevolution = {steps} "
                 "a revolution has more counts than G1_XIST1 can tell apart (CFG-618)",
-            )  # fmt: skip
+            )
         interfaces = self.can.interfaces
         place = interfaces[number - 1] if number <= len(interfaces) else 1
         if read(f"{prefix}.Interface.Number") != place and not self.can.simulated:
@@ -303,26 +323,33 @@ class _Check:
             wanted = MOTOR_SIDE if linear_system else EXTERNAL
             if mounting != wanted:
                 yield Problem(
-                    path, mounting,
-                    f"{wanted}: Actor.MotorType = 1 with {prefix}.System = {int(not linear_system)} (CFG-523)",
-                )  # fmt: skip
+                    path,
+                    mounting,
+                    f"{wanted}: Actor.MotorType = 1 with {prefix}.System = {int(not linear_system)} "
+                    f"(CFG-523)",
+                )
         elif linear_system and mounting == MOTOR_SIDE:
             yield Problem(
-                path, mounting,
-                f"{LOAD_SIDE} or {EXTERNAL}: a linear encoder ({prefix}.System = 0) does not sit on a motor shaft (CFG-513)",
-            )  # fmt: skip
+                path,
+                mounting,
+                f"{LOAD_SIDE} or {EXTERNAL}: a linear encoder ({prefix}.System = 0) does not sit on a motor "
+                f"shaft (CFG-513)",
+            )
         if read(f"{prefix}.Backlash.Enable") and (linear_motor or mounting != MOTOR_SIDE):
             yield Problem(
-                f"{prefix}.Backlash.Enable", True,
+                f"{prefix}.Backlash.Enable",
+                True,
                 f"FALSE: compensation needs a standard motor and {path} = 0 (CFG-522)",
-            )  # fmt: skip
+            )
 
     def _axis(self) -> Iterator[Problem]:
         read, can = self.read, self.can
         if read("Actor.MotorType") == _LINEAR_MOTOR and read("Properties.MotionType") == _ROTARY:
             yield Problem(
-                "Actor.MotorType", 1, "0: a rotary axis (Properties.MotionType = 1) has a standard motor (CFG-069)"
-            )  # fmt: skip
+                "Actor.MotorType",
+                1,
+                "0: a rotary axis (Properties.MotionType = 1) has a standard motor (CFG-069)",
+            )
         existing = [n for n in range(1, 5) if read(f"Sensor[{n}].Existent")]
         if not existing:
             yield Problem("Sensor[1].Existent", False, "TRUE: a positioning axis needs an encoder (CFG-012)")
@@ -333,20 +360,23 @@ class _Check:
         for number in existing:
             if number > max(1, len(can.interfaces)):
                 yield Problem(
-                    f"Sensor[{number}].Existent", True,
+                    f"Sensor[{number}].Existent",
+                    True,
                     f"FALSE: the axis is connected to {len(can.interfaces)} encoder(s) (CFG-175)",
-                )  # fmt: skip
+                )
         initial = read("PositionControl.InitialOperativeSensor")
         if initial not in existing:
             yield Problem(
-                "PositionControl.InitialOperativeSensor", initial,
+                "PositionControl.InitialOperativeSensor",
+                initial,
                 f"{_numbers(tuple(existing))}: the encoders that exist",
-            )  # fmt: skip
+            )
         elif initial != 1 and can.simulated:
             yield Problem(
-                "PositionControl.InitialOperativeSensor", initial,
+                "PositionControl.InitialOperativeSensor",
+                initial,
                 "1: a simulated axis is controlled with its first encoder (CFG-159)",
-            )  # fmt: skip
+            )
         if read("PositionControl.EnableDSC") and not can.simulated:
             if not can.dsc:
                 yield Problem(
@@ -354,18 +384,20 @@ class _Check:
                 )
             elif initial != 1:
                 yield Problem(
-                    "PositionControl.InitialOperativeSensor", initial,
+                    "PositionControl.InitialOperativeSensor",
+                    initial,
                     "1: with PositionControl.EnableDSC the motor encoder controls (CFG-221)",
-                )  # fmt: skip
+                )
         tolerance, deviation = (
             read("Clamping.PositionTolerance"),
             read("Clamping.FollowingErrorDeviation"),
         )
         if tolerance >= deviation:
             yield Problem(
-                "Clamping.PositionTolerance", tolerance,
+                "Clamping.PositionTolerance",
+                tolerance,
                 f"below Clamping.FollowingErrorDeviation = {deviation:g} (STP-164)",
-            )  # fmt: skip
+            )
         if read("PositionControl.Kv") <= 0.0:
             yield Problem("PositionControl.Kv", read("PositionControl.Kv"), "above 0 1/s (VAR-178)")
 

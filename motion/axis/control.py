@@ -1,4 +1,6 @@
-"""Position controller of the axis, in the application cycle (CTL-037 to CTL-044), and the following error (MON-030)."""
+"""Position controller of the axis, in the application cycle (CTL-037 to CTL-044), and the following error
+(MON-030).
+"""
 
 from __future__ import annotations
 
@@ -33,11 +35,12 @@ class PositionController:
     """Proportional controller with velocity pre-control and balancing filter.
 
     `e = delay(x_b, T) - s_act`, `v_out = Kv * e + Kpc / 100 * v_set`; x_b is the position setpoint behind the
-    balancing filter, T the transport delay `T_i + T_o + T_DC + T_servo`, a whole number of cycles with a linearly
-    interpolated rest (MON-032). A controller in the drive closes the loop around what it has measured since, so that for it
-    `e = x_b - s_act` (CTL-030).
+    balancing filter, T the transport delay `T_i + T_o + T_DC + T_servo`, a whole number of cycles with a
+    linearly interpolated rest (MON-032). A controller in the drive closes the loop around what it has
+    measured since, so that for it `e = x_b - s_act` (CTL-030).
 
-    The following error is `delay(s_set, T + T_additional) - s_act`, wherever the controller is (MON-030, MON-033).
+    The following error is `delay(s_set, T + T_additional) - s_act`, wherever the controller is (MON-030,
+    MON-033).
 
     Args:
         kv: Cell of `PositionControl.Kv`, 1/s.
@@ -46,8 +49,8 @@ class PositionController:
         additional_delay: Cell of `FollowingError.AdditionalSetpointDelayTime`, s.
         cycle_s: Application cycle, s.
         delay_s: Transport delay from setpoint to actual value, s.
-        quantum: Step to whose whole multiples the control difference is rounded towards zero, axis unit; 0 = it is not
-            (`PositionControl.ControlDifferenceQuantization`, CFG-383).
+        quantum: Step to whose whole multiples the control difference is rounded towards zero, axis unit;
+            0 = it is not (`PositionControl.ControlDifferenceQuantization`, CFG-383).
         smoothing: Cell of `PositionControl.SmoothingTimeByChangeDifference`, s; None = a step acts at once.
         dynamic_filter: What the setpoints pass before, None = nothing.
         in_drive: The drive closes the loop (DSC): the control difference is what it gets as XERR.
@@ -55,11 +58,35 @@ class PositionController:
     """
 
     __slots__ = (
-        "_additional_delay", "_balanced", "_balanced_history", "_cycle", "_decay", "_delay_s", "_error_additional",
-        "_error_cycles", "_error_rest", "_in_drive", "_kpc", "_kv", "_last_constant", "_loop_cycles", "_loop_rest", "_setpoint_history",
-        "_smoothing", "_step", "_step_decay", "_time_constant",
-        "balanced_position", "control_difference", "filter", "following_error", "gain", "given", "precontrol", "quantum",
-    )  # fmt: skip
+        "_additional_delay",
+        "_balanced",
+        "_balanced_history",
+        "_cycle",
+        "_decay",
+        "_delay_s",
+        "_error_additional",
+        "_error_cycles",
+        "_error_rest",
+        "_in_drive",
+        "_kpc",
+        "_kv",
+        "_last_constant",
+        "_loop_cycles",
+        "_loop_rest",
+        "_setpoint_history",
+        "_smoothing",
+        "_step",
+        "_step_decay",
+        "_time_constant",
+        "balanced_position",
+        "control_difference",
+        "filter",
+        "following_error",
+        "gain",
+        "given",
+        "precontrol",
+        "quantum",
+    )
 
     def __init__(
         self,
@@ -104,7 +131,9 @@ class PositionController:
         self.precontrol = 0.0
         """Precontrol velocity of the last step, axis unit per second."""
         self.given = False
-        """For the next step: the velocity is not the derivative of the position, both come from a user program (MIN-022)."""
+        """For the next step: the velocity is not the derivative of the position, both come from a user
+        program (MIN-022).
+        """
 
     def reset(self, position: float, velocity: float = 0.0) -> None:
         """Start from a setpoint that has been moving with `velocity` up to `position`, without a step."""
@@ -130,7 +159,9 @@ class PositionController:
         return lag
 
     def _take_delay(self) -> None:
-        """Take the additional delay of the following error over; setpoints that are not known any more go back in a straight line."""
+        """Take the additional delay of the following error over; setpoints that are not known any more go
+        back in a straight line.
+        """
         additional: float = self._additional_delay.value
         self._error_additional = additional
         cycles = min((self._delay_s + additional) / self._cycle, float(LONGEST_DELAY))
@@ -143,7 +174,9 @@ class PositionController:
             self._setpoint_history = deque([*before, *known], maxlen=missing + len(known))
 
     def absorb(self, step: float) -> None:
-        """Let a step of the actual value, from a switch of encoders, reach the output with a time constant (CFG-329)."""
+        """Let a step of the actual value, from a switch of encoders, reach the output with a time constant
+        (CFG-329).
+        """
         constant = 0.0 if self._smoothing is None else self._smoothing.value
         self._step = step if constant > 0.0 else 0.0
         self._step_decay = exp(-self._cycle / constant) if constant > 0.0 else 0.0
@@ -184,7 +217,8 @@ class PositionController:
             self._last_constant = constant
             self._decay = exp(-self._cycle / constant) if constant > 0.0 else 0.0
         if constant > 0.0:
-            # First-order lag with the exact response to a ramp of this cycle, so that constant travel gives no error.
+            # First-order lag with the exact response to a ramp of this cycle, so that constant travel gives
+            # no error.
             if self.given:
                 self.given = False
                 step = position - before
@@ -209,8 +243,8 @@ class PositionController:
         difference = (balanced if self._in_drive else delayed) - actual
         kv: float = self._kv.value
         if kv != self.gain and self._smoothing is not None and self.gain > 0.0 < kv:
-            # The output goes on as with the former gain, and then over to the new one (CTL-007). What the drive has to correct
-            # is without the way of the transport, too.
+            # The output goes on as with the former gain, and then over to the new one (CTL-007). What the
+            # drive has to correct is without the way of the transport, too.
             self.absorb((self.gain / kv - 1.0) * (delayed - actual) + self._step * self.gain / kv)
         elif self._step:
             self._step *= self._step_decay

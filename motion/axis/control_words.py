@@ -1,4 +1,6 @@
-"""Bits of control words 1 and 2 that are not the axis' own (section 2.13 of the instruction specification), and travel to fixed stop."""
+"""Bits of control words 1 and 2 that are not the axis' own (section 2.13 of the instruction specification),
+and travel to fixed stop.
+"""
 
 from __future__ import annotations
 

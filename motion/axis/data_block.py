@@ -52,7 +52,9 @@ def live_variables(axis: TechnologyAxis) -> Live:
 
 
 def frozen(live: Live) -> Live:
-    """Return readers of what `live` says now, for the time in which the object is being initialised (VAR-228)."""
+    """Return readers of what `live` says now, for the time in which the object is being initialised
+    (VAR-228).
+    """
     return {path: partial(_kept, reader()) for path, reader in live.items()}
 
 
@@ -165,7 +167,9 @@ def _sensor(axis: TechnologyAxis, number: int) -> Live:
 
 
 def unit_names(axis: TechnologyAxis) -> tuple[tuple[str, str], ...]:
-    """Return the columns of the trace: velocities in position units per second, whatever the velocity unit of the axis is."""
+    """Return the columns of the trace: velocities in position units per second, whatever the velocity unit of
+    the axis is.
+    """
     unit = axis.variables.unit("Position")
     names = {"mm": unit, "mm/s": f"{unit}/s", "mm/s2": f"{unit}/s2"}
     if axis.variables.read("Actor.MotorType") == 1:

@@ -1,4 +1,6 @@
-"""Enabling and disabling: the handshake with the drive and the drive's own stops (STP-037 to STP-046, section 8)."""
+"""Enabling and disabling: the handshake with the drive and the drive's own stops (STP-037 to STP-046, section
+8).
+"""
 
 from __future__ import annotations
 
@@ -33,12 +35,14 @@ _SHUT_DOWN: Final = 3
 _NOT_ENABLED: Final = 4
 """Cause of alarm 421: the drive cannot be enabled (STP-043)."""
 _ENCODER_CAUSES: Final = {0x0002: 5, 0x0003: 6, 0x0008: 4, 0x000A: 4}
-"""Cause of alarm 411 by the code in G1_XIST2, as the catalogue numbers them (TA-013); any other is the first."""
+"""Cause of alarm 411 by the code in G1_XIST2, as the catalogue numbers them (TA-013); any other is the first.
+"""
 
 _REMOVE_ENABLE: Final = {1: STW1_IDLE, 3: STW1_OFF2_OFF1, 5: STW1_OFF3_OFF1, 7: STW1_OFF3}
 """Control word at the alarm by `Actor.RemoveEnableReaction` (STP-363 to STP-366)."""
 
-# Names of the module, because in every cycle an attribute of an enumeration would cost more than what is done with it.
+# Names of the module, because in every cycle an attribute of an enumeration would cost more than what is done
+# with it.
 _REQUESTED: Final = int(ZSW1.CONTROL_REQUESTED)
 _FAULT: Final = int(ZSW1.FAULT)
 _OPERATION: Final = int(ZSW1.OPERATION_ENABLED)
@@ -55,9 +59,26 @@ _OPERATES_MASK: Final = ZSW1.OPERATION_ENABLED | ZSW1.NO_OFF3
 class EnableControl:
     """Owns control word 1 and every transition that waits for the drive."""
 
-    __slots__ = ("_axis", "_cause_411", "_cause_421", "_cause_431", "_disable_pending", "_idle", "_joined", "_phase", "_reaction",
-                 "_start_mode", "_told", "_velocity_mode", "acknowledge_drive", "enable", "start_mode", "stw1", "switching_off",
-                 "timeout_s")  # fmt: skip
+    __slots__ = (
+        "_axis",
+        "_cause_411",
+        "_cause_421",
+        "_cause_431",
+        "_disable_pending",
+        "_idle",
+        "_joined",
+        "_phase",
+        "_reaction",
+        "_start_mode",
+        "_told",
+        "_velocity_mode",
+        "acknowledge_drive",
+        "enable",
+        "start_mode",
+        "stw1",
+        "switching_off",
+        "timeout_s",
+    )
 
     def __init__(self, axis: TechnologyAxis) -> None:
         self._axis = axis
@@ -73,12 +94,17 @@ class EnableControl:
         """Set STW1.7 in the next telegrams (`MC_Reset`)."""
         self._idle = STW1_IDLE
         self._joined = False
-        """Drive and encoder have been there since the start of the controller, or it has been told that they were not."""
+        """Drive and encoder have been there since the start of the controller, or it has been told that they
+        were not.
+        """
         self._phase = 0
         self.timeout_s: float | None = None
-        """Longest time from the beginning of the enable sequence to operation, s, then alarm 421; None = no limit (STP-043)."""
+        """Longest time from the beginning of the enable sequence to operation, s, then alarm 421; None = no
+        limit (STP-043).
+        """
         self._disable_pending = False
-        """`Enable` has fallen during the present ramp, which ends with the drive off even if it rises again."""
+        """`Enable` has fallen during the present ramp, which ends with the drive off even if it rises again.
+        """
         self._told = ""
         """What the enabling waits for, as the history knows it."""
         self._reaction = axis.variables.bind("Actor.RemoveEnableReaction")
@@ -101,7 +127,8 @@ class EnableControl:
         """Say whether a disabled axis sends its control word or, with process outputs off, zeros."""
         self.stw1 = STW1_IDLE if outputs else 0
 
-    # -- what MC_Power sees -----------------------------------------------------------------------------------
+    # -- what MC_Power sees
+    # -----------------------------------------------------------------------------------
 
     @property
     def busy(self) -> bool:
@@ -171,7 +198,8 @@ class EnableControl:
             axis.motion.begin_reaction(3 if stop_mode == 0 else 2)
             axis.set_state(AxisState.DISABLING_RAMP)
 
-    # -- reactions of alarms and ends of ramps ----------------------------------------------------------------
+    # -- reactions of alarms and ends of ramps
+    # ----------------------------------------------------------------
 
     def remove_enable(self) -> None:
         """Reaction 4: the drive stops as `Actor.RemoveEnableReaction` says (STP-348)."""
@@ -180,7 +208,9 @@ class EnableControl:
         self._axis.set_state(AxisState.ALARM_DRIVE_STOP)
 
     def withdraw_further(self) -> None:
-        """Reaction 4 during a quick stop: take away what its pattern takes away too, and give nothing back (STP-526)."""
+        """Reaction 4 during a quick stop: take away what its pattern takes away too, and give nothing back
+        (STP-526).
+        """
         if self._phase == 0:
             self.stw1 &= _REMOVE_ENABLE.get(int(self._reaction.value), STW1_OFF3)
 
@@ -188,7 +218,8 @@ class EnableControl:
         """The setpoint of an alarm ramp is zero: switch off, or stay enabled where the alarm allows it."""
         axis = self._axis
         if axis.alarms.disabling or self.will_disable:
-            self.switch_off()  # an Enable that fell during the ramp disables whatever the alarm allows (STP-396)
+            # An Enable that fell during the ramp disables whatever the alarm allows (STP-396).
+            self.switch_off()
         elif axis.alarms.blocking:
             axis.set_state(AxisState.ALARM_STANDSTILL)
         else:
@@ -196,7 +227,9 @@ class EnableControl:
 
     @property
     def will_disable(self) -> bool:
-        """Whether the ramp in progress ends with the drive switched off: `Enable` is FALSE, or has been since."""
+        """Whether the ramp in progress ends with the drive switched off: `Enable` is FALSE, or has been
+        since.
+        """
         return self.switching_off or self._disable_pending or not self.enable
 
     def quick_stop(self) -> None:
@@ -204,7 +237,9 @@ class EnableControl:
         self._start_disabling(1)
 
     def switch_off(self) -> None:
-        """Withdraw ON after a ramp of the axis; the state is left when the drive is off (STP-289, STP-290)."""
+        """Withdraw ON after a ramp of the axis; the state is left when the drive is off (STP-289,
+        STP-290).
+        """
         self.switching_off = True
         self.stw1 = STW1_IDLE
 
@@ -217,10 +252,13 @@ class EnableControl:
         axis.motion.abort_all()
         axis.set_state(AxisState.ALARM_DISABLED if axis.alarms.blocking else AxisState.DISABLED)
 
-    # -- cycle ------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------
 
     def supervise(self) -> None:
-        """Raise the alarms of the coupling: 431 link, 421 drive, 411 encoder, 550 drive moves by itself (TA-020)."""
+        """Raise the alarms of the coupling: 431 link, 421 drive, 411 encoder, 550 drive moves by itself
+        (TA-020).
+        """
         axis = self._axis
         port = axis.port
         state = axis.state
@@ -271,7 +309,9 @@ class EnableControl:
             alarms.raise_alarm(ALARM_AUTONOMOUS)
 
     def _watch_start_up(self) -> None:
-        """Raise 106 or 108, once, for an axis that is to be enabled before its devices have been there (STP-021, CFG-620)."""
+        """Raise 106 or 108, once, for an axis that is to be enabled before its devices have been there
+        (STP-021, CFG-620).
+        """
         axis = self._axis
         drive, encoder = axis.port.link_ok, axis.sensor_valid
         if drive and encoder:
@@ -284,7 +324,9 @@ class EnableControl:
                 axis.alarms.raise_alarm(ALARM_ENCODER_NOT_READY, info=NOT_INITIALISED)
 
     def _obstacle(self) -> str:
-        """Return what the enable sequence waits for, empty if nothing (STP-018, STP-022, STP-023, STP-045)."""
+        """Return what the enable sequence waits for, empty if nothing (STP-018, STP-022, STP-023,
+        STP-045).
+        """
         axis = self._axis
         if not axis.communication_ok:
             port = axis.port
@@ -384,7 +426,9 @@ class EnableControl:
 
     @property
     def catching(self) -> bool:
-        """Whether a moving axis is being enabled that will brake by a ramp: until then the drive has to keep its speed (STP-048)."""
+        """Whether a moving axis is being enabled that will brake by a ramp: until then the drive has to keep
+        its speed (STP-048).
+        """
         axis = self._axis
         return (
             axis.state is AxisState.ENABLING
@@ -396,7 +440,9 @@ class EnableControl:
 
     @property
     def _at_once(self) -> bool:
-        """Whether the velocity setpoint of a moving axis is 0 as soon as it is enabled (`VelocityModePowerOn`)."""
+        """Whether the velocity setpoint of a moving axis is 0 as soon as it is enabled
+        (`VelocityModePowerOn`).
+        """
         return self._velocity_mode is not None and self._velocity_mode.value == 1
 
     def _arrive(self) -> None:

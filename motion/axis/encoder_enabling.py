@@ -18,7 +18,8 @@ class EncoderEnabling:
     def __init__(self, external: ExternalEncoder) -> None:
         self._object = external
         self._joined = False
-        """The encoder has been there since the start of the controller, or it has been told that it was not."""
+        """The encoder has been there since the start of the controller, or it has been told that it was not.
+        """
         self.enable = False
         """Level of `MC_Power.Enable` as last called."""
         self.enabled = False

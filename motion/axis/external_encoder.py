@@ -1,4 +1,6 @@
-"""External encoder: a technology object that acquires a position and moves nothing (CFG-016 to CFG-018, VAR-025)."""
+"""External encoder: a technology object that acquires a position and moves nothing (CFG-016 to CFG-018,
+VAR-025).
+"""
 
 from __future__ import annotations
 
@@ -91,7 +93,8 @@ class ExternalEncoder:
         history: Event log, or None.
 
     Raises:
-        ConfigurationError: A variable does not exist, its value is out of range, or values do not fit together.
+        ConfigurationError: A variable does not exist, its value is out of range, or values do not fit
+            together.
 
     """
 
@@ -149,8 +152,12 @@ class ExternalEncoder:
         self._live = self._readers = in_its_units(self._live_variables(), self.variables)
         unit = self.variables.unit("ActualPosition")
         self.trace_columns: tuple[tuple[str, str], ...] = (
-            ("position", unit), ("velocity", f"{unit}/s"), ("state", ""), ("status_word", ""), ("error_word", ""),
-        )  # fmt: skip
+            ("position", unit),
+            ("velocity", f"{unit}/s"),
+            ("state", ""),
+            ("status_word", ""),
+            ("error_word", ""),
+        )
 
     @property
     def feedback(self) -> Feedback:
@@ -164,7 +171,9 @@ class ExternalEncoder:
         return self.feedback.state == VALID
 
     def check(self, *, start: bool) -> list[Problem]:
-        """Return what does not fit together, in the values in force or in the start values of the next restart."""
+        """Return what does not fit together, in the values in force or in the start values of the next
+        restart.
+        """
         return check_configuration(
             self.variables, Abilities(velocities=(self.port.brings_speed,)), start=start
         )
@@ -203,15 +212,20 @@ class ExternalEncoder:
         """Make what followers get: there is no setpoint, so that the actual value is also what is delayed."""
         feedback = self.feedback
         self.leading_value = LeadingValue(
-            self.variables, cycle_s=self.cycle_s, feedback=lambda: feedback,
+            self.variables,
+            cycle_s=self.cycle_s,
+            feedback=lambda: feedback,
             acquisition_s=float(self.variables.parameter(1010).value) or 0.5 * self.cycle_s,
             setpoint=lambda: (
-                feedback.position, feedback.velocity, (feedback.velocity - feedback.last_velocity) / self.cycle_s,
+                feedback.position,
+                feedback.velocity,
+                (feedback.velocity - feedback.last_velocity) / self.cycle_s,
             ),
-        )  # fmt: skip
+        )
         self._leading = self.leading_value.in_use()
 
-    # -- cycle ------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------
 
     def cycle(self) -> None:
         """Run one application cycle."""
@@ -249,7 +263,9 @@ class ExternalEncoder:
             self._resets = [reset for reset in self._resets if not reset.done]
 
     def finish_cycle(self) -> None:
-        """Look for homing marks, after all axes have read their ports: a digital input is as old as the position then (HOM-067)."""
+        """Look for homing marks, after all axes have read their ports: a digital input is as old as the
+        position then (HOM-067).
+        """
         for homing in self.homings[:] if self.homings else ():
             homing.step()
 
@@ -265,7 +281,8 @@ class ExternalEncoder:
         else:
             self._standstill_time = 0.0
 
-    # -- instructions -----------------------------------------------------------------------------------------
+    # -- instructions
+    # -----------------------------------------------------------------------------------------
 
     def make_reset(self, *, restart: bool) -> EncoderReset:
         """Return an execution of `MC_Reset`; the cycle carries it out."""
@@ -302,7 +319,9 @@ class ExternalEncoder:
         return self.state is AxisState.RESTARTING
 
     def begin_restart(self) -> None:
-        """Begin to be initialised anew; the data block shows what it shows now until that has ended (VAR-228)."""
+        """Begin to be initialised anew; the data block shows what it shows now until that has ended
+        (VAR-228).
+        """
         self.state = AxisState.RESTARTING
         self._live = frozen(self._readers)
 
@@ -340,7 +359,9 @@ class ExternalEncoder:
         return "Sensor"
 
     def homing_switch(self, path: str) -> bool:
-        """Return whether the digital input has the level of `path.SwitchLevel` (HOM-062); FALSE where none is wired."""
+        """Return whether the digital input has the level of `path.SwitchLevel` (HOM-062); FALSE where none is
+        wired.
+        """
         wired = self.digital_input
         level: bool = self.variables.read(f"{path}.SwitchLevel")
         return wired is not None and wired() is level
@@ -362,7 +383,8 @@ class ExternalEncoder:
         else:
             self.engine.raise_alarm(number)
 
-    # -- variables under their original paths -----------------------------------------------------------------
+    # -- variables under their original paths
+    # -----------------------------------------------------------------
 
     def status_word(self) -> int:
         """Return `StatusWord` for the present cycle."""

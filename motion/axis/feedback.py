@@ -1,4 +1,6 @@
-"""Actual values: from raw encoder counts to position and velocity of the axis (CFG sections 15 to 17, HOM section 2.14)."""
+"""Actual values: from raw encoder counts to position and velocity of the axis (CFG sections 15 to 17, HOM
+section 2.14).
+"""
 
 from __future__ import annotations
 
@@ -37,23 +39,45 @@ class EncoderSource(Protocol):
 class Feedback:
     """Position and velocity of the axis from one encoder.
 
-    The count is unwrapped to an integer of unlimited length, so that an endless axis does not drift: a position is an offset and the
-    increments since a count that belongs to it, multiplied once (LIM-098, LIM-102).
+    The count is unwrapped to an integer of unlimited length, so that an endless axis does not drift: a
+    position is an offset and the increments since a count that belongs to it, multiplied once (LIM-098,
+    LIM-102).
 
     Args:
         source: Port that brings the count.
         scale: Ratios and format of the encoder.
         cycle_s: Application cycle, s.
         abs_offset: Cell of `StatusSensor[n].AbsEncoderOffset`, which outlasts power-off.
-        before: The same encoder before a restart of the technology object or of the controller; None at its first start.
+        before: The same encoder before a restart of the technology object or of the controller; None at
+            its first start.
         powered_off: Whether the controller has been without supply meanwhile.
 
     """
 
     __slots__ = (
-        "_abs_offset", "_base", "_correction", "_count", "_fresh", "_full", "_half", "_increment", "_last_raw", "_offset", "_rate", "_restarts",
-        "_retained", "_unit_per_rpm", "compensation", "last_velocity", "lost_reference", "position", "scale", "source", "state", "velocity",
-    )  # fmt: skip
+        "_abs_offset",
+        "_base",
+        "_correction",
+        "_count",
+        "_fresh",
+        "_full",
+        "_half",
+        "_increment",
+        "_last_raw",
+        "_offset",
+        "_rate",
+        "_restarts",
+        "_retained",
+        "_unit_per_rpm",
+        "compensation",
+        "last_velocity",
+        "lost_reference",
+        "position",
+        "scale",
+        "source",
+        "state",
+        "velocity",
+    )
 
     def __init__(
         self,
@@ -100,7 +124,9 @@ class Feedback:
                 self._go_on(before, powered_off=powered_off)
 
     def _go_on(self, before: Feedback, *, powered_off: bool) -> None:
-        """Take over what an absolute encoder has counted before a restart (CFG-115), or what is kept over power-off (CFG-292)."""
+        """Take over what an absolute encoder has counted before a restart (CFG-115), or what is kept over
+        power-off (CFG-292).
+        """
         if before._fresh:
             self._retained = before._retained
         elif powered_off:
@@ -143,8 +169,8 @@ class Feedback:
     def _begin(self, raw: int) -> None:
         """Take the first value, or a count with a new reference.
 
-        An absolute encoder defines the position with it, an incremental one continues from the last known position, but
-        is not homed any more.
+        An absolute encoder defines the position with it, an incremental one continues from the last known
+        position, but is not homed any more.
         """
         scale = self.scale
         if scale.kind == INCREMENTAL:
@@ -157,7 +183,8 @@ class Feedback:
             known = self._retained if self._fresh else self._count
             self._count = raw
             if self.source.absolute_from_zero and 0 < scale.range_counts <= self._half:
-                # The count may have run on since the device was switched on: of what the encoder knows that is one range (CFG-296).
+                # The count may have run on since the device was switched on: of what the encoder knows that
+                # is one range (CFG-296).
                 self._count %= scale.range_counts
             if scale.kind == CYCLIC_ABSOLUTE and scale.range_counts and known is not None:
                 # The measuring ranges passed so far count on, the nearest one of them (CFG-292, CFG-298).
@@ -176,11 +203,15 @@ class Feedback:
 
     @property
     def travel(self) -> float:
-        """Way of the encoder since its count began, axis unit: the position without any relation to the machine."""
+        """Way of the encoder since its count began, axis unit: the position without any relation to the
+        machine.
+        """
         return self._count * self._increment
 
     def place(self, modulo: Modulo) -> tuple[int, float]:
-        """Return modulo cycle and position within the range, to the increment however often the range has been passed."""
+        """Return modulo cycle and position within the range, to the increment however often the range has
+        been passed.
+        """
         if not modulo.enabled:
             return 0, self.position
         exact = Fraction(self._offset) + (self._count - self._base) * self.scale.exact_increment
@@ -189,7 +220,8 @@ class Feedback:
     def shift(self, offset: float) -> None:
         """Move the coordinate system so that the position grows by `offset`.
 
-        An incremental encoder counts anew from there, so that the way up to now takes no digits any more (LIM-101).
+        An incremental encoder counts anew from there, so that the way up to now takes no digits any more
+        (LIM-101).
         """
         self.position += offset
         if self.scale.kind == INCREMENTAL:
@@ -199,13 +231,16 @@ class Feedback:
             self._offset += offset
 
     def transfer(self, position: float) -> None:
-        """Show `position` from now on (`MC_SetSensor`); an absolute encoder remembers by how much that corrects it."""
+        """Show `position` from now on (`MC_SetSensor`); an absolute encoder remembers by how much that
+        corrects it.
+        """
         offset = position - self.position
         self._correction += offset
         self.shift(offset)
 
     def keep_offset(self) -> None:
-        """Make the present relation of encoder value and position the one that outlasts power-off (`AbsEncoderOffset`).
+        """Make the present relation of encoder value and position the one that outlasts power-off
+        (`AbsEncoderOffset`).
 
         What a backlash compensation adds belongs to it: it holds for the flank that is touched now (CFG-568).
         """
@@ -215,7 +250,9 @@ class Feedback:
         self._correction = 0.0
 
     def discard_correction(self) -> None:
-        """Take back what `transfer` has corrected at an absolute encoder (MC-389); an incremental one keeps it."""
+        """Take back what `transfer` has corrected at an absolute encoder (MC-389); an incremental one keeps
+        it.
+        """
         correction, self._correction = self._correction, 0.0
         if correction and self.scale.kind != INCREMENTAL:
             self.shift(-correction)

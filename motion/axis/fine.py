@@ -1,7 +1,9 @@
 """Setpoints of the interpolator for a servo cycle that is shorter (`T_ipo = n * T_servo`).
 
-`MC_Interpolator` calculates where the setpoint is to be one interpolator cycle later; `MC_Servo` goes there in n steps: on the
-profile, so that its limits hold in every servo cycle, or on the cubic between both states where there is no profile. `<TO>.Position` shows the end of the interval, the position controller gets the points on the way, so
+`MC_Interpolator` calculates where the setpoint is to be one interpolator cycle later; `MC_Servo` goes there
+in n steps: on the
+profile, so that its limits hold in every servo cycle, or on the cubic between both states where there is no
+profile. `<TO>.Position` shows the end of the interval, the position controller gets the points on the way, so
 that the setpoint which is controlled lies up to `T_ipo - T_servo` behind (CFG-166 to CFG-170).
 """
 
@@ -45,7 +47,9 @@ class FineInterpolation:
         self._controlled = False
         self._from = self._to = (0.0, 0.0)
         self._points: list[tuple[float, float]] = []
-        """Position and velocity at the ends of the servo cycles, as the profile has them; empty = on the cubic."""
+        """Position and velocity at the ends of the servo cycles, as the profile has them; empty = on the
+        cubic.
+        """
         self.s = 0.0
         """Position setpoint of the present servo cycle, axis unit."""
         self.v = 0.0
@@ -61,7 +65,8 @@ class FineInterpolation:
         Args:
             start: Position and velocity where it begins.
             end: The state that the interpolator has calculated.
-            controlled: Whether the position is controlled; otherwise only the velocity counts, and both go in a straight line.
+            controlled: Whether the position is controlled; otherwise only the velocity counts, and both
+                go in a straight line.
 
         """
         self._controlled = controlled
@@ -82,7 +87,9 @@ class FineInterpolation:
         return points
 
     def advance(self) -> FineInterpolation:
-        """Go on by one servo cycle; at the end of the interval, because the interpolator is late, stay there."""
+        """Go on by one servo cycle; at the end of the interval, because the interpolator is late, stay
+        there.
+        """
         ratio = self._ratio
         if self._step < ratio:
             self._step += 1
@@ -108,7 +115,9 @@ class FineInterpolation:
         return self
 
     def begin_anew(self, position: float, velocity: float) -> float:
-        """Go from `position` with `velocity` for the rest of the interval; returns how far that is, axis unit."""
+        """Go from `position` with `velocity` for the rest of the interval; returns how far that is, axis
+        unit.
+        """
         done = self._step * self._servo
         rest = self._duration - done if self._step < self._ratio else 0.0
         self._points = []

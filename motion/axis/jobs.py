@@ -103,10 +103,31 @@ class Job:
     """
 
     __slots__ = (
-        "abort_acceleration", "acceleration", "append", "begin", "current", "deceleration", "direction", "distance", "error_id",
-        "history", "in_velocity", "instruction", "jerk", "job_class", "mode", "name", "position_controlled",
-        "positions", "relative", "released", "source", "state", "target", "velocity",
-    )  # fmt: skip
+        "abort_acceleration",
+        "acceleration",
+        "append",
+        "begin",
+        "current",
+        "deceleration",
+        "direction",
+        "distance",
+        "error_id",
+        "history",
+        "in_velocity",
+        "instruction",
+        "jerk",
+        "job_class",
+        "mode",
+        "name",
+        "position_controlled",
+        "positions",
+        "relative",
+        "released",
+        "source",
+        "state",
+        "target",
+        "velocity",
+    )
 
     def __init__(self, job_class: JobClass, *, instruction: str, name: str) -> None:
         self.job_class = job_class
@@ -117,7 +138,9 @@ class Job:
         self.error_id = NO_ERROR
         self.in_velocity = False
         self.velocity = 0.0
-        """Requested velocity after resolution of defaults, signed for velocity jobs, before override and limits."""
+        """Requested velocity after resolution of defaults, signed for velocity jobs, before override and
+        limits.
+        """
         self.acceleration = 0.0
         self.deceleration = 0.0
         self.jerk = 0.0
@@ -125,7 +148,9 @@ class Job:
         self.target = 0.0
         """Absolute target position (positioning)."""
         self.direction = 0
-        """Way to the target on a modulo axis: 1 positive, 2 negative, 3 shortest; 0: the target is no place in the range."""
+        """Way to the target on a modulo axis: 1 positive, 2 negative, 3 shortest; 0: the target is no place
+        in the range.
+        """
         self.positions = job_class is JobClass.POSITIONING
         """It goes to `target`; otherwise it keeps `velocity`. Homing does one after the other."""
         self.begin: Callable[[], object] | None = None

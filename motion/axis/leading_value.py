@@ -1,4 +1,6 @@
-"""What an object gives to others that follow it: the extrapolated actual value, and the delayed setpoint (SYN sections 3.3, 3.4)."""
+"""What an object gives to others that follow it: the extrapolated actual value, and the delayed setpoint (SYN
+sections 3.3, 3.4).
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ class _SecondOrder:
 
 
 def within_band(last: float, value: float, width: float) -> float:
-    """Return `last` while `value` lies within a band of `width` around it, else the value less half the band (SYN-064)."""
+    """Return `last` while `value` lies within a band of `width` around it, else the value less half the band
+    (SYN-064).
+    """
     difference = value - last
     half = 0.5 * width
     return last if abs(difference) <= half else value - copysign(half, difference)
@@ -58,7 +62,8 @@ class Hysteresis:
 class LeadingValue:
     """See the module.
 
-    Without filters, band, hysteresis and delay everything follows from the present values and `step` need not be called.
+    Without filters, band, hysteresis and delay everything follows from the present values and `step` need not
+    be called.
 
     Args:
         store: Variables of the object.
@@ -70,9 +75,23 @@ class LeadingValue:
     """
 
     __slots__ = (
-        "_acquisition", "_band", "_cells", "_cycle", "_delay", "_differentiates", "_feedback", "_filter", "_following",
-        "_hysteresis", "_last", "_leading", "_past", "_setpoint", "_velocity", "_velocity_filter",
-    )  # fmt: skip
+        "_acquisition",
+        "_band",
+        "_cells",
+        "_cycle",
+        "_delay",
+        "_differentiates",
+        "_feedback",
+        "_filter",
+        "_following",
+        "_hysteresis",
+        "_last",
+        "_leading",
+        "_past",
+        "_setpoint",
+        "_velocity",
+        "_velocity_filter",
+    )
 
     def __init__(
         self,
@@ -94,9 +113,15 @@ class LeadingValue:
         self._following = bind("Extrapolation.FollowingAxisDependentTime")
         self._cells = [
             bind(f"Extrapolation.{name}")
-            for name in ("PositionFilter.T1", "PositionFilter.T2", "VelocityFilter.T1", "VelocityFilter.T2",
-                         "VelocityTolerance.Range", "Hysteresis.Value")
-        ]  # fmt: skip
+            for name in (
+                "PositionFilter.T1",
+                "PositionFilter.T2",
+                "VelocityFilter.T1",
+                "VelocityFilter.T2",
+                "VelocityTolerance.Range",
+                "Hysteresis.Value",
+            )
+        ]
         self._filter: _SecondOrder | None = None
         self._velocity_filter = _SecondOrder(0.0)
         self._hysteresis = Hysteresis(0.0)
@@ -105,7 +130,9 @@ class LeadingValue:
         self._past: deque[Value] = deque(maxlen=depth)
 
     def in_use(self) -> LeadingValue | None:
-        """Return itself if `step` has to be called in every cycle, else None; to be asked when variables have changed."""
+        """Return itself if `step` has to be called in every cycle, else None; to be asked when variables have
+        changed.
+        """
         if self._differentiates or self._delay > 0.0 or any(cell.value > 0.0 for cell in self._cells):
             return self
         self._filter = None
@@ -142,11 +169,14 @@ class LeadingValue:
         self._filter = None
         self._past = deque(((s + offset, v, a) for s, v, a in self._past), self._past.maxlen)
 
-    # -- what the data block shows ----------------------------------------------------------------------------
+    # -- what the data block shows
+    # ----------------------------------------------------------------------------
 
     @property
     def leading_time_s(self) -> float:
-        """`Extrapolation.LeadingAxisDependentTime`: T_i + T_ipo + T1 + T2 of the position filter, s (SYN-052)."""
+        """`Extrapolation.LeadingAxisDependentTime`: T_i + T_ipo + T1 + T2 of the position filter, s
+        (SYN-052).
+        """
         first, second = self._cells[0].value, self._cells[1].value
         return float(self._acquisition + self._cycle + first + second)
 
@@ -196,7 +226,9 @@ class LeadingValue:
 def live_leading_value(
     get: Callable[[], LeadingValue], modulo: Callable[[], Modulo]
 ) -> dict[str, Callable[[], Any]]:
-    """Return the readers of the variables that show a leading value, for an object that may get another one."""
+    """Return the readers of the variables that show a leading value, for an object that may get another
+    one.
+    """
     status, given = "StatusExtrapolation.", "StatusProvidedLeadingValue.DelayedLeadingValue."
     return {
         "Extrapolation.LeadingAxisDependentTime": lambda: get().leading_time_s,

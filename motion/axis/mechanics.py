@@ -73,7 +73,8 @@ class SensorScale:
         """0 incremental, 1 absolute, 2 cyclic absolute."""
         sign = -1.0 if read(f"{prefix}.InverseDirection") else 1.0
         if read(f"{prefix}.System") == _LINEAR:
-            # The distance of two lines is one of the load, whatever gears there are before it (CFG-511, CFG-529).
+            # The distance of two lines is one of the load, whatever gears there are before it (CFG-511,
+            # CFG-529).
             per_step = _decimal(read(f"{parameter}Resolution")) * gear
         elif mounting == MOTOR_SIDE:
             per_step = gear / load_gear * _decimal(travel) / steps
@@ -96,7 +97,9 @@ class SensorScale:
         self.velocity_from_drive: bool = read(f"{prefix}.ActualVelocityMode") == 1
         """Whether the velocity is `NIST_B` of the drive, not the difference of positions (CFG-336)."""
         self.unit_per_rpm = 0.0
-        """Axis units per second at 1 rpm (linear motor or encoder: 1 m/min) of the velocity that the telegram brings."""
+        """Axis units per second at 1 rpm (linear motor or encoder: 1 m/min) of the velocity that the telegram
+        brings.
+        """
         self.own_rate = self.increment * steps * fine / 60.0
         """`unit_per_rpm` of an encoder with a telegram of its own (CFG-340)."""
         self.reference: float = read(f"{parameter}ReferenceSpeed")
@@ -119,8 +122,8 @@ class Mechanics:
 
     Args:
         store: Its variables.
-        apart: For every encoder in turn, whether it has a telegram of its own: its velocity is then one of the encoder, and
-            not one of the motor (CFG-340).
+        apart: For every encoder in turn, whether it has a telegram of its own: its velocity is then one
+            of the encoder, and not one of the motor (CFG-340).
 
     """
 
@@ -137,7 +140,9 @@ class Mechanics:
         self.increment = 0.0
         """Axis units per raw increment of the first encoder."""
         self.rpm_per_unit: float
-        """Motor speed in rpm (linear motor: m/min) per velocity unit of the axis, signed by the drive direction."""
+        """Motor speed in rpm (linear motor: m/min) per velocity unit of the axis, signed by the drive
+        direction.
+        """
         self.units_per_load_revolution: float
         if kind == "SpeedAxis":
             self.units_per_load_revolution = 1.0

@@ -1,7 +1,8 @@
 """Modulo range of a technology object: positions within it, and how often it has been passed (CFG section 6).
 
-Everything inside an axis is calculated with positions that grow without end; the range is what the data block, targets and
-software limits are seen through. So following error and control difference know no border (CFG-105).
+Everything inside an axis is calculated with positions that grow without end; the range is what the data
+block, targets and software limits are seen through. So following error and control difference know no border
+(CFG-105).
 """
 
 from __future__ import annotations
@@ -18,12 +19,16 @@ NEGATIVE: Final = 2
 SHORTEST: Final = 3
 
 _ROUNDING: Final = 1e-9
-"""Part of the range by which a calculated position may lie before its upper end and counts as the next lower one."""
+"""Part of the range by which a calculated position may lie before its upper end and counts as the next lower
+one.
+"""
 _EXACT_ROUNDING: Final = Fraction(1, 10**9)
 
 
 class Modulo:
-    """The modulo range by `Modulo.*`; without `Modulo.Enable` positions are themselves and all counters 0 (CFG-106)."""
+    """The modulo range by `Modulo.*`; without `Modulo.Enable` positions are themselves and all counters 0
+    (CFG-106).
+    """
 
     __slots__ = ("_exact_length", "_exact_start", "enabled", "length", "start")
 
@@ -31,7 +36,8 @@ class Modulo:
         self.enabled: bool = store is not None and store.read("Modulo.Enable")
         self.length: float = 1.0 if store is None else store.read("Modulo.Length")
         self.start: float = 0.0 if store is None else store.read("Modulo.StartValue")
-        # What the user has written, and not the nearest binary number: a thousand million ranges of 0.1 are one hundred million.
+        # What the user has written, and not the nearest binary number: a thousand million ranges of 0.1 are
+        # one hundred million.
         self._exact_length, self._exact_start = Fraction(repr(self.length)), Fraction(repr(self.start))
 
     def cycle(self, position: float) -> int:
@@ -55,7 +61,9 @@ class Modulo:
         return cycle, max(float(inside - cycle * length + self._exact_start), self.start)
 
     def shortest(self, distance: float) -> float:
-        """Return the shortest way to the place that is `distance` away; half a range is gone in positive direction (CFG-122)."""
+        """Return the shortest way to the place that is `distance` away; half a range is gone in positive
+        direction (CFG-122).
+        """
         if not self.enabled:
             return distance
         length = self.length
@@ -63,7 +71,9 @@ class Modulo:
         return rest - length if rest > 0.5 * length * (1.0 + _ROUNDING) else rest
 
     def target(self, position: float, present: float, direction: int) -> float:
-        """Return the unwrapped target of an absolute positioning to the place `position`, from `present` (MC-255)."""
+        """Return the unwrapped target of an absolute positioning to the place `position`, from `present`
+        (MC-255).
+        """
         if not self.enabled:
             return position
         if direction == SHORTEST:
@@ -74,7 +84,9 @@ class Modulo:
         return present + (ahead if direction == POSITIVE or ahead == 0.0 else ahead - self.length)
 
     def homed(self, position: float) -> float:
-        """Return the unwrapped position at a home position found by active or passive homing (CFG-110, CFG-111)."""
+        """Return the unwrapped position at a home position found by active or passive homing (CFG-110,
+        CFG-111).
+        """
         if not self.enabled:
             return position
         place = self.wrap(position)
@@ -84,8 +96,8 @@ class Modulo:
     def limits(self, low: float, high: float, present: float) -> tuple[float, float]:
         """Return software limits around the unwrapped position `present` (VAR-171).
 
-        A limit outside the range does not act alone: the end of the range takes its place. Two of them do not act at all. A
-        negative limit above the positive one permits what lies across the end of the range.
+        A limit outside the range does not act alone: the end of the range takes its place. Two of them do not
+        act at all. A negative limit above the positive one permits what lies across the end of the range.
         """
         if not self.enabled:
             return low, high

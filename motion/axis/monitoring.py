@@ -29,10 +29,30 @@ _RANGE_END: Final = 2**53 / 9.0e15
 class Monitoring:
     """See the module. One object per axis; `step` runs once per interpolator cycle."""
 
-    __slots__ = ("_axis", "_cycle", "_dwell", "_enable_fe", "_entered", "_farthest", "_fastest", "_fe_level", "_fe_max", "_fe_min",
-                 "_fe_min_velocity", "_max_velocity", "_min_dwell", "_positioned", "_standstill_dwell",
-                 "_standstill_time", "_threshold", "_tolerance", "_waited", "_watching", "_window",
-                 "standstill")  # fmt: skip
+    __slots__ = (
+        "_axis",
+        "_cycle",
+        "_dwell",
+        "_enable_fe",
+        "_entered",
+        "_farthest",
+        "_fastest",
+        "_fe_level",
+        "_fe_max",
+        "_fe_min",
+        "_fe_min_velocity",
+        "_max_velocity",
+        "_min_dwell",
+        "_positioned",
+        "_standstill_dwell",
+        "_standstill_time",
+        "_threshold",
+        "_tolerance",
+        "_waited",
+        "_watching",
+        "_window",
+        "standstill",
+    )
 
     def __init__(self, axis: TechnologyAxis, cycle_s: float) -> None:
         self._axis = axis
@@ -63,7 +83,8 @@ class Monitoring:
         self._waited = 0.0
         self._dwell = 0.0
 
-    # -- positioning ------------------------------------------------------------------------------------------
+    # -- positioning
+    # ------------------------------------------------------------------------------------------
 
     def start_positioning(self) -> None:
         """The setpoint has reached its end: tolerance time starts (MON-016)."""
@@ -85,7 +106,8 @@ class Monitoring:
     def _watch(self, *, first: bool = False) -> None:
         axis = self._axis
         if axis.torque.relaxes_monitoring:
-            # The setpoint may be far away for good: the motion has ended when the axis stands (STP-148, MC-560).
+            # The setpoint may be far away for good: the motion has ended when the axis stands (STP-148,
+            # MC-560).
             if self.standstill:
                 self._watching = False
                 self._positioned = True
@@ -109,7 +131,8 @@ class Monitoring:
                 axis.alarms.raise_alarm(ALARM_POSITIONING, info=1)
 
     def _leave_range(self, *, controlled: bool) -> None:
-        """Stop a motion that goes on outwards; a value beyond the rounding of the last step switches the axis off (LIM-103).
+        """Stop a motion that goes on outwards; a value beyond the rounding of the last step switches the axis
+        off (LIM-103).
 
         Motion back is possible after the acknowledgement.
         """
@@ -121,7 +144,8 @@ class Monitoring:
         elif controlled and axis.motion.total.v * position > 0.0:
             axis.alarms.raise_alarm(ALARM_RANGE_REACHED, info=info)
 
-    # -- cycle ------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------
 
     def permitted_following_error(self, velocity: float) -> float:
         """Return the permitted following error at velocity setpoint `velocity` (MON-038)."""
@@ -168,7 +192,9 @@ class Monitoring:
             self._watch()
 
     def _watch_following_error(self) -> None:
-        """Compare the following error with what is permitted at this velocity setpoint (MON-040 to MON-042)."""
+        """Compare the following error with what is permitted at this velocity setpoint (MON-040 to
+        MON-042).
+        """
         axis = self._axis
         error = abs(axis.controller.following_error)
         low, high = self._fe_min.value, self._fe_max.value

@@ -13,7 +13,8 @@ from motion.axis.jobs import (
 from motion.axis.state import AxisState
 from motion.axis.superposition import Superposition
 
-# Names of the module, because in every cycle an attribute of an enumeration would cost more than what is done with it.
+# Names of the module, because in every cycle an attribute of an enumeration would cost more than what is done
+# with it.
 _MOTION: Final = AxisState.MOTION
 _STANDSTILL: Final = AxisState.STANDSTILL
 _STOP_HOLD: Final = AxisState.STOP_HOLD
@@ -141,13 +142,17 @@ class MotionControl(JobAcceptance):
         self._next()
 
     def _arrived_behind_filter(self) -> bool:
-        """Return whether the velocity that the drive is given has come to zero too, so that nothing is cut off."""
+        """Return whether the velocity that the drive is given has come to zero too, so that nothing is cut
+        off.
+        """
         axis = self._axis
         dynamic_filter = axis.controller.filter
         return dynamic_filter is None or abs(dynamic_filter.velocity) <= axis.rest_velocity
 
     def _settled(self) -> bool:
-        """Return whether the end of the motion counts as reached (positioning monitoring, MON-016 to MON-022)."""
+        """Return whether the end of the motion counts as reached (positioning monitoring, MON-016 to
+        MON-022).
+        """
         if not self.position_controlled or self.superimposed is not None:
             return True  # while something is superimposed the axis has not arrived anywhere yet
         axis = self._axis
@@ -157,7 +162,8 @@ class MotionControl(JobAcceptance):
             monitor.start_positioning()
         if not monitor.positioned():
             return False
-        # With a torque limit an axis that is stopped creeps on to its setpoint: it has stopped when it stands (STP-408).
+        # With a torque limit an axis that is stopped creeps on to its setpoint: it has stopped when it stands
+        # (STP-408).
         return monitor.standstill or not axis.torque.limits or axis.state is AxisState.MOTION
 
     def come_to_rest(self) -> None:
@@ -171,7 +177,9 @@ class MotionControl(JobAcceptance):
             self._axis.set_state(AxisState.STANDSTILL)
 
     def release(self, stop: Job) -> None:
-        """End the lock of an `MC_Stop` that has stopped the axis; jobs that are called next are accepted (MC-407, STP-431)."""
+        """End the lock of an `MC_Stop` that has stopped the axis; jobs that are called next are accepted
+        (MC-407, STP-431).
+        """
         if self.job is stop and self._axis.state is _STOP_HOLD:
             self.come_to_rest()
 
@@ -186,7 +194,9 @@ class MotionControl(JobAcceptance):
             self._axis.set_state(AxisState.STANDSTILL)
 
     def end_motion_in(self, job: Job, error_id: int = NO_ERROR) -> None:
-        """End a job whose setpoints came from outside: they are zero at once, the position stays (MIN-026, MIN-040)."""
+        """End a job whose setpoints came from outside: they are zero at once, the position stays (MIN-026,
+        MIN-040).
+        """
         moving = self.superimposed
         if moving is not None and moving.job is job:
             moving.freeze()
@@ -203,7 +213,9 @@ class MotionControl(JobAcceptance):
         self._next()
 
     def _end_superimposed(self, moving: Superposition, error_id: int = NO_ERROR) -> None:
-        """Move setpoint and target of the basic motion by what has been superimposed, which has ended by itself."""
+        """Move setpoint and target of the basic motion by what has been superimposed, which has ended by
+        itself.
+        """
         distance = moving.part.s
         self.total = self.gen
         self.superimposed = None

@@ -1,7 +1,8 @@
-"""What an axis asks of the override table of homing and motion jobs (table 3.1, `motion.axis.override_tables`).
+"""What an axis asks of the override table of homing and motion jobs (table 3.1,
+`motion.axis.override_tables`).
 
-Rows are new jobs, columns jobs that are active. `A`: the active job is aborted; `B`: `MC_Stop` over `MC_Stop` by
-severity; `-`: no effect on the active job.
+Rows are new jobs, columns jobs that are active. `A`: the active job is aborted; `B`: `MC_Stop` over `MC_Stop`
+by severity; `-`: no effect on the active job.
 """
 
 from __future__ import annotations
@@ -56,5 +57,7 @@ def cell(row: str, column: str) -> str:
 
 
 def aborts(new: JobClass, active: JobClass, *, append: bool = False) -> bool:
-    """Return whether a new job of class `new`, with `append` one with `BufferMode` 1, aborts an active one (cell `A`)."""
+    """Return whether a new job of class `new`, with `append` one with `BufferMode` 1, aborts an active one
+    (cell `A`).
+    """
     return cell("BufferMode 1" if append else _ROW[new], _COLUMN[active]) == "A"

@@ -1,7 +1,9 @@
-"""What a new job does to a running one, and what becomes of itself: the overriding tables as data (OVR-001 to OVR-121).
+"""What a new job does to a running one, and what becomes of itself: the overriding tables as data (OVR-001 to
+OVR-121).
 
-A job is named by its instruction and what distinguishes it: `MC_Halt Mode 1`, `MC_MoveAbsolute waiting`. Rows are new jobs,
-columns running ones. Cells speak of the running job, fates of the new one. `motion.axis.override` is what an axis asks.
+A job is named by its instruction and what distinguishes it: `MC_Halt Mode 1`, `MC_MoveAbsolute waiting`. Rows
+are new jobs, columns running ones. Cells speak of the running job, fates of the new one.
+`motion.axis.override` is what an axis asks.
 """
 
 from __future__ import annotations
@@ -130,7 +132,8 @@ MOTION: Final = OverrideTable(
         _row("OVR-023", _OUT_ACTIVE, "- - - - - - A -", "? ? ? ? ? R T ?"),
     ),
     {
-        "B": "an MC_Stop of equal or higher stop response aborts the running one, a lower one ends itself with CommandAborted",
+        "B": "an MC_Stop of equal or higher stop response aborts the running one, a lower one ends itself "
+        "with CommandAborted",
     },
 )
 
@@ -192,9 +195,13 @@ _PATHS: Final = tuple(
     f"MC_Move{kind}{way}" for kind in ("Linear", "Circular", "Direct") for way in ("Absolute", "Relative")
 )
 _ZONES: Final = (
-    "MC_DefineWorkspaceZone", "MC_DefineKinematicsZone", "MC_SetWorkspaceZoneActive", "MC_SetWorkspaceZoneInactive",
-    "MC_SetKinematicsZoneActive", "MC_SetKinematicsZoneInactive",
-)  # fmt: skip
+    "MC_DefineWorkspaceZone",
+    "MC_DefineKinematicsZone",
+    "MC_SetWorkspaceZoneActive",
+    "MC_SetWorkspaceZoneInactive",
+    "MC_SetKinematicsZoneActive",
+    "MC_SetKinematicsZoneInactive",
+)
 KINEMATICS: Final = OverrideTable(
     "3.4",
     "Single-axis jobs and kinematics jobs",

@@ -33,10 +33,30 @@ class SetpointPlanning:
 
     """
 
-    __slots__ = ("_axis", "_emergency", "_limit_velocity", "_max_acceleration", "_max_deceleration", "_max_jerk",
-                 "_max_velocity", "_override", "_planned_limits", "_planned_velocity", "_ramp", "_settling",
-                 "_superimposed_before", "_velocity_limited", "gen", "job", "leading_limit", "limits_assigned", "position_controlled",
-                 "severity", "superimposed", "total")  # fmt: skip
+    __slots__ = (
+        "_axis",
+        "_emergency",
+        "_limit_velocity",
+        "_max_acceleration",
+        "_max_deceleration",
+        "_max_jerk",
+        "_max_velocity",
+        "_override",
+        "_planned_limits",
+        "_planned_velocity",
+        "_ramp",
+        "_settling",
+        "_superimposed_before",
+        "_velocity_limited",
+        "gen",
+        "job",
+        "leading_limit",
+        "limits_assigned",
+        "position_controlled",
+        "severity",
+        "superimposed",
+        "total",
+    )
 
     def __init__(self, axis: TechnologyAxis) -> None:
         self._axis = axis
@@ -58,11 +78,15 @@ class SetpointPlanning:
         """Job in control, `MC_Stop` included."""
         self.position_controlled = False
         self.severity = 0
-        """Severity of the stop ramp in progress: 0 none, 1 current, 2 maximum, 3 emergency (STP-432 to STP-435)."""
+        """Severity of the stop ramp in progress: 0 none, 1 current, 2 maximum, 3 emergency (STP-432 to
+        STP-435).
+        """
         self.limits_assigned = False
         """A program has assigned variables since the last cycle; dynamic limits may be among them."""
         self.leading_limit = inf
-        """Velocity at which followers can still tell the leading value, axis unit per second; infinite without modulo range."""
+        """Velocity at which followers can still tell the leading value, axis unit per second; infinite
+        without modulo range.
+        """
         self._planned_velocity = 0.0
         self._planned_limits = (0.0, 0.0, 0.0)
         self._velocity_limited = False
@@ -87,7 +111,9 @@ class SetpointPlanning:
     # -- profiles -------------------------------------------------------------------------------------------
 
     def _limits(self, job: Job) -> tuple[float, float, float]:
-        """Return acceleration, deceleration and jerk of `job` after the dynamic limits, with their warnings."""
+        """Return acceleration, deceleration and jerk of `job` after the dynamic limits, with their
+        warnings.
+        """
         acceleration, limited = resolve(job.acceleration, 0.0, self._max_acceleration.value)
         deceleration, also_limited = resolve(job.deceleration, 0.0, self._max_deceleration.value)
         jerk, jerk_limited = resolve(job.jerk, 0.0, self._max_jerk.value)
@@ -102,7 +128,9 @@ class SetpointPlanning:
         return min(deceleration, self._max_deceleration.value), min(jerk, self._max_jerk.value)
 
     def _plan_limits(self, job: Job, towards: float = 0.0) -> tuple[float, float, float]:
-        """Return what `_limits` does, and remember that the motion is planned with it; `towards`: `_bound_acceleration`."""
+        """Return what `_limits` does, and remember that the motion is planned with it; `towards`:
+        `_bound_acceleration`.
+        """
         self._planned_limits = limits = self._limits(job)
         self._bound_acceleration(limits[2], towards)
         return limits
@@ -110,10 +138,10 @@ class SetpointPlanning:
     def _bound_acceleration(self, jerk: float, towards: float = 0.0) -> None:
         """Let a present acceleration that `jerk` cannot end in time end at once, as far as needed (STP-119).
 
-        What is carried over neither accelerates beyond the maximum velocity nor brakes through zero, unless the new motion
-        leads there: `towards` is its velocity or way, 0 for a stop. This matters only after a ramp with a higher jerk or
-        without jerk limit, an emergency ramp for example. What a jerk no higher than the new one has built up, on the way to
-        the other side, is carried through zero (STP-116).
+        What is carried over neither accelerates beyond the maximum velocity nor brakes through zero, unless
+        the new motion leads there: `towards` is its velocity or way, 0 for a stop. This matters only after a
+        ramp with a higher jerk or without jerk limit, an emergency ramp for example. What a jerk no higher
+        than the new one has built up, on the way to the other side, is carried through zero (STP-116).
         """
         gen = self.gen
         a = gen.a
@@ -151,7 +179,9 @@ class SetpointPlanning:
         return limit
 
     def _limits_are_zero(self) -> bool:
-        """Raise alarm 304, 305 or 306 when a dynamic limit is zero, so that no motion can be planned (STP-607)."""
+        """Raise alarm 304, 305 or 306 when a dynamic limit is zero, so that no motion can be planned
+        (STP-607).
+        """
         info = 1
         if self._max_velocity.value <= 0.0:
             number = ALARM_ZERO_VELOCITY
@@ -184,7 +214,9 @@ class SetpointPlanning:
         self.gen.start_velocity(velocity, acceleration, deceleration, jerk)
 
     def follow_limits(self) -> None:
-        """Take velocity override and dynamic limits that have been assigned into the motion that runs (VAR-001, VAR-004)."""
+        """Take velocity override and dynamic limits that have been assigned into the motion that runs
+        (VAR-001, VAR-004).
+        """
         self.limits_assigned = False
         state = self._axis.state
         if state is AxisState.MOTION or state is AxisState.HALTING:
@@ -255,7 +287,9 @@ class SetpointPlanning:
         self._brake(abort_acceleration=abort_acceleration)
 
     def _ramp_limits(self) -> tuple[float, float, float]:
-        """Return acceleration (none), deceleration and jerk of the braking ramp in progress, by the present limits."""
+        """Return acceleration (none), deceleration and jerk of the braking ramp in progress, by the present
+        limits.
+        """
         if self.severity == 3:
             return 0.0, self._emergency.value or self._max_deceleration.value or _LAST_RESORT, 0.0
         deceleration, jerk = self._ramp
@@ -272,7 +306,9 @@ class SetpointPlanning:
         self.gen.start_stop(deceleration, jerk, abort_acceleration=abort_acceleration)
 
     def begin_reaction(self, severity: int, *, abort_acceleration: bool = False) -> None:
-        """Start the ramp of severity 1 (current), 2 (maximum) or 3 (emergency) dynamics (STP-386 to STP-388)."""
+        """Start the ramp of severity 1 (current), 2 (maximum) or 3 (emergency) dynamics (STP-386 to
+        STP-388).
+        """
         if severity == 3:
             self._switch_to_actual_values()
             self.severity = 3
@@ -291,12 +327,16 @@ class SetpointPlanning:
                 )
 
     def take_actual_values(self) -> None:
-        """Let the setpoint start from the actual values, moved on by the transport delay (STP-123, STP-054)."""
+        """Let the setpoint start from the actual values, moved on by the transport delay (STP-123,
+        STP-054).
+        """
         self._sum_up()
         self._start_from_actual_position(self._axis.actual_velocity)
 
     def _switch_to_actual_values(self) -> None:
-        """Take the actual values; where a smoothing time is given, what the controller had to correct fades with it (STP-128)."""
+        """Take the actual values; where a smoothing time is given, what the controller had to correct fades
+        with it (STP-128).
+        """
         axis = self._axis
         controlled = axis.has_position and self.position_controlled
         difference = axis.controller.control_difference if controlled else 0.0
@@ -315,12 +355,15 @@ class SetpointPlanning:
             axis.controller.reset(position, velocity)
 
     def _leave_target(self) -> None:
-        """End the supervision of an end position that has not been reached for good yet: there is another motion (MON-027)."""
+        """End the supervision of an end position that has not been reached for good yet: there is another
+        motion (MON-027).
+        """
         if self._settling:
             self._settling = False
             self._axis.monitoring.cancel()
 
-    # -- setpoints from outside -------------------------------------------------------------------------------
+    # -- setpoints from outside
+    # -------------------------------------------------------------------------------
 
     def take_vector(self, job: Job, cycle_s: float) -> None:
         """Make what the user program has given the setpoint, without profile and limits (MC-473, MC-474)."""
@@ -382,7 +425,9 @@ class SetpointPlanning:
 
     @property
     def superimposed_distance(self) -> float:
-        """What superimposed motions have covered since the axis was last without motion, axis unit (MC-353)."""
+        """What superimposed motions have covered since the axis was last without motion, axis unit
+        (MC-353).
+        """
         moving = self.superimposed
         return self._superimposed_before + (moving.part.s if moving is not None else 0.0)
 

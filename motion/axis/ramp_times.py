@@ -1,4 +1,6 @@
-"""Ramps that are configured as times: the times stay when a velocity of the configuration changes (STP-098, STP-109, STP-127)."""
+"""Ramps that are configured as times: the times stay when a velocity of the configuration changes (STP-098,
+STP-109, STP-127).
+"""
 
 from __future__ import annotations
 
@@ -32,8 +34,8 @@ class RampTimes:
         given: Paths that have start values of their own.
 
     Raises:
-        ConfigurationError: A time does not exist or is not above 0, its variable has a value of its own, or that which follows
-            is out of range.
+        ConfigurationError: A time does not exist or is not above 0, its variable has a value of its own,
+            or that which follows is out of range.
 
     """
 

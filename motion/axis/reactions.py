@@ -65,7 +65,9 @@ class AxisAlarms:
         text: str = "",
         restart: bool | None = None,
     ) -> None:
-        """Raise alarm `number`; `reaction` and `restart` for those of which they depend on configuration or cause."""
+        """Raise alarm `number`; `reaction` and `restart` for those of which they depend on configuration or
+        cause.
+        """
         self.engine.raise_alarm(number, reaction=reaction, info=info, text=text, restart=restart)
 
     def set_cause(
@@ -81,7 +83,9 @@ class AxisAlarms:
             self.engine.raise_alarm(number, info=info)
 
     def watch_inputs(self, readable: bool) -> None:
-        """Raise 401 while the switches of an axis in operation cannot be read; a lost drive has an alarm of its own (TA-020)."""
+        """Raise 401 while the switches of an axis in operation cannot be read; a lost drive has an alarm of
+        its own (TA-020).
+        """
         axis, engine = self._axis, self.engine
         held = engine.cause_active(ALARM_ADDRESS)
         if held or not readable:
@@ -89,7 +93,8 @@ class AxisAlarms:
             engine.set_cause(ALARM_ADDRESS, not readable and (held or expected), info=INPUT_ADDRESS)
 
     def acknowledge(self) -> None:
-        """Clear what can be cleared (`MC_Reset`); causes still present raise their alarm again at once (STP-072).
+        """Clear what can be cleared (`MC_Reset`); causes still present raise their alarm again at once
+        (STP-072).
 
         So there is no cycle in which the words of the object know nothing of a fault that lasts.
         """
@@ -159,7 +164,8 @@ class AxisAlarms:
         if axis.enabling.enable:
             axis.set_state(AxisState.TRACKING)
         else:
-            axis.enabling.quick_stop()  # the ramp of a disabling was in progress: its end is not given up (STP-396)
+            # The ramp of a disabling was in progress: its end is not given up (STP-396).
+            axis.enabling.quick_stop()
 
     def _stop(self, state: AxisState, reaction: int) -> None:
         axis = self._axis

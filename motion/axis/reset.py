@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 ALARM_CONFIGURATION: Final = 101
 _CONFIGURATION: Final = (ALARM_CONFIGURATION, 109)
-"""Alarms that stay until the configuration has been put right and the object restarted: as a whole, and of a limit switch."""
+"""Alarms that stay until the configuration has been put right and the object restarted: as a whole, and of a
+limit switch.
+"""
 ALARM_RESTART_REFUSED: Final = 322
 _PULSE_CYCLES: Final = 2
 """Cycles for which STW1.7 is shown at least."""
@@ -24,7 +26,9 @@ _RESTART_CYCLES: Final = 5
 
 
 def acknowledge_error(alarms: AlarmEngine) -> int:
-    """Return the `ErrorID` of an acknowledgement: 16#8015 while alarm 101 or 109 says that the configuration is wrong."""
+    """Return the `ErrorID` of an acknowledgement: 16#8015 while alarm 101 or 109 says that the configuration
+    is wrong.
+    """
     return ERROR_CONFIGURATION if any(map(alarms.is_pending, _CONFIGURATION)) else NO_ERROR
 
 
@@ -39,7 +43,9 @@ class Reset:
         self.restart = restart
         self.done = False
         self.error_id = NO_ERROR
-        """Why the instruction ends with an error, once `done`: 16#8015, the configuration is still wrong (TA-008, MC-609)."""
+        """Why the instruction ends with an error, once `done`: 16#8015, the configuration is still wrong
+        (TA-008, MC-609).
+        """
         if restart:
             axis.motion.abort_all()
             axis.set_state(AxisState.RESTARTING)

@@ -1,4 +1,6 @@
-"""Several encoders on one axis: which one controls, and what one takes over from another (CFG section 16, `MC_SetSensor`)."""
+"""Several encoders on one axis: which one controls, and what one takes over from another (CFG section 16,
+`MC_SetSensor`).
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,8 @@ def set_sensor(axis: PositioningAxis, number: int, mode: int, reference: int) ->
     Args:
         axis: The axis.
         number: Encoder to switch to, or to transfer to, 1 to 4.
-        mode: 0 switch and transfer the position of the axis, 1 switch without a transfer, 2 transfer the position of the
-            axis without a switch, 3 transfer that of `reference`.
+        mode: 0 switch and transfer the position of the axis, 1 switch without a transfer, 2 transfer the
+            position of the axis without a switch, 3 transfer that of `reference`.
         reference: Encoder whose position is transferred with mode 3.
 
     """

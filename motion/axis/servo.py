@@ -125,7 +125,9 @@ class ServoCycle(AxisAssembly):
         return dynamic_filter.acceleration
 
     def servo(self) -> None:
-        """Run one servo cycle without `MC_Interpolator`: it is not due, or late. Its decisions and its setpoints stand."""
+        """Run one servo cycle without `MC_Interpolator`: it is not due, or late. Its decisions and its
+        setpoints stand.
+        """
         self.read_inputs()
         output = 0.0
         if self.facts.controlled and not self.enabling.switching_off:

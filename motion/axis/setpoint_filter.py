@@ -1,4 +1,6 @@
-"""The dynamic filter behind the interpolator: low-pass or moving average, and dead time (§5.13.6, CTL-060 to CTL-083)."""
+"""The dynamic filter behind the interpolator: low-pass or moving average, and dead time (§5.13.6, CTL-060 to
+CTL-083).
+"""
 
 from __future__ import annotations
 
@@ -90,7 +92,9 @@ class _History:
 
 
 class _Average(_History):
-    """Moving average over a time, both ends included; the last value counts by the rest of a cycle (CTL-075)."""
+    """Moving average over a time, both ends included; the last value counts by the rest of a cycle
+    (CTL-075).
+    """
 
     __slots__ = ()
 

@@ -1,8 +1,9 @@
-"""Virtual and simulated axes: setpoints become actual values without a drive (CFG sections 7 and 8, VAR-126 to VAR-129).
+"""Virtual and simulated axes: setpoints become actual values without a drive (CFG sections 7 and 8, VAR-126
+to VAR-129).
 
-A virtual axis repeats its setpoints one application cycle later. A simulated one delays them as the control loop and a
-simplified drive would: T_ipo + T_servo + T_vtc + T_addPtc with velocity precontrol, T_ipo + 1 / Kv + T_addPtc without it
-and T_servo more with DSC.
+A virtual axis repeats its setpoints one application cycle later. A simulated one delays them as the control
+loop and a simplified drive would: T_ipo + T_servo + T_vtc + T_addPtc with velocity precontrol, T_ipo + 1 / Kv
++ T_addPtc without it and T_servo more with DSC.
 """
 
 from __future__ import annotations
@@ -58,7 +59,9 @@ class SimulatedPort(DrivePort):
         """Do nothing, as `set_torque_range`."""
 
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:  # noqa: ARG002 - an ideal motor needs no torque
-        """See `DrivePort.write`: a speed setpoint without position control moves the axis by what it is worth."""
+        """See `DrivePort.write`: a speed setpoint without position control moves the axis by what it is
+        worth.
+        """
         self._operating = stw1 & _OPERATE == _OPERATE
         self.zsw1 = _OPERATING if self._operating else _READY
         self.actual_speed_rpm = speed_rpm if self._operating else 0.0
@@ -116,7 +119,9 @@ class SimulatedFeedback(Feedback):
 
 
 class VirtualController:
-    """Takes the place of the position controller: setpoints become actual values, nothing is controlled (CFG-138 to CFG-148)."""
+    """Takes the place of the position controller: setpoints become actual values, nothing is controlled
+    (CFG-138 to CFG-148).
+    """
 
     __slots__ = (
         "_feedbacks",
@@ -179,7 +184,9 @@ class VirtualController:
 
 
 class SimulatedController(VirtualController):
-    """Delays the setpoints as loop and drive would (CFG-166 to CFG-171): dead time, then a lag of first order."""
+    """Delays the setpoints as loop and drive would (CFG-166 to CFG-171): dead time, then a lag of first
+    order.
+    """
 
     __slots__ = ("_additional", "_cycle", "_dsc", "_kpc", "_kv", "_lagged", "_past", "_time_constant")
 
@@ -256,7 +263,8 @@ class SimulatedController(VirtualController):
         step = delayed - before
         last = self._lagged
         if lag > 0.0:
-            # The exact answer to a ramp of this cycle, so that constant travel lags by exactly the time constant.
+            # The exact answer to a ramp of this cycle, so that constant travel lags by exactly the time
+            # constant.
             behind = step * lag / self._cycle
             target = delayed - behind
             self._lagged = target + (last + step - target) * exp(-self._cycle / lag)

@@ -1,4 +1,6 @@
-"""States of a technology object and what each of them means for enable, control and jobs (STP-446 to STP-461)."""
+"""States of a technology object and what each of them means for enable, control and jobs (STP-446 to
+STP-461).
+"""
 
 from __future__ import annotations
 
@@ -36,16 +38,36 @@ ACCEPTS_MOTION: Final = frozenset((S.ENABLE_RAMP, S.STANDSTILL, S.MOTION, S.HALT
 ACCEPTS_STOP: Final = ACCEPTS_MOTION | frozenset((S.STOPPING, S.STOP_HOLD, S.ALARM_RAMP))
 """States in which `MC_Stop` can take effect."""
 
-ENABLED: Final = frozenset((
-    S.ENABLE_RAMP, S.STANDSTILL, S.MOTION, S.HALTING, S.STOPPING, S.STOP_HOLD, S.ALARM_RAMP, S.ALARM_STANDSTILL,
-    S.DISABLING_RAMP, S.DISABLING_QUICK, S.DISABLING_COAST,
-))  # fmt: skip
+ENABLED: Final = frozenset(
+    (
+        S.ENABLE_RAMP,
+        S.STANDSTILL,
+        S.MOTION,
+        S.HALTING,
+        S.STOPPING,
+        S.STOP_HOLD,
+        S.ALARM_RAMP,
+        S.ALARM_STANDSTILL,
+        S.DISABLING_RAMP,
+        S.DISABLING_QUICK,
+        S.DISABLING_COAST,
+    )
+)
 """States with StatusWord.X0 and `MC_Power.Status` TRUE."""
 
-CONTROLLED: Final = frozenset((
-    S.ENABLE_RAMP, S.STANDSTILL, S.MOTION, S.HALTING, S.STOPPING, S.STOP_HOLD, S.ALARM_RAMP, S.ALARM_STANDSTILL,
-    S.DISABLING_RAMP,
-))  # fmt: skip
+CONTROLLED: Final = frozenset(
+    (
+        S.ENABLE_RAMP,
+        S.STANDSTILL,
+        S.MOTION,
+        S.HALTING,
+        S.STOPPING,
+        S.STOP_HOLD,
+        S.ALARM_RAMP,
+        S.ALARM_STANDSTILL,
+        S.DISABLING_RAMP,
+    )
+)
 """States in which the axis makes the setpoints and its controller is closed."""
 
 DRIVE_EXPECTED_ON: Final = CONTROLLED | frozenset((S.TRACKING,))

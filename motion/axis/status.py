@@ -11,7 +11,8 @@ from motion.drives.port import STW1
 if TYPE_CHECKING:
     from motion.axis.axis import TechnologyAxis
 
-# Names of the module, because in every cycle an attribute of an enumeration would cost more than what is done with it.
+# Names of the module, because in every cycle an attribute of an enumeration would cost more than what is done
+# with it.
 _RESTARTING: Final = AxisState.RESTARTING
 _POSITIONING: Final = JobClass.POSITIONING
 _VELOCITY: Final = JobClass.VELOCITY
@@ -124,7 +125,9 @@ def status_word(axis: TechnologyAxis) -> int:
 
 
 def status_word2(axis: TechnologyAxis) -> int:
-    """Return `StatusWord2`: `MC_Stop` holds the axis, a backlash is passed, a superimposed motion is given or brakes."""
+    """Return `StatusWord2`: `MC_Stop` holds the axis, a backlash is passed, a superimposed motion is given or
+    brakes.
+    """
     motion = axis.motion
     job = motion.job
     word = STOP if job is not None and job.job_class is JobClass.STOP else 0

@@ -1,7 +1,9 @@
-"""Superimposed motion: a second, relative setpoint on top of the basic one (section 2.9 and 2.10 of the instruction specification).
+"""Superimposed motion: a second, relative setpoint on top of the basic one (section 2.9 and 2.10 of the
+instruction specification).
 
-The axis follows the sum. The basic motion goes on as if it were alone; what the superimposed motion has covered belongs
-to it once that has ended, so that target and setpoint of the basic motion are then moved by this distance.
+The axis follows the sum. The basic motion goes on as if it were alone; what the superimposed motion has
+covered belongs to it once that has ended, so that target and setpoint of the basic motion are then moved by
+this distance.
 """
 
 from __future__ import annotations
@@ -16,7 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _CHANGE: Final = 1e-3
-"""Share of the velocity limit by which the room for the superimposed motion has to change before it is planned anew."""
+"""Share of the velocity limit by which the room for the superimposed motion has to change before it is
+planned anew.
+"""
 
 
 class Superposition:
@@ -25,14 +29,27 @@ class Superposition:
     Args:
         basic: Setpoint of the basic motion.
         velocity_limit: Returns the highest velocity of the sum, axis unit per second.
-        basic_velocity: Returns the velocity to which the basic motion accelerates, axis unit per second, signed.
+        basic_velocity: Returns the velocity to which the basic motion accelerates, axis unit per second,
+            signed.
 
     """
 
     __slots__ = (
-        "_basic", "_basic_velocity", "_braking", "_dynamics", "_limit", "_room", "_target", "_zero", "a", "given",
-        "job", "part", "s", "v",
-    )  # fmt: skip
+        "_basic",
+        "_basic_velocity",
+        "_braking",
+        "_dynamics",
+        "_limit",
+        "_room",
+        "_target",
+        "_zero",
+        "a",
+        "given",
+        "job",
+        "part",
+        "s",
+        "v",
+    )
 
     def __init__(
         self,
@@ -80,7 +97,9 @@ class Superposition:
         self.part.start_stop(deceleration, jerk, abort_acceleration=job.abort_acceleration)
 
     def give(self, job: Job) -> None:
-        """Take distance, velocity and acceleration from `job` with every cycle; the distance counts from here (MIN-033)."""
+        """Take distance, velocity and acceleration from `job` with every cycle; the distance counts from here
+        (MIN-033).
+        """
         self.job = job
         self._braking = False
         self.given = True
@@ -151,14 +170,16 @@ class Superposition:
         return 0.0 if self._braking or self.given else self._target - self.part.s
 
     def _velocity_room(self) -> float:
-        """Return what the basic motion leaves of the velocity limit in the direction of the superimposed one (MC-352)."""
+        """Return what the basic motion leaves of the velocity limit in the direction of the superimposed one
+        (MC-352).
+        """
         direction = copysign(1.0, self._target - self.part.s)
         basic = self._basic
         present = direction * basic.v
         planned = self._basic_velocity()
         if basic.phase is MotionPhase.ACCELERATING or basic.v * planned < 0.0:
-            # What it accelerates to, if need be after a reversal, counts at once: the sum would else have to be taken back
-            # with every cycle, and may be too high in the end.
+            # What it accelerates to, if need be after a reversal, counts at once: the sum would else have to
+            # be taken back with every cycle, and may be too high in the end.
             present = max(present, direction * planned)
         return max(0.0, self._limit() - present)
 
@@ -175,7 +196,9 @@ class Superposition:
             self.part.start_velocity(0.0, acceleration, deceleration, jerk)  # waits until there is room
 
     def _bound_acceleration(self, jerk: float) -> None:
-        """Let a present acceleration end at once as far as `jerk` would end it only beyond the velocity limit (STP-119, STP-200)."""
+        """Let a present acceleration end at once as far as `jerk` would end it only beyond the velocity limit
+        (STP-119, STP-200).
+        """
         part = self.part
         a = part.a
         if a == 0.0 or jerk <= 0.0:

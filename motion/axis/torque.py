@@ -1,7 +1,9 @@
-"""Torque data of an axis: additive torque, torque range, torque limiting, fixed stop (section 2.17 of the instruction specification).
+"""Torque data of an axis: additive torque, torque range, torque limiting, fixed stop (section 2.17 of the
+instruction specification).
 
-The values go to the drive as shares of `Actor.DriveParameter.ReferenceTorque`, which has to be p2003 of the drive. Of a linear motor
-they are forces, N, where torques are named below, and shares of `Actor.LinearMotorDriveParameter.ReferenceForce` (VAR-132).
+The values go to the drive as shares of `Actor.DriveParameter.ReferenceTorque`, which has to be p2003 of the
+drive. Of a linear motor they are forces, N, where torques are named below, and shares of
+`Actor.LinearMotorDriveParameter.ReferenceForce` (VAR-132).
 """
 
 from __future__ import annotations
@@ -50,7 +52,9 @@ _BY_VELOCITY: Final = ("MC_MoveVelocity", "MC_MoveJog", "MC_MotionInVelocity")
 
 
 def _limit_scale(axis: TechnologyAxis, *, linear_motor: bool) -> tuple[float, str]:
-    """Return the torque at the motor, Nm, per Nm or N of a limit, and which of the two it is (STP-138 to STP-142)."""
+    """Return the torque at the motor, Nm, per Nm or N of a limit, and which of the two it is (STP-138 to
+    STP-142).
+    """
     read = axis.variables.read
     if linear_motor:
         return 1.0, "Force"
@@ -145,7 +149,8 @@ class TorqueControl:
         """Whether the acceleration setpoint gives a torque (`TorquePreControl.Mode`)."""
         return self._precontrol is not None
 
-    # -- additive torque ------------------------------------------------------------------------------------------
+    # -- additive torque
+    # ------------------------------------------------------------------------------------------
 
     @property
     def _has_data(self) -> bool:
@@ -169,21 +174,25 @@ class TorqueControl:
 
     @property
     def total_additive_nm(self) -> float:
-        """Additive torque that is sent, before the direction of the drive counts, Nm (`StatusTorqueData.TotalTorqueAdditive`)."""
+        """Additive torque that is sent, before the direction of the drive counts, Nm
+        (`StatusTorqueData.TotalTorqueAdditive`).
+        """
         return (self.additive or 0.0) + self.precontrolled_nm
 
     def output_nm(self, acceleration: float) -> float:
         """Return the additive torque for the drive, Nm, in its direction (MC-518, CTL-052).
 
         Args:
-            acceleration: Setpoint of a position-controlled axis, position unit/s²; 0 without position control (CTL-056).
+            acceleration: Setpoint of a position-controlled axis, position unit/s²; 0 without position
+                control (CTL-056).
 
         """
         if self._precontrol is not None:
             self.precontrolled_nm = self._precontrol.torque(acceleration)
         return self._sign * ((self.additive or 0.0) + self.precontrolled_nm)
 
-    # -- torque range ---------------------------------------------------------------------------------------------
+    # -- torque range
+    # ---------------------------------------------------------------------------------------------
 
     def start_range(self) -> int:
         """Return why `MC_TorqueRange` cannot start, 0 if it can (MC-522, MC-533)."""
@@ -194,7 +203,9 @@ class TorqueControl:
         return ERROR_EXCLUSIVE_TORQUE if self.limiting else NO_ERROR
 
     def set_range(self, upper: float, lower: float) -> int:
-        """Limit the torque to `lower`..`upper`, in the torque unit; returns the ErrorID of limits that are not permitted (STP-187)."""
+        """Limit the torque to `lower`..`upper`, in the torque unit; returns the ErrorID of limits that are
+        not permitted (STP-187).
+        """
         if not abs(upper) <= TORQUE_RANGE:
             return ERROR_UPPER_TORQUE
         if not abs(lower) <= TORQUE_RANGE:
@@ -222,7 +233,8 @@ class TorqueControl:
             upper, lower = -lower, -upper
         self._axis.port.set_torque_range(upper / reference, lower / reference)
 
-    # -- torque limiting ------------------------------------------------------------------------------------------
+    # -- torque limiting
+    # ------------------------------------------------------------------------------------------
 
     def start_limiting(self, mode: int) -> int:
         """Return why `MC_TorqueLimiting` cannot start with a `Mode`, 0 if it can (MC-536 to MC-541)."""
@@ -246,7 +258,8 @@ class TorqueControl:
         return NO_ERROR
 
     def set_limiting(self, limit: float, mode: int) -> int:
-        """Activate or change limit and mode; returns the ErrorID of values that are not permitted (STP-134, STP-603).
+        """Activate or change limit and mode; returns the ErrorID of values that are not permitted (STP-134,
+        STP-603).
 
         Args:
             limit: As `MC_TorqueLimiting.Limit`.
@@ -298,7 +311,8 @@ class TorqueControl:
         """Return a limit as torque at the motor, Nm (STP-133, STP-137 to STP-142)."""
         return float(self._default.value if limit < 0.0 else limit * self._limit_unit) * self._per_limit
 
-    # -- what it means for the others -----------------------------------------------------------------------------
+    # -- what it means for the others
+    # -----------------------------------------------------------------------------
 
     @property
     def limits(self) -> bool:
@@ -328,7 +342,9 @@ class TorqueControl:
         return torque > _THRESHOLD * upper if torque > 0.0 else torque < _THRESHOLD * lower
 
     def refuses(self, job: Job) -> int:
-        """Return why a motion job cannot start while a fixed stop is travelled to or held, 0 if it can (STP-600, STP-602)."""
+        """Return why a motion job cannot start while a fixed stop is travelled to or held, 0 if it can
+        (STP-600, STP-602).
+        """
         if not self.detects:
             return NO_ERROR
         if job.position_controlled is False:
@@ -350,7 +366,8 @@ class TorqueControl:
         """Follow a shift of the coordinate system."""
         self._clamp_position += offset
 
-    # -- cycle ------------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------------
 
     def step(self) -> None:
         """Watch for the fixed stop; runs after the position controller."""

@@ -1,4 +1,5 @@
-"""Torque pre-control: the torque that the acceleration setpoint needs, sent ahead of it with telegram 750 (CFG section 27, CTL-050).
+"""Torque pre-control: the torque that the acceleration setpoint needs, sent ahead of it with telegram 750
+(CFG section 27, CTL-050).
 
 `M = Scale * (J_motor + J_load / i²) * alpha_motor`, of a linear motor `F = Scale * (m_motor + m_load) * a`.
 """
@@ -44,6 +45,8 @@ class TorquePrecontrol:
         self._per_load = load_rad / gear * load
 
     def torque(self, acceleration: float) -> float:
-        """Return the torque, Nm, of a linear motor the force, N, for an acceleration setpoint, position unit/s²."""
+        """Return the torque, Nm, of a linear motor the force, N, for an acceleration setpoint, position
+        unit/s².
+        """
         inertia = self._motor.value * self._per_motor + self._load.value * self._per_load
         return float(self._scale.value * 0.01 * inertia * acceleration)

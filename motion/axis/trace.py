@@ -1,4 +1,6 @@
-"""What a recorder takes from an axis in every cycle: setpoints, actual values, position control, words (MON-053, CTL-049)."""
+"""What a recorder takes from an axis in every cycle: setpoints, actual values, position control, words
+(MON-053, CTL-049).
+"""
 
 from __future__ import annotations
 
@@ -78,7 +80,9 @@ def trace_row(axis: TechnologyAxis) -> tuple[float, ...]:
 
 
 def _control(axis: TechnologyAxis, setpoint: float) -> tuple[float, float, float, float, float]:
-    """Return the nodes of position control between `setpoint` and the output, axis unit; and the additive torque, Nm."""
+    """Return the nodes of position control between `setpoint` and the output, axis unit; and the additive
+    torque, Nm.
+    """
     controller = axis.controller
     dynamic_filter = controller.filter
     return (

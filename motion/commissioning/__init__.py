@@ -1,4 +1,6 @@
-"""Commissioning by hand: the axis control panel and the optimisation of the position controller (section 5 of the instruction specification)."""
+"""Commissioning by hand: the axis control panel and the optimisation of the position controller (section 5 of
+the instruction specification).
+"""
 
 from motion.commissioning.optimisation import Attempt, Optimisation, Recommendation, TestStep, tuned_by_drive
 from motion.commissioning.panel import CommissioningError, ControlPanel

@@ -38,7 +38,9 @@ _LEAST_GAIN: Final = 0.5
 _GREATEST_GAIN: Final = 1000.0
 """1/s; no drive follows more than that."""
 _LOOSE: Final = 4.0
-"""Following error that is permitted during the optimisation, as a multiple of v/Kv at the first gain or a smaller one (COM-017)."""
+"""Following error that is permitted during the optimisation, as a multiple of v/Kv at the first gain or a
+smaller one (COM-017).
+"""
 _RUNAWAY: Final = 0.05
 """Overshoot at which a step is broken off, as a share of its distance: the axis oscillates."""
 _SMALLEST: Final = 1e-4
@@ -60,8 +62,10 @@ class TestStep:
     Args:
         distance: Axis unit, above 0.
         velocity: Axis unit per second.
-        acceleration: Axis unit per second squared, for braking too; high enough that the axis has something to overshoot with.
-        tolerance: Deviation that is none, axis unit; 0 = a ten-thousandth of the distance, at least 1.5 increments of the encoder.
+        acceleration: Axis unit per second squared, for braking too; high enough that the axis has
+            something to overshoot with.
+        tolerance: Deviation that is none, axis unit; 0 = a ten-thousandth of the distance, at least 1.5
+            increments of the encoder.
 
     Raises:
         ConfigurationError: One of them is not as described.
@@ -114,9 +118,14 @@ class Attempt:
     def as_dict(self) -> dict[str, float | bool]:
         """Return the numbers, for JSON."""
         return {
-            "kv": self.kv, "kpc": self.kpc, "time_constant_s": self.time_constant, "overshoot": self.overshoot,
-            "reversal": self.reversal, "settling_s": self.settling_s, "good": self.good,
-        }  # fmt: skip
+            "kv": self.kv,
+            "kpc": self.kpc,
+            "time_constant_s": self.time_constant,
+            "overshoot": self.overshoot,
+            "reversal": self.reversal,
+            "settling_s": self.settling_s,
+            "good": self.good,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,12 +139,15 @@ class Recommendation:
 
     @property
     def start_values(self) -> dict[str, float]:
-        """The values for the project: `bench.controller.download(axis, recommendation.start_values)` (COM-064, COM-069)."""
+        """The values for the project: `bench.controller.download(axis, recommendation.start_values)`
+        (COM-064, COM-069).
+        """
         return {KV: self.kv, KPC: self.kpc, TIME_CONSTANT: self.time_constant}
 
 
 def tuned_by_drive(gain: float, time_constant_ms: float) -> dict[str, float]:
-    """Return start values from what the one-button tuning of a SINAMICS drive has found (COM-053, COM-054, CTL-035).
+    """Return start values from what the one-button tuning of a SINAMICS drive has found (COM-053, COM-054,
+    CTL-035).
 
     Args:
         gain: r5276, 1000/min.
@@ -151,7 +163,8 @@ class Optimisation:
     Args:
         panel: A panel with master control and the axis enabled.
         runtime: The cycle of the controller.
-        wait: Lets time pass until a condition holds: `wait(condition, seconds)` returns whether it came to hold in time.
+        wait: Lets time pass until a condition holds: `wait(condition, seconds)` returns whether it came
+            to hold in time.
         step: The test step.
 
     Raises:
@@ -207,8 +220,8 @@ class Optimisation:
         """Try settings until the best is known; the axis moves forward and backward by the test step.
 
         Raises:
-            CommissioningError: A torque limit has acted, an alarm has come, or no setting is without overshoot; the text says what
-                to change.
+            CommissioningError: A torque limit has acted, an alarm has come, or no setting is without
+                overshoot; the text says what to change.
 
         """
         gain = self._gain_without_precontrol()
@@ -217,7 +230,9 @@ class Optimisation:
         return Recommendation(kv, 100.0, time_constant, tuple(self.attempts))
 
     def _prepare(self) -> None:
-        """Set the dynamics of the test step, and loosen what watches: this routine judges for itself how the axis settles."""
+        """Set the dynamics of the test step, and loosen what watches: this routine judges for itself how the
+        axis settles.
+        """
         if self.attempts:
             return
         panel, step = self._panel, self._step
@@ -242,7 +257,8 @@ class Optimisation:
             good /= _COARSE
             if good < _LEAST_GAIN:
                 raise CommissioningError(
-                    f"{self._axis.name}: it overshoots by {attempt.overshoot:.4g} with a gain of {attempt.kv:.3g} 1/s still; "
+                    f"{self._axis.name}: it overshoots by {attempt.overshoot:.4g} with a gain of "
+                    f"{attempt.kv:.3g} 1/s still; "
                     "the speed controller of the drive has to be set first"
                 )
             self._calm = good
@@ -256,7 +272,8 @@ class Optimisation:
                 factor = _FINE
             gain = good * factor
         raise CommissioningError(
-            f"{self._axis.name}: no overshoot up to a gain of {good:.4g} 1/s; the test step needs more acceleration "
+            f"{self._axis.name}: no overshoot up to a gain of {good:.4g} 1/s; the test step needs more "
+            f"acceleration "
             "or a smaller tolerance"
         )
 
@@ -264,11 +281,13 @@ class Optimisation:
         """Raise the time constant until nothing overshoots with precontrol (COM-062, COM-063)."""
         for count in range(_MOST_STEPS):
             time_constant = count * _TIME_STEP
-            # Friction may have held back once what overshoots otherwise, so that a good one has to be good twice.
+            # Friction may have held back once what overshoots otherwise, so that a good one has to be good
+            # twice.
             if self.attempt(kv, 100.0, time_constant).good and self.attempt(kv, 100.0, time_constant).good:
                 return time_constant
         raise CommissioningError(
-            f"{self._axis.name}: with precontrol it overshoots up to a time constant of {_MOST_STEPS - 1} ms; "
+            f"{self._axis.name}: with precontrol it overshoots up to a time constant of "
+            f"{_MOST_STEPS - 1} ms; "
             "the drive does not follow its speed setpoint"
         )
 
@@ -301,9 +320,17 @@ class Optimisation:
             self._come_to_rest()
         rows = np.vstack((forward, backward))
         attempt = Attempt(
-            kv, kpc, time_constant, overshoot, reversal, settling, rows[:, 0] - rows[0, 0], rows[:, 1], rows[:, 2],
+            kv,
+            kpc,
+            time_constant,
+            overshoot,
+            reversal,
+            settling,
+            rows[:, 0] - rows[0, 0],
+            rows[:, 1],
+            rows[:, 2],
             self._step.tolerance,
-        )  # fmt: skip
+        )
         self.attempts.append(attempt)
         return attempt
 
@@ -339,8 +366,8 @@ class Optimisation:
         """Make one step.
 
         Returns:
-            Rows of time in s, position setpoint and actual position during the step and shortly after it, and whether the axis
-            began to oscillate, so that the gain was taken back at once.
+            Rows of time in s, position setpoint and actual position during the step and shortly after it, and
+            whether the axis began to oscillate, so that the gain was taken back at once.
 
         """
         axis, panel = self._axis, self._panel
@@ -372,7 +399,8 @@ class Optimisation:
             raise CommissioningError(f"{axis.name}: a test step failed: {why}")
         if limited and not broken:
             raise CommissioningError(
-                f"{axis.name}: the torque limit of the drive acted during a test step; it needs less acceleration (COM-059)"
+                f"{axis.name}: the torque limit of the drive acted during a test step; it needs less "
+                f"acceleration (COM-059)"
             )
         return np.array(rows), broken
 

@@ -1,4 +1,6 @@
-"""The axis control panel: an operator takes an axis from the user program, enables, jogs, homes and moves it (§6.2 to §6.8)."""
+"""The axis control panel: an operator takes an axis from the user program, enables, jogs, homes and moves it
+(§6.2 to §6.8).
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,8 @@ if TYPE_CHECKING:
     from motion.runtime import Runtime
 
 ALARM_LIFE_SIGN: Final = 204
-"""The same as a technology alarm, raised when the axis is off, so that it does not weaken the stop (TA-019)."""
+"""The same as a technology alarm, raised when the axis is off, so that it does not weaken the stop (TA-019).
+"""
 ERROR_LIFE_SIGN: Final = 0x8013
 """The panel has not given a sign of life within the monitoring time (MC-005)."""
 MAX_DYNAMICS: Final = 2
@@ -60,13 +63,14 @@ def _dynamic_value(name: str, text: str, *, zero: bool = False) -> Any:
 class ControlPanel:
     """Commissioning of one axis by hand: `panel = bench.axis("axis1").control_panel()`.
 
-    The commands return at once; the panel acts in the application cycle like a user program. Velocities are those of the
-    panel times the slider times `adjust` (COM-035).
+    The commands return at once; the panel acts in the application cycle like a user program. Velocities are
+    those of the panel times the slider times `adjust` (COM-035).
 
     Args:
         runtime: The cycle of the controller.
         axis: A speed or positioning axis.
-        monitoring_s: Time without a sign of life after which the axis is stopped and given back, s; 1 to 2 s suit (COM-024).
+        monitoring_s: Time without a sign of life after which the axis is stopped and given back, s; 1 to
+            2 s suit (COM-024).
 
     Raises:
         ConfigurationError: The object is an external encoder (CFG-065), or the time is not above 0.
@@ -109,7 +113,8 @@ class ControlPanel:
     deceleration = _dynamic_value("deceleration", "Deceleration, axis unit per second squared, above 0.")
     jerk = _dynamic_value("jerk", "Jerk, axis unit per second cubed; 0 = none is limited.", zero=True)
 
-    # -- master control -------------------------------------------------------------------------------------------
+    # -- master control
+    # -------------------------------------------------------------------------------------------
 
     @property
     def active(self) -> bool:
@@ -125,7 +130,8 @@ class ControlPanel:
         """Take the axis from the user program; life-sign monitoring begins (COM-022, COM-023).
 
         Raises:
-            CommissioningError: The controller is not in RUN, the user program has the axis enabled, or another panel has it.
+            CommissioningError: The controller is not in RUN, the user program has the axis enabled, or
+                another panel has it.
 
         """
         axis = self.axis
@@ -150,7 +156,9 @@ class ControlPanel:
         self._tell("taken")
 
     def release(self) -> None:
-        """Disable the axis and give it back to the user program when it is off (COM-070); harmless without control."""
+        """Disable the axis and give it back to the user program when it is off (COM-070); harmless without
+        control.
+        """
         if self.active:
             self._give_back("by command")
         else:
@@ -180,7 +188,9 @@ class ControlPanel:
             self._timer = None
 
     def look_away(self) -> None:
-        """The operator does not see the panel any more: stop with the greatest deceleration, keep control (COM-029, COM-030)."""
+        """The operator does not see the panel any more: stop with the greatest deceleration, keep control
+        (COM-029, COM-030).
+        """
         if self.active:
             self.stop()
 
@@ -228,7 +238,8 @@ class ControlPanel:
                 self.axis.name, "panel.control", what=what, reason=self.message, error_id=self.error_id
             )
 
-    # -- cycle ------------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------------
 
     def _cycle(self) -> None:
         axis = self.axis
@@ -256,7 +267,8 @@ class ControlPanel:
         self._instances.append(instance)
         return instance
 
-    # -- what an operator does ----------------------------------------------------------------------------------------
+    # -- what an operator does
+    # ----------------------------------------------------------------------------------------
 
     def _need_control(self, *, enabled: bool = False) -> None:
         if not self.active or self._returning:
@@ -354,7 +366,9 @@ class ControlPanel:
         return self.job  # type: ignore[no-any-return]
 
     def move_absolute(self, position: float, slider: float = _FULL) -> MC_MoveAbsolute:
-        """Move to `position`, axis unit; on a modulo axis forward, with a slider below 0 backward (COM-050, COM-051)."""
+        """Move to `position`, axis unit; on a modulo axis forward, with a slider below 0 backward (COM-050,
+        COM-051).
+        """
         self._need_control(enabled=True)
         axis = self.axis
         self._set_slider(slider)
@@ -380,7 +394,9 @@ class ControlPanel:
         return self._home_directly(0, position)
 
     def adjust_encoder(self, value: float, *, relative: bool = False) -> MC_Home:
-        """Adjust the absolute encoder to a position (`MC_Home` Mode 7) or by an offset (Mode 6) (COM-044 to COM-046)."""
+        """Adjust the absolute encoder to a position (`MC_Home` Mode 7) or by an offset (Mode 6) (COM-044 to
+        COM-046).
+        """
         return self._home_directly(6 if relative else 7, value)
 
     def _home_directly(self, mode: int, position: float) -> MC_Home:

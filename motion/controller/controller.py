@@ -32,8 +32,9 @@ class ControllerError(HilError):
 class Controller:
     """The CPU around a runtime: `bench.controller`.
 
-    A controller is in RUN from the start of its runtime. `stop`, `run`, `power_off` and the others return at once; what takes
-    time goes on with the cycle: `bench.run_until(lambda: bench.controller.state is OperatingState.STOP, timeout=2.0)`.
+    A controller is in RUN from the start of its runtime. `stop`, `run`, `power_off` and the others return at
+    once; what takes time goes on with the cycle: `bench.run_until(lambda: bench.controller.state is
+    OperatingState.STOP, timeout=2.0)`.
 
     Args:
         runtime: Its cycle, technology objects and user program.
@@ -54,13 +55,17 @@ class Controller:
         self.startup_program: list[Callable[[], object]] = []
         """Called once in STARTUP, in this order (OB 100)."""
         self.on_outputs: list[Callable[[bool], object]] = []
-        """Called when the process outputs are switched on (True) or off (False), for what is no drive of an axis."""
+        """Called when the process outputs are switched on (True) or off (False), for what is no drive of an
+        axis.
+        """
         self.on_power: list[Callable[[bool], object]] = []
         """Called when the supply comes (True) or goes (False), for what the controller has on its buses."""
         self.periphery_ready: Callable[[], bool] = _always
         """Whether all devices answer; STARTUP after power-on waits for it."""
         self._has_run = True
-        """Whether it has been in RUN since power-on: before that no inputs are read (CFG-290, CFG-291, CFG-295)."""
+        """Whether it has been in RUN since power-on: before that no inputs are read (CFG-290, CFG-291,
+        CFG-295).
+        """
         self._stopping: list[TechnologyObject] = []
         self._restarts: list[TechnologyObject] = []
         self._initialising: list[TechnologyObject] = []
@@ -70,7 +75,9 @@ class Controller:
 
     @property
     def data_blocks(self) -> DataBlocks:
-        """Global data blocks of the user program; they lose their values with the supply and at a memory reset."""
+        """Global data blocks of the user program; they lose their values with the supply and at a memory
+        reset.
+        """
         return self._runtime.data_blocks
 
     def diagnosis(self, newest: int = 20) -> ControllerDiagnosis:
@@ -82,14 +89,16 @@ class Controller:
         """
         return ControllerDiagnosis(self.state.value, self.diagnostics_buffer.entries[-newest:])
 
-    # -- commands ---------------------------------------------------------------------------------------------
+    # -- commands
+    # ---------------------------------------------------------------------------------------------
 
     def stop(self, reason: str = "by command") -> None:
         """Go to STOP; harmless in STOP.
 
-        Every technology object is disabled with the effect of reaction 4: its jobs end with `CommandAborted`, and its drive
-        stops as `Actor.RemoveEnableReaction` says. When it is off its process outputs are switched off; those of stations at
-        once. An object whose start values have changed is restarted (MC-629, STP-506).
+        Every technology object is disabled with the effect of reaction 4: its jobs end with `CommandAborted`,
+        and its drive stops as `Actor.RemoveEnableReaction` says. When it is off its process outputs are
+        switched off; those of stations at once. An object whose start values have changed is restarted
+        (MC-629, STP-506).
 
         Args:
             reason: For log and diagnostics buffer.
@@ -100,7 +109,9 @@ class Controller:
             self._soon(lambda: self._stop(reason, restart_all=False))
 
     def breakpoint(self) -> None:
-        """Let the user program meet a breakpoint: `MC_Servo` overflows, STOP; every technology object is restarted (MC-633)."""
+        """Let the user program meet a breakpoint: `MC_Servo` overflows, STOP; every technology object is
+        restarted (MC-633).
+        """
         if self.state is not OperatingState.RUN:
             raise ControllerError(f"a breakpoint needs RUN, not {self.state.value}")
         self.diagnostics_buffer.append(_SOURCE, "overflow of MC_Servo: breakpoint reached (HOLD)")
@@ -109,9 +120,10 @@ class Controller:
     def run(self) -> None:
         """Go to RUN by a warm restart, as soon as every technology object is at rest; harmless in RUN.
 
-        On the way, in STARTUP, `startup_program` runs and motion jobs are rejected with 16#800D. All instances of instructions
-        begin anew: `Execute`, `Enable` and jog inputs FALSE, outputs and memory as at the beginning; other inputs stay. In
-        RUN the technology objects are initialised one after the other, one per cycle (MC-631).
+        On the way, in STARTUP, `startup_program` runs and motion jobs are rejected with 16#800D. All
+        instances of instructions begin anew: `Execute`, `Enable` and jog inputs FALSE, outputs and memory as
+        at the beginning; other inputs stay. In RUN the technology objects are initialised one after the
+        other, one per cycle (MC-631).
 
         Raises:
             ControllerError: There is no supply.
@@ -160,7 +172,8 @@ class Controller:
         self._run_wanted = run
 
     def memory_reset(self) -> None:
-        """Delete the work memory and initialise all technology objects from load memory; absolute encoders stay adjusted (HOM-184).
+        """Delete the work memory and initialise all technology objects from load memory; absolute encoders
+        stay adjusted (HOM-184).
 
         Raises:
             ControllerError: The controller is not in STOP, or an axis is not at rest yet.
@@ -173,7 +186,8 @@ class Controller:
             objects.power_down(one)
 
     def factory_reset(self) -> None:
-        """Reset to factory settings and load the same project again: adjustments of absolute encoders are lost (HOM-187).
+        """Reset to factory settings and load the same project again: adjustments of absolute encoders are
+        lost (HOM-187).
 
         Raises:
             ControllerError: As `memory_reset`.
@@ -195,8 +209,8 @@ class Controller:
             values: Start values by their original path; the others stay. None: as it is.
 
         Raises:
-            ConfigurationError: There is no such object or variable, a value is out of range, or values do not fit together;
-                then nothing has changed.
+            ConfigurationError: There is no such object or variable, a value is out of range, or values do
+                not fit together; then nothing has changed.
             ControllerError: As `memory_reset`.
 
         """
@@ -208,9 +222,11 @@ class Controller:
         self._tell(f"technology object {name} loaded")
 
     def load_project(self, *, upgraded: bool = False) -> None:
-        """Load all technology objects anew, as with a project of another name, or with an upgraded version of the same one.
+        """Load all technology objects anew, as with a project of another name, or with an upgraded version of
+        the same one.
 
-        Another project knows nothing of the adjustment of an absolute encoder; an upgraded one keeps it (HOM-188, HOM-189).
+        Another project knows nothing of the adjustment of an absolute encoder; an upgraded one keeps it
+        (HOM-188, HOM-189).
 
         Args:
             upgraded: The project is the same one in a newer version.
@@ -237,7 +253,8 @@ class Controller:
         if moving:
             raise ControllerError(f"a {what} needs technology objects at rest; not yet: {', '.join(moving)}")
 
-    # -- ways -------------------------------------------------------------------------------------------------
+    # -- ways
+    # -------------------------------------------------------------------------------------------------
 
     def _enter(self, state: OperatingState, reason: str) -> None:
         old, self.state = self.state, state
@@ -282,7 +299,9 @@ class Controller:
             self._runtime.history.emit(_SOURCE, "controller.initialised", what=what)
 
     def _soon(self, work: Callable[[], None]) -> None:
-        """Do it now, or as soon as what runs in this instant has ended: nothing is stopped halfway through a cycle."""
+        """Do it now, or as soon as what runs in this instant has ended: nothing is stopped halfway through a
+        cycle.
+        """
         scheduler = self._runtime.scheduler
         if scheduler.running:
             scheduler.at(scheduler.now, work)
@@ -341,7 +360,8 @@ class Controller:
             told(True)
         self.renew_cycle()
 
-    # -- cycle ------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------
 
     def _cycle_without_program(self) -> None:
         """One application cycle in STOP and STARTUP: inputs and technology data go on (MC-632)."""

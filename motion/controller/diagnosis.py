@@ -1,4 +1,6 @@
-"""What the controller says about itself: its operating state and the newest entries of its diagnostics buffer."""
+"""What the controller says about itself: its operating state and the newest entries of its diagnostics
+buffer.
+"""
 
 from __future__ import annotations
 

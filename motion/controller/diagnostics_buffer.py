@@ -1,6 +1,7 @@
 """The diagnostics buffer of the controller: what a service engineer reads first after a stop.
 
-`DiagnosticsBuffer.append` is the one way in. What other parts tell the event log is taken over by `follow`, so that they need
+`DiagnosticsBuffer.append` is the one way in. What other parts tell the event log is taken over by `follow`,
+so that they need
 not know the buffer.
 """
 
@@ -115,12 +116,15 @@ class DiagnosticsBuffer:
         entries = reversed(self._entries if newest is None else list(self._entries)[-newest:])
         return "\n".join(str(entry) for entry in entries)
 
-    # -- what the event log tells -----------------------------------------------------------------------------
+    # -- what the event log tells
+    # -----------------------------------------------------------------------------
 
     def follow(self, history: History) -> Callable[[], None]:
-        """Enter what the event log tells of alarms and connections from now on; returns the function that ends it.
+        """Enter what the event log tells of alarms and connections from now on; returns the function that
+        ends it.
 
-        Technology alarms come in as far as the catalogue says that the diagnostics buffer records them (TA-011).
+        Technology alarms come in as far as the catalogue says that the diagnostics buffer records them
+        (TA-011).
         """
         tell = _WORDS
         append = self.append

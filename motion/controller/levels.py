@@ -1,11 +1,13 @@
-"""Execution levels: `MC_Servo` and `MC_Interpolator`, the blocks of the user around them, and what becomes of them when computing takes long.
+"""Execution levels: `MC_Servo` and `MC_Interpolator`, the blocks of the user around them, and what becomes of
+them when computing takes long.
 
-In one servo cycle, in this order (MC-634): `MC_PreServo`, `MC_Servo`, `MC_PostServo`; where the interpolator is due, with it,
-and afterwards `MC_PreInterpolator` and the user program. An interpolator that is due every n servo cycles (`T_ipo = n *
-T_servo`) calculates the setpoints n cycles ahead, between which `MC_Servo` interpolates.
+In one servo cycle, in this order (MC-634): `MC_PreServo`, `MC_Servo`, `MC_PostServo`; where the interpolator
+is due, with it, and afterwards `MC_PreInterpolator` and the user program. An interpolator that is due every n
+servo cycles (`T_ipo = n * T_servo`) calculates the setpoints n cycles ahead, between which `MC_Servo`
+interpolates.
 
-Computing takes no time unless it is told to. With a time for `MC_Servo` its outputs come later by it; with one for
-`MC_Interpolator` the next setpoints may be missing when `MC_Servo` wants them (MC-636, MC-637).
+Computing takes no time unless it is told to. With a time for `MC_Servo` its outputs come later by it; with
+one for `MC_Interpolator` the next setpoints may be missing when `MC_Servo` wants them (MC-636, MC-637).
 """
 
 from __future__ import annotations
@@ -100,7 +102,8 @@ class ExecutionLevels:
         self._generation = 0
         self._interpolations = 0
 
-    # -- settings ---------------------------------------------------------------------------------------------
+    # -- settings
+    # ---------------------------------------------------------------------------------------------
 
     @property
     def plain(self) -> bool:
@@ -113,7 +116,8 @@ class ExecutionLevels:
         self._runtime.controller.renew_cycle()
 
     def hook(self, level: str, call: Hook) -> Callable[[], None]:
-        """Call `call` in `MC_PreServo`, `MC_PostServo` or `MC_PreInterpolator`; returns the function that ends it.
+        """Call `call` in `MC_PreServo`, `MC_PostServo` or `MC_PreInterpolator`; returns the function that
+        ends it.
 
         Raises:
             ConfigurationError: There is no such level.
@@ -163,7 +167,9 @@ class ExecutionLevels:
         return self._servo_ns, self._interpolator_ns
 
     def stall(self, stalled: bool) -> None:
-        """Let all levels hang without anybody noticing, or go on: no inputs, no program, no telegrams; the bus runs on."""
+        """Let all levels hang without anybody noticing, or go on: no inputs, no program, no telegrams; the
+        bus runs on.
+        """
         self._stalled = stalled
         self.changed()
 
@@ -179,7 +185,8 @@ class ExecutionLevels:
         self._generation += 1
         self.isochronous = True
 
-    # -- cycle ------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------
 
     def cycle_objects(self) -> None:
         """Run one servo cycle of the technology objects alone, in STOP and STARTUP."""
@@ -226,7 +233,9 @@ class ExecutionLevels:
         return due
 
     def _serve(self, *, due: bool, late: bool) -> None:
-        """`MC_Servo` with the blocks around it, and what follows when the interpolator is due and has its time."""
+        """`MC_Servo` with the blocks around it, and what follows when the interpolator is due and has its
+        time.
+        """
         runtime = self._runtime
         for hook in self.pre_servo:
             hook()
@@ -242,10 +251,13 @@ class ExecutionLevels:
                 runtime.run_program()
         runtime.end_cycle()
 
-    # -- computing time ---------------------------------------------------------------------------------------
+    # -- computing time
+    # ---------------------------------------------------------------------------------------
 
     def _interrupt(self, due: bool) -> bool | None:
-        """`MC_Servo` begins: interrupt a running interpolator; returns whether its setpoints are missing, None after a stop."""
+        """`MC_Servo` begins: interrupt a running interpolator; returns whether its setpoints are missing,
+        None after a stop.
+        """
         if self._end is None:
             if due:
                 self._overflows = 0
@@ -268,7 +280,9 @@ class ExecutionLevels:
         return True
 
     def _served(self, generation: int, *, due: bool, late: bool) -> None:
-        """`MC_Servo` ends, unless RUN has: its outputs are written, and the interpolator begins or goes on."""
+        """`MC_Servo` ends, unless RUN has: its outputs are written, and the interpolator begins or goes
+        on.
+        """
         if generation != self._generation:
             return
         self._serve(due=due, late=late)

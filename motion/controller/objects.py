@@ -40,7 +40,9 @@ def at_rest(one: TechnologyObject) -> bool:
 
 
 def disable(one: TechnologyObject) -> None:
-    """Take the object from the user program with the effect of reaction 4 (STP-506): jobs are aborted, the drive stops."""
+    """Take the object from the user program with the effect of reaction 4 (STP-506): jobs are aborted, the
+    drive stops.
+    """
     one.master = None
     abort_passive(one)
     if isinstance(one, ExternalEncoder):
@@ -111,8 +113,8 @@ def download(one: TechnologyObject, values: Mapping[str, Any]) -> None:
     """Load start values of any access class and initialise the object with them.
 
     Raises:
-        ConfigurationError: A variable does not exist, its value is out of range, or values do not fit together; then nothing
-            has changed.
+        ConfigurationError: A variable does not exist, its value is out of range, or values do not fit
+            together; then nothing has changed.
 
     """
     take_back = one.variables.load(values)

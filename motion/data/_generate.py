@@ -33,7 +33,9 @@ def _bit(text: str | None) -> tuple[int | None, str]:
 
 
 def _variable(entry: dict[str, Any]) -> list[Any]:
-    """Return path, data type, access, unit, initial value, minimum, maximum and, where there is more, the rest."""
+    """Return path, data type, access, unit, initial value, minimum, maximum and, where there is more, the
+    rest.
+    """
     limits = entry.get("range") or {"min": None, "max": None}
     unit = entry["unit"]
     row: list[Any] = [
@@ -72,7 +74,9 @@ _ADDRESS_PARTS: Final = {
 
 
 def _rows(entry: dict[str, Any]) -> list[list[Any]]:
-    """Return the rows of a variable: one, or those of its parts where it is an address that can be written."""
+    """Return the rows of a variable: one, or those of its parts where it is an address that can be
+    written.
+    """
     row = _variable(entry)
     if entry["data_type"] != "VREF" or entry["access"] == "RON":
         return [row]
@@ -166,7 +170,9 @@ def alarms(source: dict[str, Any]) -> dict[str, Any]:
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:
-    """Write `content` with one line per row, so that a change of the data is readable as a change of lines."""
+    """Write `content` with one line per row, so that a change of the data is readable as a change of
+    lines.
+    """
     text = json.dumps(content, ensure_ascii=False, separators=(",", ":"))
     text = re.sub(
         r'(?<=[\]}]),(?=\["[A-Z][^"]*","|\{"(?:number|value)":|"[A-Z]\w+":\{"inherits)', ",\n", text

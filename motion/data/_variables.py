@@ -36,7 +36,9 @@ class UnknownVariableError(VariableError):
 
 
 class VariableAccessError(VariableError):
-    """The access class of the variable does not permit this way of writing it; the message names the way that works."""
+    """The access class of the variable does not permit this way of writing it; the message names the way that
+    works.
+    """
 
 
 class ParameterError(VariableError):

@@ -1,1 +1,3 @@
-"""Ports to drives: what an axis asks of its drive (`port`), and one module for each profile and bus that carries it."""
+"""Ports to drives: what an axis asks of its drive (`port`), and one module for each profile and bus that
+carries it.
+"""

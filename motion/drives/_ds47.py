@@ -1,6 +1,7 @@
 """Reading parameters of a drive through the registers of data record 47 (PD-326 to PD-333); nothing waits.
 
-One request at a time: control word, header and request are written, then the answer is asked for until it is there.
+One request at a time: control word, header and request are written, then the answer is asked for until it is
+there.
 """
 
 from __future__ import annotations

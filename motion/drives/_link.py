@@ -1,4 +1,6 @@
-"""What ports over a bus share: whether the drive is in service, and how long its actual values have stayed away."""
+"""What ports over a bus share: whether the drive is in service, and how long its actual values have stayed
+away.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +66,9 @@ class LinkedPort(DrivePort):
 
     @property
     def delay_ns(self) -> int:
-        """Time from a setpoint to the actual value that it makes, as the axis sees it, without the lag of the drive, ns."""
+        """Time from a setpoint to the actual value that it makes, as the axis sees it, without the lag of the
+        drive, ns.
+        """
         return 2 * self._cycle_ns
 
     def drive_restarted(self) -> None:
@@ -76,7 +80,9 @@ class LinkedPort(DrivePort):
         self._in_service = True
 
     def leave_service(self) -> None:
-        """Take note that the drive is lost: the link is down until it is in service again and sends something new."""
+        """Take note that the drive is lost: the link is down until it is in service again and sends something
+        new.
+        """
         self._in_service = False
         self._link_age = self._grace
 

@@ -1,4 +1,6 @@
-"""Torque limit of a CiA 402 drive in 6072h, which is no process data here: it is read and written by SDO (MC-585)."""
+"""Torque limit of a CiA 402 drive in 6072h, which is no process data here: it is read and written by SDO
+(MC-585).
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ _LARGEST: Final = 0xFFFF
 class MaxTorque:
     """Keeps 6072h at the limit that is wanted; nothing waits, one transfer runs at a time.
 
-    What the drive had before comes back when the limit ends, and a drive that has started anew gets the limit again.
+    What the drive had before comes back when the limit ends, and a drive that has started anew gets the limit
+    again.
 
     Args:
         master: The controller's CANopen services.
@@ -69,9 +72,11 @@ class MaxTorque:
             self._busy = True
             self._sent = value
             client.download(
-                _MAX_TORQUE, 0, value.to_bytes(2, "little"),
+                _MAX_TORQUE,
+                0,
+                value.to_bytes(2, "little"),
                 lambda job: self._written(job) if mine == self._generation else None,
-            )  # fmt: skip
+            )
 
     def _read(self, job: SdoJob) -> None:
         self._busy = False

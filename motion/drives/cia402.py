@@ -3,8 +3,8 @@
 One RPDO (6040h, 60FFh, 6060h) and two synchronous TPDOs (6041h, 6064h, 6077h; 606Ch, 60FDh) carry the cycle;
 603Fh and 1001h come by event.
 
-Delays, with T the bus cycle: the drive samples at SYNC k, the axis calculates half a cycle later, its setpoint
-is latched at SYNC k+1 and interpolated by the drive until SYNC k+2.
+Delays, with T the bus cycle: the drive samples at SYNC k, the axis calculates half a cycle later, its
+setpoint is latched at SYNC k+1 and interpolated by the drive until SYNC k+2.
 """
 
 from __future__ import annotations
@@ -81,9 +81,20 @@ class Cia402Port(LinkedPort):
     """
 
     __slots__ = (
-        "_fault_code", "_master", "_max_torque", "_probe", "_rpdo1_id", "_seen_tpdo1", "_state_of_word", "_statusword", "_stw1", "_torque_factor", "_torque_share_permille",
-        "node", "node_id",
-    )  # fmt: skip
+        "_fault_code",
+        "_master",
+        "_max_torque",
+        "_probe",
+        "_rpdo1_id",
+        "_seen_tpdo1",
+        "_state_of_word",
+        "_statusword",
+        "_stw1",
+        "_torque_factor",
+        "_torque_share_permille",
+        "node",
+        "node_id",
+    )
 
     def __init__(
         self,
@@ -126,7 +137,8 @@ class Cia402Port(LinkedPort):
         """Return what commissioning may write, in order: (index, sub-index, value)."""
         return written(self.node)
 
-    # -- what the network tells -------------------------------------------------------------------------------
+    # -- what the network tells
+    # -------------------------------------------------------------------------------
 
     def drive_restarted(self) -> None:
         """See `LinkedPort.drive_restarted`."""
@@ -144,7 +156,8 @@ class Cia402Port(LinkedPort):
         if code:
             self._fault_code = code
 
-    # -- bus events -------------------------------------------------------------------------------------------
+    # -- bus events
+    # -------------------------------------------------------------------------------------------
 
     def _on_tpdo1(self, data: bytes, _time_ns: int) -> None:
         if len(data) >= 8:
@@ -161,7 +174,8 @@ class Cia402Port(LinkedPort):
         if len(data) >= 3:
             self._fault_code = _TPDO3.unpack_from(data)[0]
 
-    # -- cycle ------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------
 
     def read(self) -> None:
         """See `DrivePort.read`."""
@@ -233,7 +247,9 @@ class Cia402Port(LinkedPort):
         self.emit("drive.limit_refused", object="6072h", reason=reason)
 
     def release(self) -> None:
-        """Disable the drive with a last telegram, which acts at the next SYNC: nobody will lead it any more."""
+        """Disable the drive with a last telegram, which acts at the next SYNC: nobody will lead it any
+        more.
+        """
         try:
             self._master.send(self._rpdo1_id, _RPDO1.pack(0, 0, MODE_CSV))
         except HilError:

@@ -1,7 +1,7 @@
 """Port to an encoder of CiA 406 on CANopen: its position by SYNC (TPDO2, 6004h), its alarms by EMCY.
 
-Nothing is written to the encoder. Its position runs from 0 to the end of its range and begins there anew; the port makes a
-count of it that goes on (CFG-309).
+Nothing is written to the encoder. Its position runs from 0 to the end of its range and begins there anew; the
+port makes a count of it that goes on (CFG-309).
 """
 
 from __future__ import annotations
@@ -94,7 +94,8 @@ class Cia406Port(EncoderPort):
         self._known = False
         master.subscribe(0x280 + config.node_id, self._on_position)
 
-    # -- what the network tells -------------------------------------------------------------------------------
+    # -- what the network tells
+    # -------------------------------------------------------------------------------
 
     def node_restarted(self) -> None:
         """See `NodeUser`: what it counts from now on has a new reference."""
@@ -129,7 +130,8 @@ class Cia406Port(EncoderPort):
             self._value = _POSITION.unpack_from(data)[0]
             self._seen = True
 
-    # -- cycle ------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------
 
     def read(self) -> None:
         """See `EncoderPort.read`."""

@@ -22,11 +22,13 @@ _ALLOWED: Final = "PD_TELx with Input and Output, Array[a..b] of PD_TELx, or a s
 
 
 class DataBlock:
-    """Structures `PD_TELx` by their path: `block["axis1"]`, `block["encoders[1]"]`, `block["machine.torque"]`.
+    """Structures `PD_TELx` by their path: `block["axis1"]`, `block["encoders[1]"]`,
+    `block["machine.torque"]`.
 
     Args:
         name: Its name, for messages.
-        declarations: Data type by name: `PD_TEL105`, `Array[0..3] of PD_TEL83`, or a mapping for a structure or a PLC data type.
+        declarations: Data type by name: `PD_TEL105`, `Array[0..3] of PD_TEL83`, or a mapping for a
+            structure or a PLC data type.
         only_in_load_memory: Attribute "only store in load memory".
         write_protected: Attribute "data block write-protected in the device".
         optimized: Attribute "optimized block access".

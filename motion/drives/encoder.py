@@ -1,4 +1,6 @@
-"""What an axis or an external encoder asks of an encoder with a connection of its own, whatever bus and profile carry it."""
+"""What an axis or an external encoder asks of an encoder with a connection of its own, whatever bus and
+profile carry it.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,19 @@ class EncoderPort(ABC):
     """Cyclic coupling to one encoder; `read` refreshes the attributes from what the bus has brought."""
 
     __slots__ = (
-        "absolute_encoder", "actual_speed_rpm", "brings_speed", "encoder_increments", "encoder_restarts", "has_parameters",
-        "interface_number", "link_ok", "mark", "sensor_fault", "sign_lost", "telegram_number",
-    )  # fmt: skip
+        "absolute_encoder",
+        "actual_speed_rpm",
+        "brings_speed",
+        "encoder_increments",
+        "encoder_restarts",
+        "has_parameters",
+        "interface_number",
+        "link_ok",
+        "mark",
+        "sensor_fault",
+        "sign_lost",
+        "telegram_number",
+    )
 
     absolute_from_zero: ClassVar[bool] = True
     """See `DrivePort.absolute_from_zero`."""

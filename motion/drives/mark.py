@@ -1,7 +1,7 @@
 """Search for the zero mark of an encoder: what a technology object asks of the device that evaluates it.
 
-The device latches the position of the mark by itself, so that neither the bus cycle nor the time of reading it out matters
-(HOM-066, HOM-077).
+The device latches the position of the mark by itself, so that neither the bus cycle nor the time of reading
+it out matters (HOM-066, HOM-077).
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ _RUNNING: Final = int(G_ZSW.FUNCTION_1)
 _VALUE: Final = int(G_ZSW.VALUE_1)
 _ERROR: Final = int(G_ZSW.ERROR)
 _PATIENCE: Final = 16
-"""Cycles without the expected answer after which the search is begun anew: a telegram, or the device, may have been lost."""
+"""Cycles without the expected answer after which the search is begun anew: a telegram, or the device, may
+have been lost.
+"""
 _HOLD: Final = 4
 """Cycles for which a command without an answer is sent at least: another one may still be on its way."""
 _ATTEMPTS: Final = 3
@@ -41,7 +43,8 @@ class MarkSearch:
         self.failed = False
         """The device has ended the search with an error."""
         self.value = 0
-        """Where the mark was passed, in the increments and the range of `encoder_increments`; once `found`."""
+        """Where the mark was passed, in the increments and the range of `encoder_increments`; once `found`.
+        """
 
     def start(self) -> None:
         """Look for the next mark that is passed in any direction from now on."""

@@ -1,7 +1,7 @@
 """What an axis asks of its drive, whatever bus and profile carry it.
 
-The axis always speaks PROFIdrive control and status words, because the stopping behaviour is specified in their
-terms (STP-258 to STP-290); a port of another profile translates (STP-541 to STP-547).
+The axis always speaks PROFIdrive control and status words, because the stopping behaviour is specified in
+their terms (STP-258 to STP-290); a port of another profile translates (STP-541 to STP-547).
 """
 
 from __future__ import annotations
@@ -90,7 +90,9 @@ class DrivePort(ABC):
     )
 
     reports_stop: ClassVar[bool] = True
-    """The status word tells when a stop that the drive makes by itself has ended; False: the axis has to look."""
+    """The status word tells when a stop that the drive makes by itself has ended; False: the axis has to
+    look.
+    """
     absolute_from_zero: ClassVar[bool] = False
     """An absolute value lies between 0 and the measuring range, as in Gx_XIST2; False: it has a sign."""
     analog: ClassVar[bool] = False
@@ -106,7 +108,9 @@ class DrivePort(ABC):
         self.encoder_increments = 0
         """Raw encoder count, signed 32 bit, wraps."""
         self.encoder_restarts = 0
-        """Counts the times at which the encoder began anew (power cycle of the drive); an incremental count lost its reference."""
+        """Counts the times at which the encoder began anew (power cycle of the drive); an incremental count
+        lost its reference.
+        """
         self.absolute_encoder = False
         self.sensor_fault = False
         """The drive reports its encoder as faulty."""
@@ -121,7 +125,9 @@ class DrivePort(ABC):
         self.inputs = 0
         """Digital inputs at the drive: bit 0 negative limit, 1 positive limit, 2 home switch; 1 = active."""
         self.dsc = False
-        """The drive can control the position itself, with what `control_position` gives (dynamic servo control, CFG-194)."""
+        """The drive can control the position itself, with what `control_position` gives (dynamic servo
+        control, CFG-194).
+        """
         self.drive_fault_code = 0
         """Fault code of the drive, 0 when none."""
         self.speaks_telegram = False
@@ -131,7 +137,9 @@ class DrivePort(ABC):
         self.has_torque_data = False
         """Additive torque and torque range reach the drive (telegram 750)."""
         self.has_torque_reduction = False
-        """A torque limit reaches the drive, and it says whether that is reached (telegrams 102, 103, 105, 106)."""
+        """A torque limit reaches the drive, and it says whether that is reached (telegrams 102, 103, 105,
+        106).
+        """
         self.torque_limit_reached = False
         """The drive works at the threshold of its torque limit (MELDW bit 1 = 0)."""
         self.has_parameters = False
@@ -148,11 +156,14 @@ class DrivePort(ABC):
         """Take over the inputs that have arrived since the last cycle."""
 
     def telegram_view(self) -> dict[str, int]:
-        """Return the words of the telegram by signal name, as last sent and last received (DIA-100, DIA-101)."""
+        """Return the words of the telegram by signal name, as last sent and last received (DIA-100,
+        DIA-101).
+        """
         return {"ZSW1": self.zsw1}
 
     def control_position(self, deviation_increments: float, gain_per_s: float) -> None:
-        """Give position deviation and gain of the next `write`, where `dsc`; without it the drive controls the speed alone.
+        """Give position deviation and gain of the next `write`, where `dsc`; without it the drive controls
+        the speed alone.
 
         Args:
             deviation_increments: Setpoint minus actual position, raw increments of the encoder.
@@ -166,11 +177,14 @@ class DrivePort(ABC):
         raise NotImplementedError
 
     def limit_torque(self, share: float | None) -> None:
-        """Limit the torque in both directions to a share of the reference torque, 0..1, or not; where `has_torque_reduction`."""
+        """Limit the torque in both directions to a share of the reference torque, 0..1, or not; where
+        `has_torque_reduction`.
+        """
         raise NotImplementedError
 
     def set_reference(self, speed_rpm: float, torque_nm: float) -> None:  # noqa: B027 - a connection without shares has nothing to do
-        """Take over what 100 % of setpoints and actual values mean, where the connection carries shares (CFG-273, CFG-275).
+        """Take over what 100 % of setpoints and actual values mean, where the connection carries shares
+        (CFG-273, CFG-275).
 
         Args:
             speed_rpm: Reference speed, rpm; of a linear motor m/min.
@@ -190,7 +204,9 @@ class DrivePort(ABC):
         raise NotImplementedError
 
     def switch_outputs(self, on: bool) -> None:  # noqa: B027 - zeros in `write` are enough where nothing else is sent
-        """Switch the process outputs of the controller on or off; off, all words of the drive are 0, whatever `write` says."""
+        """Switch the process outputs of the controller on or off; off, all words of the drive are 0, whatever
+        `write` says.
+        """
 
     @abstractmethod
     def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:

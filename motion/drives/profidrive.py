@@ -1,7 +1,7 @@
 """The controller's side of a PROFIdrive telegram, whatever carries it.
 
-Control and status word, encoder words, torque words are those of the axis itself and pass through. A port over a bus takes
-answers with `_take` and sends what `_compose` returns.
+Control and status word, encoder words, torque words are those of the axis itself and pass through. A port
+over a bus takes answers with `_take` and sends what `_compose` returns.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ TelegramSeam = Callable[[bytes], bytes | None]
 
 
 def decode_parameter(number: int, data: bytes) -> float | None:
-    """Return the value of a parameter that came as an object of its own, low byte first; None for what is no number.
+    """Return the value of a parameter that came as an object of its own, low byte first; None for what is no
+    number.
 
     Args:
         number: PROFIdrive number; it says which ones are floating point.
@@ -72,7 +73,8 @@ class TelegramConfig:
         reference_torque_nm: p2003.
         sign_of_life: Whether both sides watch the counter of the other (CFG-192).
         sign_tolerance: Wrong values of the drive's counter in a row that are tolerated (PD-132).
-        isochronous: Whether the drive works in the clock of the bus: without it there is no dynamic servo control (PD-198).
+        isochronous: Whether the drive works in the clock of the bus: without it there is no dynamic servo
+            control (PD-198).
 
     Raises:
         ConfigurationError: The telegram is none of these, or has no sign of life.
@@ -115,11 +117,44 @@ class ProfidrivePort(LinkedPort):
     """
 
     __slots__ = (
-        "_add_at", "_answer", "_blocks", "_fault_number", "_g1_at", "_g1_zsw_at", "_kpc", "_kpc_at", "_m_act_at",
-        "_meldw_at", "_momred_at", "_narrow", "_nist_at", "_nsoll_at", "_pack", "_place", "_range_at", "_reference_speed",
-        "_reference_torque", "_row", "_search", "_sign", "_speed_scale", "_stw2_at", "_unpack", "_watch", "_watches", "_words", "_xerr", "_xerr_at",
-        "_xist2_at", "_xist_at", "_zsw2_at", "actual_seam", "block", "setpoint_seam", "telegram",
-    )  # fmt: skip
+        "_add_at",
+        "_answer",
+        "_blocks",
+        "_fault_number",
+        "_g1_at",
+        "_g1_zsw_at",
+        "_kpc",
+        "_kpc_at",
+        "_m_act_at",
+        "_meldw_at",
+        "_momred_at",
+        "_narrow",
+        "_nist_at",
+        "_nsoll_at",
+        "_pack",
+        "_place",
+        "_range_at",
+        "_reference_speed",
+        "_reference_torque",
+        "_row",
+        "_search",
+        "_sign",
+        "_speed_scale",
+        "_stw2_at",
+        "_unpack",
+        "_watch",
+        "_watches",
+        "_words",
+        "_xerr",
+        "_xerr_at",
+        "_xist2_at",
+        "_xist_at",
+        "_zsw2_at",
+        "actual_seam",
+        "block",
+        "setpoint_seam",
+        "telegram",
+    )
 
     absolute_from_zero = True
 
@@ -196,7 +231,9 @@ class ProfidrivePort(LinkedPort):
         self._speed_scale = speed_rpm / (N2_ONE if self._narrow else N4_ONE)
 
     def switch_outputs(self, on: bool) -> None:
-        """See `DrivePort.switch_outputs`: every word is 0, so that the drive misses the sign of life of its controller."""
+        """See `DrivePort.switch_outputs`: every word is 0, so that the drive misses the sign of life of its
+        controller.
+        """
         place = {name: at for at, name in enumerate(self.telegram.setpoint.names)} if on else {}
         self._place_outputs(place)
         self._row[:] = [0] * len(self._row)
@@ -211,7 +248,8 @@ class ProfidrivePort(LinkedPort):
     def connect_block(
         self, block: TelegramBlock | None = None, torque: TelegramBlock | None = None
     ) -> TelegramBlock:
-        """Put a data block between telegram and axis; from now on the user program keeps the sign of life (CFG-260).
+        """Put a data block between telegram and axis; from now on the user program keeps the sign of life
+        (CFG-260).
 
         Args:
             block: Structure of a `DataBlock`; None = one of its own with all words.
@@ -236,7 +274,8 @@ class ProfidrivePort(LinkedPort):
         self.has_parameters = False
         return block
 
-    # -- what the bus tells -------------------------------------------------------------------------------------
+    # -- what the bus tells
+    # -------------------------------------------------------------------------------------
 
     def drive_restarted(self) -> None:
         """See `LinkedPort.drive_restarted`."""
@@ -248,7 +287,8 @@ class ProfidrivePort(LinkedPort):
         LinkedPort.leave_service(self)
         self._watch.reset()
 
-    # -- cycle --------------------------------------------------------------------------------------------------
+    # -- cycle
+    # --------------------------------------------------------------------------------------------------
 
     def _take(self, frame: bytes | None) -> None:
         """Take the answer of this cycle, words with the high byte first; None: there is none.
@@ -294,7 +334,8 @@ class ProfidrivePort(LinkedPort):
                 mark.take(g1_zsw, answer[self._xist2_at])
 
     def command(self, name: str, value: int) -> None:
-        """Send a word that the axis does not use itself in every telegram from now on: G2_STW, S_STW1B, S_STW3B; 0..FFFFh.
+        """Send a word that the axis does not use itself in every telegram from now on: G2_STW, S_STW1B,
+        S_STW3B; 0..FFFFh.
 
         Raises:
             ConfigurationError: It is none of them, or the telegram does not have it, or the value is no word.
@@ -344,7 +385,9 @@ class ProfidrivePort(LinkedPort):
             self._row[self._momred_at] = 0 if share is None else round((1.0 - share) * N2_ONE)
 
     def _compose(self, stw1: int, speed_rpm: float, torque_nm: float) -> bytes | None:
-        """Return the telegram of this cycle, of any length where a test disturbs it; None: nothing is sent."""
+        """Return the telegram of this cycle, of any length where a test disturbs it; None: nothing is
+        sent.
+        """
         row = self._row
         row[0] = stw1
         if self._nsoll_at >= 0:
@@ -373,7 +416,9 @@ class ProfidrivePort(LinkedPort):
         return frame if self.setpoint_seam is None else self.setpoint_seam(frame)
 
     def compose_words(self, row: Sequence[int]) -> bytes | None:
-        """Return a telegram of these signals, in their order; the sign of life is added where both sides watch it."""
+        """Return a telegram of these signals, in their order; the sign of life is added where both sides
+        watch it.
+        """
         words = list(row)
         if self._stw2_at >= 0 and self._words.sign_of_life:
             self._sign = next_sign(self._sign)

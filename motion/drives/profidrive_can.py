@@ -1,10 +1,10 @@
 """Port to a PROFIdrive axis on CANopen: its telegram in free process data words on PDOs, latched by SYNC.
 
-Four words of the telegram stand in a PDO (5800h and following to the drive, 5810h and following from it); one more TPDO
-brings digital inputs and the fault number by event.
+Four words of the telegram stand in a PDO (5800h and following to the drive, 5810h and following from it); one
+more TPDO brings digital inputs and the fault number by event.
 
-Delays, with T the bus cycle: the drive samples at SYNC k, the axis calculates half a cycle later, its telegram is taken over
-at SYNC k+1, and its setpoints are interpolated by the drive until SYNC k+2.
+Delays, with T the bus cycle: the drive samples at SYNC k, the axis calculates half a cycle later, its
+telegram is taken over at SYNC k+1, and its setpoints are interpolated by the drive until SYNC k+2.
 """
 
 from __future__ import annotations
@@ -112,7 +112,8 @@ class ProfidriveCanPort(ProfidrivePort):
             PdoSetup(True, 5, self._status_id(), 255, _STATUS),
         )
 
-    # -- what the network tells -------------------------------------------------------------------------------
+    # -- what the network tells
+    # -------------------------------------------------------------------------------
 
     def leave_service(self) -> None:
         """See `LinkedPort.leave_service`."""
@@ -137,13 +138,15 @@ class ProfidriveCanPort(ProfidrivePort):
 
         self._master.sdo(self.node_id).upload(_PARAMETER + number, index, ended)
 
-    # -- bus events -------------------------------------------------------------------------------------------
+    # -- bus events
+    # -------------------------------------------------------------------------------------------
 
     def _on_status(self, data: bytes, _time_ns: int) -> None:
         if len(data) == _STATUS_STRUCT.size:
             self.inputs, self._fault_number, _ = _STATUS_STRUCT.unpack(data)
 
-    # -- cycle ------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------
 
     def read(self) -> None:
         """See `DrivePort.read`."""

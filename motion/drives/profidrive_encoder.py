@@ -1,7 +1,8 @@
-"""Port to a PROFIdrive encoder on CANopen: its telegram (81 to 84) in free process data words on PDOs, latched by SYNC.
+"""Port to a PROFIdrive encoder on CANopen: its telegram (81 to 84) in free process data words on PDOs,
+latched by SYNC.
 
-Whoever uses the encoder sets `g1_stw` and `acknowledges`, and calls `read` once per bus cycle: it takes the answer of the last
-SYNC and sends the words of the next one.
+Whoever uses the encoder sets `g1_stw` and `acknowledges`, and calls `read` once per bus cycle: it takes the
+answer of the last SYNC and sends the words of the next one.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ class EncoderPortConfig:
         grace_cycles: Cycles without data until the link counts as lost.
         absolute_encoder: It keeps its position over power-off.
         reference_speed: What 100 % of the speed stands for, rpm, of a linear encoder m/min.
-        acknowledges_errors: Errors of the encoder are acknowledged at once, so that they are gone with their cause: for a
-            technology object, which does not know of G1_STW.
+        acknowledges_errors: Errors of the encoder are acknowledged at once, so that they are gone with
+            their cause: for a technology object, which does not know of G1_STW.
 
     Raises:
         ConfigurationError: There is no such telegram.
@@ -81,9 +82,28 @@ class ProfidriveEncoderPort(EncoderPort):
     """
 
     __slots__ = (
-        "_age", "_answer", "_config", "_history", "_in_service", "_master", "_pdos", "_place", "_read_ns",
-        "_reference_speed", "_rpdo", "_search", "_sent", "_sign", "_telegram", "_watch", "acknowledges", "block", "g1_stw", "name", "node",
-    )  # fmt: skip
+        "_age",
+        "_answer",
+        "_config",
+        "_history",
+        "_in_service",
+        "_master",
+        "_pdos",
+        "_place",
+        "_read_ns",
+        "_reference_speed",
+        "_rpdo",
+        "_search",
+        "_sent",
+        "_sign",
+        "_telegram",
+        "_watch",
+        "acknowledges",
+        "block",
+        "g1_stw",
+        "name",
+        "node",
+    )
 
     def __init__(
         self,
@@ -124,7 +144,8 @@ class ProfidriveEncoderPort(EncoderPort):
         self.node: RemoteNode = master.add_node(setup, self)
         """The encoder as a node of the network."""
 
-    # -- values -----------------------------------------------------------------------------------------------------
+    # -- values
+    # -----------------------------------------------------------------------------------------------------
 
     def actual(self, name: str) -> int:
         """Return a signal of the last answer as the wire has it, such as `G1_ZSW`; words are 0..FFFFh.
@@ -163,7 +184,8 @@ class ProfidriveEncoderPort(EncoderPort):
         self._reference_speed = speed
 
     def connect_block(self, block: TelegramBlock) -> TelegramBlock:
-        """Put a structure of a `DataBlock` between telegram and encoder object (CFG-289); see `ProfidrivePort.connect_block`.
+        """Put a structure of a `DataBlock` between telegram and encoder object (CFG-289); see
+        `ProfidrivePort.connect_block`.
 
         Raises:
             ConfigurationError: It is that of another telegram.
@@ -177,7 +199,8 @@ class ProfidriveEncoderPort(EncoderPort):
         self.block = block
         return block
 
-    # -- what the network tells -------------------------------------------------------------------------------------
+    # -- what the network tells
+    # -------------------------------------------------------------------------------------
 
     def node_restarted(self) -> None:
         """See `NodeUser`."""
@@ -205,7 +228,8 @@ class ProfidriveEncoderPort(EncoderPort):
     def node_emcy(self, code: int) -> None:
         """See `NodeUser`: the words say more."""
 
-    # -- cycle ------------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------------
 
     def read(self) -> None:
         """See `EncoderPort.read`: take what the last SYNC has brought, and send the words of the next one."""

@@ -1,15 +1,15 @@
 """Port to a PROFIdrive axis on Modbus: its telegram in registers, polled once per cycle; nothing waits.
 
-With T the bus cycle: the telegram goes out in the application cycle, at k*T + T/2 (function 16), and the actual values are read
-at (k+1)*T (function 3). The drive has the telegram before (k+1)*T, and what the axis sees at k*T + T/2 was read after k*T, as it
-is on CAN. With `combined`, one request in the application cycle does both (function 23): less time on a serial line, but the
-axis sees the actual values half a cycle later.
+With T the bus cycle: the telegram goes out in the application cycle, at k*T + T/2 (function 16), and the
+actual values are read at (k+1)*T (function 3). The drive has the telegram before (k+1)*T, and what the axis
+sees at k*T + T/2 was read after k*T, as it is on CAN. With `combined`, one request in the application cycle
+does both (function 23): less time on a serial line, but the axis sees the actual values half a cycle later.
 
-A response that comes late, not at all, or is an exception, is a missing cycle. Nothing is sent again: the next cycle has newer
-values.
+A response that comes late, not at all, or is an exception, is a missing cycle. Nothing is sent again: the
+next cycle has newer values.
 
-A drive is asked for its actual values before anything is written to it: one that has not had a telegram since it was switched on
-does not request control yet (ZSW1.9 = 0, PD-081), and so shows that it has started anew.
+A drive is asked for its actual values before anything is written to it: one that has not had a telegram since
+it was switched on does not request control yet (ZSW1.9 = 0, PD-081), and so shows that it has started anew.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ _READING, _WRITING, _INPUTS = range(3)
 _MEANT: Final = frozenset(
     {ExceptionCode.ILLEGAL_FUNCTION, ExceptionCode.ILLEGAL_DATA_ADDRESS, ExceptionCode.ILLEGAL_DATA_VALUE}
 )
-"""Exceptions that say that the drive is another one than the map describes: asking again changes nothing (MODB-022 to -024)."""
+"""Exceptions that say that the drive is another one than the map describes: asking again changes nothing
+(MODB-022 to -024).
+"""
 
 
 class RegisterClient(Protocol):
@@ -69,7 +71,8 @@ class ProfidriveModbusConfig(LinkConfig):
         unit: Address of the drive, 0..255 (over TCP), 1..247 (on a serial line).
         registers: Where the telegram stands.
         words: The telegram.
-        monitoring_ms: Time-out of the process data in the drive, written at the start where the map has it; 0 = off.
+        monitoring_ms: Time-out of the process data in the drive, written at the start where the map has
+            it; 0 = off.
         combined: Write and read with one request, where the map allows function 23.
         request_ns: From a request for actual values to the instant at which the drive takes them, ns.
 
@@ -188,7 +191,8 @@ class ProfidriveModbusPort(ProfidrivePort):
             )
         self._parameters.read(number, index, answer)
 
-    # -- start and end ------------------------------------------------------------------------------------------
+    # -- start and end
+    # ------------------------------------------------------------------------------------------
 
     def boot(self) -> None:
         """Begin to ask for the drive."""
@@ -204,9 +208,14 @@ class ProfidriveModbusPort(ProfidrivePort):
     def describe(self) -> dict[str, object]:
         """Return what is known of the drive, as plain values."""
         return {
-            "name": self.name, "unit": self.unit, "state": self.stage.value, "missed": self.missed,
-            "exceptions": self.exceptions, "response_s": self.response_ns * 1e-9, "text": self.text,
-        }  # fmt: skip
+            "name": self.name,
+            "unit": self.unit,
+            "state": self.stage.value,
+            "missed": self.missed,
+            "exceptions": self.exceptions,
+            "response_s": self.response_ns * 1e-9,
+            "text": self.text,
+        }
 
     def release(self) -> None:
         """Disable the drive with a last telegram: nobody will lead it any more."""
@@ -230,7 +239,8 @@ class ProfidriveModbusPort(ProfidrivePort):
         age = self._config.cycle_ns * (2 if self._config.combined else 1) // 2 - self._config.request_ns
         return self._config.cycle_ns * 3 // 2 + age
 
-    # -- cycle --------------------------------------------------------------------------------------------------
+    # -- cycle
+    # --------------------------------------------------------------------------------------------------
 
     def read(self) -> None:
         """See `DrivePort.read`."""
@@ -291,7 +301,8 @@ class ProfidriveModbusPort(ProfidrivePort):
             self._asking_more = True
             self._submit(self._read_inputs, self._on_inputs)
 
-    # -- responses ------------------------------------------------------------------------------------------------
+    # -- responses
+    # ------------------------------------------------------------------------------------------------
 
     def _on_asked(self, result: Result) -> None:
         """Look what a drive shows that nobody has written to (yet, or for some time)."""

@@ -1,8 +1,8 @@
 """A drive without a bus: the PROFIdrive general state machine on an ideal motor.
 
-The technology object's own simulation of a drive and the fixture of the instruction timelines ("actual value =
-setpoint one application cycle later"): motor speed follows the setpoint exactly in S4, the drive's own ramps are
-exact, coasting is a constant deceleration.
+The technology object's own simulation of a drive and the fixture of the instruction timelines ("actual value
+= setpoint one application cycle later"): motor speed follows the setpoint exactly in S4, the drive's own
+ramps are exact, coasting is a constant deceleration.
 """
 
 from __future__ import annotations
@@ -42,14 +42,33 @@ class SimulatedDrivePort(DrivePort):
         coast_s: Time in which friction stops the motor from p1082.
         zero_marks: Places of zero marks, increments.
 
-    Attributes `fault`, `link`, `inhibited` and `autonomous_stop` break it: a drive fault, the loss of the link, a
-    drive that stays in S1, braking by the drive itself.
+    Attributes `fault`, `link`, `inhibited` and `autonomous_stop` break it: a drive fault, the loss of the
+    link, a drive that stays in S1, braking by the drive itself.
 
     """
 
-    __slots__ = ("_acknowledge", "_angle", "_braking", "_coast", "_cycle", "_increments", "_off1", "_off3", "_on",
-                 "_search", "_setpoint", "_speed", "_stw1", "autonomous_stop", "fault", "fault_latched", "inhibited", "link",
-                 "stage", "switches")  # fmt: skip
+    __slots__ = (
+        "_acknowledge",
+        "_angle",
+        "_braking",
+        "_coast",
+        "_cycle",
+        "_increments",
+        "_off1",
+        "_off3",
+        "_on",
+        "_search",
+        "_setpoint",
+        "_speed",
+        "_stw1",
+        "autonomous_stop",
+        "fault",
+        "fault_latched",
+        "inhibited",
+        "link",
+        "stage",
+        "switches",
+    )
 
     def __init__(
         self,

@@ -1,7 +1,9 @@
-"""The controller's side of an I/O station: one exchange of the process image per cycle, shared by everybody who uses it.
+"""The controller's side of an I/O station: one exchange of the process image per cycle, shared by everybody
+who uses it.
 
-Outputs are written at any time and go with the next `exchange`; inputs are those of the last answer. While an answer is
-outstanding the exchange of a cycle is left out: a line that is slower than the cycle is not flooded.
+Outputs are written at any time and go with the next `exchange`; inputs are those of the last answer. While an
+answer is outstanding the exchange of a cycle is left out: a line that is slower than the cycle is not
+flooded.
 """
 
 from __future__ import annotations
@@ -42,9 +44,24 @@ class StationLink:
     """
 
     __slots__ = (
-        "_age", "_analog_out", "_client", "_digital_out", "_grace", "_history", "_outputs", "_silent", "_waiting", "analog", "answers", "counters",
-        "digital", "image", "name", "ok", "unit",
-    )  # fmt: skip
+        "_age",
+        "_analog_out",
+        "_client",
+        "_digital_out",
+        "_grace",
+        "_history",
+        "_outputs",
+        "_silent",
+        "_waiting",
+        "analog",
+        "answers",
+        "counters",
+        "digital",
+        "image",
+        "name",
+        "ok",
+        "unit",
+    )
 
     def __init__(
         self,
@@ -92,7 +109,9 @@ class StationLink:
         self._analog_out[number] = word
 
     def switch_outputs(self, on: bool) -> None:
-        """Switch the process outputs on or off; off, zeros are sent, and what is set meanwhile goes when they are on again."""
+        """Switch the process outputs on or off; off, zeros are sent, and what is set meanwhile goes when they
+        are on again.
+        """
         self._outputs = on
 
     def power(self, on: bool) -> None:
@@ -174,7 +193,9 @@ class StationInputs:
         self._mask = ~sum(bit for _, bit in self._channels)
 
     def __call__(self, port: DrivePort) -> bool:
-        """Put the levels into the inputs of a port; return whether the station answers, so that they mean something."""
+        """Put the levels into the inputs of a port; return whether the station answers, so that they mean
+        something.
+        """
         digital = self._link.digital
         inputs = port.inputs & self._mask
         for channel, bit in self._channels:

@@ -1,8 +1,9 @@
 """A telegram in a data block: a user program stands between process image and axis (CFG section 13).
 
-In one application cycle: the words of the drive arrive, `pre_servo` (`MC_PreServo`) copies and edits them into `Input`, the
-axis calculates and fills `Output`, `post_servo` (`MC_PostServo`) copies and edits that into the words that are sent. Without a
-program nothing passes: `Input` keeps its initial values, and the drive gets zeros (CFG-254).
+In one application cycle: the words of the drive arrive, `pre_servo` (`MC_PreServo`) copies and edits them
+into `Input`, the axis calculates and fills `Output`, `post_servo` (`MC_PostServo`) copies and edits that into
+the words that are sent. Without a program nothing passes: `Input` keeps its initial values, and the drive
+gets zeros (CFG-254).
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ Program = Callable[["TelegramBlock"], object]
 
 
 class TelegramBlock:
-    """`PD_TELx` with `Input` and `Output`, both as the axis sees them: actual values in, setpoints out (CFG-255, CFG-256).
+    """`PD_TELx` with `Input` and `Output`, both as the axis sees them: actual values in, setpoints out
+    (CFG-255, CFG-256).
 
-    Signals go by their names: `block.Input["ZSW1"]`, `block.Output["NSOLL_B"]`; numbers as in the telegram, those of signed
-    signals with their sign.
+    Signals go by their names: `block.Input["ZSW1"]`, `block.Output["NSOLL_B"]`; numbers as in the telegram,
+    those of signed signals with their sign.
     """
 
     __slots__ = (
@@ -59,7 +61,9 @@ class TelegramBlock:
         return (*self.Input, *self.Output)
 
     def suspend(self, suspended: bool) -> None:
-        """Stop running the programs, as a controller in STOP does, or go on: meanwhile `Input` stands, and zeros are sent."""
+        """Stop running the programs, as a controller in STOP does, or go on: meanwhile `Input` stands, and
+        zeros are sent.
+        """
         if suspended and self._suspended is None:
             self._suspended = self.pre_servo, self.post_servo
             self.pre_servo = self.post_servo = None
@@ -69,7 +73,9 @@ class TelegramBlock:
             self._suspended = None
 
     def pass_through(self, *, sign_of_life: bool = True) -> None:
-        """Let programs copy everything, as a direct connection does, with or without the sign of life of the controller."""
+        """Let programs copy everything, as a direct connection does, with or without the sign of life of the
+        controller.
+        """
         self.pre_servo = TelegramBlock.copy_input
         self.post_servo = TelegramBlock.copy_output_alive if sign_of_life else TelegramBlock.copy_output
 
@@ -82,7 +88,9 @@ class TelegramBlock:
         self.sent.update(self.Output)
 
     def copy_output_alive(self) -> None:
-        """Copy `Output` and let the sign of life in STW2 count, which is the task of the program here (CFG-260)."""
+        """Copy `Output` and let the sign of life in STW2 count, which is the task of the program here
+        (CFG-260).
+        """
         self.copy_output()
         for word in ("STW2", "STW2_ENC"):
             if word in self.sent:

@@ -1,12 +1,15 @@
-"""Port to a channel of a pulse module on CANopen: telegram 3 with the deviations of the module (PTO-127 to PTO-136).
+"""Port to a channel of a pulse module on CANopen: telegram 3 with the deviations of the module (PTO-127 to
+PTO-136).
 
 * the setpoint has 16 bits (the device), or 32 (the standard variant, to be asked for; PTO-037);
 * no sign of life in either direction;
-* control words are given step by step: stops withdrawn, ON, enable operation, each when the module has answered (PTO-273);
-* the position is the count of the pulses, without fine resolution: a motor that is out of step is not noticed (PTO-280).
+* control words are given step by step: stops withdrawn, ON, enable operation, each when the module has
+  answered (PTO-273);
+* the position is the count of the pulses, without fine resolution: a motor that is out of step is not
+  noticed (PTO-280).
 
-Delays, with T the bus cycle: the module samples at SYNC k, the axis calculates half a cycle later, and the module goes to the
-setpoint at SYNC k+1, on its own ramp.
+Delays, with T the bus cycle: the module samples at SYNC k, the axis calculates half a cycle later, and the
+module goes to the setpoint at SYNC k+1, on its own ramp.
 """
 
 from __future__ import annotations
@@ -104,7 +107,9 @@ class TmPtoPort(ProfidriveCanPort):
         return super()._compose(self._step_by_step(stw1), speed_rpm, torque_nm)
 
     def _step_by_step(self, stw1: int) -> int:
-        """Return the control word for the module: what it has not answered yet is not followed by the next step."""
+        """Return the control word for the module: what it has not answered yet is not followed by the next
+        step.
+        """
         if not (self.link_ok and self._begun):
             self._begun = self.link_ok
             return _START

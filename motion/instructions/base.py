@@ -1,8 +1,9 @@
-"""Edge and level semantics that all `MC_` instructions share (sections 1.3 and 1.4 of the instruction specification).
+"""Edge and level semantics that all `MC_` instructions share (sections 1.3 and 1.4 of the instruction
+specification).
 
-An instance is called once per application cycle, like in a controller program. Its inputs are attributes with the
-names of the standard; a call may set them: `move(Execute=True, Position=100.0)`. Outputs are attributes too and
-change only in a call (MC-075).
+An instance is called once per application cycle, like in a controller program. Its inputs are attributes with
+the names of the standard; a call may set them: `move(Execute=True, Position=100.0)`. Outputs are attributes
+too and change only in a call (MC-075).
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ class Instruction:
         **inputs: Start values of inputs.
 
     Raises:
-        ConfigurationError: An input does not exist, or not on this controller; the controller does not have the instruction
-            (CFG-062); or the object is an external encoder, which the instruction does not know (CFG-061).
+        ConfigurationError: An input does not exist, or not on this controller; the controller does not
+            have the instruction (CFG-062); or the object is an external encoder, which the instruction does
+            not know (CFG-061).
 
     """
 
@@ -74,9 +76,11 @@ class Instruction:
             setattr(self, key, value)
 
     def begin_anew(self) -> None:
-        """Get what a warm restart of the controller leaves: nothing is started, outputs and memory are as at the beginning.
+        """Get what a warm restart of the controller leaves: nothing is started, outputs and memory are as at
+        the beginning.
 
-        The inputs that start something fall to FALSE; the others, which a program gives with every call, stay.
+        The inputs that start something fall to FALSE; the others, which a program gives with every call,
+        stay.
         """
         kept = {
             key: getattr(self, key) for key in self.inputs if key not in _STARTERS and key not in self._absent
@@ -87,13 +91,16 @@ class Instruction:
         own = self.level
         allowed = ", ".join(one for one in self.inputs if one not in self._absent)
         raise ConfigurationError(
-            f"{self.instruction}.{key}", value,
+            f"{self.instruction}.{key}",
+            value,
             f"one of the inputs that technology version {own.version} of the {own.name} has: {allowed}",
-        )  # fmt: skip
+        )
 
     @property
     def dormant(self) -> bool:
-        """Whether calls change nothing until `Execute` falls, so that a runtime need not call the instance."""
+        """Whether calls change nothing until `Execute` falls, so that a runtime need not call the
+        instance.
+        """
         return False
 
     def __call__(self, **inputs: Any) -> None:
@@ -106,7 +113,9 @@ class Instruction:
         raise NotImplementedError
 
     def _refused(self) -> int:
-        """Return why the instance may not give jobs to its object: another type (16#8002), or a control panel has it (16#8012)."""
+        """Return why the instance may not give jobs to its object: another type (16#8002), or a control panel
+        has it (16#8012).
+        """
         if self._wrong_object():
             return ERROR_REFERENCE
         return NO_ERROR if self.axis.master is self.master else ERROR_CONTROL_PANEL
@@ -121,7 +130,8 @@ class Instruction:
                 self.axis.name, "job.error", job=self.name, instruction=self.instruction, error_id=error_id
             )
 
-    # -- outputs as predicates, for `run_until` ---------------------------------------------------------------
+    # -- outputs as predicates, for `run_until`
+    # ---------------------------------------------------------------
 
     def busy(self) -> bool:
         """Return `Busy`."""
@@ -139,7 +149,9 @@ def _default_name(instruction: str, axis: TechnologyAxis) -> str:
 
 
 class ExecuteInstruction(Instruction):
-    """Started by a rising edge of `Execute`; ends in exactly one of Done, CommandAborted, Error (MC-052 to MC-070)."""
+    """Started by a rising edge of `Execute`; ends in exactly one of Done, CommandAborted, Error (MC-052 to
+    MC-070).
+    """
 
     def __init__(self, axis: TechnologyAxis, *, name: str | None = None, **inputs: Any) -> None:
         self.Execute = False

@@ -17,7 +17,8 @@ def _is_word(value: object) -> bool:
 class MC_SetAxisSTW(ExecuteInstruction):
     """Set bits of control words 1 and 2 that the technology object does not use itself.
 
-    Inputs: `Execute`; `STW1`, `STW2`, values; `STW1BitMask` (of 16#FB00), `STW2BitMask` (of 16#0FFF), which bits are meant.
+    Inputs: `Execute`; `STW1`, `STW2`, values; `STW1BitMask` (of 16#FB00), `STW2BitMask` (of 16#0FFF),
+        which bits are meant.
     The bits stay until another instance changes them or the object restarts.
     """
 

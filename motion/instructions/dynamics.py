@@ -19,7 +19,9 @@ _SMALLEST: Final = 1e-12
 
 
 def is_whole(value: object) -> bool:
-    """Return whether an input can be a mode or a number of something: of a type that tables can be asked for."""
+    """Return whether an input can be a mode or a number of something: of a type that tables can be asked
+    for.
+    """
     return isinstance(value, int)
 
 
@@ -45,7 +47,9 @@ def _value(axis: TechnologyAxis, given: Any, default: str, *, zero: bool) -> flo
 
 
 def is_dynamic(value: float, *, zero: bool = False) -> bool:
-    """Return whether a motion can be planned with a velocity, an acceleration, a deceleration or, where 0 is none, a jerk."""
+    """Return whether a motion can be planned with a velocity, an acceleration, a deceleration or, where 0 is
+    none, a jerk.
+    """
     return value >= _SMALLEST or (value == 0.0 and zero)
 
 

@@ -46,9 +46,11 @@ _SENSORS: Final = 4
 class MC_Home(ExecuteInstruction):
     """Relate the position of a technology object to the machine.
 
-    Inputs: `Execute`; `Position`, axis unit; `Mode`: 0 and 1 direct (absolute, relative), 2, 8 and 10 passive, 3 and 5 active,
-    9 ends a passive homing, 6 and 7 absolute encoder, 11 and 12 position setpoint, 13 incremental encoder; `Sensor`: encoder for
-    modes 6, 7 and 13, 0 = the operative one. Outputs: `ReferenceMarkPosition`, axis unit, and the common ones.
+    Inputs: `Execute`; `Position`, axis unit; `Mode`: 0 and 1 direct (absolute, relative), 2, 8 and 10
+        passive, 3 and 5 active,
+    9 ends a passive homing, 6 and 7 absolute encoder, 11 and 12 position setpoint, 13 incremental encoder;
+    `Sensor`: encoder for modes 6, 7 and 13, 0 = the operative one. Outputs: `ReferenceMarkPosition`, axis
+    unit, and the common ones.
     """
 
     instruction = "MC_Home"
@@ -63,7 +65,9 @@ class MC_Home(ExecuteInstruction):
         self.ReferenceMarkPosition = 0.0
         self._reference = 0.0
         self.dynamics: tuple[float, float, float] | None = None
-        """Acceleration, deceleration, jerk of active homing, axis units; None = the dynamic defaults (COM-042)."""
+        """Acceleration, deceleration, jerk of active homing, axis units; None = the dynamic defaults
+        (COM-042).
+        """
         super().__init__(axis, name=name, **inputs)
 
     def _start(self) -> Job | int:
@@ -87,7 +91,8 @@ class MC_Home(ExecuteInstruction):
         position = axis.variables.read("Homing.HomePosition") if mode in _CONFIGURED else self.Position
         return self._home_passively(position) if mode in _PASSIVE else self._home_actively(position)
 
-    # -- without motion -----------------------------------------------------------------------------------------
+    # -- without motion
+    # -----------------------------------------------------------------------------------------
 
     def _home_directly(self) -> Job | int:
         axis = self.axis
@@ -127,7 +132,8 @@ class MC_Home(ExecuteInstruction):
             return bool(axis.engine.error_word)  # type: ignore[union-attr]
         return axis.alarms.blocking  # type: ignore[union-attr]
 
-    # -- with a homing mark -------------------------------------------------------------------------------------
+    # -- with a homing mark
+    # -------------------------------------------------------------------------------------
 
     def _home_actively(self, position: float) -> Job | int:
         axis: PositioningAxis = self.axis  # type: ignore[assignment]

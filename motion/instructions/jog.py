@@ -19,7 +19,8 @@ from motion.instructions.dynamics import is_number, resolve
 class MC_MoveJog(Instruction):
     """Move while an input is TRUE; changed inputs act at the next call.
 
-    Inputs: `JogForward`, `JogBackward`; `Velocity` (its absolute value), `Acceleration`, `Deceleration`, `Jerk`;
+    Inputs: `JogForward`, `JogBackward`; `Velocity` (its absolute value), `Acceleration`, `Deceleration`,
+        `Jerk`;
     `PositionControlled`. Outputs: `InVelocity`, `Busy`, `CommandAborted`, `Error`, `ErrorID`.
     """
 

@@ -1,7 +1,9 @@
-"""`MC_MotionInVelocity`, `MC_MotionInPosition`, `MC_MotionInSuperimposed` (section 2.16 of the instruction specification, §5.14).
+"""`MC_MotionInVelocity`, `MC_MotionInPosition`, `MC_MotionInSuperimposed` (section 2.16 of the instruction
+specification, §5.14).
 
-The user program gives the setpoints itself, one vector per application cycle; the axis forms no profile and applies no
-dynamic limit. A vector that a call hands over acts in the next cycle of the axis, and goes on to act until another one comes.
+The user program gives the setpoints itself, one vector per application cycle; the axis forms no profile and
+applies no dynamic limit. A vector that a call hands over acts in the next cycle of the axis, and goes on to
+act until another one comes.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ POSITION_MODE = 2
 
 
 class _MotionIn(Instruction):
-    """Started by a rising edge of `Enable`; takes a vector with every call while it is TRUE (MC-034, MC-082 to MC-085).
+    """Started by a rising edge of `Enable`; takes a vector with every call while it is TRUE (MC-034, MC-082
+    to MC-085).
 
     Raises:
         ConfigurationError: The axis belongs to an S7-1500, which has no such instruction (CFG-062).
@@ -47,7 +50,9 @@ class _MotionIn(Instruction):
         super().__init__(axis, name=name, **inputs)
 
     def _vector(self, job: Job) -> int:
-        """Put the inputs into `job`; returns the ErrorID of one that is not permitted, and changes nothing then."""
+        """Put the inputs into `job`; returns the ErrorID of one that is not permitted, and changes nothing
+        then.
+        """
         for name, error in self.numbers.items():
             if not is_number(getattr(self, name), POSITION_LIMIT):
                 return error
@@ -88,7 +93,8 @@ class _MotionIn(Instruction):
         job = Job(self.job_class, instruction=self.instruction, name=self.name)
         error = self._refused()
         if not error:
-            # What the software limit switches and the alarm reaction with the dynamics of the job reckon with.
+            # What the software limit switches and the alarm reaction with the dynamics of the job reckon
+            # with.
             job.deceleration = axis.variables.bind("DynamicDefaults.Deceleration").value
             job.jerk = axis.variables.bind("DynamicDefaults.Jerk").value
             error = self._vector(job) or self._submit(job)
@@ -116,7 +122,8 @@ class _MotionIn(Instruction):
 class MC_MotionInVelocity(_MotionIn):
     """Give velocity setpoints cycle by cycle (MC-481 to MC-490).
 
-    Inputs: `Enable`; `Velocity`, velocity unit of the axis; `Acceleration`, axis unit per second squared, from which a job that takes
+    Inputs: `Enable`; `Velocity`, velocity unit of the axis; `Acceleration`, axis unit per second squared,
+        from which a job that takes
     over starts; `PositionControlled`. When `Enable` falls both setpoints are 0.0 at once.
     """
 
@@ -138,10 +145,13 @@ class MC_MotionInVelocity(_MotionIn):
 
 
 class MC_MotionInPosition(_MotionIn):
-    """Give position setpoints cycle by cycle, with the velocity and acceleration that belong to them (MC-491 to MC-500).
+    """Give position setpoints cycle by cycle, with the velocity and acceleration that belong to them (MC-491
+    to MC-500).
 
-    Inputs: `Enable`; `Position`, axis unit, on a modulo axis a place in its range that is reached on the shortest way;
-    `Velocity`, velocity unit of the axis, which is precontrolled as it is given; `Acceleration`, axis unit per second squared. When
+    Inputs: `Enable`; `Position`, axis unit, on a modulo axis a place in its range that is reached on the
+        shortest way;
+    `Velocity`, velocity unit of the axis, which is precontrolled as it is given; `Acceleration`, axis unit
+    per second squared. When
     `Enable` falls, velocity and acceleration are 0.0 at once and the position stays.
     """
 
@@ -169,9 +179,11 @@ class MC_MotionInPosition(_MotionIn):
 class MC_MotionInSuperimposed(_MotionIn):
     """Give a distance on top of the basic motion cycle by cycle (MC-501 to MC-511).
 
-    Inputs: `Enable`; `Distance`, axis unit, signed, counted from where the instance has taken over; `VelocityDiff`,
-    velocity unit of the axis; `AccelerationDiff`, axis unit per second squared, from which `MC_HaltSuperimposed` starts. When
-    `Enable` falls the distance stays. The axis has to be position-controlled (16#8071).
+    Inputs: `Enable`; `Distance`, axis unit, signed, counted from where the instance has taken over;
+        `VelocityDiff`,
+    velocity unit of the axis; `AccelerationDiff`, axis unit per second squared, from which
+    `MC_HaltSuperimposed` starts. When `Enable` falls the distance stays. The axis has to be
+    position-controlled (16#8071).
     """
 
     instruction = "MC_MotionInSuperimposed"

@@ -1,4 +1,6 @@
-"""`MC_MoveAbsolute`, `MC_MoveRelative`, `MC_MoveVelocity` (sections 2.5 to 2.7 of the instruction specification)."""
+"""`MC_MoveAbsolute`, `MC_MoveRelative`, `MC_MoveVelocity` (sections 2.5 to 2.7 of the instruction
+specification).
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ _LEAST_NANOMETRES: Final = 1000.0
 
 
 class _Positioning(ExecuteInstruction):
-    """What both positioning instructions share: dynamic inputs, `BufferMode` and output `Active` (both from V9.0 on)."""
+    """What both positioning instructions share: dynamic inputs, `BufferMode` and output `Active` (both from
+    V9.0 on).
+    """
 
     object_types = ("PositioningAxis",)
     Velocity: float
@@ -73,9 +77,10 @@ class _Positioning(ExecuteInstruction):
 class MC_MoveAbsolute(_Positioning):
     """Move to an absolute position.
 
-    Inputs: `Execute`; `Position`, axis unit; `Velocity`, `Acceleration`, `Deceleration`, `Jerk` (negative: dynamic
-    default); `BufferMode` 0 abort, 1 append; `Direction` on modulo axes 1 positive, 2 negative, 3 shortest way. Outputs: `Active` and the common ones.
-    An axis that is not homed answers with alarm 321 (MC-246).
+    Inputs: `Execute`; `Position`, axis unit; `Velocity`, `Acceleration`, `Deceleration`, `Jerk`
+        (negative: dynamic
+    default); `BufferMode` 0 abort, 1 append; `Direction` on modulo axes 1 positive, 2 negative, 3 shortest
+    way. Outputs: `Active` and the common ones. An axis that is not homed answers with alarm 321 (MC-246).
     """
 
     instruction = "MC_MoveAbsolute"
@@ -104,8 +109,8 @@ class MC_MoveAbsolute(_Positioning):
 class MC_MoveRelative(_Positioning):
     """Move by a distance from the setpoint at which the job takes control (MC-284).
 
-    Inputs as `MC_MoveAbsolute`, with `Distance` in the axis unit instead of `Position`. An axis with the unit nm does not move for
-    a distance of less than 1000.0 (MC-277).
+    Inputs as `MC_MoveAbsolute`, with `Distance` in the axis unit instead of `Position`. An axis with the unit
+    nm does not move for a distance of less than 1000.0 (MC-277).
     """
 
     instruction = "MC_MoveRelative"

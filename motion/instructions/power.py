@@ -18,9 +18,10 @@ from motion.instructions.base import Instruction
 class MC_Power(Instruction):
     """Enable and disable a technology object.
 
-    Inputs: `Enable`; `StartMode` 0 without, 1 with position control; `StopMode` 0 emergency stop, 1 quick stop,
-    2 maximum dynamic values, 3 coast. Outputs: `Status`, `Busy`, `Error`, `ErrorID`. An external encoder has neither mode:
-    it is enabled as soon as its value is valid.
+    Inputs: `Enable`; `StartMode` 0 without, 1 with position control; `StopMode` 0 emergency stop, 1 quick
+        stop,
+    2 maximum dynamic values, 3 coast. Outputs: `Status`, `Busy`, `Error`, `ErrorID`. An external encoder has
+    neither mode: it is enabled as soon as its value is valid.
     """
 
     instruction = "MC_Power"
@@ -55,7 +56,8 @@ class MC_Power(Instruction):
         rising = enable and not enabling.enable
         wrong_stop = self.StopMode not in (0, 1, 2, 3) and axis.object_type != "ExternalEncoder"
         wrong_start = self.StartMode not in (0, 1) and axis.has_position
-        # A wrong mode prevents the enabling, never the disabling; the start mode matters only at the rising edge.
+        # A wrong mode prevents the enabling, never the disabling; the start mode matters only at the rising
+        # edge.
         wrong = ERROR_STOP_MODE if wrong_stop else ERROR_MODE if wrong_start and rising else NO_ERROR
         if not (wrong and rising):
             enabling.call(

@@ -15,7 +15,8 @@ _INSTANCES = 2
 class MC_SaveAbsoluteEncoderData:
     """Save the adjustment of all absolute encoders of the controller to its memory card.
 
-    Input: `Execute`. Outputs: `Done`, `Busy`, `Error`, `ErrorID`. It has no axis; two instances may exist, one save runs at a
+    Input: `Execute`. Outputs: `Done`, `Busy`, `Error`, `ErrorID`. It has no axis; two instances may
+        exist, one save runs at a
     time and takes a cycle.
 
     Args:

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 class MC_SetSensor(ExecuteInstruction):
     """Switch the encoder in position control, or transfer a position to another one (S7-1500T).
 
-    Inputs: `Execute`; `Sensor` 1 to 4; `Mode` 0 switch with the position of the axis, 1 switch as it is, 2 transfer the
+    Inputs: `Execute`; `Sensor` 1 to 4; `Mode` 0 switch with the position of the axis, 1 switch as it is,
+        2 transfer the
     position of the axis, 3 that of `ReferenceSensor`. Outputs: the common ones.
 
     Raises:

@@ -12,7 +12,8 @@ from motion.instructions.dynamics import resolve
 class MC_Halt(ExecuteInstruction):
     """Brake to standstill; other motion jobs may take over at any time.
 
-    Inputs: `Execute`; `Deceleration`, `Jerk` (negative: dynamic default); `AbortAcceleration`; `Mode` 0 basic and
+    Inputs: `Execute`; `Deceleration`, `Jerk` (negative: dynamic default); `AbortAcceleration`; `Mode` 0
+        basic and
     superimposed motion, 1 basic motion only.
     """
 

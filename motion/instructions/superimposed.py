@@ -1,4 +1,6 @@
-"""`MC_MoveSuperimposed` and `MC_HaltSuperimposed` (sections 2.9 and 2.10 of the instruction specification)."""
+"""`MC_MoveSuperimposed` and `MC_HaltSuperimposed` (sections 2.9 and 2.10 of the instruction
+specification).
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ from motion.instructions.dynamics import POSITION_LIMIT, is_number, resolve
 class MC_MoveSuperimposed(ExecuteInstruction):
     """Move by a distance on top of the motion that runs, or of none (MC-341 to MC-358).
 
-    Inputs: `Execute`; `Distance`, axis unit; `VelocityDiff`, velocity unit of the axis, the highest velocity on top of the
+    Inputs: `Execute`; `Distance`, axis unit; `VelocityDiff`, velocity unit of the axis, the highest
+        velocity on top of the
     basic one; `Acceleration`, `Deceleration`, `Jerk` (negative: dynamic default).
     """
 

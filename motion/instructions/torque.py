@@ -1,4 +1,6 @@
-"""`MC_TorqueAdditive`, `MC_TorqueRange`, `MC_TorqueLimiting` (section 2.17 of the instruction specification)."""
+"""`MC_TorqueAdditive`, `MC_TorqueRange`, `MC_TorqueLimiting` (section 2.17 of the instruction
+specification).
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ from motion.instructions.dynamics import is_number
 
 
 class _EnableInstruction(Instruction):
-    """Level-controlled: active while `Enable` is TRUE, from an edge on; no job aborts it (MC-082 to MC-085, MC-124)."""
+    """Level-controlled: active while `Enable` is TRUE, from an edge on; no job aborts it (MC-082 to MC-085,
+    MC-124).
+    """
 
     Enable: bool
 
@@ -80,7 +84,8 @@ class _EnableInstruction(Instruction):
 class MC_TorqueAdditive(_EnableInstruction):
     """Add a torque to the one that the speed controller of the drive demands.
 
-    Inputs: `Enable`; `Value`, in the torque unit (linear motor: force unit), -1.0E12..1.0E12. Needs telegram 750 and an
+    Inputs: `Enable`; `Value`, in the torque unit (linear motor: force unit), -1.0E12..1.0E12. Needs
+        telegram 750 and an
     enabled axis without `MC_Stop`.
     """
 
@@ -103,7 +108,8 @@ class MC_TorqueAdditive(_EnableInstruction):
 class MC_TorqueRange(_EnableInstruction):
     """Limit the torque of the drive to a range.
 
-    Inputs: `Enable`; `UpperLimit`, `LowerLimit`, in the torque unit (linear motor: force unit), -1.0E12..1.0E12. Needs
+    Inputs: `Enable`; `UpperLimit`, `LowerLimit`, in the torque unit (linear motor: force unit),
+        -1.0E12..1.0E12. Needs
     telegram 750; excludes `MC_TorqueLimiting`.
     """
 
@@ -132,7 +138,8 @@ class MC_TorqueRange(_EnableInstruction):
 class MC_TorqueLimiting(_EnableInstruction):
     """Limit the torque of the drive in both directions, and detect a fixed stop.
 
-    Inputs: `Enable`; `Limit`, in the torque or force unit, below 0 the default of the technology object; `Mode` 0 limiting, 1 with
+    Inputs: `Enable`; `Limit`, in the torque or force unit, below 0 the default of the technology object;
+        `Mode` 0 limiting, 1 with
     fixed-stop detection. Outputs: `InLimitation`, `InClamping`.
     """
 

@@ -19,10 +19,11 @@ TIMES: Final = (1010, 1011, 1012)
 class MC_WriteParameter(ExecuteInstruction):
     """Write a parameter of a technology object while the program runs.
 
-    Inputs: `Execute`; `ParameterNumber` 1000 `PositionLimits_HW.Active` and 1020 `Actor.RemoveEnableReaction`, which act at
-    once; 1010, 1011, 1012 T_i, T_o, T_DC in s, which act after a restart and only where the connection goes through a data
-    block (CFG-272); `Value`. Outputs: the common ones. 1000 cannot become TRUE while a limit switch is a variable that does not
-    exist (16#805B, LIM-072).
+    Inputs: `Execute`; `ParameterNumber` 1000 `PositionLimits_HW.Active` and 1020
+        `Actor.RemoveEnableReaction`, which act at
+    once; 1010, 1011, 1012 T_i, T_o, T_DC in s, which act after a restart and only where the connection goes
+    through a data block (CFG-272); `Value`. Outputs: the common ones. 1000 cannot become TRUE while a limit
+    switch is a variable that does not exist (16#805B, LIM-072).
     """
 
     instruction = "MC_WriteParameter"

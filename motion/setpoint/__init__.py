@@ -1,4 +1,6 @@
-"""Setpoints: velocity and point-to-point profiles with limited jerk, and the generator that an axis advances."""
+"""Setpoints: velocity and point-to-point profiles with limited jerk, and the generator that an axis
+advances.
+"""
 
 from motion.setpoint.generator import MotionPhase, SetpointGenerator
 from motion.setpoint.limits import Resolved, resolve

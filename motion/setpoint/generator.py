@@ -24,7 +24,9 @@ class MotionPhase(IntEnum):
 
 _ENDLESS: Final = [inf]
 _ROUNDING: Final = 1e-10
-"""Time before the end of a piece at which it counts as over, s: whether the last cycle ends with it or not is no matter of rounding."""
+"""Time before the end of a piece at which it counts as over, s: whether the last cycle ends with it or not is
+no matter of rounding.
+"""
 
 
 _MOVING: Final = 0
@@ -37,14 +39,31 @@ _AT_REST: Final = 2
 class SetpointGenerator:
     """Position, velocity and acceleration setpoint of one axis.
 
-    A `start_...` method plans from the present state at once; the state itself changes with `advance` only. Without an
-    active profile the axis moves on with its present velocity.
+    A `start_...` method plans from the present state at once; the state itself changes with `advance` only.
+    Without an active profile the axis moves on with its present velocity.
     """
 
     __slots__ = (
-        "_astray_until", "_base", "_begun", "_dt", "_ends", "_index", "_piece", "_pieces", "_resting", "_steps", "_time", "_until",
-        "a", "done", "jerk", "positioning", "s", "target", "v",
-    )  # fmt: skip
+        "_astray_until",
+        "_base",
+        "_begun",
+        "_dt",
+        "_ends",
+        "_index",
+        "_piece",
+        "_pieces",
+        "_resting",
+        "_steps",
+        "_time",
+        "_until",
+        "a",
+        "done",
+        "jerk",
+        "positioning",
+        "s",
+        "target",
+        "v",
+    )
 
     s: float
     """Position setpoint, position unit."""
@@ -53,7 +72,8 @@ class SetpointGenerator:
     a: float
     """Acceleration setpoint, position unit/s2."""
     jerk: float
-    """Jerk with which the active profile was planned, position unit/s3; 0.0 for none, or without a profile."""
+    """Jerk with which the active profile was planned, position unit/s3; 0.0 for none, or without a profile.
+    """
     done: bool
     """Whether the state has reached the end of the profile: the target position, or the constant velocity."""
     positioning: bool
@@ -112,7 +132,9 @@ class SetpointGenerator:
     def start_position(
         self, s_target: float, velocity: float, acceleration: float, deceleration: float, jerk: float
     ) -> None:
-        """Move to the position `s_target`; `velocity` (above 0) limits the velocity, errors as `plan_position`."""
+        """Move to the position `s_target`; `velocity` (above 0) limits the velocity, errors as
+        `plan_position`.
+        """
         profile = plan_position(
             self.s,
             self.v,
@@ -130,7 +152,9 @@ class SetpointGenerator:
                 self._astray_until = phase.start + phase.duration
 
     def shift(self, offset: float) -> None:
-        """Move the scale of positions: position setpoint and target change by `offset`, the motion does not."""
+        """Move the scale of positions: position setpoint and target change by `offset`, the motion does
+        not.
+        """
         self._base += offset
         self.s += offset
         if self.positioning:
@@ -174,7 +198,9 @@ class SetpointGenerator:
         return s + x * (v + x * (half + x * sixth)), v + x * (a + x * half_jerk), a + x * jerk
 
     def before(self, dt: float) -> tuple[float, float] | None:
-        """Return (s, v) of `dt` s ago, at most the last step; None if the profile has begun later, or there is none."""
+        """Return (s, v) of `dt` s ago, at most the last step; None if the profile has begun later, or there
+        is none.
+        """
         if self._resting == _AT_REST:
             return self.s, self.v
         time = self._time - dt

@@ -1,10 +1,11 @@
 """Point-to-point motion with limited velocity, acceleration, deceleration and jerk, from any state of motion.
 
-The motion changes to a peak velocity, keeps it where the limit of velocity is reached, and brakes to the target. Where
-the axis cannot stop before the target, it brakes, comes to the peak velocity of the way back and stops there; that is
-the same problem seen in the mirror. All phases are closed forms of the velocity profile; one number, the peak
-velocity, is found by root finding. Where even no acceleration at all would lead beyond the target although full
-braking would not reach it, the number sought is the time for which a present deceleration is relaxed.
+The motion changes to a peak velocity, keeps it where the limit of velocity is reached, and brakes to the
+target. Where the axis cannot stop before the target, it brakes, comes to the peak velocity of the way back
+and stops there; that is the same problem seen in the mirror. All phases are closed forms of the velocity
+profile; one number, the peak velocity, is found by root finding. Where even no acceleration at all would lead
+beyond the target although full braking would not reach it, the number sought is the time for which a present
+deceleration is relaxed.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ from motion.setpoint.stopping import stop_distance
 from motion.setpoint.velocity import velocity_phases
 
 _NOTHING = 1e-30
-"""Ways, velocities and accelerations up to this one count as none: their products would leave the number range."""
+"""Ways, velocities and accelerations up to this one count as none: their products would leave the number
+range.
+"""
 _MAX_ITERATIONS = 200
 """Root finding converges in about ten steps; the bound is for magnitudes at the ends of the number range."""
 
@@ -36,16 +39,16 @@ def plan_position(
 ) -> Profile:
     """Plan the motion from the present state to `target`; it ends exactly there with v = a = 0.
 
-    A start velocity above `max_velocity` is reduced to it with `deceleration`. `acceleration` and `deceleration` have
-    the meaning of `plan_velocity`. The profile is relative to `position`.
+    A start velocity above `max_velocity` is reduced to it with `deceleration`. `acceleration` and
+    `deceleration` have the meaning of `plan_velocity`. The profile is relative to `position`.
 
     Args:
         position: Present position, position unit.
         velocity: Present velocity, position unit/s.
         present_acceleration: Present acceleration, position unit/s2; without a jerk limit it has no effect.
         target: Position to reach.
-        max_velocity: Limit of the magnitude of the velocity, position unit/s, above 0; not used where braking at
-            once ends at the target.
+        max_velocity: Limit of the magnitude of the velocity, position unit/s, above 0; not used where
+            braking at once ends at the target.
         acceleration: Limit of the growth of the magnitude of the velocity, position unit/s2, above 0.
         deceleration: Limit of the reduction of the magnitude of the velocity, position unit/s2, above 0.
         jerk: Limit of the change of acceleration, position unit/s3; 0.0 for none.
@@ -77,7 +80,9 @@ def plan_position(
 def _phases(  # noqa: PLR0917 - the numbers of one plan, passed on as they are
     distance: float, v: float, a: float, top: float, acceleration: float, deceleration: float, jerk: float
 ) -> list[RawPhase]:
-    """Return the phases to a target that lies beyond the point where the axis could stop (in positive direction)."""
+    """Return the phases to a target that lies beyond the point where the axis could stop (in positive
+    direction).
+    """
     if jerk == 0.0:
         return _phases_without_jerk(distance, v, top, acceleration, deceleration)
     settled = v + 0.5 * a * abs(a) / jerk  # velocity after nothing but taking the acceleration to zero
@@ -110,7 +115,9 @@ def _phases(  # noqa: PLR0917 - the numbers of one plan, passed on as they are
 def _relaxed(
     distance: float, approach: list[RawPhase], acceleration: float, deceleration: float, jerk: float
 ) -> list[RawPhase]:
-    """Return the phases that follow `approach`, whose end would be too late for braking, until braking must begin."""
+    """Return the phases that follow `approach`, whose end would be too late for braking, until braking must
+    begin.
+    """
     *before, (duration, v, a, j) = approach
     if a >= 0.0:  # no deceleration to relax: only rounding tells this from direct braking
         return before + velocity_phases(v, a, 0.0, acceleration, deceleration, jerk)
@@ -177,8 +184,8 @@ def _root(  # noqa: PLR0917 - a bracket and its values
 ) -> tuple[float, float]:
     """Return where the rising `function` is zero between `low` and `high`, and its value there.
 
-    The value is not above zero, unless its magnitude is below `tolerance`. Method of Chandrupatla: inverse quadratic
-    interpolation where it is safe, bisection where it is not.
+    The value is not above zero, unless its magnitude is below `tolerance`. Method of Chandrupatla: inverse
+    quadratic interpolation where it is safe, bisection where it is not.
     """
     a, fa = high, at_high
     b, fb = low, at_low

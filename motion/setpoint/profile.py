@@ -10,11 +10,15 @@ RawPhase = tuple[float, float, float, float]
 """Duration in s, and velocity, acceleration and jerk at its start (position unit, s)."""
 
 Piece = tuple[float, float, float, float, float, float, float, float]
-"""Start time, then position, velocity, acceleration, acceleration / 2, jerk, jerk / 2 and jerk / 6 at that time."""
+"""Start time, then position, velocity, acceleration, acceleration / 2, jerk, jerk / 2 and jerk / 6 at that
+time.
+"""
 
 
 class Phase(NamedTuple):
-    """One phase of constant jerk, with the state at its start; times in s, the rest in position units and s."""
+    """One phase of constant jerk, with the state at its start; times in s, the rest in position units and
+    s.
+    """
 
     start: float
     """Time from the start of the profile."""
@@ -37,8 +41,8 @@ def travel(phases: Iterable[RawPhase]) -> float:
 class Profile:
     """A planned motion, relative to the position at its start.
 
-    At and after `duration` the state is exact: the planned end velocity, no acceleration, and for a point-to-point
-    motion exactly the planned way. The axis moves on with the end velocity.
+    At and after `duration` the state is exact: the planned end velocity, no acceleration, and for a
+    point-to-point motion exactly the planned way. The axis moves on with the end velocity.
 
     Args:
         phases: Duration and start state of each phase.

@@ -1,17 +1,17 @@
 """Change of velocity with limited jerk, from any state of motion.
 
 `acceleration` limits the growth and `deceleration` the reduction of the magnitude of the velocity. A reversal
-reduces with `deceleration` to zero and grows with `acceleration` from there. With a jerk limit the axis does not
-wait at zero: it passes velocity zero with the highest acceleration that both limits and the jerk allow on either
-side, at most `min(acceleration, deceleration)`, and the acceleration stays continuous. Without a jerk limit the
-acceleration jumps at zero.
+reduces with `deceleration` to zero and grows with `acceleration` from there. With a jerk limit the axis does
+not wait at zero: it passes velocity zero with the highest acceleration that both limits and the jerk allow on
+either side, at most `min(acceleration, deceleration)`, and the acceleration stays continuous. Without a jerk
+limit the acceleration jumps at zero.
 
-Seen over the velocity, the square of the acceleration rises and falls with the slope `2 * jerk` at most; the fastest
-change is the one with the largest square everywhere. That makes every phase a closed form.
+Seen over the velocity, the square of the acceleration rises and falls with the slope `2 * jerk` at most; the
+fastest change is the one with the largest square everywhere. That makes every phase a closed form.
 
-An acceleration that is present at the start is carried over by the jerk (STP-119 to STP-122): one that leads away
-from the target, or beyond it, is first taken to zero; one beyond the limits is brought back to them. Without a jerk
-limit it has no effect.
+An acceleration that is present at the start is carried over by the jerk (STP-119 to STP-122): one that leads
+away from the target, or beyond it, is first taken to zero; one beyond the limits is brought back to them.
+Without a jerk limit it has no effect.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ def plan_velocity(
     jerk: float,
     abort_acceleration: bool = False,
 ) -> Profile:
-    """Plan the change from the present velocity to `target`; the end is exactly `target` without acceleration.
+    """Plan the change from the present velocity to `target`; the end is exactly `target` without
+    acceleration.
 
     Args:
         velocity: Present velocity, position unit/s.
@@ -59,7 +60,9 @@ def plan_velocity(
 def velocity_phases(  # noqa: PLR0917 - inner loop of the position planner
     v: float, a: float, target: float, acceleration: float, deceleration: float, jerk: float
 ) -> list[RawPhase]:
-    """Return the phases from the state (`v`, `a`) to (`target`, 0); arguments as `plan_velocity`, unchecked."""
+    """Return the phases from the state (`v`, `a`) to (`target`, 0); arguments as `plan_velocity`,
+    unchecked.
+    """
     phases: list[RawPhase] = []
     if jerk == 0.0:
         direction = 1.0 if target > v else -1.0
@@ -112,9 +115,11 @@ def _leg(  # noqa: PLR0917 - inner loop of the position planner
     limit: float,
     jerk: float,
 ) -> None:
-    """Append the phases of a change of velocity from `v` by `way` in `direction` to `target`, in the shortest time.
+    """Append the phases of a change of velocity from `v` by `way` in `direction` to `target`, in the shortest
+    time.
 
-    `start` and `end` are accelerations in `direction`, not negative. A start beyond the limit falls back to it.
+    `start` and `end` are accelerations in `direction`, not negative. A start beyond the limit falls back to
+    it.
     """
     double = 2.0 * jerk
     top = max(limit, end)

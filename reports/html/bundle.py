@@ -1,7 +1,9 @@
-"""Where the data of the cases is: inside the page while that stays bearable, else beside it, a file for each case.
+"""Where the data of the cases is: inside the page while that stays bearable, else beside it, a file for each
+case.
 
-A page opened from a file system may fetch nothing, but it may add script elements. So a case beside the page is a script
-of one call, `hilData(key, place, case)`. The key is that of the run: a folder that belongs to another page is noticed.
+A page opened from a file system may fetch nothing, but it may add script elements. So a case beside the page
+is a script of one call, `hilData(key, place, case)`. The key is that of the run: a folder that belongs to
+another page is noticed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""A homing for the page of its case: picture, numbered steps, and the same in words for those who cannot see it."""
+"""A homing for the page of its case: picture, numbered steps, and the same in words for those who cannot see
+it.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ def drawing_payload(drawing: HomingDrawing) -> dict[str, Any]:
     numbers = _numbers(drawing)
     rows = [_row(drawing, step, number) for step, number in zip(drawing.steps, numbers, strict=True)]
     return {
-        "title": f"{drawing.job}, Mode {drawing.mode}: {drawing.mark_kind}, homing direction {_SIDES[drawing.direction]}",
+        "title": f"{drawing.job}, Mode {drawing.mode}: {drawing.mark_kind}, homing direction "
+        f"{_SIDES[drawing.direction]}",
         "sub": _result(drawing),
         "alt": _alternative(drawing),
         "svg": picture(drawing, numbers),
@@ -57,15 +60,21 @@ def _row(drawing: HomingDrawing, step: HomingStep, number: int) -> list[Any]:
     elif step.name == "mark":
         velocity = short(step.velocity)
     return [
-        number or "", named(step), _WORDS.get(step.name, ""), f"{place} {drawing.unit}",
-        f"{velocity} {drawing.unit}/s" if velocity else "", short(step.begin_s - drawing.begin_s, 3) + " s", round(step.begin_s, 7),
-    ]  # fmt: skip
+        number or "",
+        named(step),
+        _WORDS.get(step.name, ""),
+        f"{place} {drawing.unit}",
+        f"{velocity} {drawing.unit}/s" if velocity else "",
+        short(step.begin_s - drawing.begin_s, 3) + " s",
+        round(step.begin_s, 7),
+    ]
 
 
 def _result(drawing: HomingDrawing) -> str:
     unit = drawing.unit
     configured = (
-        f"approach velocity {short(drawing.approach_velocity)} {unit}/s, homing velocity {short(drawing.homing_velocity)} {unit}/s"
+        f"approach velocity {short(drawing.approach_velocity)} {unit}/s, homing velocity "
+        f"{short(drawing.homing_velocity)} {unit}/s"
         if drawing.active
         else "on the fly, during motions of others"
     )

@@ -18,7 +18,9 @@ def named(step: HomingStep) -> str:
 
 
 def short(value: float, digits: int = 1) -> str:
-    """Return a number for people: with a true minus sign, and, beyond one digit, without zeros that say nothing."""
+    """Return a number for people: with a true minus sign, and, beyond one digit, without zeros that say
+    nothing.
+    """
     text = f"{value:.{digits}f}"
     if digits > 1:
         text = text.rstrip("0").rstrip(".")
@@ -36,7 +38,9 @@ def round_numbers(low: float, high: float, about: int) -> list[float]:
 
 
 def interesting(drawing: HomingDrawing) -> list[float]:
-    """Return the places that a picture must show to scale: moments, edges, turns, and where the velocity changes."""
+    """Return the places that a picture must show to scale: moments, edges, turns, and where the velocity
+    changes.
+    """
     places = [place for step in drawing.steps for place in (step.begin, step.end)]
     places += [edge.position for lane in drawing.lanes for edge in lane.edges]
     places += [place for place in (drawing.mark, drawing.home) if place is not None]
@@ -87,7 +91,9 @@ class Scale:
         return any(low <= place <= high for low, high in self.short)
 
     def ticks(self, about: int) -> int:
-        """Return about how many round numbers the scale takes to have `about` of them outside of what is shortened."""
+        """Return about how many round numbers the scale takes to have `about` of them outside of what is
+        shortened.
+        """
         return min(round(about * (self._knots[-1] - self._knots[0]) / self._parts[-1]), 200)
 
 

@@ -1,7 +1,9 @@
-"""The picture of a homing: velocity over position as the manuals draw it, and below it the switches and zero marks.
+"""The picture of a homing: velocity over position as the manuals draw it, and below it the switches and zero
+marks.
 
-The geometry is calculated here. The page gets elements as nested lists, `[tag, attributes, children]`, and makes SVG nodes of
-them, so that no text of a run is ever parsed as markup. Colours are those of the page, by class.
+The geometry is calculated here. The page gets elements as nested lists, `[tag, attributes, children]`, and
+makes SVG nodes of them, so that no text of a run is ever parsed as markup. Colours are those of the page, by
+class.
 """
 
 from __future__ import annotations
@@ -77,9 +79,15 @@ class _Picture:
             self._free.take(0.5 * (self._x(low) + self._x(high)), self._height / 2, 14.0, self._height)
         curves = self._curves()  # words keep away from it
         return _node(
-            "svg", {"viewBox": size, "class": "homing-svg", "role": "img"},
-            self._grid(), self._guides(), *self._lane_nodes(), curves, self._breaks(), self._badges(),
-        )  # fmt: skip
+            "svg",
+            {"viewBox": size, "class": "homing-svg", "role": "img"},
+            self._grid(),
+            self._guides(),
+            *self._lane_nodes(),
+            curves,
+            self._breaks(),
+            self._badges(),
+        )
 
     def _grid(self) -> Node:
         end, right = self._height - 34.0, _WIDTH - _RIGHT
@@ -103,7 +111,9 @@ class _Picture:
         return _group(found)
 
     def _guides(self) -> Node:
-        """Return the configured velocities, and the lines of mark and home position through the whole picture."""
+        """Return the configured velocities, and the lines of mark and home position through the whole
+        picture.
+        """
         drawing, found = self._drawing, []
         for name, velocity, parts in (
             ("approach velocity", drawing.approach_velocity, {"approach", "back"}),
@@ -137,7 +147,9 @@ class _Picture:
         return _group(found)
 
     def _breaks(self) -> Node:
-        """Return the signs where the scale is broken: a stretch without any event is drawn shorter than it is."""
+        """Return the signs where the scale is broken: a stretch without any event is drawn shorter than it
+        is.
+        """
         found: list[Node] = []
         end = self._height - 34.0
         for low, high in self._scale.short:
@@ -150,7 +162,8 @@ class _Picture:
             )
             for side in (-5.0, 5.0):
                 line = "".join(
-                    f"{'M' if not number else 'L'}{x + side + (2.5 if number % 2 else -2.5):g} {_TOP + 12.0 * number:g}"
+                    f"{'M' if not number else 'L'}{x + side + (2.5 if number % 2 else -2.5):g} "
+                    f"{_TOP + 12.0 * number:g}"
                     for number in range(int((end - _TOP) / 12.0) + 2)
                 )
                 found.append(_node("path", {"d": line, "class": "hzig"}))
@@ -198,20 +211,26 @@ class _Picture:
         for place, edge in ends:
             x, d = self._x(place), 8.0 * (edge.direction or 1)
             title = (
-                f"{lane.name} {'reached' if edge.active else 'left'} at {short(place, 2)} {self._drawing.unit}, "
+                f"{lane.name} {'reached' if edge.active else 'left'} at {short(place, 2)} "
+                f"{self._drawing.unit}, "
                 f"{short(edge.time_s - self._drawing.begin_s, 4)} s"
             )
             found.append(
                 _node(
-                    "path", {"d": f"M{x:.1f} {y - 7.5:.1f}L{x + d:.1f} {y - 4:.1f}L{x:.1f} {y - 0.5:.1f}Z", "class": "hedge"},
+                    "path",
+                    {
+                        "d": f"M{x:.1f} {y - 7.5:.1f}L{x + d:.1f} {y - 4:.1f}L{x:.1f} {y - 0.5:.1f}Z",
+                        "class": "hedge",
+                    },
                     _node("title", {}, title),
                 )
-            )  # fmt: skip
+            )
         if not lane.bars:
             found.append(_text(_LEFT + 8.0, y + 9.0, "never active", "hs", "start"))
         return found
 
-    # -- curve ------------------------------------------------------------------------------------------------
+    # -- curve
+    # ------------------------------------------------------------------------------------------------
 
     def _points(self, step: HomingStep) -> list[tuple[float, float]]:
         """Return the curve of a travel, px, with the last point before it, so that there is no gap."""

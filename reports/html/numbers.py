@@ -1,8 +1,9 @@
 """Samples to short text: fewer points with every extreme kept, then quantised differences in base 64 digits.
 
-A report of many cases is mostly numbers. Written as decimals a sample costs 8 to 18 characters, as float32 in base 64
-5.3; quantised to a millionth of its range and stored as the difference of a smooth curve it costs 1 to 3. The digits are
-those of source maps: 5 bits each, the sixth says that another one follows, the lowest bit of the number is its sign.
+A report of many cases is mostly numbers. Written as decimals a sample costs 8 to 18 characters, as float32 in
+base 64 5.3; quantised to a millionth of its range and stored as the difference of a smooth curve it costs 1
+to 3. The digits are those of source maps: 5 bits each, the sixth says that another one follows, the lowest
+bit of the number is its sign.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ def thin(time_s: Floats, values: Floats, points: int, focus_s: Sequence[float]) 
     """Choose the samples to keep, ascending.
 
     Every bucket of time keeps its first, smallest, greatest sample, so no peak is lost; a part of the budget
-    goes to all samples nearest to the moments of interest (faults, alarms, failed checks), which stay complete.
+    goes to all samples nearest to the moments of interest (faults, alarms, failed checks), which stay
+    complete.
 
     Args:
         time_s: Ascending times [s].
@@ -75,16 +77,19 @@ def encode(values: Floats, quantum: float | None = None) -> dict[str, Any]:
         quantum: Resolution; by default a power of ten below `2e-6` of the range.
 
     Returns:
-        `{"n", "c"}` for a constant; `{"n", "q", "b", "o", "d"}` for quantised differences: quantum as a decimal
-        exponent `q`, the first numbers `b` in quanta, the order `o` (1 or 2) and the digits `d`; `{"n", "f", "a"}`
-        for little-endian float32 in base 64, to be added to `a`, where samples are missing or infinite.
+        `{"n", "c"}` for a constant; `{"n", "q", "b", "o", "d"}` for quantised differences: quantum as a
+        decimal
+        exponent `q`, the first numbers `b` in quanta, the order `o` (1 or 2) and the digits `d`; `{"n", "f",
+        "a"}` for little-endian float32 in base 64, to be added to `a`, where samples are missing or infinite.
 
     """
     return encode_all([(values, quantum)])[0]
 
 
 def encode_all(columns: Sequence[tuple[Floats, float | None]]) -> list[dict[str, Any]]:
-    """Return `encode` of many columns: all at once, since a column is short and a call of NumPy is not free."""
+    """Return `encode` of many columns: all at once, since a column is short and a call of NumPy is not
+    free.
+    """
     found: list[dict[str, Any]] = [{"n": 0, "c": 0}] * len(columns)
     filled = [place for place, (values, _quantum) in enumerate(columns) if len(values)]
     if not filled:
@@ -115,7 +120,8 @@ def encode_all(columns: Sequence[tuple[Floats, float | None]]) -> list[dict[str,
 
 
 def _exponent(low: float, high: float, quantum: float | None, *, whole: bool) -> int | None:
-    """Return the decimal exponent of the quantum for samples between two limits; None where there can be none.
+    """Return the decimal exponent of the quantum for samples between two limits; None where there can be
+    none.
 
     `whole`: all samples are whole numbers, which stay exact unless a quantum is given.
     """
@@ -135,7 +141,9 @@ def _exponent(low: float, high: float, quantum: float | None, *, whole: bool) ->
 
 
 def _quantised(columns: Sequence[Floats], exponents: Sequence[int]) -> list[dict[str, Any]]:
-    """Return the objects of columns of at least two samples, of differences of the first or second order each."""
+    """Return the objects of columns of at least two samples, of differences of the first or second order
+    each.
+    """
     # Multiply or divide by a whole power of ten: that is exact to the last digit, 10**-6 itself is not.
     scaled = [
         values * 10.0**-exponent if exponent < 0 else values / 10.0**exponent

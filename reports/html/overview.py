@@ -56,7 +56,9 @@ def _groups(run: RunResult) -> list[dict[str, Any]]:
 
 
 def _trend(runs: list[PastRun]) -> dict[str, Any]:
-    """Return bars as high as the runs have cases, the bad ones at the foot, where they are seen against the line."""
+    """Return bars as high as the runs have cases, the bad ones at the foot, where they are seen against the
+    line.
+    """
     most = max((run.cases for run in runs), default=0) or 1
     bars = []
     for index, run in enumerate(runs):
@@ -157,7 +159,9 @@ def _seeding(run: RunResult, seeding: Seeding) -> dict[str, Any]:
                 "area": one.area,
                 "status": one.status,
                 "verdict": {
-                    "caught": Verdict.PASSED, "explained": Verdict.BLOCKED, "survived": Verdict.FAILED,
+                    "caught": Verdict.PASSED,
+                    "explained": Verdict.BLOCKED,
+                    "survived": Verdict.FAILED,
                 }.get(one.status, Verdict.ERROR).value,
                 "cases": [
                     (name, _case(identifier) if (identifier := name.partition("@")[0]) in known else "")
@@ -169,4 +173,4 @@ def _seeding(run: RunResult, seeding: Seeding) -> dict[str, Any]:
             }
             for one in sorted(seeding.defects, key=lambda one: one.status == "caught")
         ],
-    }  # fmt: skip
+    }

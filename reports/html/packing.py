@@ -1,7 +1,8 @@
 """The cases of a large run, packed into files by several processes: most of the time of a report goes there.
 
-The helpers are interpreters of their own that get cases over a pipe. A forked process would take along locks and sockets
-of a live bench, and `multiprocessing` would run the program of the caller once more in each of them.
+The helpers are interpreters of their own that get cases over a pipe. A forked process would take along locks
+and sockets of a live bench, and `multiprocessing` would run the program of the caller once more in each of
+them.
 """
 
 from __future__ import annotations
@@ -53,8 +54,8 @@ def pack_files(order: Order, *, processes: int | None = None) -> None:
 
     Args:
         order: All cases.
-        processes: Number of helpers; default: one for every processor that this process may use. With fewer than two, and
-            for few cases, there are none.
+        processes: Number of helpers; default: one for every processor that this process may use. With
+            fewer than two, and for few cases, there are none.
 
     """
     number = min(processors() if processes is None else processes, _MOST, len(order.cases) // _PORTION)
@@ -106,7 +107,9 @@ def _pack(order: Order) -> None:
 
 
 class _Helper:
-    """An interpreter that packs cases; one that fails is not asked again, and what it had is done here, where errors are told."""
+    """An interpreter that packs cases; one that fails is not asked again, and what it had is done here, where
+    errors are told.
+    """
 
     def __init__(self) -> None:
         program = f"import sys; sys.path[:] = {sys.path!r}; from reports.html.packing import serve; serve()"

@@ -1,8 +1,8 @@
 """The whole page: a self-contained HTML file that works from `file://` without a network.
 
-Its content security policy allows nothing but the scripts of the page itself, named by their hashes: text of a run that
-slipped through the escaping could still not run, and no library can load anything. The page of a large run has its cases
-beside it (`reports.html.bundle`) and may load scripts of its own place too.
+Its content security policy allows nothing but the scripts of the page itself, named by their hashes: text of
+a run that slipped through the escaping could still not run, and no library can load anything. The page of a
+large run has its cases beside it (`reports.html.bundle`) and may load scripts of its own place too.
 """
 
 from __future__ import annotations
@@ -59,10 +59,10 @@ def render_html(
     Args:
         run: The run.
         path: File to write; evidence links count from its folder.
-        points: About how many samples of a signal stay in the plot (at least 100). Extremes and the surroundings of
-            faults, alarms and failed checks always stay.
-        embedded: Characters of case data up to which the page is one file; beyond them the cases go into a folder
-            beside it, `report-data` of `report.html`.
+        points: About how many samples of a signal stay in the plot (at least 100). Extremes and the
+            surroundings of faults, alarms and failed checks always stay.
+        embedded: Characters of case data up to which the page is one file; beyond them the cases go into
+            a folder beside it, `report-data` of `report.html`.
         background: Earlier runs, for trend and changes.
         seeding: Defects seeded on purpose, for their table.
 
@@ -91,8 +91,12 @@ def _page(
     from markupsafe import Markup
 
     environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(_resource), autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )  # fmt: skip
+        loader=jinja2.FunctionLoader(_resource),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
     program = '(() => {\n"use strict";\n' + "\n".join(_resource(name) for name in _SCRIPTS) + "})();"
     requirement_rows = requirement_matrix(run)
     place = {case.identifier: index for index, case in enumerate(run.cases)}
@@ -115,9 +119,19 @@ def _page(
             {
                 "prefix": total.prefix,
                 "link": "#/requirements?" + urlencode({"p": total.prefix}, errors="replace"),
-                "numbers": [total.known, total.passed, total.failed, total.blocked, total.untested, total.orphaned],
+                "numbers": [
+                    total.known,
+                    total.passed,
+                    total.failed,
+                    total.blocked,
+                    total.untested,
+                    total.orphaned,
+                ],
                 "parts": [
-                    ("passed", total.passed), ("failed", total.failed), ("blocked", total.blocked), ("untested", total.untested),
+                    ("passed", total.passed),
+                    ("failed", total.failed),
+                    ("blocked", total.blocked),
+                    ("untested", total.untested),
                 ],
             }
             for total in prefix_totals(requirement_rows)
@@ -135,14 +149,19 @@ def _page(
         "requirements": _json(
             [
                 [
-                    row.identifier, row.title, row.section, row.document, row.verdict.value if row.verdict else "untested",
-                    row.known, [[place[name], verdict.value] for name, verdict in row.cases],
+                    row.identifier,
+                    row.title,
+                    row.section,
+                    row.document,
+                    row.verdict.value if row.verdict else "untested",
+                    row.known,
+                    [[place[name], verdict.value] for name, verdict in row.cases],
                 ]
                 for row in requirement_rows
             ]
         ),
         "payloads": (Markup(text) for text in bundle.texts),  # noqa: S704 (escaped by script_json)
-    }  # fmt: skip
+    }
     return environment.get_template("report.html.j2").render(context)
 
 
@@ -251,7 +270,9 @@ def _matrices(run: RunResult) -> list[dict[str, Any]]:
 
 
 def _stop_matrices(run: RunResult) -> list[tuple[str, dict[str, Any]]]:
-    """Return fault against reaction for every way in which an axis was told to stop, without the rows never tried."""
+    """Return fault against reaction for every way in which an axis was told to stop, without the rows never
+    tried.
+    """
     modes = dict.fromkeys(mode for case in run.cases for mode in stop_modes(case))
     found = []
     for mode in sorted(modes):

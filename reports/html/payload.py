@@ -41,7 +41,9 @@ _TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 
 
 def script_json(value: object) -> str:
-    """Return JSON that may stand inside a `script` element: nothing in it can end the element or open a comment."""
+    """Return JSON that may stand inside a `script` element: nothing in it can end the element or open a
+    comment.
+    """
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     for character, escape in (
         ("<", "\\u003c"),
@@ -109,8 +111,8 @@ def case_payload(case: CaseResult, *, points: int) -> dict[str, Any]:
 
     Args:
         case: The case.
-        points: About how many samples of a signal may stay; extremes and the surroundings of faults, alarms and
-            failed checks always do.
+        points: About how many samples of a signal may stay; extremes and the surroundings of faults,
+            alarms and failed checks always do.
 
     """
     focus = focus_times(case)
@@ -253,7 +255,9 @@ def select_messages(messages: Sequence[Message], focus: list[float], limit: int 
 
 
 class _Columns:
-    """The samples of a case, which are encoded all at once, and its time axes, each distinct one stored once."""
+    """The samples of a case, which are encoded all at once, and its time axes, each distinct one stored
+    once.
+    """
 
     def __init__(self) -> None:
         self.times: list[dict[str, Any]] = []
@@ -366,7 +370,9 @@ def _check(check: Check) -> dict[str, Any]:
 
 
 def _messages(messages: Sequence[Message], focus: list[float], limit: int) -> list[list[Any]]:
-    """Return rows of time, bus, identifier, data, sender, text, error, number of messages left out before it."""
+    """Return rows of time, bus, identifier, data, sender, text, error, number of messages left out before
+    it.
+    """
     rows = []
     before = -1
     for index in select_messages(messages, focus, limit):

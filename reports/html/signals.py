@@ -1,7 +1,8 @@
 """Which signals share a panel of the plot, which become lanes, and what a case shows before anybody asks.
 
-A panel holds one quantity in one unit with its setpoints and actual values. States, bits, words and numbers that stand
-for something (alarm number, mode) say nothing as a curve; they become lanes: coloured bands with a text.
+A panel holds one quantity in one unit with its setpoints and actual values. States, bits, words and numbers
+that stand for something (alarm number, mode) say nothing as a curve; they become lanes: coloured bands with a
+text.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ import numpy as np
 from reports.model import Signal
 
 _QUANTITIES: Final[tuple[tuple[str, str], ...]] = (
-    # pattern in the signal's own name, title of the panel; the first match counts, the order is that of the plot
+    # pattern in the signal's own name, title of the panel; the first match counts, the order is that of the
+    # plot
     (r"following_?error|position_?(error|deviation)", "Following error"),
     (r"(velocity|speed)_?(error|deviation)", "Velocity deviation"),
     (r"jerk", "Jerk"),
@@ -99,8 +101,9 @@ def component(name: str) -> str:
 def arrange(signals: Iterable[Signal], interest: Iterable[str] = ()) -> tuple[list[Panel], list[Lane]]:
     """Sort signals into panels and lanes and choose those to show at first.
 
-    Shown are the first panel of position, velocity, following error and torque - the controller's view before that of
-    the drive - and the lanes of states. With many components every one gets panels of its own. Empty signals are left out.
+    Shown are the first panel of position, velocity, following error and torque - the controller's view before
+    that of the drive - and the lanes of states. With many components every one gets panels of its own. Empty
+    signals are left out.
 
     Args:
         signals: All signals of a case.
@@ -144,7 +147,9 @@ def _show(ranked: list[Panel], titles: Iterable[str]) -> set[str]:
 
 
 def _split(panel: Panel) -> list[Panel]:
-    """Sort the signals of a panel, setpoint first; divide it by component when it holds more than fits its head."""
+    """Sort the signals of a panel, setpoint first; divide it by component when it holds more than fits its
+    head.
+    """
     panel.signals.sort(key=lambda signal: (component(signal.name), not is_setpoint(signal.name)))
     if len(panel.signals) <= _CROWDED:
         return [panel]
@@ -157,7 +162,8 @@ def _split(panel: Panel) -> list[Panel]:
 def bands(lane: Lane) -> tuple[list[float], list[float | None]]:
     """Return start times [s] and values of the bands of a lane, at full resolution; None stands for a gap.
 
-    Past 3000 changes only the first of each short interval is kept: more than one band per pixel shows nothing.
+    Past 3000 changes only the first of each short interval is kept: more than one band per pixel shows
+    nothing.
     """
     signal = lane.signal
     values = signal.values
@@ -191,7 +197,9 @@ def _lane_kind(signal: Signal) -> str:
 
 
 def _rank(panel: Panel, interest: set[str]) -> tuple[int, bool, bool, bool]:
-    """Return the place of a panel: by quantity, then what is of interest, the controller's view, what has a setpoint."""
+    """Return the place of a panel: by quantity, then what is of interest, the controller's view, what has a
+    setpoint.
+    """
     rank = _ORDER.index(panel.title) if panel.title in _ORDER else len(_ORDER)
     components = {component(signal.name) for signal in panel.signals}
     controller = any("axis" in name.lower() for name in components)

@@ -1,8 +1,9 @@
-"""A machine that gives motion commands and faults in any order: the invariants hold, a failure shrinks to a program that replays.
+"""A machine that gives motion commands and faults in any order: the invariants hold, a failure shrinks to a
+program that replays.
 
-The machine decides what to do next from what it has done so far (a stop is released only after it was given, a fault is
-removed only after it was injected); the finished program runs on a fresh bench with all invariants watched in every
-cycle, and its token stands in the message of a failure.
+The machine decides what to do next from what it has done so far (a stop is released only after it was given,
+a fault is removed only after it was injected); the finished program runs on a fresh bench with all invariants
+watched in every cycle, and its token stands in the message of a failure.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""The same bench, case and seed leave the same bytes: in one process, in another one, whatever the hash seed."""
+"""The same bench, case and seed leave the same bytes: in one process, in another one, whatever the hash
+seed.
+"""
 
 from __future__ import annotations
 

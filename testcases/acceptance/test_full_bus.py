@@ -14,7 +14,9 @@ SECONDS = 2
 
 
 def saturate(*, corrupt_every: int = 0):
-    """Let ten nodes keep their queues full for two seconds; return segment, ports, what was sent and received."""
+    """Let ten nodes keep their queues full for two seconds; return segment, ports, what was sent and
+    received.
+    """
     scheduler = VirtualScheduler()
     segment = CanMedium(scheduler, bitrate=1_000_000, name="full")
     received = [[] for _ in range(NODES)]
@@ -49,7 +51,9 @@ def saturate(*, corrupt_every: int = 0):
 
 @pytest.mark.requirement("CANP-011", "CANP-027", "CANP-031", "CANP-077")
 def test_order_and_counters_at_full_load():
-    """Every node hears every frame of the others, in the order of the wire; the bus never rests and nobody has an error."""
+    """Every node hears every frame of the others, in the order of the wire; the bus never rests and nobody
+    has an error.
+    """
     segment, ports, sent, received = saturate()
     log = segment.log
     assert segment.bus_load() > 0.999
@@ -74,7 +78,9 @@ def test_order_and_counters_at_full_load():
 
 @pytest.mark.requirement("CANP-030", "CANP-043", "CANP-045", "CANP-051", "CANP-052", "CANP-077")
 def test_counters_at_full_load_with_errors():
-    """With every twentieth frame destroyed once all of them arrive, and the counters settle as they should."""
+    """With every twentieth frame destroyed once all of them arrive, and the counters settle as they
+    should.
+    """
     segment, ports, _, _ = saturate(corrupt_every=20)
     bad = [entry for entry in segment.log if entry[3]]
     good = [entry for entry in segment.log if not entry[3]]

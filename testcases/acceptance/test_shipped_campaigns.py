@@ -1,4 +1,6 @@
-"""The campaigns that ship with the product pass on the embedded benches; each case is a test with its requirements."""
+"""The campaigns that ship with the product pass on the embedded benches; each case is a test with its
+requirements.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +77,8 @@ BLOCKED = {
     ("reference", "control/safety/ss2/controller"): "offers no set_ss2",
     **{("reference", f"monitoring/late/{cycles}"): "led by no PROFIdrive telegram" for cycles in (1, 2)},
 }
-"""Cases that a bench cannot have, and why: a PROFIdrive axis has no such state to fall to without fault or safety input, a CiA 402
+"""Cases that a bench cannot have, and why: a PROFIdrive axis has no such state to fall to without fault or
+safety input, a CiA 402
 drive no words of its encoder."""
 
 
@@ -138,7 +141,9 @@ def test_what_a_profile_cannot_have_is_blocked_with_its_reason(bench, identifier
 
 
 def test_a_bench_speaks_for_the_requirements_of_its_own_profiles_only():
-    """A case that names requirements of both profiles claims those of the bench that it runs on (and every neutral one)."""
+    """A case that names requirements of both profiles claims those of the bench that it runs on (and every
+    neutral one).
+    """
     case = fault_reactions.CAMPAIGN["fault-reactions/drive-fault/2310/standstill"]
     claimed = {
         name: set(execute_case(case, bench_file(name), CaseSettings(seed=1)).result.requirements)
@@ -150,12 +155,24 @@ def test_a_bench_speaks_for_the_requirements_of_its_own_profiles_only():
 
 
 def test_the_campaign_crosses_all_stops_with_all_phases():
-    """Four StopModes, three MC_Stop modes, four reactions and MC_Halt are crossed with four phases of motion."""
+    """Four StopModes, three MC_Stop modes, four reactions and MC_Halt are crossed with four phases of
+    motion.
+    """
     assert {case.identifier for case in stop_modes.CAMPAIGN.cases} == {
         f"stop-modes/{stop}/{phase}"
         for stop in (
-            "power-0", "power-1", "power-2", "power-3", "stop-0", "stop-2", "stop-3",
-            "reaction-1", "reaction-2", "reaction-3", "reaction-4", "halt",
+            "power-0",
+            "power-1",
+            "power-2",
+            "power-3",
+            "stop-0",
+            "stop-2",
+            "stop-3",
+            "reaction-1",
+            "reaction-2",
+            "reaction-3",
+            "reaction-4",
+            "halt",
         )
         for phase in ("constant", "accelerating", "decelerating", "standstill")
-    }  # fmt: skip
+    }

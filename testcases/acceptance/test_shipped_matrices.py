@@ -1,4 +1,6 @@
-"""The matrices that ship with the product: every n-th of their cases passes here, all of them with `hil run`."""
+"""The matrices that ship with the product: every n-th of their cases passes here, all of them with `hil
+run`.
+"""
 
 from __future__ import annotations
 

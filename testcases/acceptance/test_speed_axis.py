@@ -27,7 +27,9 @@ def running(bench, speed=600.0):
 
 @pytest.mark.requirement("MC-042", "MC-102", "STP-515")
 def test_speed_axis_turns_and_halts(bench):
-    """MC_MoveVelocity reaches its speed at the motor, MC_Halt ends at setpoint zero, the axis stays enabled."""
+    """MC_MoveVelocity reaches its speed at the motor, MC_Halt ends at setpoint zero, the axis stays
+    enabled.
+    """
     axis, _ = running(bench)
     assert axis.var("ActualSpeed") == pytest.approx(600.0, abs=1.0)
     halt = axis.halt()
@@ -64,7 +66,9 @@ def test_drive_fault_on_a_speed_axis(bench):
 
 @pytest.mark.requirement("CFG-508", "CFG-499", "CFG-504")
 def test_gear_and_lead_screw():
-    """With a gear of 4:1 and a screw of 10 mm, 100 mm/s need 2400 rpm at the motor, and the machine really moves so."""
+    """With a gear of 4:1 and a screw of 10 mm, 100 mm/s need 2400 rpm at the motor, and the machine really
+    moves so.
+    """
     source, text = read("reference")
     text = text.replace(
         '"Mechanics.LeadScrew" = 10.0', '"Mechanics.LeadScrew" = 10.0\n"LoadGear.Numerator" = 4'
@@ -86,7 +90,9 @@ def test_gear_and_lead_screw():
 
 @pytest.mark.requirement("CFG-537", "CFG-533", "CFG-534", "CFG-540")
 def test_both_directions_inverted():
-    """With drive and encoder direction inverted the loop is closed the right way round; the machine moves backwards."""
+    """With drive and encoder direction inverted the loop is closed the right way round; the machine moves
+    backwards.
+    """
     source, text = read("reference")
     text = text.replace(
         '"Mechanics.LeadScrew" = 10.0',
@@ -144,7 +150,9 @@ def test_absolute_encoder_keeps_its_position_over_a_power_cycle():
 
 @pytest.mark.requirement("C402-013", "STP-318")
 def test_no_torque_after_the_drives_own_ramp():
-    """As soon as a quick stop has ended, the drive gives no torque any more, not even in the step that ends it."""
+    """As soon as a quick stop has ended, the drive gives no torque any more, not even in the step that ends
+    it.
+    """
     with load_bench("reference").build(seed=1) as bench:
         axis = bench.axis()
         power = axis.power()

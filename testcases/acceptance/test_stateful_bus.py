@@ -1,6 +1,8 @@
-"""A bus with three drives: nodes are lost, reset, commanded by somebody else, and the bus is disturbed, in any order.
+"""A bus with three drives: nodes are lost, reset, commanded by somebody else, and the bus is disturbed, in
+any order.
 
-Whatever happened, the others' motion is their own business, and once all causes are gone every axis can be enabled and moved
+Whatever happened, the others' motion is their own business, and once all causes are gone every axis can be
+enabled and moved
 again: nothing stays behind.
 """
 

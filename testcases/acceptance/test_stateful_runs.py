@@ -1,7 +1,9 @@
-"""Runs of a campaign, begun, broken off, killed and gone on with, in any order: the folder holds what a model says.
+"""Runs of a campaign, begun, broken off, killed and gone on with, in any order: the folder holds what a model
+says.
 
-Every run is a real process, a fork of this one, which a case or the machine may kill; with two jobs it has worker processes of its
-own, which cases kill as well. What the model says is what is left in the folder: which cases, with which verdicts.
+Every run is a real process, a fork of this one, which a case or the machine may kill; with two jobs it has
+worker processes of its own, which cases kill as well. What the model says is what is left in the folder:
+which cases, with which verdicts.
 """
 
 from __future__ import annotations

@@ -2,10 +2,10 @@
 
     python -m testcases.benchmarks.fault_cases [--cases 600] [--jobs 2] [--bench reference]
 
-Every case is 2 s of bench time: enable, move, a fault at a moment of its own, judged afterwards. What is timed is what `hil run`
-does. Seconds of processor time do not depend on what else the machine is doing; `cases_per_minute_cpu` is what as many
-processors as there are workers would make of them with nothing else to do, the report on one of them. Figures come as JSON on
-standard output.
+Every case is 2 s of bench time: enable, move, a fault at a moment of its own, judged afterwards. What is
+timed is what `hil run` does. Seconds of processor time do not depend on what else the machine is doing;
+`cases_per_minute_cpu` is what as many processors as there are workers would make of them with nothing else to
+do, the report on one of them. Figures come as JSON on standard output.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def measure(cases: int, jobs: int, bench: str, folder: Path) -> dict[str, float]
         "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
         "peak_memory_worker_mb": round(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024),
         "report_mb": round(paths.report.stat().st_size / 1e6, 1),
-    }  # fmt: skip
+    }
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,9 +1,11 @@
-"""How the HTML report scales: a large made-up run, the time to build its report, and what a browser takes to use it.
+"""How the HTML report scales: a large made-up run, the time to build its report, and what a browser takes to
+use it.
 
     python -m testcases.benchmarks.report_scale [--cases 5000] [--source hil-report] [--folder DIR]
 
-The cases are those of a real run, repeated: signals scaled and shifted in time differently in each, some verdicts turned.
-Without `--source` the campaign `stop_modes` runs first. Figures come as JSON on standard output.
+The cases are those of a real run, repeated: signals scaled and shifted in time differently in each, some
+verdicts turned. Without `--source` the campaign `stop_modes` runs first. Figures come as JSON on standard
+output.
 """
 
 from __future__ import annotations
@@ -64,10 +66,14 @@ def variation(case: CaseResult, number: int) -> CaseResult:
         for signal in case.signals
     ]
     changed = dataclasses.replace(
-        case, identifier=f"{case.identifier}/{number:05d}", title=f"{case.title}, variation {number}", seed=number,
-        signals=signals, trace_digest=hashlib.sha256(f"{case.trace_digest}{number}".encode()).hexdigest(),
+        case,
+        identifier=f"{case.identifier}/{number:05d}",
+        title=f"{case.title}, variation {number}",
+        seed=number,
+        signals=signals,
+        trace_digest=hashlib.sha256(f"{case.trace_digest}{number}".encode()).hexdigest(),
         wall_s=case.wall_s * scale,
-    )  # fmt: skip
+    )
     if number % 97 == 0 and case.checks:
         first, *others = case.checks
         changed.verdict = Verdict.FAILED
@@ -79,7 +85,9 @@ def variation(case: CaseResult, number: int) -> CaseResult:
 
 
 def large_run(source: RunResult, cases: int, folder: Path) -> RunResult:
-    """Return a run of as many cases, made of those of another one, as it is when its journal is in a folder."""
+    """Return a run of as many cases, made of those of another one, as it is when its journal is in a
+    folder.
+    """
     run = dataclasses.replace(source, title=f"{cases} cases made of {len(source.cases)}", cases=[])
     if (folder / RUN_FILE).exists():
         clear_run(folder)
@@ -109,7 +117,8 @@ def browse(page: Path) -> dict[str, float]:
         timing = driver.execute_script("return performance.getEntriesByType('navigation')[0].toJSON()")
         filters = [driver.execute_script(_FILTER, text) for text in ("standstill", "failed", "zzz", "")]
         sort = driver.execute_script(
-            "const t = performance.now(); document.querySelector('[data-sort=n]').click(); document.body.offsetHeight;"
+            "const t = performance.now(); document.querySelector('[data-sort=n]').click(); "
+            "document.body.offsetHeight;"
             "return performance.now() - t;"
         )
         driver.execute_cdp_cmd("HeapProfiler.collectGarbage", {})

@@ -1,4 +1,6 @@
-"""A browser for the tests of the report: Debian's Chromium without a window, recording every request that it makes."""
+"""A browser for the tests of the report: Debian's Chromium without a window, recording every request that it
+makes.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,8 @@ class Browser:
         """Wait until the page has turned to an address: the event that tells it of a new one comes later."""
         self.until(
             lambda: self.js(
-                "return document.readyState === 'complete' && document.documentElement.dataset.shown === arguments[0]",
+                "return document.readyState === 'complete' && document.documentElement.dataset.shown === "
+                "arguments[0]",
                 address,
             ),
             f"the page does not show {address or 'its first view'}",
@@ -120,7 +123,8 @@ def driver(tmp_path_factory) -> Iterator[object]:
     if missing:
         pytest.fail(
             f"{' and '.join(missing)} not found. Install the browser of these tests with "
-            "`apt-get install -y chromium chromium-driver` (Debian), or leave them out with `-m 'not browser'`.",
+            "`apt-get install -y chromium chromium-driver` (Debian), or leave them out with `-m 'not "
+            "browser'`.",
             pytrace=False,
         )
     try:
@@ -141,7 +145,9 @@ def driver(tmp_path_factory) -> Iterator[object]:
 
 @pytest.fixture
 def browser(driver, sample_report) -> Iterator[Browser]:
-    """The browser at 1440 x 900 with the case list open; afterwards: no complaint in the console, no request anywhere."""
+    """The browser at 1440 x 900 with the case list open; afterwards: no complaint in the console, no request
+    anywhere.
+    """
     browser = Browser(driver, sample_report)
     browser.view(1440, 900, "light")
     browser.complaints()

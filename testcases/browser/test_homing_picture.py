@@ -17,11 +17,15 @@ HOSTILE = "</script><img src=x onerror=alert(1)>"
 
 @pytest.fixture(scope="module")
 def homing_report(tmp_path_factory):
-    """A report with an active homing that turns round at a limit switch, a passive one, and one that is not a homing."""
+    """A report with an active homing that turns round at a limit switch, a passive one, and one that is not a
+    homing.
+    """
     own = {
-        "Sensor[1].ActiveHoming.Mode": 1, "Sensor[1].ActiveHoming.HomePositionOffset": 5.0, "Homing.AutoReversal": True,
+        "Sensor[1].ActiveHoming.Mode": 1,
+        "Sensor[1].ActiveHoming.HomePositionOffset": 5.0,
+        "Homing.AutoReversal": True,
         "Homing.ApproachDirection": True,
-    }  # fmt: skip
+    }
     with homing_bench(variables=STEEP | own, mechanics={"start_position_mm": -480.0}) as bench:
         run = Machine(bench)
         run.done()
@@ -34,15 +38,19 @@ def homing_report(tmp_path_factory):
     drawings = homing_drawings(trace)
     drawings[1].job = HOSTILE
     cases = [
-        CaseResult("homed", "homed", Verdict.PASSED, signals=list(signals), homings=drawings, simulated_s=trace.end_s),
+        CaseResult(
+            "homed", "homed", Verdict.PASSED, signals=list(signals), homings=drawings, simulated_s=trace.end_s
+        ),
         CaseResult("plain", "plain", Verdict.PASSED, signals=list(signals), simulated_s=trace.end_s),
-    ]  # fmt: skip
+    ]
     run = RunResult("Homing", 1, "profidrive", "", {}, "", cases)
     return write_report(run, tmp_path_factory.mktemp("homing")).report
 
 
 def test_picture_shows_the_homing(browser, homing_report):
-    """Numbered steps, bars of cam and limit switch, the used zero mark, curves with arrows, mark and home position."""
+    """Numbered steps, bars of cam and limit switch, the used zero mark, curves with arrows, mark and home
+    position.
+    """
     browser.open("#/case/homed", homing_report)
     browser.until(lambda: len(browser.all(".homing-svg")) == 2, "no picture was drawn")
     rows = [row.text.split("\n")[0] for row in browser.all(".homing:first-child tbody tr")]
@@ -61,7 +69,8 @@ def test_picture_shows_the_homing(browser, homing_report):
     ] * 8
     assert [badge.text for badge in browser.all(".homing:first-child .hnt")] == [str(n) for n in range(1, 10)]
     lanes = browser.js(
-        "return [...document.querySelectorAll('.homing-svg')[0].querySelectorAll('[data-lane]')].map((l) => l.dataset.lane)"
+        "return [...document.querySelectorAll('.homing-svg')[0].querySelectorAll('[data-lane]')].map((l) => "
+        "l.dataset.lane)"
     )
     assert lanes == ["negative limit", "cam", "zero mark"]
     first = ".homing:first-child .homing-svg "
@@ -94,7 +103,9 @@ def test_picture_in_words(browser, homing_report):
 
 
 def test_steps_lead_to_the_plot(browser, homing_report):
-    """A click on a step sets the cursor of the plot to its moment; the pointer on it lights it up in the picture."""
+    """A click on a step sets the cursor of the plot to its moment; the pointer on it lights it up in the
+    picture.
+    """
     browser.open("#/case/homed", homing_report)
     browser.plot()
     row = browser.all(".homing:first-child tbody tr")[4]
@@ -105,7 +116,9 @@ def test_steps_lead_to_the_plot(browser, homing_report):
 
 
 def test_words_of_a_run_stay_words(browser, homing_report):
-    """A name with markup is shown as it is; a case without a homing has no picture; dark and narrow it fits."""
+    """A name with markup is shown as it is; a case without a homing has no picture; dark and narrow it
+    fits.
+    """
     browser.open("#/case/homed", homing_report)
     browser.until(lambda: HOSTILE in browser.one(".homing:last-child summary").text, "the name is not shown")
     browser.view(420, 900, "dark")

@@ -23,12 +23,15 @@ def run():
 
 def visible(browser) -> list[str]:
     return browser.js(
-        "return [...document.querySelectorAll('#cases tbody tr:not([hidden]) a.id')].map((link) => link.textContent)"
+        "return [...document.querySelectorAll('#cases tbody tr:not([hidden]) a.id')].map((link) => "
+        "link.textContent)"
     )
 
 
 def test_verdict_is_seen_first(browser):
-    """At first sight: red or green in word and sign, the totals, and the failed cases with their reasons on top."""
+    """At first sight: red or green in word and sign, the totals, and the failed cases with their reasons on
+    top.
+    """
     assert browser.one("#hero-title").text == "4 failed and 1 error"
     assert browser.all("#hero-title svg use[href='#i-failed']")
     rows = [row.text for row in browser.all("#cases tbody tr")[:4]]
@@ -76,7 +79,9 @@ def test_list_sorts_by_each_column(browser, run):
 
 
 def test_list_and_case_work_from_the_keyboard(browser):
-    """Slash searches, arrows walk, Enter opens, brackets step through the list, Escape leads back to the same row."""
+    """Slash searches, arrows walk, Enter opens, brackets step through the list, Escape leads back to the same
+    row.
+    """
     browser.one("body").send_keys("/")
     active = browser.driver.switch_to.active_element
     assert active.get_attribute("id") == "f-q"
@@ -97,7 +102,9 @@ def test_list_and_case_work_from_the_keyboard(browser):
 
 
 def test_failed_case_explains_itself(browser, run):
-    """Headline, expected against observed, margin, timeline, alarm, fault and replay command stand on the page."""
+    """Headline, expected against observed, margin, timeline, alarm, fault and replay command stand on the
+    page.
+    """
     case = next(case for case in run.cases if case.identifier == FAILED)
     browser.one(f"a[href='#/case/{FAILED}']").click()
     browser.plot()
@@ -134,7 +141,8 @@ def test_curves_are_the_recorded_samples(browser, run):
     browser.open(f"#/case/{FAILED}")
     browser.plot()
     drawn = browser.js(
-        "return document.querySelector('.js-plotly-plot').data.slice(1).map((curve) => [[...curve.x], [...curve.y]])"
+        "return document.querySelector('.js-plotly-plot').data.slice(1).map((curve) => [[...curve.x], "
+        "[...curve.y]])"
     )
     names = [button.get_attribute("title").partition(":")[0] for button in browser.all(".panel-head button")]
     assert len(drawn) == len(names) >= 6
@@ -172,7 +180,9 @@ def test_dragging_zooms_all_panels_and_double_click_returns(browser):
 
 
 def test_wheel_zooms_around_the_pointer_and_resizing_breaks_nothing(browser):
-    """The moment under the pointer stays where it is; after the window went narrow and wide again zooming still works."""
+    """The moment under the pointer stays where it is; after the window went narrow and wide again zooming
+    still works.
+    """
     from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 
     browser.open(f"#/case/{FAILED}")
@@ -236,7 +246,9 @@ def test_click_on_a_check_jumps_the_plot(browser):
 
 
 def test_bus_messages_and_plot_follow_each_other(browser):
-    """Error frames stand out; a click on a message moves the cursor, a click in the plot marks the message."""
+    """Error frames stand out; a click on a message moves the cursor, a click in the plot marks the
+    message.
+    """
     browser.open("#/case/bus-faults/can.drop/tpdo1/x8?tab=bus")
     browser.plot()
     broken = browser.all(".bus tr.err")
@@ -411,7 +423,9 @@ def test_printing_shows_everything_of_a_case_in_light_colours(browser):
 
 
 def test_second_case_does_not_pay_for_the_plot_library(browser):
-    """The library is read once; stepping through cases afterwards leaves one plot in the page, not a pile of them."""
+    """The library is read once; stepping through cases afterwards leaves one plot in the page, not a pile of
+    them.
+    """
     browser.open(f"#/case/{FAILED}")
     browser.plot()
     for _ in range(5):

@@ -1,4 +1,6 @@
-"""The report of a large run, whose cases are beside the page: the list grows, cases come when they are opened."""
+"""The report of a large run, whose cases are beside the page: the list grows, cases come when they are
+opened.
+"""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ for (let text = walker.nextNode(); text; text = walker.nextNode()) {
   if ((a + 0.05) / (b + 0.05) < 4.5) said.push(`contrast ${((a + 0.05) / (b + 0.05)).toFixed(2)}: ${node.className} ${text.data.slice(0, 40)}`);
 }
 return [...new Set(said)];
-"""
+"""  # noqa: E501
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +129,9 @@ def test_overview_leads_to_what_has_changed(browser, report):
 
 
 def test_coverage_of_one_way_to_stop(browser, run, tmp_path):
-    """The matrix of reactions is shown for all cases or for one way to stop; the address keeps it, a cell filters by both."""
+    """The matrix of reactions is shown for all cases or for one way to stop; the address keeps it, a cell
+    filters by both.
+    """
     cases = [dataclasses.replace(case) for case in run.cases]
     mode = "MC_Stop Mode 3"
     chosen = [case for case in cases if any(fault.kind == "encoder.freeze" for fault in case.faults)]
@@ -140,7 +142,8 @@ def test_coverage_of_one_way_to_stop(browser, run, tmp_path):
     browser.open("#/coverage", report)
     whole = len([row for row in browser.all("#view-coverage .matrix tbody tr") if row.is_displayed()])
     browser.js(
-        "const s = document.querySelector('#m-stop'); s.value = arguments[0]; s.dispatchEvent(new Event('change'))",
+        "const s = document.querySelector('#m-stop'); s.value = arguments[0]; s.dispatchEvent(new "
+        "Event('change'))",
         mode,
     )
     shown = [row for row in browser.all("#view-coverage .matrix tbody tr") if row.is_displayed()]
@@ -156,7 +159,9 @@ def test_coverage_of_one_way_to_stop(browser, run, tmp_path):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_view_can_be_read_without_seeing_colours_or_shapes(browser, report, scheme):
-    """Controls have names, tables captions and scopes, headings an order, identifiers are unique, texts have contrast."""
+    """Controls have names, tables captions and scopes, headings an order, identifiers are unique, texts have
+    contrast.
+    """
     browser.view(1440, 900, scheme)
     browser.open("", report)
     for address in VIEWS:
@@ -179,8 +184,10 @@ def test_no_view_is_wider_than_a_telephone(browser, report):
 def test_the_audit_notices_what_it_looks_for(browser):
     """A button without a name, a text too faint, a table without a caption, an identifier used twice."""
     browser.js(
-        "document.querySelector('#view-cases').insertAdjacentHTML('beforeend', '<button></button><p style=\"color: #aaa\">faint</p>'"
-        "+ '<table><thead><tr><th>x</th></tr></thead></table><i id=\"main\"></i><h4>deep</h4><h3>deeper</h3>')"
+        "document.querySelector('#view-cases').insertAdjacentHTML('beforeend', '<button></button><p "
+        'style="color: #aaa">faint</p>\''
+        "+ '<table><thead><tr><th>x</th></tr></thead></table><i "
+        'id="main"></i><h4>deep</h4><h3>deeper</h3>\')'
     )
     found = " ".join(browser.js(AUDIT))
     for words in (

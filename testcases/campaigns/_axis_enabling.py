@@ -27,7 +27,9 @@ PUSHED: Final = 100.0
 
 @CASES.case("enabling/noise", tags=("encoder", "enabling"), requirements=("STP-054", "STP-055", "STP-564"))
 def noise(ctx: CaseContext) -> None:
-    """A noisy encoder at rest: the setpoint steps by the apparent velocity times the delay, and the axis stays where it is."""
+    """A noisy encoder at rest: the setpoint steps by the apparent velocity times the delay, and the axis
+    stays where it is.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     increments = round(0.0002 * encoder_increments_per_revolution(ctx))
     ctx.inject("encoder.noise", drive, increments=increments, duration_s=1.0)
@@ -70,7 +72,9 @@ def push(ctx: CaseContext) -> None:
     requirements=lambda start_mode: ("STP-565", *(("STP-049", "STP-053") if start_mode else ("STP-051",))),
 )
 def pushed(ctx: CaseContext, start_mode: int) -> None:
-    """With position control a ramp with MaxDeceleration, and the axis holds where it ends; without, a step to zero."""
+    """With position control a ramp with MaxDeceleration, and the axis holds where it ends; without, a step to
+    zero.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     push(ctx)
     ctx.do(f"MC_Power Enable = TRUE, StartMode {start_mode}")
@@ -89,13 +93,19 @@ def pushed(ctx: CaseContext, start_mode: int) -> None:
         ramp_s = velocity / 2000.0
         ctx.expect(
             always(
-                "the setpoint brakes with MaxDeceleration", lambda v: v > 1e-9, f"{axis}.velocity_setpoint",
-                since=begin, until=begin + ramp_s - cycles(ctx, 2),
+                "the setpoint brakes with MaxDeceleration",
+                lambda v: v > 1e-9,
+                f"{axis}.velocity_setpoint",
+                since=begin,
+                until=begin + ramp_s - cycles(ctx, 2),
             ).covers("STP-049"),
             always(
-                "the ramp is over", lambda v: v == 0.0, f"{axis}.velocity_setpoint", since=begin + ramp_s + cycles(ctx, 2),
+                "the ramp is over",
+                lambda v: v == 0.0,
+                f"{axis}.velocity_setpoint",
+                since=begin + ramp_s + cycles(ctx, 2),
             ).covers("STP-049"),
-        )  # fmt: skip
+        )
         travelled = trace[f"{axis}.actual_position"].at(ended) - trace[f"{axis}.actual_position"].at(begin)
         low = golden.stop_distance(velocity, 2000.0)
         ctx.measure(
@@ -118,7 +128,9 @@ def pushed(ctx: CaseContext, start_mode: int) -> None:
     requirements=("STP-558", "TA-020"),
 )
 def control_withdrawn(ctx: CaseContext, phase: str) -> None:
-    """The drive no longer requests control (ZSW1.9, Remote): CommunicationOK FALSE, alarm 421 that says so, reaction 4."""
+    """The drive no longer requests control (ZSW1.9, Remote): CommunicationOK FALSE, alarm 421 that says so,
+    reaction 4.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     bring_into(ctx, phase)
@@ -149,7 +161,9 @@ def control_withdrawn(ctx: CaseContext, phase: str) -> None:
     "enabling/fatal-alarm", tags=("enabling",), requirements=("STP-586", "STP-065", "STP-079", "STP-078")
 )
 def fatal_alarm(ctx: CaseContext) -> None:
-    """An alarm of class R: MC_Reset does not help, a restart is refused while Enable is TRUE, and helps afterwards."""
+    """An alarm of class R: MC_Reset does not help, a restart is refused while Enable is TRUE, and helps
+    afterwards.
+    """
     axis = axis_name(ctx)
     power = enable(ctx)
     bring_into(ctx, "constant")

@@ -69,20 +69,27 @@ def same_ramp(ctx: CaseContext, stop: str) -> Expectation | None:
     allowed = tolerance(ctx)
     factor = 0.001 if by_drive else 1.0
     return ramp(
-        since, axis=axis, velocity=f"{drive}.motor_speed" if by_drive else f"{axis}.velocity_setpoint",
+        since,
+        axis=axis,
+        velocity=f"{drive}.motor_speed" if by_drive else f"{axis}.velocity_setpoint",
         position=f"{drive}.position" if by_drive else f"{axis}.position_setpoint",
-        time_s=expected.time_s, time_tolerance_s=allowed.time_s, distance=expected.distance * factor,
-        distance_tolerance=allowed.distance_mm * factor, delay_s=5 * ctx.bench.cycle_ns * 1e-9 + allowed.time_s,
+        time_s=expected.time_s,
+        time_tolerance_s=allowed.time_s,
+        distance=expected.distance * factor,
+        distance_tolerance=allowed.distance_mm * factor,
+        delay_s=5 * ctx.bench.cycle_ns * 1e-9 + allowed.time_s,
         threshold=6.0 if by_drive else 1e-9,
-    )  # fmt: skip
+    )
 
 
 def operation_stays_enabled(ctx: CaseContext, since: float) -> Expectation:
     """Expect STW1.3 in every telegram: without it the drive would coast out of its ramp."""
     return always(
-        "STW1.3 (enable operation) is set", lambda word: (word.astype(int) & ENABLE_OPERATION) != 0, f"{axis_name(ctx)}.stw1",
+        "STW1.3 (enable operation) is set",
+        lambda word: (word.astype(int) & ENABLE_OPERATION) != 0,
+        f"{axis_name(ctx)}.stw1",
         since=since,
-    ).covers("STP-572")  # fmt: skip
+    ).covers("STP-572")
 
 
 @CASES.product(
@@ -93,7 +100,9 @@ def operation_stays_enabled(ctx: CaseContext, since: float) -> Expectation:
     requirements=lambda mode: ("STP-566", "STP-296", "STP-502", GOLDEN[STOPS[f"power-{mode}"]["ramp"]]),
 )
 def enable_toggled(ctx: CaseContext, mode: int) -> None:
-    """The stop is not cancelled: its ramp is what it would have been; then the axis is enabled again by itself."""
+    """The stop is not cancelled: its ramp is what it would have been; then the axis is enabled again by
+    itself.
+    """
     axis = axis_name(ctx)
     stop = f"power-{mode}"
     before = in_the_middle(ctx, stop)
@@ -149,11 +158,14 @@ def stop_mode_changed(ctx: CaseContext, mode: int, other: int) -> None:
     stopped_for_good(ctx, ctx.now_s)
 
 
-# -- reaction 4 ----------------------------------------------------------------------------------------------------------
+# -- reaction 4
+# ----------------------------------------------------------------------------------------------------------
 
 
 def remove_enable(ctx: CaseContext, value: int) -> float:
-    """Configure the reaction, travel, raise an alarm with reaction 4; returns the instant before, in the middle of the stop."""
+    """Configure the reaction, travel, raise an alarm with reaction 4; returns the instant before, in the
+    middle of the stop.
+    """
     axis = axis_name(ctx)
     ctx.do(f"MC_WriteParameter 1020 = 16#{value:X}")
     ctx.wait_until(ctx.axis.write_parameter(1020, value).done, 1.0, "the reaction is written")
@@ -177,7 +189,9 @@ RAMP_S: Final = {1: 1.0, 5: 0.5, 7: 0.5}
     requirements=lambda value: ("STP-568", "STP-382" if value == 1 else "STP-383"),
 )
 def acknowledged(ctx: CaseContext, value: int) -> None:
-    """OFF1 is interrupted: enabled while moving. OFF3 goes on to standstill. OFF2 goes through S1. None of them is a deadlock."""
+    """OFF1 is interrupted: enabled while moving. OFF3 goes on to standstill. OFF2 goes through S1. None of
+    them is a deadlock.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     before = remove_enable(ctx, value)
     ctx.do("MC_Reset while the drive stops")
@@ -206,10 +220,13 @@ def acknowledged(ctx: CaseContext, value: int) -> None:
     elif value == 3:
         ctx.expect(
             never(
-                "the drive is on before it has been off", lambda zsw1: (zsw1.astype(int) & 0x0007) == 0x0007, f"{axis}.zsw1",
-                since=alarm_at + cycles(ctx, 3), until=at - cycles(ctx, 3),
+                "the drive is on before it has been off",
+                lambda zsw1: (zsw1.astype(int) & 0x0007) == 0x0007,
+                f"{axis}.zsw1",
+                since=alarm_at + cycles(ctx, 3),
+                until=at - cycles(ctx, 3),
             ).covers("STP-383")
-        )  # fmt: skip
+        )
     else:
         begin = trace.instant(quick_stop(ctx))
         assert begin is not None
@@ -218,9 +235,19 @@ def acknowledged(ctx: CaseContext, value: int) -> None:
             at - begin,
             low=RAMP_S[value] * 300.0 / MAXIMUM_VELOCITY - cycles(ctx, 4),
         )
-        ctx.expect(ramp(quick_stop(ctx), axis=axis, velocity=f"{drive}.motor_speed", position=f"{drive}.position",
-                        time_s=RAMP_S[value] * 300.0 / MAXIMUM_VELOCITY, time_tolerance_s=tolerance(ctx).time_s,
-                        delay_s=cycles(ctx, 5), threshold=6.0, until=at).covers("STP-383"))  # fmt: skip
+        ctx.expect(
+            ramp(
+                quick_stop(ctx),
+                axis=axis,
+                velocity=f"{drive}.motor_speed",
+                position=f"{drive}.position",
+                time_s=RAMP_S[value] * 300.0 / MAXIMUM_VELOCITY,
+                time_tolerance_s=tolerance(ctx).time_s,
+                delay_s=cycles(ctx, 5),
+                threshold=6.0,
+                until=at,
+            ).covers("STP-383")
+        )
     ctx.run_for(0.2 + settle_s(ctx))
     ctx.do("MC_MoveRelative -20 mm")
     ctx.wait_until(ctx.axis.move_relative(-20.0).done, 5.0, "the axis moves again")
@@ -229,12 +256,15 @@ def acknowledged(ctx: CaseContext, value: int) -> None:
 @CASES.product(
     "disabled-in-reaction-4/{value}/{mode}",
     parameters={"value": REACTIONS, "mode": STOP_MODES},
-    title="Enable falls with StopMode {mode} in the middle of reaction 4 with RemoveEnableReaction 16#{value}",
+    title="Enable falls with StopMode {mode} in the middle of reaction 4 with RemoveEnableReaction "
+    "16#{value}",
     tags=("stop",),
     requirements=lambda value, mode: ("STP-569", "STP-385" if value == 7 else "STP-384"),
 )
 def disabled(ctx: CaseContext, value: int, mode: int) -> None:
-    """With 16#1, 16#3, 16#5 the drive coasts, whatever StopMode says; with 16#7 OFF3 is kept to standstill."""
+    """With 16#1, 16#3, 16#5 the drive coasts, whatever StopMode says; with 16#7 OFF3 is kept to
+    standstill.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     before = remove_enable(ctx, value)
     speed = ctx.trace()[f"{drive}.motor_speed"].values[-1]
@@ -243,18 +273,33 @@ def disabled(ctx: CaseContext, value: int, mode: int) -> None:
     fell = ctx.now_s
     ctx.run_for((4.0 if value != 7 else 1.0) + settle_s(ctx))
     words = {
-        1: (0x047F, 0x047E, 0x047C), 3: (0x047F, 0x047C), 5: (0x047F, 0x047A, 0x047C), 7: (0x047F, 0x047B, 0x0478),
-    }[value]  # fmt: skip
+        1: (0x047F, 0x047E, 0x047C),
+        3: (0x047F, 0x047C),
+        5: (0x047F, 0x047A, 0x047C),
+        7: (0x047F, 0x047B, 0x0478),
+    }[value]
     identifier = "STP-385" if value == 7 else "STP-384"
     ctx.expect(stw1_sequence(words, axis=axis, since=before).covers("STP-569", identifier))
     if value == 7:
         ctx.expect(
-            ramp(quick_stop(ctx), axis=axis, velocity=f"{drive}.motor_speed", position=f"{drive}.position",
-                 time_s=RAMP_S[7] * 300.0 / MAXIMUM_VELOCITY, time_tolerance_s=tolerance(ctx).time_s,
-                 delay_s=cycles(ctx, 5), threshold=6.0).covers("STP-385"),
-            always("OFF2 is not given while the motor turns", lambda word, motor: ((word.astype(int) & NO_OFF2) != 0) | (abs(motor) < 60.0),
-                   f"{axis}.stw1", f"{drive}.motor_speed", since=before).covers("STP-385"),
-        )  # fmt: skip
+            ramp(
+                quick_stop(ctx),
+                axis=axis,
+                velocity=f"{drive}.motor_speed",
+                position=f"{drive}.position",
+                time_s=RAMP_S[7] * 300.0 / MAXIMUM_VELOCITY,
+                time_tolerance_s=tolerance(ctx).time_s,
+                delay_s=cycles(ctx, 5),
+                threshold=6.0,
+            ).covers("STP-385"),
+            always(
+                "OFF2 is not given while the motor turns",
+                lambda word, motor: ((word.astype(int) & NO_OFF2) != 0) | (abs(motor) < 60.0),
+                f"{axis}.stw1",
+                f"{drive}.motor_speed",
+                since=before,
+            ).covers("STP-385"),
+        )
     else:
         # Coasting from here on is slower than any ramp.
         later = ctx.trace()[f"{drive}.motor_speed"].at(fell + 0.1)
@@ -266,7 +311,8 @@ def disabled(ctx: CaseContext, value: int, mode: int) -> None:
     stopped_for_good(ctx, ctx.now_s)
 
 
-# -- MC_Stop, motion jobs ---------------------------------------------------------------------------------------------------
+# -- MC_Stop, motion jobs
+# ---------------------------------------------------------------------------------------------------
 
 
 @CASES.product(
@@ -281,7 +327,9 @@ def disabled(ctx: CaseContext, value: int, mode: int) -> None:
     requirements=("STP-577",),
 )
 def alarm_in_hold(ctx: CaseContext, number: int, reaction: int) -> None:
-    """At rest there is nothing to stop: no motion; the axis is disabled, unless the alarm is one that keeps it enabled."""
+    """At rest there is nothing to stop: no motion; the axis is disabled, unless the alarm is one that keeps
+    it enabled.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")
@@ -362,7 +410,9 @@ def jobs_refused(ctx: CaseContext, stop: str, words: str) -> None:
     requirements=("STP-578",),
 )
 def halt_gives_way(ctx: CaseContext, kind: str) -> None:
-    """A halt is superseded by every motion job: it ends with CommandAborted, and the job does what it is there for."""
+    """A halt is superseded by every motion job: it ends with CommandAborted, and the job does what it is
+    there for.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")

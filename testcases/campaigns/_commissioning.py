@@ -1,4 +1,6 @@
-"""What the cases of `commissioning` share: an operator at the control panel of the axis, and what he gets to see."""
+"""What the cases of `commissioning` share: an operator at the control panel of the axis, and what he gets to
+see.
+"""
 
 from __future__ import annotations
 
@@ -81,14 +83,20 @@ class Operator:
 
 
 def greatest_deceleration(ctx: CaseContext, since: Any) -> Expectation:
-    """Expect the setpoint to come to zero on the ramp of the greatest deceleration and jerk (COM-031), from 200 mm/s."""
+    """Expect the setpoint to come to zero on the ramp of the greatest deceleration and jerk (COM-031), from
+    200 mm/s.
+    """
     read = ctx.axis.variables.read
     expected = golden.stop_ramp(JOG, read("DynamicLimits.MaxDeceleration"), read("DynamicLimits.MaxJerk"))
     allowed = tolerance(ctx)
     return ramp(
-        since, expected, axis=axis_name(ctx), made_by="controller", time_tolerance_s=allowed.time_s,
+        since,
+        expected,
+        axis=axis_name(ctx),
+        made_by="controller",
+        time_tolerance_s=allowed.time_s,
         distance_tolerance=allowed.distance_mm,
-    ).covers("COM-031")  # fmt: skip
+    ).covers("COM-031")
 
 
 def at_rest(ctx: CaseContext) -> Expectation:

@@ -1,4 +1,6 @@
-"""Cases of `commissioning`: the life sign fails, bus, drive, machine and controller fail, and an operator goes on afterwards."""
+"""Cases of `commissioning`: the life sign fails, bus, drive, machine and controller fail, and an operator
+goes on afterwards.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ _LOST: Final = 0x8013
     requirements=("COM-024", "COM-031", "COM-074"),
 )
 def heartbeat_every(ctx: CaseContext, share: float) -> None:
-    """Up to the monitoring time control is kept; beyond it the axis stops with the greatest deceleration and is returned with 16#8013."""
+    """Up to the monitoring time control is kept; beyond it the axis stops with the greatest deceleration and
+    is returned with 16#8013.
+    """
     operator = Operator(ctx, alive=False)
     name = axis_name(ctx)
     operator.panel.keep_alive(0.2 * MONITORING_S)
@@ -57,10 +61,12 @@ def heartbeat_every(ctx: CaseContext, share: float) -> None:
     ctx.measure("ErrorID", operator.panel.error_id, low=_LOST, high=_LOST, requirements=("COM-031",))
     ctx.expect(
         greatest_deceleration(ctx, event("axis.state", name, to="DISABLING_RAMP")),
-        value_at(f"{name}.velocity_setpoint", since + 0.98 * MONITORING_S, 200.0, tolerance=1e-6).named("the last setpoint goes on").covers("COM-024"),
+        value_at(f"{name}.velocity_setpoint", since + 0.98 * MONITORING_S, 200.0, tolerance=1e-6)
+        .named("the last setpoint goes on")
+        .covers("COM-024"),
         operator.returned(since=since, within_s=2.0 * MONITORING_S, error_id=_LOST).covers("COM-031"),
         at_rest(ctx),
-    )  # fmt: skip
+    )
 
 
 @CASES.product(
@@ -70,7 +76,9 @@ def heartbeat_every(ctx: CaseContext, share: float) -> None:
     requirements=("COM-031", "COM-032", "COM-034"),
 )
 def connection_lost(ctx: CaseContext, during: str) -> None:
-    """Whatever the axis does it is at rest, disabled, and the program can have it again; the alarm tells what happened."""
+    """Whatever the axis does it is at rest, disabled, and the program can have it again; the alarm tells what
+    happened.
+    """
     operator = Operator(ctx)
     name, panel = axis_name(ctx), operator.panel
     if during == "disabled":
@@ -116,24 +124,38 @@ def connection_lost(ctx: CaseContext, during: str) -> None:
 
 _Fault = tuple[Callable[[CaseContext], object], int | dict[str, int], int]
 _FAULTS: Final[dict[str, _Fault]] = {
-    "drive-fault": (lambda ctx: ctx.inject("drive.fault", drive_name(ctx), code=0x2310, duration_s=0.3), 421, 4),
+    "drive-fault": (
+        lambda ctx: ctx.inject("drive.fault", drive_name(ctx), code=0x2310, duration_s=0.3),
+        421,
+        4,
+    ),
     "actual-values-lost": (
-        lambda ctx: ctx.inject("frame.drop", "can0", message="tpdo1", duration_s=grace_s(ctx) + 0.4), 431, 4,
+        lambda ctx: ctx.inject("frame.drop", "can0", message="tpdo1", duration_s=grace_s(ctx) + 0.4),
+        431,
+        4,
     ),
     "setpoints-lost": (
-        lambda ctx: ctx.inject("frame.drop", "can0", message="rpdo1", duration_s=0.6), {"cia402": 550, "profidrive": 431}, 0,
+        lambda ctx: ctx.inject("frame.drop", "can0", message="rpdo1", duration_s=0.6),
+        {"cia402": 550, "profidrive": 431},
+        0,
     ),
     "limit-switch": (
-        lambda ctx: ctx.inject("switch.press", drive_name(ctx), input="positive_limit", duration_s=0.5), 531, 3,
+        lambda ctx: ctx.inject("switch.press", drive_name(ctx), input="positive_limit", duration_s=0.5),
+        531,
+        3,
     ),
     "jam": (lambda ctx: ctx.inject("mechanics.jam", drive_name(ctx), duration_s=0.4), 521, 4),
     "wire-break": (
-        lambda ctx: ctx.inject("encoder.wire_break", drive_name(ctx), duration_s=0.3), {"cia402": 421, "profidrive": 411}, 4,
+        lambda ctx: ctx.inject("encoder.wire_break", drive_name(ctx), duration_s=0.3),
+        {"cia402": 421, "profidrive": 411},
+        4,
     ),
     "supply-of-the-drive": (
-        lambda ctx: ctx.inject("drive.power_off", drive_name(ctx), duration_s=grace_s(ctx) + 0.8), 431, 4,
+        lambda ctx: ctx.inject("drive.power_off", drive_name(ctx), duration_s=grace_s(ctx) + 0.8),
+        431,
+        4,
     ),
-}  # fmt: skip
+}
 """What happens, its alarm (by profile), and the reaction, 0 where the profiles differ."""
 
 
@@ -150,7 +172,9 @@ _FAULTS: Final[dict[str, _Fault]] = {
     requirements=("COM-007", "COM-008", "COM-023"),
 )
 def fault(ctx: CaseContext, fault: str, motion: str) -> None:
-    """The alarm of any motion; the panel keeps control, nothing resumes by itself after the acknowledgement, and the operator goes on."""
+    """The alarm of any motion; the panel keeps control, nothing resumes by itself after the acknowledgement,
+    and the operator goes on.
+    """
     operator = Operator(ctx).take()
     panel, axis, name = operator.panel, ctx.axis, axis_name(ctx)
     for path in ("FollowingError.MinValue", "FollowingError.MaxValue"):
@@ -196,7 +220,9 @@ def fault(ctx: CaseContext, fault: str, motion: str) -> None:
     requirements=("COM-022", "COM-025", "MC-629", "MC-630"),
 )
 def controller(ctx: CaseContext, what: str) -> None:
-    """The axis comes to rest; outside of RUN control goes, afterwards it can be taken anew, and the axis moves for whoever has it."""
+    """The axis comes to rest; outside of RUN control goes, afterwards it can be taken anew, and the axis
+    moves for whoever has it.
+    """
     operator = Operator(ctx).take()
     name = axis_name(ctx)
     operator.jog(150.0)
@@ -233,7 +259,9 @@ def controller(ctx: CaseContext, what: str) -> None:
 
 @CASES.case("two-panels", requirements=("COM-022", "COM-025", "COM-031"))
 def two_panels(ctx: CaseContext) -> None:
-    """The second one is refused as long as the first has control, also while that is being returned; after its loss it gets the axis."""
+    """The second one is refused as long as the first has control, also while that is being returned; after
+    its loss it gets the axis.
+    """
     first, second = Operator(ctx).take(), Operator(ctx)
     first.jog()
     second.refused(second.panel.take_control, "another panel has master control")

@@ -1,4 +1,6 @@
-"""Cases of `commissioning`: what an operator does at the panel, what is refused to him, and what he leaves behind."""
+"""Cases of `commissioning`: what an operator does at the panel, what is refused to him, and what he leaves
+behind.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ CASES: Final = Campaign("commissioning", tags=("panel",), bench="reference")
     ),
 )
 def session(ctx: CaseContext, direction: str) -> None:
-    """Take over, enable, jog, release the slider, move, set the position, move to a place, disable, hand back."""
+    """Take over, enable, jog, release the slider, move, set the position, move to a place, disable, hand
+    back.
+    """
     sign = 1.0 if direction == "forward" else -1.0
     operator = Operator(ctx).take()
     panel, axis, name = operator.panel, ctx.axis, axis_name(ctx)
@@ -97,7 +101,9 @@ def session(ctx: CaseContext, direction: str) -> None:
     requirements=("COM-022",),
 )
 def refused(ctx: CaseContext, why: str) -> None:
-    """Enabled by the program, controller not in RUN, another panel: told in words, and nothing changes on the axis."""
+    """Enabled by the program, controller not in RUN, another panel: told in words, and nothing changes on the
+    axis.
+    """
     operator = Operator(ctx)
     name = axis_name(ctx)
     if why in ("enabled", "moving", "disabling"):
@@ -147,8 +153,12 @@ def program(ctx: CaseContext, instruction: str) -> None:
     operator = Operator(ctx).take()
     jog = operator.jog()
     since = ctx.now_s
-    make: dict[str, Any] = {"move_velocity": lambda: ctx.axis.move_velocity(-50.0), "jog": lambda: ctx.axis.jog(10.0),
-                            "motion_in_velocity": lambda: ctx.axis.motion_in_velocity(0.0), "power": lambda: ctx.axis.power(True)}  # fmt: skip
+    make: dict[str, Any] = {
+        "move_velocity": lambda: ctx.axis.move_velocity(-50.0),
+        "jog": lambda: ctx.axis.jog(10.0),
+        "motion_in_velocity": lambda: ctx.axis.motion_in_velocity(0.0),
+        "power": lambda: ctx.axis.power(True),
+    }
     job = make.get(instruction, getattr(ctx.axis, instruction))()
     ctx.run_for(0.3)
     ctx.measure("ErrorID", job.ErrorID, low=0x8012, high=0x8012, requirements=("COM-025",))
@@ -169,7 +179,9 @@ def program(ctx: CaseContext, instruction: str) -> None:
     requirements=("COM-035", "COM-040", "COM-041", "COM-076"),
 )
 def slider(ctx: CaseContext, percent: int) -> None:
-    """Velocity x slider x adjustment; the slider stays as override afterwards, and the program runs with that."""
+    """Velocity x slider x adjustment; the slider stays as override afterwards, and the program runs with
+    that.
+    """
     operator = Operator(ctx).take()
     panel, name = operator.panel, axis_name(ctx)
     panel.velocity, panel.acceleration, panel.jerk = 100.0, 1000.0, 0.0
@@ -214,8 +226,11 @@ def cancelled(ctx: CaseContext, job: str) -> None:
     ctx.run_for(0.05)
     panel.velocity = 100.0
     since = ctx.now_s
-    running = {"relative": lambda: panel.move_relative(200.0), "absolute": lambda: panel.move_absolute(200.0),
-               "homing": lambda: panel.home(0.0)}[job]()  # fmt: skip
+    running = {
+        "relative": lambda: panel.move_relative(200.0),
+        "absolute": lambda: panel.move_absolute(200.0),
+        "homing": lambda: panel.home(0.0),
+    }[job]()
     ctx.run_for(0.6)
     ctx.measure("velocity", ctx.axis.var("Velocity"), "mm/s", low=50.0)
     panel.slide(0.0)
@@ -274,9 +289,13 @@ def not_enabled(ctx: CaseContext, what: str) -> None:
     panel.take_control()
     ctx.run_for(0.05)
     act = {
-        "jog": panel.jog, "relative": lambda: panel.move_relative(5.0), "absolute": lambda: panel.move_absolute(5.0),
-        "home": panel.home, "set": lambda: panel.set_position(0.0), "adjust": lambda: panel.adjust_encoder(1.0),
-    }[what]  # fmt: skip
+        "jog": panel.jog,
+        "relative": lambda: panel.move_relative(5.0),
+        "absolute": lambda: panel.move_absolute(5.0),
+        "home": panel.home,
+        "set": lambda: panel.set_position(0.0),
+        "adjust": lambda: panel.adjust_encoder(1.0),
+    }[what]
     operator.refused(act, "it is not enabled in the panel")
     ctx.run_for(0.1)
     ctx.expect(never_happens(event("job.started", axis_name(ctx))), at_rest(ctx))
@@ -306,8 +325,11 @@ def limits(ctx: CaseContext, value: str) -> None:
     """It acts as the limit, without a warning, and the configuration keeps its own."""
     operator = Operator(ctx).take()
     panel, axis, name = operator.panel, ctx.axis, axis_name(ctx)
-    path = {"velocity": "DynamicLimits.MaxVelocity", "acceleration": "DynamicLimits.MaxAcceleration",
-            "deceleration": "DynamicLimits.MaxDeceleration"}[value]  # fmt: skip
+    path = {
+        "velocity": "DynamicLimits.MaxVelocity",
+        "acceleration": "DynamicLimits.MaxAcceleration",
+        "deceleration": "DynamicLimits.MaxDeceleration",
+    }[value]
     before = axis.variables.read(path)
     panel.velocity, panel.acceleration, panel.jerk = 100.0, 1000.0, 0.0
     setattr(panel, value, 10.0 * before)
@@ -361,7 +383,9 @@ def tried_values(ctx: CaseContext, how: str) -> None:
 
 @CASES.case("configuration-changed", requirements=("COM-026",))
 def configuration_changed(ctx: CaseContext) -> None:
-    """A start value that changes while the panel has the axis acts after control has been returned, the object restarted, and control taken anew."""
+    """A start value that changes while the panel has the axis acts after control has been returned, the
+    object restarted, and control taken anew.
+    """
     operator = Operator(ctx).take()
     axis, name = ctx.axis, axis_name(ctx)
     limit = axis.variables.read("DynamicLimits.MaxVelocity")
@@ -408,21 +432,28 @@ def hand_over(ctx: CaseContext) -> None:
 
 @CASES.case("optimisation", requirements=("COM-055", "COM-060", "COM-062", "COM-063", "COM-065", "COM-071"))
 def optimisation(ctx: CaseContext) -> None:
-    """A gain with which nothing overshoots, found from the panel; the axis keeps its own until it is downloaded."""
+    """A gain with which nothing overshoots, found from the panel; the axis keeps its own until it is
+    downloaded.
+    """
     operator = Operator(ctx).take()
     own = ctx.axis.variables.read("PositionControl.Kv")
     routine = Optimisation(
-        operator.panel, ctx.bench.runtime, ctx.bench.run_until,
+        operator.panel,
+        ctx.bench.runtime,
+        ctx.bench.run_until,
         TestStep(distance=3.0, velocity=60.0, acceleration=1000.0),
-    )  # fmt: skip
+    )
     found = routine.run()
     ctx.observe(f"recommended: {found.start_values}")
     ctx.measure("recommended gain", found.kv, "1/s", low=35.0, high=50.0, requirements=("COM-065",))
     best = max(one.kv for one in found.attempts if one.good and one.kpc == 0.0)
     ctx.measure(
-        "recommended gain, of the greatest one without overshoot", found.kv / best, low=0.9 - 1e-9, high=0.9 + 1e-9,
+        "recommended gain, of the greatest one without overshoot",
+        found.kv / best,
+        low=0.9 - 1e-9,
+        high=0.9 + 1e-9,
         requirements=("COM-062",),
-    )  # fmt: skip
+    )
     ctx.measure("overshoot with it", found.attempts[-1].overshoot, "mm", high=found.attempts[-1].tolerance)
     operator.give_back()
     ctx.measure(
@@ -442,7 +473,9 @@ def optimisation(ctx: CaseContext) -> None:
     requirements=("COM-029", "COM-030", "COM-033", "COM-034"),
 )
 def attention(ctx: CaseContext, what: str, motion: str) -> None:
-    """Stop with the greatest deceleration; looking away keeps control and enable, a dialog over the panel gives control back."""
+    """Stop with the greatest deceleration; looking away keeps control and enable, a dialog over the panel
+    gives control back.
+    """
     operator = Operator(ctx).take()
     name = axis_name(ctx)
     if motion == "jog":

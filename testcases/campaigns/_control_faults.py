@@ -60,7 +60,9 @@ def jam(ctx: CaseContext, where: str, velocity: int) -> None:
     requirements=("CTL-001", "CTL-034"),
 )
 def push(ctx: CaseContext, where: str) -> None:
-    """A force within the torque displaces the axis for a moment; the loop brings it back, and holds it while the force lasts."""
+    """A force within the torque displaces the axis for a moment; the loop brings it back, and holds it while
+    the force lasts.
+    """
     loop(ctx, where)
     ctx.run_for(0.1)
     since = ctx.now_s
@@ -92,7 +94,9 @@ def push(ctx: CaseContext, where: str) -> None:
     without=("STP-331",),
 )
 def encoder(ctx: CaseContext, fault: str, where: str) -> None:
-    """What the encoder says wrongly is found by the following error, wherever the loop is, before the machine is far away."""
+    """What the encoder says wrongly is found by the following error, wherever the loop is, before the machine
+    is far away.
+    """
     axis = axis_name(ctx)
     begin(ctx, position_control_in(ctx, where))
     travel(ctx, 100.0)
@@ -114,7 +118,9 @@ def encoder(ctx: CaseContext, fault: str, where: str) -> None:
     requirements=("CTL-029", "CTL-031", "MON-033"),
 )
 def wrong_word(ctx: CaseContext, word: str) -> None:
-    """Half of KPC is half the gain, an offset of XERR is an offset of the position, a wrong speed is corrected by the loop."""
+    """Half of KPC is half the gain, an offset of XERR is an offset of the position, a wrong speed is
+    corrected by the loop.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     loop(ctx, "drive", PositionControl__Kpc=0.0 if word == "kpc-halved" else 100.0)
     travel(ctx, 100.0)
@@ -222,7 +228,9 @@ def safety(ctx: CaseContext, function: str, where: str) -> None:
     requirements=lambda mode: ("CTL-092", *(("STP-140",) if mode == "force-at-the-load" else ())),
 )
 def torque_limit(ctx: CaseContext, mode: str) -> None:
-    """A limit of MC_TorqueLimiting bounds the torque in either mode, and stays when the mode changes; N at the load mean Nm at the motor."""
+    """A limit of MC_TorqueLimiting bounds the torque in either mode, and stays when the mode changes; N at
+    the load mean Nm at the motor.
+    """
     controlled, at_load = mode != "not-controlled", mode == "force-at-the-load"
     if profile_of(ctx) == "profidrive":
         for name, source in (("p1522", 0x0B56FC05), ("p1523", 0x0B56FC0C)):
@@ -260,7 +268,9 @@ def torque_limit(ctx: CaseContext, mode: str) -> None:
     requirements=("STP-144",),
 )
 def torque_limit_watched(ctx: CaseContext, watched: int) -> None:
-    """An axis that is held under a torque limit lags without an alarm, or with 521 where monitoring stays on."""
+    """An axis that is held under a torque limit lags without an alarm, or with 521 where monitoring stays
+    on.
+    """
     axis = axis_name(ctx)
     begin(ctx, {"TorqueLimiting.PositionBasedMonitorings": watched}, UNHURRIED)
     limiting = ctx.axis.torque_limiting(0.5)
@@ -280,7 +290,9 @@ def torque_limit_watched(ctx: CaseContext, watched: int) -> None:
 
 @CASES.case("speed-limited", tags=("torque",), requirements=("CTL-038", "CTL-107"))
 def speed_limited(ctx: CaseContext) -> None:
-    """Catching up beyond the maximum speed is cut there, with warning 504, and the axis arrives all the same."""
+    """Catching up beyond the maximum speed is cut there, with warning 504, and the axis arrives all the
+    same.
+    """
     axis = axis_name(ctx)
     begin(ctx, None, WIDE, UNHURRIED, {"PositionControl.Kv": 50.0})
     travel(ctx, 450.0)
@@ -302,7 +314,9 @@ def speed_limited(ctx: CaseContext) -> None:
 
 @CASES.case("tuning-by-hand", tags=("travel",), requirements=("CTL-048", "CTL-043"))
 def tuning_by_hand(ctx: CaseContext) -> None:
-    """Kpc 0, T_vtc 0, Kv 10, then Kpc 100 and a higher gain in steps of 5 %: every step moves without an alarm, the error falls."""
+    """Kpc 0, T_vtc 0, Kv 10, then Kpc 100 and a higher gain in steps of 5 %: every step moves without an
+    alarm, the error falls.
+    """
     begin(
         ctx,
         None,

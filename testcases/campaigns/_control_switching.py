@@ -1,4 +1,6 @@
-"""Cases of `control`: position control switched off and on, at rest and while moving, and what keeps the mode as it is."""
+"""Cases of `control`: position control switched off and on, at rest and while moving, and what keeps the mode
+as it is.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ def mode_is(ctx: CaseContext, expected: bool, text: str) -> None:
     requirements=("CTL-085", "CTL-087", "CTL-093", "CTL-033"),
 )
 def off_and_on(ctx: CaseContext, where: str, velocity: int) -> None:
-    """Opened and closed again three times on the way: neither speed nor setpoint makes a jump, and no alarm comes."""
+    """Opened and closed again three times on the way: neither speed nor setpoint makes a jump, and no alarm
+    comes.
+    """
     loop(ctx, where)
     travel(ctx, velocity)
     since = ctx.now_s
@@ -87,7 +91,9 @@ def off_and_on(ctx: CaseContext, where: str, velocity: int) -> None:
     requirements=("CTL-087", "CTL-088", "CTL-089", "CTL-093"),
 )
 def closed_by(ctx: CaseContext, instruction: str) -> None:
-    """A job that needs position control closes it on the way: the first setpoint is where the axis will be, X28 goes for good."""
+    """A job that needs position control closes it on the way: the first setpoint is where the axis will be,
+    X28 goes for good.
+    """
     loop(ctx, "controller")
     ctx.wait_until(ctx.axis.home(0.0).done, 1.0, "the axis is homed")
     travel(ctx, 50.0, PositionControlled=False)
@@ -110,9 +116,13 @@ def closed_by(ctx: CaseContext, instruction: str) -> None:
     ahead = float(run.position_setpoint[closed] - run.actual_position[closed])
     if instruction != "motion_in_position":
         ctx.measure(
-            "first setpoint ahead of the actual position", ahead, "mm", low=50.0 * cycle_s(ctx), high=50.0 * 4 * cycle_s(ctx),
+            "first setpoint ahead of the actual position",
+            ahead,
+            "mm",
+            low=50.0 * cycle_s(ctx),
+            high=50.0 * 4 * cycle_s(ctx),
             requirements=("CTL-093",),
-        )  # fmt: skip
+        )
         ctx.run_for(0.05)
         ctx.measure(
             "following error afterwards", float(abs(Run(ctx, since).following_error).max()), "mm", high=0.4
@@ -150,7 +160,9 @@ def kept_by(ctx: CaseContext, instruction: str, mode: str) -> None:
     requirements=("CTL-085", "CTL-086"),
 )
 def power(ctx: CaseContext, start_mode: int) -> None:
-    """StartMode 0 enables without position control, which stays off through a velocity job without it, until a positioning."""
+    """StartMode 0 enables without position control, which stays off through a velocity job without it, until
+    a positioning.
+    """
     ctx.do(f"MC_Power StartMode {start_mode}")
     power = ctx.axis.power(start_mode=start_mode)
     ctx.wait_until(power.status, 5.0, "the axis is enabled")
@@ -173,7 +185,9 @@ def power(ctx: CaseContext, start_mode: int) -> None:
     requirements=("CTL-014", "CTL-095", "CTL-086"),
 )
 def enabled_while_moving(ctx: CaseContext, how: str) -> None:
-    """VelocityModePowerOn 0 brakes with maximum dynamics, 1 and StartMode 0 with the setpoint 0 at once; none is an alarm."""
+    """VelocityModePowerOn 0 brakes with maximum dynamics, 1 and StartMode 0 with the setpoint 0 at once; none
+    is an alarm.
+    """
     start: dict[str, Any] = {"Actor.RemoveEnableReaction": 3}
     if how == "at-once":
         start["PositionControl.VelocityModePowerOn"] = 1
@@ -226,7 +240,9 @@ def enabled_while_moving(ctx: CaseContext, how: str) -> None:
     requirements=("CTL-094", "MON-036"),
 )
 def discarded(ctx: CaseContext, where: str) -> None:
-    """4 mm behind, position control is switched off: they are never made up, and no following error is shown."""
+    """4 mm behind, position control is switched off: they are never made up, and no following error is
+    shown.
+    """
     loop(ctx, where, PositionControl__Kpc=0.0)
     travel(ctx, 100.0)
     ctx.run_for(0.3)
@@ -256,7 +272,9 @@ def discarded(ctx: CaseContext, where: str) -> None:
     requirements=("CTL-003", "CTL-004", "CTL-006", "CTL-033"),
 )
 def alarm_stop(ctx: CaseContext, where: str) -> None:
-    """Reaction 4 at 200 mm/s: while the drive brakes the setpoint tracks the actual value; enabled at rest nothing jumps."""
+    """Reaction 4 at 200 mm/s: while the drive brakes the setpoint tracks the actual value; enabled at rest
+    nothing jumps.
+    """
     loop(ctx, where)
     travel(ctx, 200.0)
     ctx.inject("axis.alarm", axis_name(ctx), number=541)

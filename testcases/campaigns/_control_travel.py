@@ -1,4 +1,6 @@
-"""Cases of `control`: figures of the position loop in the controller and in the drive, in constant travel and where values change."""
+"""Cases of `control`: figures of the position loop in the controller and in the drive, in constant travel and
+where values change.
+"""
 
 from __future__ import annotations
 
@@ -38,10 +40,11 @@ def loop(ctx: CaseContext, where: str, start: dict[str, Any] | None = None, **no
 
 
 def shows_error(ctx: CaseContext, expected: float, *, tolerance: float = 0.02) -> None:
-    """Expect the following error at this instant, calculated from recorded setpoint and actual position, and as it is shown.
+    """Expect the following error at this instant, calculated from recorded setpoint and actual position, and
+    as it is shown.
 
-    On top of `expected` the axis lags by the share of the substitute time that is balanced, and with the loop in the drive by the
-    servo step in which that takes the reference over.
+    On top of `expected` the axis lags by the share of the substitute time that is balanced, and with the loop
+    in the drive by the servo step in which that takes the reference over.
     """
     read = ctx.axis.var
     run = Run(ctx, ctx.now_s - 0.1)
@@ -92,7 +95,9 @@ def precontrol(ctx: CaseContext, where: str, kpc: int, velocity: int) -> None:
     requirements=("CTL-015", "CTL-023", "CTL-030", "CTL-041", "CTL-044"),
 )
 def substitute_time(ctx: CaseContext, where: str, vtc_ms: int) -> None:
-    """Balancing delays what the controller wants by the substitute time: the axis lags by v * T_vtc, and no more."""
+    """Balancing delays what the controller wants by the substitute time: the axis lags by v * T_vtc, and no
+    more.
+    """
     axis = axis_name(ctx)
     loop(ctx, where, DynamicAxisModel__VelocityTimeConstant=vtc_ms / 1000.0)
     travel(ctx, 150.0)
@@ -126,7 +131,9 @@ def substitute_time(ctx: CaseContext, where: str, vtc_ms: int) -> None:
     requirements=("CTL-007", "CTL-008", "CTL-046"),
 )
 def gain_changed(ctx: CaseContext, where: str, smoothing_ms: int) -> None:
-    """Twice the gain is half the following error; the speed steps by the velocity itself, or goes there smoothly."""
+    """Twice the gain is half the following error; the speed steps by the velocity itself, or goes there
+    smoothly.
+    """
     loop(
         ctx,
         where,
@@ -198,7 +205,9 @@ def filter_delay(kind: str, cycle: float) -> float:
     ),
 )
 def dynamic_filter(ctx: CaseContext, kind: str, where: str) -> None:
-    """Setpoints come later by the delay of the filter, smoothly and never beyond; told as additional delay it is no error."""
+    """Setpoints come later by the delay of the filter, smoothly and never beyond; told as additional delay it
+    is no error.
+    """
     mode, t1, t2, tt = FILTERS[kind]
     prefix = "SetpointFilter.DynamicFilter."
     start = {f"{prefix}Mode": mode} | ({"PositioningMonitoring.Window": 0.1} if mode else {})
@@ -272,11 +281,17 @@ def quantised(ctx: CaseContext, where: str, way_um: int) -> None:
     requirements=("CTL-016", "CTL-060"),
 )
 def simulated(ctx: CaseContext, kpc: int) -> None:
-    """Simulated actual values lag by the control loop: with precontrol T_ipo + T_servo + T_vtc + T_addPtc, without T_ipo + 1 / Kv + T_addPtc."""
+    """Simulated actual values lag by the control loop: with precontrol T_ipo + T_servo + T_vtc + T_addPtc,
+    without T_ipo + 1 / Kv + T_addPtc.
+    """
     loop(
-        ctx, "controller", {"Simulation.Mode": 1}, PositionControl__Kpc=float(kpc),
-        DynamicAxisModel__AdditionalPositionTimeConstant=0.01, DynamicAxisModel__VelocityTimeConstant=0.006,
-    )  # fmt: skip
+        ctx,
+        "controller",
+        {"Simulation.Mode": 1},
+        PositionControl__Kpc=float(kpc),
+        DynamicAxisModel__AdditionalPositionTimeConstant=0.01,
+        DynamicAxisModel__VelocityTimeConstant=0.006,
+    )
     travel(ctx, 100.0)
     ctx.run_for(0.4)
     cycle = cycle_s(ctx)
@@ -302,7 +317,9 @@ def simulated(ctx: CaseContext, kpc: int) -> None:
     requirements=("CTL-001", "CTL-046", "CTL-096"),
 )
 def response(ctx: CaseContext, kv: int) -> None:
-    """Without precontrol what is left is closed with 1 / Kv: after that time a third of it, without overshoot; sooner with a higher gain."""
+    """Without precontrol what is left is closed with 1 / Kv: after that time a third of it, without
+    overshoot; sooner with a higher gain.
+    """
     loop(ctx, "controller", PositionControl__Kpc=0.0)
     configure(ctx, None, PositionControl__Kv=float(kv))
     job = ctx.axis.move_relative(10.0, Velocity=100.0, Acceleration=2000.0, Jerk=0.0)
@@ -356,7 +373,9 @@ def written_beyond(ctx: CaseContext, variable: str) -> None:
 
 @CASES.case("follow-up", tags=("mechanics",), requirements=("CTL-002", "CTL-003", "CTL-004", "CTL-005"))
 def follow_up(ctx: CaseContext) -> None:
-    """Disabled and pushed, the axis tracks: setpoint is actual value, no following error, no alarm; enabled at rest nothing jumps."""
+    """Disabled and pushed, the axis tracks: setpoint is actual value, no following error, no alarm; enabled
+    at rest nothing jumps.
+    """
     enable(ctx)
     off = ctx.axis.power(False)
     ctx.wait_until(off.off, 3.0, "the axis is disabled")

@@ -1,4 +1,6 @@
-"""What the cases of `external_encoder` share: benches with external encoders, the machine behind them, alarms and recovery."""
+"""What the cases of `external_encoder` share: benches with external encoders, the machine behind them, alarms
+and recovery.
+"""
 
 from __future__ import annotations
 
@@ -118,7 +120,8 @@ class Part:
         self.kind = KINDS[name]
         ctx.require(
             self.name in ctx.bench.external_encoder_names,
-            "external encoders, as the benches REFERENCE and PROFIDRIVE of testcases.campaigns.external_encoder have them",
+            "external encoders, as the benches REFERENCE and PROFIDRIVE of "
+            "testcases.campaigns.external_encoder have them",
         )
         self._ctx = ctx
         self.object: Any = ctx.bench.external_encoder(self.name)
@@ -148,7 +151,9 @@ class Part:
         self._ctx.run_for(0.05)
 
     def tolerance(self, velocity: float = 0.0) -> float:
-        """Return how far the position may lie from the load, unit of the object: increments, and the way of one cycle."""
+        """Return how far the position may lie from the load, unit of the object: increments, and the way of
+        one cycle.
+        """
         cycle = float(self._ctx.bench.cycle_ns) * 1e-9
         return 2.0 * self.kind.resolution + 1.2 * abs(velocity) * cycle * self.kind.unit_per_mm + 1e-6
 

@@ -63,7 +63,9 @@ def _recovers(ctx: CaseContext, part: Part, *, homed: bool) -> None:
     requirements=("TA-013", "DIA-085", "HOM-179", "PD-012"),
 )
 def error_code(ctx: CaseContext, encoder: str, code: str) -> None:
-    """Gx_ZSW bit 15: alarm 411, ErrorWord.X5, no valid value; mended and acknowledged it counts on, an incremental one not homed."""
+    """Gx_ZSW bit 15: alarm 411, ErrorWord.X5, no valid value; mended and acknowledged it counts on, an
+    incremental one not homed.
+    """
     part = _homed(ctx, encoder)
     since = ctx.now_s
     ctx.inject("encoder.error", part.device, code=int(code, 16), duration_s=0.2)
@@ -88,13 +90,16 @@ def error_code(ctx: CaseContext, encoder: str, code: str) -> None:
     tags=("mechanics",),
 )
 def backlash(ctx: CaseContext, encoder: str, play: float) -> None:
-    """The axis measures at its motor and knows nothing of the play; what measures the load misses it at every reversal."""
+    """The axis measures at its motor and knows nothing of the play; what measures the load misses it at every
+    reversal.
+    """
     part = _homed(ctx, encoder)
     halt(ctx)
     since = ctx.now_s
     ctx.inject("mechanics.backlash", drive_name(ctx), backlash_mm=play, growth_s=0.2)
     ctx.run_for(0.3)
-    # As gently as the friction of the load would stop it by itself, so that it stays at the flank that pushes it.
+    # As gently as the friction of the load would stop it by itself, so that it stays at the flank that pushes
+    # it.
     for distance, missed in ((10.0, None), (-10.0, play), (-5.0, 0.0), (10.0, play)):
         shown, axis = part.position, ctx.axis.var("ActualPosition")
         move(ctx, distance, 50.0, deceleration=400.0)
@@ -107,8 +112,12 @@ def backlash(ctx: CaseContext, encoder: str, play: float) -> None:
         )
         if missed is not None:
             way = part.kind.unit_per_mm * (abs(distance) - missed)
-            ctx.measure("way of the load", abs(part.position - shown), low=way - part.tolerance() - 0.1 * part.kind.unit_per_mm,
-                        high=way + part.tolerance() + 0.1 * part.kind.unit_per_mm)  # fmt: skip
+            ctx.measure(
+                "way of the load",
+                abs(part.position - shown),
+                low=way - part.tolerance() - 0.1 * part.kind.unit_per_mm,
+                high=way + part.tolerance() + 0.1 * part.kind.unit_per_mm,
+            )
     ctx.expect(
         no_alarm(since=since, axis=axis_name(ctx)).named("the axis knows nothing of it"),
         part.no_alarm(since=since),
@@ -144,7 +153,9 @@ def alarm_bit(ctx: CaseContext, encoder: str, alarm: str) -> None:
     requirements=("DIA-086", "TA-013", "TA-020", "HOM-179"),
 )
 def supply(ctx: CaseContext, encoder: str) -> None:
-    """Alarm 431 within the grace of three cycles, ErrorWord.X7; back, an absolute encoder is where the load is, an incremental one not homed."""
+    """Alarm 431 within the grace of three cycles, ErrorWord.X7; back, an absolute encoder is where the load
+    is, an incremental one not homed.
+    """
     part = _homed(ctx, encoder)
     since = ctx.now_s
     place, load = part.position, part.load_mm
@@ -173,7 +184,9 @@ def supply(ctx: CaseContext, encoder: str) -> None:
     requirements=("TA-020", "DIA-086"),
 )
 def frames_lost(ctx: CaseContext, encoder: str, number: str) -> None:
-    """Two lost values lie within the grace, and the position goes on as if nothing had been; more of them are alarm 431."""
+    """Two lost values lie within the grace, and the position goes on as if nothing had been; more of them are
+    alarm 431.
+    """
     part = _homed(ctx, encoder)
     since = ctx.now_s
     place, load = part.position, part.load_mm
@@ -202,7 +215,9 @@ def frames_lost(ctx: CaseContext, encoder: str, number: str) -> None:
 
 @CASES.case("sign-of-life", tags=("telegram",), requirements=("TA-013",))
 def sign_of_life(ctx: CaseContext) -> None:
-    """The counter of the wheel stands still: alarm 431 after the tolerated values; it counts again: acknowledged."""
+    """The counter of the wheel stands still: alarm 431 after the tolerated values; it counts again:
+    acknowledged.
+    """
     part = _homed(ctx, "wheel")
     since = ctx.now_s
     part_device: Any = ctx.bench.encoder("wheel")
@@ -232,7 +247,9 @@ _LIES: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     requirements=("CFG-016", "CFG-018"),
 )
 def lies(ctx: CaseContext, encoder: str, how: str) -> None:
-    """What nobody can notice is shown as it is, without an alarm: a position that stands, runs back, trembles, or is off by the jump."""
+    """What nobody can notice is shown as it is, without an alarm: a position that stands, runs back,
+    trembles, or is off by the jump.
+    """
     part = _homed(ctx, encoder)
     since = ctx.now_s
     kind, parameters = _LIES[how]
@@ -283,7 +300,8 @@ def overflow(ctx: CaseContext, encoder: str) -> None:
     )
 
 
-# -- the controller -----------------------------------------------------------------------------------------------------
+# -- the controller
+# -----------------------------------------------------------------------------------------------------
 
 
 @CASES.product(
@@ -297,7 +315,9 @@ def overflow(ctx: CaseContext, encoder: str) -> None:
     requirements=("HOM-166", "HOM-153", "MC-629", "MC-630", "VAR-025"),
 )
 def controller(ctx: CaseContext, what: str, encoder: str) -> None:
-    """Nothing is enabled by itself afterwards; an adjusted absolute encoder is where the load is, an incremental one after power-off not homed."""
+    """Nothing is enabled by itself afterwards; an adjusted absolute encoder is where the load is, an
+    incremental one after power-off not homed.
+    """
     part = Part(ctx, encoder)
     part.object.home(_HOME, mode=7 if part.kind.absolute else 13)
     part.power()
@@ -308,7 +328,8 @@ def controller(ctx: CaseContext, what: str, encoder: str) -> None:
     ctx.inject(f"controller.{what}", duration_s=seconds)
     ctx.run_for(seconds + 1.5)
     if what == "stall":
-        # A controller that hangs has not stopped: what was enabled is, unless an alarm of its link has taken that away.
+        # A controller that hangs has not stopped: what was enabled is, unless an alarm of its link has taken
+        # that away.
         acknowledge(ctx)
         part.acknowledge()
         ctx.run_for(0.2)
@@ -318,7 +339,8 @@ def controller(ctx: CaseContext, what: str, encoder: str) -> None:
         )
         part.acknowledge()
         part.power()
-    # A PROFIdrive encoder misses the sign of life of a controller that hangs: an error, with which its count is not to be relied on.
+    # A PROFIdrive encoder misses the sign of life of a controller that hangs: an error, with which its count
+    # is not to be relied on.
     missed = what == "stall" and part.kind.profile == "profidrive"
     kept = part.kind.absolute or not (missed or what == "power_off")
     ctx.measure("StatusSensor.State", part.object.var("StatusSensor.State"), low=2, high=2)

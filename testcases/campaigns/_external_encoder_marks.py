@@ -1,4 +1,6 @@
-"""Cases of `external_encoder`: passive homing on zero marks and on a digital input, and what ends it without a mark."""
+"""Cases of `external_encoder`: passive homing on zero marks and on a digital input, and what ends it without
+a mark.
+"""
 
 from __future__ import annotations
 
@@ -83,7 +85,9 @@ def _pass_by(ctx: CaseContext, part: Part, job: Any, sign: int) -> None:
     requirements=("HOM-016", "HOM-123", "HOM-124", "HOM-125", "HOM-126", "DIA-080"),
 )
 def zero_mark(ctx: CaseContext, direction: str, mode: int) -> None:
-    """Exact to an increment while the load moves on; Modes 8 and 10 reset the homed state, Mode 2 keeps it."""
+    """Exact to an increment while the load moves on; Modes 8 and 10 reset the homed state, Mode 2 keeps
+    it.
+    """
     sign = _SIGN[direction]
     part = _prepare(ctx, ZERO_MARK, direction)
     _go_to(ctx, -30.0 * sign)
@@ -104,7 +108,9 @@ def zero_mark(ctx: CaseContext, direction: str, mode: int) -> None:
 
 
 def _allowed_mm(ctx: CaseContext, places: Machine) -> float:
-    """Return the way in the time of an input: two cycles and its filter (HOM-067), and how exactly the bench knows the edge, mm."""
+    """Return the way in the time of an input: two cycles and its filter (HOM-067), and how exactly the bench
+    knows the edge, mm.
+    """
     filter_s = ctx.bench.config.drive[drive_name(ctx)].switches.input_filter_ms / 1000.0
     return _SPEED * (2.0 * ctx.bench.cycle_ns * 1e-9 + filter_s) + 2.0 * places.increment
 
@@ -150,7 +156,9 @@ def cam_and_zero_mark(ctx: CaseContext) -> None:
     requirements=("HOM-134", "HOM-135", "HOM-136", "HOM-137", "HOM-138"),
 )
 def ended(ctx: CaseContext, by: str) -> None:
-    """Mode 9, another passive homing and disabling abort it, an alarm ends it with 16#8001; direct homing and a refused restart do not."""
+    """Mode 9, another passive homing and disabling abort it, an alarm ends it with 16#8001; direct homing and
+    a refused restart do not.
+    """
     part = _prepare(ctx, ZERO_MARK, "positive")
     job = part.object.home(_POSITION, mode=8)
     ctx.run_for(0.3)
@@ -195,7 +203,9 @@ def ended(ctx: CaseContext, by: str) -> None:
     requirements=("HOM-023", "HOM-024", "HOM-138"),
 )
 def not_started(ctx: CaseContext, why: str) -> None:
-    """Not enabled 16#800F, an alarm 16#8001, no valid value 16#8016, an encoder whose bus brings no mark 411."""
+    """Not enabled 16#800F, an alarm 16#8001, no valid value 16#8016, an encoder whose bus brings no mark
+    411.
+    """
     if why.startswith("no-mark"):
         part = Part(ctx, why.rpartition("-")[2])
         part.power()

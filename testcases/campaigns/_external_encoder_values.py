@@ -23,7 +23,9 @@ _SIGN: Final = {"forward": 1.0, "backward": -1.0}
     requirements=("CFG-016", "CFG-018", "CFG-198", "CFG-094", "VAR-025", "DIA-076", "DIA-081"),
 )
 def follows(ctx: CaseContext, encoder: str, direction: str) -> None:
-    """Position and velocity are those of the load, scaled; the modulo wraps and counts; X7 tells whether it stands."""
+    """Position and velocity are those of the load, scaled; the modulo wraps and counts; X7 tells whether it
+    stands.
+    """
     part = Part(ctx, encoder)
     part.power()
     since = ctx.now_s
@@ -53,10 +55,17 @@ def follows(ctx: CaseContext, encoder: str, direction: str) -> None:
     ctx.measure(
         "time below the threshold before X7",
         waited_for_standstill(
-            ctx, part.name, f"{part.name}.velocity", float(read("StandstillSignal.VelocityThreshold")), since_s=stopping
+            ctx,
+            part.name,
+            f"{part.name}.velocity",
+            float(read("StandstillSignal.VelocityThreshold")),
+            since_s=stopping,
         ),
-        "s", low=dwell, high=dwell + cycles(ctx, 2), requirements=("DIA-081",),
-    )  # fmt: skip
+        "s",
+        low=dwell,
+        high=dwell + cycles(ctx, 2),
+        requirements=("DIA-081",),
+    )
     ctx.measure("travel", abs(part.load_mm - load), "mm", low=150.0)
     ctx.measure(
         "deviation at rest", abs(part.position - place - scale * (part.load_mm - load)), high=part.tolerance()
@@ -74,7 +83,9 @@ _HOMING: Final = {
     0: (True, True, 0), 1: (True, True, 0), 6: (False, True, 1), 7: (False, True, 1), 11: (True, True, 0),
     12: (True, True, 0), 13: (True, False, 1),
 }  # fmt: skip
-"""Mode -> permitted with an incremental encoder, with an absolute one, `Adjusted` afterwards (HOM-017 to HOM-020)."""
+"""Mode -> permitted with an incremental encoder, with an absolute one, `Adjusted` afterwards (HOM-017 to
+HOM-020).
+"""
 _RELATIVE: Final = (1, 6, 12)
 
 
@@ -90,7 +101,9 @@ _RELATIVE: Final = (1, 6, 12)
     requirements=("HOM-017", "HOM-018", "HOM-019", "HOM-020", "HOM-021", "HOM-139", "HOM-149", "HOM-163"),
 )
 def homing(ctx: CaseContext, mode: int, encoder: str) -> None:
-    """Permitted modes set or shift the position at once, the others are refused and change nothing; disabled or not."""
+    """Permitted modes set or shift the position at once, the others are refused and change nothing; disabled
+    or not.
+    """
     part = Part(ctx, encoder)
     ctx.run_for(0.1)
     since = ctx.now_s
@@ -123,9 +136,10 @@ def homing(ctx: CaseContext, mode: int, encoder: str) -> None:
     moved = part.load_mm
     move(ctx, 30.0)
     ctx.measure(
-        "deviation after a motion", abs(part.object.var("ActualPosition") - wrapped - part.kind.unit_per_mm * (part.load_mm - moved)),
+        "deviation after a motion",
+        abs(part.object.var("ActualPosition") - wrapped - part.kind.unit_per_mm * (part.load_mm - moved)),
         high=part.tolerance(),
-    )  # fmt: skip
+    )
 
 
 @CASES.product(
@@ -176,7 +190,9 @@ def position_out_of_range(ctx: CaseContext, value: str) -> None:
     requirements=("DIA-075", "VAR-007", "MC-170", "CFG-115"),
 )
 def restart(ctx: CaseContext, encoder: str) -> None:
-    """Refused while enabled (16#800E); disabled it is done, an adjusted absolute encoder keeps its position, an incremental one is not homed."""
+    """Refused while enabled (16#800E); disabled it is done, an adjusted absolute encoder keeps its position,
+    an incremental one is not homed.
+    """
     part = Part(ctx, encoder)
     power = part.power()
     mode = 7 if part.kind.absolute else 13

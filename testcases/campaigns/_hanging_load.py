@@ -1,4 +1,6 @@
-"""The reference axis as a vertical one: a load that would fall, and a holding brake that takes time to open and to close."""
+"""The reference axis as a vertical one: a load that would fall, and a holding brake that takes time to open
+and to close.
+"""
 
 from __future__ import annotations
 

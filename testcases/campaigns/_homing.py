@@ -1,7 +1,7 @@
 """What the cases of `homing` share: the machine's geometry by the bench file, configuration, start, verdict.
 
-The numbers are those of the machine: where its cam, its zero marks and its switches are. Nothing here asks the axis what it
-thinks of them.
+The numbers are those of the machine: where its cam, its zero marks and its switches are. Nothing here asks
+the axis what it thinks of them.
 """
 
 from __future__ import annotations
@@ -78,9 +78,14 @@ def machine(ctx: CaseContext) -> Machine:
     pitch = mechanics.lead_screw_mm * mechanics.gear_denominator / mechanics.gear_numerator
     increment = pitch / section.increments_per_revolution
     return Machine(
-        (low, high), switches.hysteresis_mm, limits, (mechanics.negative_stop_mm, mechanics.positive_stop_mm),
-        pitch, section.index_increments * increment, increment,
-    )  # fmt: skip
+        (low, high),
+        switches.hysteresis_mm,
+        limits,
+        (mechanics.negative_stop_mm, mechanics.positive_stop_mm),
+        pitch,
+        section.index_increments * increment,
+        increment,
+    )
 
 
 def configure(ctx: CaseContext, start: dict[str, Any], **now: Any) -> None:
@@ -116,7 +121,9 @@ def prepare(
 
 
 def go_to(ctx: CaseContext, place: float) -> None:
-    """Enable the axis, and bring the load to a place of the machine, mm; the bench starts where the count is 0."""
+    """Enable the axis, and bring the load to a place of the machine, mm; the bench starts where the count is
+    0.
+    """
     enable(ctx)
     start = ctx.bench.config.drive[drive_name(ctx)].mechanics.start_position_mm
     ctx.do(f"MC_MoveRelative to {place:g} mm of the machine")
@@ -134,7 +141,9 @@ def home(ctx: CaseContext, *, mode: int = 3, position: float = HOME, timeout: fl
 
 
 def tolerance_mm(ctx: CaseContext, places: Machine, mark: str, velocity: float = HOMING) -> float:
-    """Return how far the assigned position may lie from the mark, mm: an increment, or for an input the way of its delay."""
+    """Return how far the assigned position may lie from the mark, mm: an increment, or for an input the way
+    of its delay.
+    """
     section = ctx.bench.config.drive[drive_name(ctx)]
     if mark != "input":
         return 2.0 * places.increment
@@ -145,7 +154,9 @@ def tolerance_mm(ctx: CaseContext, places: Machine, mark: str, velocity: float =
 def homed_at(
     ctx: CaseContext, job: Any, places: Machine, mark: str, expected: float, *, since: float
 ) -> None:
-    """Expect the axis homed on the mark at `expected` mm of the machine, at its home position, without an alarm."""
+    """Expect the axis homed on the mark at `expected` mm of the machine, at its home position, without an
+    alarm.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     now = ctx.now_s
     deviation = tolerance_mm(ctx, places, mark)
@@ -156,9 +167,11 @@ def homed_at(
         value_at(f"{axis}.actual_position", now, HOME, tolerance=settled).covers("HOM-042", "HOM-083"),
         value_at(
             f"{drive}.position", now, (expected + OFFSET) / 1000.0, tolerance=(deviation + settled) / 1000.0
-        ).named("place of the load at the home position").covers("HOM-081"),
+        )
+        .named("place of the load at the home position")
+        .covers("HOM-081"),
         no_alarm(since=since, axis=axis),
-    )  # fmt: skip
+    )
     shown = _bit(ctx, 5, since=now)
     ctx.expect(shown)
     never_in_a_stop(ctx, places)

@@ -41,7 +41,9 @@ NO_MARK: Final[dict[str, tuple[str, str, dict[str, Any]]]] = {
     requirements=("HOM-097", "HOM-112", "HOM-114", "MC-220"),
 )
 def no_mark(ctx: CaseContext, what: str, reversal: str) -> None:
-    """The mark never comes: with reversal the search ends with 342, without it at the limit switch with 531 and 342."""
+    """The mark never comes: with reversal the search ends with 342, without it at the limit switch with 531
+    and 342.
+    """
     mark, kind, parameters = NO_MARK[what]
     places = prepare(ctx, mark, direction="negative", reversal=reversal == "with")
     go_to(ctx, places.cam[1] + 60.0)
@@ -68,12 +70,18 @@ def no_mark(ctx: CaseContext, what: str, reversal: str) -> None:
     requirements=("HOM-068", "HOM-107"),
 )
 def cam_bounces(ctx: CaseContext, mark: str, pulses: str) -> None:
-    """Pulses while the cam is reached: the mark is the same, or, of an input, within the way of the bouncing."""
+    """Pulses while the cam is reached: the mark is the same, or, of an input, within the way of the
+    bouncing.
+    """
     places = prepare(ctx, mark, direction="positive", positive_side=mark == "input")
     go_to(ctx, places.cam[1] + 60.0)
     fault = ctx.inject(
-        "switch.bounce", drive_name(ctx), trigger=on_event("drive.inputs", drive_name(ctx)), input="home", pulses=int(pulses)
-    )  # fmt: skip
+        "switch.bounce",
+        drive_name(ctx),
+        trigger=on_event("drive.inputs", drive_name(ctx)),
+        input="home",
+        pulses=int(pulses),
+    )
     since = ctx.now_s
     ctx.do("MC_Home Mode 3")
     job = ctx.axis.home(HOME, mode=3)
@@ -92,7 +100,9 @@ def cam_bounces(ctx: CaseContext, mark: str, pulses: str) -> None:
     requirements=("HOM-179", "HOM-191"),
 )
 def encoder_lost(ctx: CaseContext, mark: str) -> None:
-    """Alarm 411 with reaction 4, the job ends with 16#8001, and the axis is not homed, neither then nor after the repair."""
+    """Alarm 411 with reaction 4, the job ends with 16#8001, and the axis is not homed, neither then nor after
+    the repair.
+    """
     places = prepare(ctx, mark, direction="positive", positive_side=True)
     go_to(ctx, places.cam[1] + 30.0 if mark != "zero-mark" else places.cam[1] + 3.0)
     ctx.axis.write("Homing.ReferencingVelocity", 10.0)
@@ -114,7 +124,9 @@ def encoder_lost(ctx: CaseContext, mark: str) -> None:
 
 @CASES.case("homed-encoder-lost", title="the encoder of a homed axis fails", requirements=("HOM-179",))
 def homed_encoder_lost(ctx: CaseContext) -> None:
-    """An incremental encoder that has failed has lost its reference: the axis is not homed any more, also after the repair."""
+    """An incremental encoder that has failed has lost its reference: the axis is not homed any more, also
+    after the repair.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     ctx.wait_until(ctx.axis.home(HOME, mode=0).done, 1.0, "the position is set")
@@ -183,7 +195,9 @@ def search_fails(ctx: CaseContext, code: str) -> None:
     requirements=("HOM-195", "HOM-034"),
 )
 def aborted(ctx: CaseContext, by: str, part: str) -> None:
-    """Another job takes over: CommandAborted, no homing any more, and the marks that are passed later mean nothing."""
+    """Another job takes over: CommandAborted, no homing any more, and the marks that are passed later mean
+    nothing.
+    """
     places = prepare(
         ctx, "input" if part == "back" else "cam", direction="negative", positive_side=part == "back"
     )

@@ -1,4 +1,6 @@
-"""Cases of `homing`: every mark from every side and start, with and without the reversal at the limit switches."""
+"""Cases of `homing`: every mark from every side and start, with and without the reversal at the limit
+switches.
+"""
 
 from __future__ import annotations
 
@@ -54,10 +56,13 @@ def zero_mark(ctx: CaseContext, direction: str, start: str) -> None:
     axis = axis_name(ctx)
     ctx.expect(
         stays_within(
-            f"{axis}.velocity_setpoint", low=-HOMING - 1.0, high=HOMING + 1.0,
-            since=since, until=event("axis.homed", axis),
+            f"{axis}.velocity_setpoint",
+            low=-HOMING - 1.0,
+            high=HOMING + 1.0,
+            since=since,
+            until=event("axis.homed", axis),
         ).covers("HOM-098")
-    )  # fmt: skip
+    )
 
 
 @CASES.product(
@@ -68,7 +73,9 @@ def zero_mark(ctx: CaseContext, direction: str, start: str) -> None:
     requirements=("HOM-089", "HOM-090", "HOM-091", "HOM-068"),
 )
 def cam(ctx: CaseContext, direction: str, start: str) -> None:
-    """The first zero mark after the cam has been left in homing direction, whichever way it was approached."""
+    """The first zero mark after the cam has been left in homing direction, whichever way it was
+    approached.
+    """
     places = prepare(ctx, "cam", direction=direction, approach=_approach(start))
     go_to(ctx, _start(places, start))
     since = ctx.now_s
@@ -110,7 +117,9 @@ def digital_input(ctx: CaseContext, direction: str, side: str, start: str) -> No
     requirements=("HOM-108", "HOM-109", "HOM-113", "LIM-043"),
 )
 def reversal(ctx: CaseContext, mark: str, direction: str, start: str) -> None:
-    """The approach leads away from the cam: the axis turns round at the limit switch, without an alarm, and finds the mark."""
+    """The approach leads away from the cam: the axis turns round at the limit switch, without an alarm, and
+    finds the mark.
+    """
     away = "negative" if start == "below" else "positive"
     places = prepare(ctx, mark, direction=direction, approach=away, reversal=True)
     go_to(ctx, _start(places, start))
@@ -142,7 +151,9 @@ def reversal(ctx: CaseContext, mark: str, direction: str, start: str) -> None:
     requirements=("HOM-112", "HOM-097"),
 )
 def limit_in_the_way(ctx: CaseContext, mark: str, reversal: str) -> None:
-    """A limit switch comes before the cam: with reversal the axis is homed all the same, without it stops with 531 and 342."""
+    """A limit switch comes before the cam: with reversal the axis is homed all the same, without it stops
+    with 531 and 342.
+    """
     places = prepare(ctx, mark, direction="positive", approach="negative", reversal=reversal == "with")
     go_to(ctx, _start(places, "below"))
     since = ctx.now_s

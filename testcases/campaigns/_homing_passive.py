@@ -58,7 +58,9 @@ def _at_rest(ctx: CaseContext) -> None:
     requirements=("HOM-123", "HOM-124", "HOM-125", "HOM-126"),
 )
 def on_the_fly(ctx: CaseContext, mark: str, direction: str, mode: str) -> None:
-    """At the mark the position becomes that of the mode, without a step of the velocity; mode 2 keeps the homed state."""
+    """At the mark the position becomes that of the mode, without a step of the velocity; mode 2 keeps the
+    homed state.
+    """
     places = _prepare(ctx, mark, direction)
     axis, name = ctx.axis, axis_name(ctx)
     ctx.wait_until(axis.home(0.0, mode=0).done, 1.0, "the axis is homed directly")
@@ -91,16 +93,21 @@ def on_the_fly(ctx: CaseContext, mark: str, direction: str, mode: str) -> None:
         always(
             "the position belongs to the mark",
             lambda shown, place: abs(place * 1000.0 - shown - shift) <= limit,
-            f"{name}.actual_position", f"{drive}.position", since=ctx.now_s - 0.1,
+            f"{name}.actual_position",
+            f"{drive}.position",
+            since=ctx.now_s - 0.1,
         ).covers("HOM-125", "HOM-131"),
         always(
             "the velocity setpoint has no step",
             lambda speed: abs(speed[1:] - speed[:-1]).max(initial=0.0) <= step + 1e-6 + 0.0 * speed,
-            f"{name}.velocity_setpoint", since=since,
+            f"{name}.velocity_setpoint",
+            since=since,
         ).covers("HOM-132"),
-        never_happens(event("job.aborted", name, job=move.name), since=since, until=event("axis.homed", name)).covers("HOM-123"),
+        never_happens(
+            event("job.aborted", name, job=move.name), since=since, until=event("axis.homed", name)
+        ).covers("HOM-123"),
         no_alarm(since=since, axis=name),
-    )  # fmt: skip
+    )
 
 
 @CASES.case("wrong-direction", title="against the homing direction", requirements=("HOM-124",))
@@ -174,7 +181,11 @@ def direct(ctx: CaseContext, mode: str) -> None:
     origin = float(shown.at(before)) if mode in ("1", "12") else 0.0
     way = _VELOCITY * (ctx.now_s - before)
     ctx.measure(
-        "position now, without the way since", float(shown.values[-1]) - way, "mm",
-        low=origin + 500.0 - 1.5, high=origin + 500.0 + 1.5, requirements=("HOM-139",),
-    )  # fmt: skip
+        "position now, without the way since",
+        float(shown.values[-1]) - way,
+        "mm",
+        low=origin + 500.0 - 1.5,
+        high=origin + 500.0 + 1.5,
+        requirements=("HOM-139",),
+    )
     _at_rest(ctx)

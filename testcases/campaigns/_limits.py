@@ -1,6 +1,8 @@
-"""What the cases of `limits` share: kinds of switches, ways to be in motion, and what an axis owes at its limit.
+"""What the cases of `limits` share: kinds of switches, ways to be in motion, and what an axis owes at its
+limit.
 
-Numbers are those of the switch, the ramp and the machine; nothing here asks the axis whether it has stopped well.
+Numbers are those of the switch, the ramp and the machine; nothing here asks the axis whether it has stopped
+well.
 """
 
 from __future__ import annotations
@@ -63,11 +65,21 @@ class Kind(NamedTuple):
 
 
 KINDS: Final = {"braking": Kind(0, 1), "disabling": Kind(0, 0), "traversable": Kind(1, 1)}
-"""By the word in the names of cases. A traversable switch takes no notice of `ApproachBehavior`, so that it says the other here."""
+"""By the word in the names of cases. A traversable switch takes no notice of `ApproachBehavior`, so that it
+says the other here.
+"""
 
 MOTIONS: Final = (
-    "constant", "accelerating", "jog", "positioning", "homing", "superimposed", "motion-in", "uncontrolled", "standstill",
-)  # fmt: skip
+    "constant",
+    "accelerating",
+    "jog",
+    "positioning",
+    "homing",
+    "superimposed",
+    "motion-in",
+    "uncontrolled",
+    "standstill",
+)
 """Ways to be under way when the limit comes; all but the last at 300 mm/s."""
 DYNAMICS: Final = {"Acceleration": 1000.0, "Deceleration": 1000.0, "Jerk": 10_000.0}
 
@@ -124,7 +136,9 @@ def set_in_motion(ctx: CaseContext, motion: str, sign: int) -> list[Any]:
 
 
 def release(job: Any) -> None:
-    """Take the level inputs of an instruction back, so that it does not begin anew after the acknowledgement."""
+    """Take the level inputs of an instruction back, so that it does not begin anew after the
+    acknowledgement.
+    """
     if hasattr(job, "JogForward"):
         job.set(JogForward=False, JogBackward=False)
     elif hasattr(job, "Enable"):
@@ -132,7 +146,8 @@ def release(job: Any) -> None:
 
 
 def tell_stop(ctx: CaseContext, kind: Kind, side: str, jobs: list[Any], *, hit: EventSelector) -> None:
-    """Expect alarm 531 of this side in time, its bit in the same cycle, and all jobs ended by it (LIM-031 to LIM-039).
+    """Expect alarm 531 of this side in time, its bit in the same cycle, and all jobs ended by it (LIM-031 to
+    LIM-039).
 
     Args:
         ctx: The case.
@@ -146,20 +161,27 @@ def tell_stop(ctx: CaseContext, kind: Kind, side: str, jobs: list[Any], *, hit: 
     raised = alarm_raised(ctx, 531)
     ctx.expect(
         alarm(531, reaction=kind.reaction, since=hit, within_s=cycles(ctx, 3), axis=axis).covers("LIM-031"),
-        status_word_bit(HARDWARE_BIT[side], True, at=raised.plus(cycles(ctx, 0.5)), axis=axis).covers("LIM-039"),
+        status_word_bit(HARDWARE_BIT[side], True, at=raised.plus(cycles(ctx, 0.5)), axis=axis).covers(
+            "LIM-039"
+        ),
         status_word_bit(HARDWARE_BIT[OTHER[side]], False, at=raised.plus(cycles(ctx, 0.5)), axis=axis),
-        status_word_bit(9, True, at=raised.plus(cycles(ctx, 0.5)), axis=axis, word="error_word").covers("LIM-022"),
-    )  # fmt: skip
+        status_word_bit(9, True, at=raised.plus(cycles(ctx, 0.5)), axis=axis, word="error_word").covers(
+            "LIM-022"
+        ),
+    )
     for job in jobs:
         ctx.expect(
-            job_output(job.name, "Error", since=hit, within_s=cycles(ctx, 3), error_id=0x8001).covers("LIM-037")
-        )  # fmt: skip
+            job_output(job.name, "Error", since=hit, within_s=cycles(ctx, 3), error_id=0x8001).covers(
+                "LIM-037"
+            )
+        )
 
 
 def stopped_on_ramp(
     ctx: CaseContext, kind: Kind, *, hit: EventSelector, until: float, moving: bool, homing: bool = False
 ) -> None:
-    """Expect the ramp of the reaction, and the machine within the way that reaction and detection take (LIM-029, LIM-036).
+    """Expect the ramp of the reaction, and the machine within the way that reaction and detection take
+    (LIM-029, LIM-036).
 
     A homing fails besides: its alarm 342 disables the axis at the end of the ramp, which 531 alone does not.
     """
@@ -186,29 +208,47 @@ def stopped_on_ramp(
         expected = golden.stop_ramp(abs(trace[f"{axis}.actual_velocity"].at(start)), EMERGENCY)
         ctx.expect(
             ramp(
-                since, expected, axis=axis, velocity=f"{axis}.velocity_setpoint", position=f"{axis}.position_setpoint",
-                time_tolerance_s=allowed.time_s, distance_tolerance=allowed.distance_mm, threshold=1e-9, until=until,
+                since,
+                expected,
+                axis=axis,
+                velocity=f"{axis}.velocity_setpoint",
+                position=f"{axis}.position_setpoint",
+                time_tolerance_s=allowed.time_s,
+                distance_tolerance=allowed.distance_mm,
+                threshold=1e-9,
+                until=until,
             ).covers("LIM-034", "LIM-036")
-        )  # fmt: skip
+        )
     else:
         at_start = abs(trace[f"{drive}.velocity"].at(start)) * 1000.0
         expected = golden.drive_ramp(at_start, MAXIMUM_VELOCITY, OFF3_S)
         ctx.expect(
             ramp(
-                since, axis=axis, velocity=f"{drive}.motor_speed", position=f"{drive}.position", made_by="drive",
-                time_s=expected.time_s, time_tolerance_s=allowed.time_s, distance=expected.distance * 0.001,
-                distance_tolerance=allowed.distance_mm * 0.001, threshold=6.0, until=until,
+                since,
+                axis=axis,
+                velocity=f"{drive}.motor_speed",
+                position=f"{drive}.position",
+                made_by="drive",
+                time_s=expected.time_s,
+                time_tolerance_s=allowed.time_s,
+                distance=expected.distance * 0.001,
+                distance_tolerance=allowed.distance_mm * 0.001,
+                threshold=6.0,
+                until=until,
                 delay_s=cycles(ctx, 5),
             ).covers("LIM-033")
-        )  # fmt: skip
+        )
     # What the machine builder has to leave free behind the switch: the way of the detection and of the ramp.
     braking = EMERGENCY if kind.stays_enabled else MAXIMUM_VELOCITY / OFF3_S
     clear = golden.switch_clearance(speed, braking, detection_s=cycles(ctx, 5))
     way = abs(trace[f"{drive}.position"].at(until) - trace[f"{drive}.position"].at(pressed)) * 1000.0
     ctx.measure(
-        "travel of the machine behind the switch", way, "mm",
-        low=golden.stop_distance(speed, braking) * 0.9, high=clear + allowed.distance_mm,
-    )  # fmt: skip
+        "travel of the machine behind the switch",
+        way,
+        "mm",
+        low=golden.stop_distance(speed, braking) * 0.9,
+        high=clear + allowed.distance_mm,
+    )
 
 
 def bit_at(ctx: CaseContext, bit: int, state: bool, at: float | None = None) -> Any:
@@ -217,7 +257,9 @@ def bit_at(ctx: CaseContext, bit: int, state: bool, at: float | None = None) -> 
 
 
 def refused(ctx: CaseContext, velocity: float, *, cause: str = "LIM-059") -> None:
-    """Expect 531 anew and 16#8001 for a motion with `velocity` that the switch forbids, and hardly any motion."""
+    """Expect 531 anew and 16#8001 for a motion with `velocity` that the switch forbids, and hardly any
+    motion.
+    """
     drive = drive_name(ctx)
     since = ctx.now_s
     ctx.do(f"MC_MoveVelocity {velocity:g} mm/s: not allowed here")

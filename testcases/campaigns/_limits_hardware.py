@@ -1,4 +1,6 @@
-"""Cases of `limits`: hardware limit switches as they should be, met in every way to be under way, and left again."""
+"""Cases of `limits`: hardware limit switches as they should be, met in every way to be under way, and left
+again.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +72,9 @@ def _requirements(kind: str, side: str, motion: str) -> tuple[str, ...]:
     requirements=_requirements,
 )
 def approach(ctx: CaseContext, kind: str, side: str, motion: str) -> None:
-    """A switch is reached: 531 with the reaction of its kind, the stop of that reaction, and the way back inwards only."""
+    """A switch is reached: 531 with the reaction of its kind, the stop of that reaction, and the way back
+    inwards only.
+    """
     sign, drive = SIGN[side], drive_name(ctx)
     if motion == "homing":
         ctx.require(profile_of(ctx) in TELLING, "an encoder whose zero mark the drive can tell")
@@ -92,7 +96,9 @@ def approach(ctx: CaseContext, kind: str, side: str, motion: str) -> None:
 
 
 def _retract(ctx: CaseContext, kind: str, side: str, press: Any, *, moved: bool) -> None:
-    """Acknowledge; outwards 531 comes anew; inwards the switch is left, one that is traversable at the place where it was met."""
+    """Acknowledge; outwards 531 comes anew; inwards the switch is left, one that is traversable at the place
+    where it was met.
+    """
     sign, bit = SIGN[side], HARDWARE_BIT[side]
     overtravelled = kind == "traversable" and moved
     if overtravelled:
@@ -125,7 +131,9 @@ OFF: Final = {"off1": (1, 1.0), "off3": (7, 0.5)}
     requirements=("LIM-033", "LIM-107"),
 )
 def remove_enable(ctx: CaseContext, side: str, reaction: str) -> None:
-    """The drive stops as `Actor.RemoveEnableReaction` says: three stopping distances, told apart by the machine."""
+    """The drive stops as `Actor.RemoveEnableReaction` says: three stopping distances, told apart by the
+    machine.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     number, ramp_s = OFF.get(reaction, (3, 0.0))
     ctx.require(profile_of(ctx) in TELLING, "a drive with OFF1, OFF2 and OFF3")
@@ -142,21 +150,37 @@ def remove_enable(ctx: CaseContext, side: str, reaction: str) -> None:
     way = abs(position.at(ctx.now_s) - position.at(pressed or 0.0)) * 1000.0
     if reaction == "off2":
         # Friction alone: much further than any ramp, nobody brakes.
-        ctx.measure("stopping distance", way, "mm", low=1.5 * golden.drive_ramp(VELOCITY, MAXIMUM_VELOCITY, 1.0).distance)  # fmt: skip
+        ctx.measure(
+            "stopping distance",
+            way,
+            "mm",
+            low=1.5 * golden.drive_ramp(VELOCITY, MAXIMUM_VELOCITY, 1.0).distance,
+        )
         return
     expected = golden.drive_ramp(VELOCITY, MAXIMUM_VELOCITY, ramp_s)
     ctx.measure(
-        "stopping distance", way, "mm",
-        low=expected.distance, high=expected.distance + VELOCITY * cycles(ctx, 5) + allowed.distance_mm,
+        "stopping distance",
+        way,
+        "mm",
+        low=expected.distance,
+        high=expected.distance + VELOCITY * cycles(ctx, 5) + allowed.distance_mm,
         requirements=("LIM-033", "LIM-107"),
-    )  # fmt: skip
+    )
     ctx.expect(
         ramp(
-            hit, axis=axis, velocity=f"{drive}.motor_speed", position=f"{drive}.position", made_by="drive",
-            time_s=expected.time_s, time_tolerance_s=allowed.time_s, threshold=6.0, delay_s=cycles(ctx, 5),
-            distance=expected.distance * 0.001, distance_tolerance=allowed.distance_mm * 0.001,
+            hit,
+            axis=axis,
+            velocity=f"{drive}.motor_speed",
+            position=f"{drive}.position",
+            made_by="drive",
+            time_s=expected.time_s,
+            time_tolerance_s=allowed.time_s,
+            threshold=6.0,
+            delay_s=cycles(ctx, 5),
+            distance=expected.distance * 0.001,
+            distance_tolerance=allowed.distance_mm * 0.001,
         ).covers("LIM-107")
-    )  # fmt: skip
+    )
 
 
 @CASES.product(
@@ -171,7 +195,9 @@ def remove_enable(ctx: CaseContext, side: str, reaction: str) -> None:
     requirements=("LIM-037",),
 )
 def during_stop(ctx: CaseContext, side: str, kind: str, mode: int) -> None:
-    """`MC_Stop` gives way to a reaction that ranks higher, with `CommandAborted`; its own emergency ramp goes on to `Done`."""
+    """`MC_Stop` gives way to a reaction that ranks higher, with `CommandAborted`; its own emergency ramp goes
+    on to `Done`.
+    """
     sign, axis = SIGN[side], axis_name(ctx)
     wanted = configure(ctx, kind)
     enable(ctx)
@@ -198,7 +224,9 @@ def during_stop(ctx: CaseContext, side: str, kind: str, mode: int) -> None:
     requirements=("LIM-041", "LIM-042"),
 )
 def disabled(ctx: CaseContext, side: str, kind: str) -> None:
-    """531 without any motion; acknowledged on the switch, the axis is enabled there, leaves it inwards, and alarms once more at a restart."""
+    """531 without any motion; acknowledged on the switch, the axis is enabled there, leaves it inwards, and
+    alarms once more at a restart.
+    """
     sign, axis, drive, bit = SIGN[side], axis_name(ctx), drive_name(ctx), HARDWARE_BIT[side]
     wanted = configure(ctx, kind)
     hit = event("fault.applied")
@@ -257,7 +285,9 @@ def simulated(ctx: CaseContext, side: str) -> None:
     requirements=("LIM-029", "LIM-031", "LIM-048"),
 )
 def real_travel(ctx: CaseContext, side: str, kind: str) -> None:
-    """Nobody forces an input: the load travels onto the switch, stops in front of the end stop, and comes back over it."""
+    """Nobody forces an input: the load travels onto the switch, stops in front of the end stop, and comes
+    back over it.
+    """
     sign, axis, drive = SIGN[side], axis_name(ctx), drive_name(ctx)
     section = ctx.bench.config.drive[drive]
     switch = getattr(section.switches, f"{side}_limit_mm")
@@ -266,7 +296,9 @@ def real_travel(ctx: CaseContext, side: str, kind: str) -> None:
     enable(ctx)
     ctx.do("MC_MoveRelative close to the switch")
     to_go = switch - section.mechanics.start_position_mm
-    job = ctx.axis.move_relative(to_go - 60.0 * sign, Velocity=500.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0)  # fmt: skip
+    job = ctx.axis.move_relative(
+        to_go - 60.0 * sign, Velocity=500.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0
+    )
     ctx.wait_until(job.done, 10.0, "the axis is close to the switch")
     since = ctx.now_s
     run = ctx.axis.move_velocity(200.0 * sign, **(DYNAMICS | {"Jerk": 0.0}))
@@ -277,7 +309,14 @@ def real_travel(ctx: CaseContext, side: str, kind: str) -> None:
         alarm(531, reaction=wanted.reaction, since=since, axis=axis),
         happens(event("drive.inputs", drive), since=since),
     )
-    ctx.measure("place of the load behind the switch", place, "mm", low=abs(switch), high=abs(stop), requirements=("LIM-029",))  # fmt: skip
+    ctx.measure(
+        "place of the load behind the switch",
+        place,
+        "mm",
+        low=abs(switch),
+        high=abs(stop),
+        requirements=("LIM-029",),
+    )
     ctx.expect(bit_at(ctx, HARDWARE_BIT[side], True))
     acknowledge_and_enable(ctx)
     retracts(ctx, (abs(switch) - place - 10.0) * sign)

@@ -76,7 +76,9 @@ def _braking(behaviour: str) -> tuple[float, float]:
 
 
 def _rests_on(ctx: CaseContext, side: str, limit: float, *, since: float | EventSelector) -> None:
-    """Expect the setpoint exactly on the limit, never behind it, the bit of its side, and the axis enabled (LIM-075, LIM-082)."""
+    """Expect the setpoint exactly on the limit, never behind it, the bit of its side, and the axis enabled
+    (LIM-075, LIM-082).
+    """
     axis, sign = axis_name(ctx), SIGN[side]
     now = ctx.now_s
     bound = {"high": limit + EXACT} if sign > 0 else {"low": limit - EXACT}
@@ -92,7 +94,9 @@ def _rests_on(ctx: CaseContext, side: str, limit: float, *, since: float | Event
 
 
 def _leave(ctx: CaseContext, side: str) -> None:
-    """Acknowledge; outwards 533 or 534 again, without motion; inwards free, and the bit goes (LIM-083, LIM-094)."""
+    """Acknowledge; outwards 533 or 534 again, without motion; inwards free, and the bit goes (LIM-083,
+    LIM-094).
+    """
     sign, axis = SIGN[side], axis_name(ctx)
     acknowledge_and_enable(ctx)
     since = ctx.now_s
@@ -111,15 +115,18 @@ def _leave(ctx: CaseContext, side: str) -> None:
 @CASES.product(
     "software/{side}/{motion}/{behaviour}",
     parameters={
-        "side": tuple(SIGN), "motion": ("constant", "accelerating", "jog", "positioning", "superimposed", "motion-in"),
+        "side": tuple(SIGN),
+        "motion": ("constant", "accelerating", "jog", "positioning", "superimposed", "motion-in"),
         "behaviour": tuple(CURRENT),
     },
     title="{side} software limit from {motion}, {behaviour} dynamics",
     tags=("{motion}",),
     requirements=("LIM-021", "LIM-075", "LIM-076", "LIM-077", "LIM-081", "LIM-082", "LIM-083", "LIM-094"),
-)  # fmt: skip
+)
 def reached(ctx: CaseContext, side: str, motion: str, behaviour: str) -> None:
-    """The axis brakes with the dynamics of its job, or the greatest ones, so that it ends on the limit: 533, still enabled."""
+    """The axis brakes with the dynamics of its job, or the greatest ones, so that it ends on the limit: 533,
+    still enabled.
+    """
     sign, axis = SIGN[side], axis_name(ctx)
     _prepare(ctx, LimitReachedBehavior=CURRENT[behaviour])
     began = ctx.now_s
@@ -149,11 +156,17 @@ def reached(ctx: CaseContext, side: str, motion: str, behaviour: str) -> None:
         allowed = tolerance(ctx)
         ctx.expect(
             ramp(
-                since, golden.stop_ramp(velocity, deceleration, jerk), axis=axis, velocity=f"{axis}.velocity_setpoint",
-                position=f"{axis}.position_setpoint", time_tolerance_s=allowed.time_s + cycles(ctx, 1),
-                distance_tolerance=allowed.distance_mm, threshold=1e-9, until=ctx.now_s,
+                since,
+                golden.stop_ramp(velocity, deceleration, jerk),
+                axis=axis,
+                velocity=f"{axis}.velocity_setpoint",
+                position=f"{axis}.position_setpoint",
+                time_tolerance_s=allowed.time_s + cycles(ctx, 1),
+                distance_tolerance=allowed.distance_mm,
+                threshold=1e-9,
+                until=ctx.now_s,
             ).covers("LIM-075", "LIM-077")
-        )  # fmt: skip
+        )
     _leave(ctx, side)
 
 
@@ -165,7 +178,9 @@ def reached(ctx: CaseContext, side: str, motion: str, behaviour: str) -> None:
     requirements=("LIM-084", "LIM-085", "LIM-087", "LIM-089"),
 )
 def passed(ctx: CaseContext, side: str, how: str, leaves: str) -> None:
-    """No look-ahead can help: 534 at once, and the axis is disabled or brakes on its emergency ramp; then back inwards."""
+    """No look-ahead can help: 534 at once, and the axis is disabled or brakes on its emergency ramp; then
+    back inwards.
+    """
     sign, axis, drive = SIGN[side], axis_name(ctx), drive_name(ctx)
     behaviour, reaction = LEAVES[leaves]
     _prepare(ctx, LimitExceededBehavior=behaviour)
@@ -209,7 +224,9 @@ def passed(ctx: CaseContext, side: str, how: str, leaves: str) -> None:
     requirements=("LIM-004", "LIM-008", "LIM-073"),
 )
 def without_effect(ctx: CaseContext, side: str, why: str) -> None:
-    """Past the limit without alarm and bit; homed or switched on there, the place where the axis is is the limit."""
+    """Past the limit without alarm and bit; homed or switched on there, the place where the axis is is the
+    limit.
+    """
     sign, axis = SIGN[side], axis_name(ctx)
     _prepare(ctx, active=why != "switched-off", homed=why != "not-homed")
     began = ctx.now_s
@@ -248,7 +265,9 @@ def homed_outside(ctx: CaseContext, side: str) -> None:
 
 
 def _leave_outside(ctx: CaseContext, side: str) -> None:
-    """From 300 mm, behind the limit: outwards refused, inwards free, outwards refused again, inside as always."""
+    """From 300 mm, behind the limit: outwards refused, inwards free, outwards refused again, inside as
+    always.
+    """
     sign, axis = SIGN[side], axis_name(ctx)
     for _ in range(2):
         since = ctx.now_s
@@ -330,7 +349,12 @@ def switch_on_the_way(ctx: CaseContext, side: str) -> None:
         alarm(531, reaction=3, since=ramp_begins, axis=axis).covers("LIM-034"),
         state_at(axis, ctx.now_s, "ALARM_STANDSTILL"),
     )
-    ctx.measure("way to standstill", way, "mm", high=golden.switch_clearance(velocity, 4000.0, detection_s=cycles(ctx, 5)))  # fmt: skip
+    ctx.measure(
+        "way to standstill",
+        way,
+        "mm",
+        high=golden.switch_clearance(velocity, 4000.0, detection_s=cycles(ctx, 5)),
+    )
     acknowledge_and_enable(ctx)
     retracts(ctx, -10.0 * sign)
 

@@ -1,4 +1,6 @@
-"""Cases of `limits`: hardware limit switches that lie: bouncing, stuck, wired wrongly, both active, monitoring switched off."""
+"""Cases of `limits`: hardware limit switches that lie: bouncing, stuck, wired wrongly, both active,
+monitoring switched off.
+"""
 
 from __future__ import annotations
 
@@ -82,11 +84,15 @@ def bounces(ctx: CaseContext, side: str, kind: str, pulses: int) -> None:
     hit = event("fault.applied")
     ctx.expect(
         alarm(
-            HARDWARE, reaction=wanted.reaction, since=hit, within_s=2 * pulses * 0.006 + cycles(ctx, 3), axis=axis
+            HARDWARE,
+            reaction=wanted.reaction,
+            since=hit,
+            within_s=2 * pulses * 0.006 + cycles(ctx, 3),
+            axis=axis,
         ).covers("LIM-105"),
         job_output(job.name, "Error", since=hit, error_id=0x8001),
         bit_at(ctx, HARDWARE_BIT[side], True),
-    )  # fmt: skip
+    )
     raised = sum(1 for one in ctx.trace().select(source=axis, kind="alarm.raised"))
     ctx.measure("alarms of one bouncing switch", raised, low=1, high=1, requirements=("LIM-031",))
     stopped_on_ramp(ctx, wanted, hit=hit, until=ctx.now_s, moving=True)
@@ -100,7 +106,9 @@ def bounces(ctx: CaseContext, side: str, kind: str, pulses: int) -> None:
     requirements=("LIM-105", "LIM-055"),
 )
 def bounces_when_left(ctx: CaseContext, side: str, kind: str) -> None:
-    """On the way back the contact opens and closes: a live switch alarms at each closing, one that is held does not."""
+    """On the way back the contact opens and closes: a live switch alarms at each closing, one that is held
+    does not.
+    """
     sign, axis, drive = SIGN[side], axis_name(ctx), drive_name(ctx)
     wanted = configure(ctx, kind)
     enable(ctx)
@@ -120,7 +128,8 @@ def bounces_when_left(ctx: CaseContext, side: str, kind: str) -> None:
         # Held since it was met, and moved over in the direction of retraction: no new alarm (section 1.5).
         ctx.expect(no_alarm(since=since, until=ctx.now_s, axis=axis).covers("LIM-046"))
         return
-    # Live, it had been left already: closing again it is met from the wrong side, which is a polarity that is reversed.
+    # Live, it had been left already: closing again it is met from the wrong side, which is a polarity that is
+    # reversed.
     ctx.expect(
         happens(_raised(ctx, 4), since=since, within_s=cycles(ctx, 4)).covers("LIM-055", "LIM-062"),
         job_output(back.name, "Error", since=since, error_id=0x8001),
@@ -136,7 +145,9 @@ def bounces_when_left(ctx: CaseContext, side: str, kind: str) -> None:
     without=("STP-331",),
 )
 def stuck_free(ctx: CaseContext, side: str, kind: str) -> None:
-    """A normally open contact with a broken wire: nobody sees the switch, the axis meets the end stop, 521."""
+    """A normally open contact with a broken wire: nobody sees the switch, the axis meets the end stop,
+    521.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     configure(ctx, kind)
     enable(ctx)
@@ -146,8 +157,9 @@ def stuck_free(ctx: CaseContext, side: str, kind: str) -> None:
     ctx.wait_until(job.error, 10.0, "the end stop has stopped the axis")
     ctx.run_for(1.0 + settle_s(ctx))
     ctx.expect(
-        alarm(521, reaction=4, axis=axis).covers("MON-040"), bit_at(ctx, HARDWARE_BIT[side], False).covers("LIM-105")
-    )  # fmt: skip
+        alarm(521, reaction=4, axis=axis).covers("MON-040"),
+        bit_at(ctx, HARDWARE_BIT[side], False).covers("LIM-105"),
+    )
     stopped_for_good(ctx, ctx.now_s)
     disabled_by_alarm(ctx, ctx.now_s)
 
@@ -187,7 +199,9 @@ def stuck_actuated(ctx: CaseContext, side: str, kind: str) -> None:
     requirements=("LIM-014", "LIM-015", "LIM-023", "LIM-024", "LIM-105"),
 )
 def wire_break(ctx: CaseContext, side: str, contact: str) -> None:
-    """A normally closed contact on an input that is active low stops the axis; a normally open one says nothing."""
+    """A normally closed contact on an input that is active low stops the axis; a normally open one says
+    nothing.
+    """
     sign, axis, drive = SIGN[side], axis_name(ctx), drive_name(ctx)
     closed = contact == "normally-closed"
     names = [f"{one}_limit" for one in SIGN]
@@ -223,7 +237,9 @@ def wire_break(ctx: CaseContext, side: str, contact: str) -> None:
     requirements=("LIM-023", "LIM-041"),
 )
 def level_wrong(ctx: CaseContext, side: str) -> None:
-    """Active low for a contact that closes: 531 as soon as the restart is over, far from the switch; outwards refused."""
+    """Active low for a contact that closes: 531 as soon as the restart is over, far from the switch; outwards
+    refused.
+    """
     sign, axis = SIGN[side], axis_name(ctx)
     end = "Max" if sign > 0 else "Min"
     since = ctx.now_s
@@ -250,7 +266,9 @@ def level_wrong(ctx: CaseContext, side: str) -> None:
     requirements=("LIM-062", "LIM-063", "LIM-064", "TA-016"),
 )
 def swapped(ctx: CaseContext, side: str, kind: str) -> None:
-    """The other switch comes: reversed, no way out in either direction; a traversable pair needs a restart; 1000 frees the axis."""
+    """The other switch comes: reversed, no way out in either direction; a traversable pair needs a restart;
+    1000 frees the axis.
+    """
     sign, axis, drive = SIGN[side], axis_name(ctx), drive_name(ctx)
     wanted = configure(ctx, kind)
     enable(ctx)
@@ -286,7 +304,9 @@ def swapped(ctx: CaseContext, side: str, kind: str) -> None:
     requirements=("LIM-061", "LIM-063", "LIM-064", "TA-016"),
 )
 def both(ctx: CaseContext, kind: str, motion: str) -> None:
-    """Both bits, cause 5, no way out: non-traversable switches are freed by 1000, traversable ones by a restart."""
+    """Both bits, cause 5, no way out: non-traversable switches are freed by 1000, traversable ones by a
+    restart.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     wanted = configure(ctx, kind)
     power = enable(ctx)
@@ -328,7 +348,9 @@ def both(ctx: CaseContext, kind: str, motion: str) -> None:
     requirements=("LIM-003", "LIM-013", "LIM-041", "LIM-065", "LIM-068"),
 )
 def monitoring_off(ctx: CaseContext, side: str, kind: str) -> None:
-    """Switched off while the axis moves, the switch is nothing; switched on again on it, 531 comes once, and inwards is free."""
+    """Switched off while the axis moves, the switch is nothing; switched on again on it, 531 comes once, and
+    inwards is free.
+    """
     sign, axis, drive, bit = SIGN[side], axis_name(ctx), drive_name(ctx), HARDWARE_BIT[side]
     wanted = configure(ctx, kind)
     enable(ctx)
@@ -346,11 +368,13 @@ def monitoring_off(ctx: CaseContext, side: str, kind: str) -> None:
     _monitor(ctx, True)
     ctx.run_for(0.6 + settle_s(ctx))
     ctx.expect(
-        alarm(HARDWARE, reaction=wanted.reaction, since=on, within_s=cycles(ctx, 3), axis=axis).covers("LIM-041"),
+        alarm(HARDWARE, reaction=wanted.reaction, since=on, within_s=cycles(ctx, 3), axis=axis).covers(
+            "LIM-041"
+        ),
         bit_at(ctx, bit, True),
         job_output(job.name, "Error", since=on, error_id=0x8001),
         no_motion_after(ctx.now_s - 0.05, position=f"{drive}.position", tolerance=0.00005, until=ctx.now_s),
-    )  # fmt: skip
+    )
     acknowledge_and_enable(ctx)
     refused(ctx, 30.0 * sign)
     acknowledge_and_enable(ctx)
@@ -372,7 +396,9 @@ def monitoring_off(ctx: CaseContext, side: str, kind: str) -> None:
     requirements=("LIM-066", "LIM-067"),
 )
 def kept(ctx: CaseContext, by: str) -> None:
-    """RUN to STOP to RUN keeps what index 1000 has set; a restart of the object brings the configured value back."""
+    """RUN to STOP to RUN keeps what index 1000 has set; a restart of the object brings the configured value
+    back.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     configure(ctx, "braking")
     _monitor(ctx, False)

@@ -1,7 +1,8 @@
-"""What the cases of `monitoring` and `control` share: configuration, constant travel, instants and signals of the run.
+"""What the cases of `monitoring` and `control` share: configuration, constant travel, instants and signals of
+the run.
 
-Expectations are calculated from the configuration, or from the recorded setpoints and actual values; the axis is never asked
-what it thinks of them.
+Expectations are calculated from the configuration, or from the recorded setpoints and actual values; the axis
+is never asked what it thinks of them.
 """
 
 from __future__ import annotations
@@ -80,7 +81,9 @@ def cycle_s(ctx: CaseContext) -> float:
 
 
 def permitted(ctx: CaseContext, velocity: float) -> float:
-    """Return what the formula of the specification permits at a velocity setpoint with the values in force, mm (MON-038)."""
+    """Return what the formula of the specification permits at a velocity setpoint with the values in force,
+    mm (MON-038).
+    """
     read = ctx.axis.var
     least, most, low = (
         float(read(f"FollowingError.{one}")) for one in ("MinValue", "MaxValue", "MinVelocity")
@@ -144,7 +147,9 @@ def alarm_after(
     late_s: float | None = None,
     requirements: tuple[str, ...] = (),
 ) -> None:
-    """Expect an alarm `expected_s` after an instant: at most `early_s` before, at most two cycles and `late_s` behind."""
+    """Expect an alarm `expected_s` after an instant: at most `early_s` before, at most two cycles and
+    `late_s` behind.
+    """
     axis = axis_name(ctx)
     margin = 2.0 * cycle_s(ctx) + (0.0 if late_s is None else late_s)
     ctx.expect(
@@ -157,13 +162,19 @@ def alarm_after(
     began = since if isinstance(since, float) else trace.instant(since)
     if raised is not None and began is not None:
         ctx.measure(
-            f"time to alarm {number}", raised - began, "s", low=expected_s - early_s - 1e-6, high=expected_s + margin,
+            f"time to alarm {number}",
+            raised - began,
+            "s",
+            low=expected_s - early_s - 1e-6,
+            high=expected_s + margin,
             requirements=requirements,
-        )  # fmt: skip
+        )
 
 
 def disabled_with(ctx: CaseContext, number: int, word_bit: int, job: Any, *, since: float = 0.0) -> None:
-    """Expect everything that goes with an alarm of reaction 4 (MON-056): bits, job, no other alarm; and the way back."""
+    """Expect everything that goes with an alarm of reaction 4 (MON-056): bits, job, no other alarm; and the
+    way back.
+    """
     axis = axis_name(ctx)
     ended = ctx.now_s
     run = Run(ctx)
@@ -171,9 +182,10 @@ def disabled_with(ctx: CaseContext, number: int, word_bit: int, job: Any, *, sin
     ctx.measure("ErrorDetail.Number", float(run.alarm_number[-1]), low=number, high=number)
     ctx.measure("ErrorDetail.Reaction", float(run.alarm_reaction[-1]), low=4, high=4)
     ctx.expect(
-        status_word_bit(0, False, at=ended, axis=axis), status_word_bit(1, True, at=ended, axis=axis),
+        status_word_bit(0, False, at=ended, axis=axis),
+        status_word_bit(1, True, at=ended, axis=axis),
         no_alarm(since=since, axis=axis, besides=(number, 504, 522)).covers("MON-056"),
-    )  # fmt: skip
+    )
     if job is not None:
         ctx.measure(
             "ErrorID of the job", float(job.ErrorID), low=0x8001, high=0x8001, requirements=("MON-020",)
@@ -208,7 +220,9 @@ def begin(ctx: CaseContext, start: Mapping[str, Any] | None = None, *values: Map
 
 
 def until_setpoint_ends(ctx: CaseContext, job: Callable[[], object] | Any) -> float:
-    """Wait for the end of the setpoint of the last job; returns the time of the cycle in which it became 0."""
+    """Wait for the end of the setpoint of the last job; returns the time of the cycle in which it became
+    0.
+    """
     axis = ctx.axis
     ctx.wait_until(lambda: not axis.motion.gen.done, 1.0, "the setpoint moves")
     ctx.wait_until(lambda: axis.motion.gen.done, 10.0, "the setpoint has ended")

@@ -39,7 +39,9 @@ def direction_of(job: str) -> int:
 
 
 def bring(ctx: CaseContext, job: str, moment: str) -> Any:
-    """Start a job and let it come to a moment; returns its instance, None at standstill, where none has been started."""
+    """Start a job and let it come to a moment; returns its instance, None at standstill, where none has been
+    started.
+    """
     if moment == "standstill":
         ctx.run_for(0.1)
         return None

@@ -53,7 +53,9 @@ def _inject(ctx: CaseContext, word: FaultWord) -> tuple[Any, float]:
 
 
 def fault_in_motion(ctx: CaseContext, word: FaultWord, moment: str, job: Any) -> None:
-    """Inject a fault in a moment of a job (None at standstill), and expect what the specification makes of it."""
+    """Inject a fault in a moment of a job (None at standstill), and expect what the specification makes of
+    it.
+    """
     axis = axis_name(ctx)
     before = ctx.now_s
     fault, lasts_s = _inject(ctx, word)
@@ -105,7 +107,9 @@ def _reacts(
 
 
 def fault_in_stop(ctx: CaseContext, word: FaultWord, stop: str) -> None:
-    """Inject a fault while a stop is on its way, and expect its alarm on top of the stop, rest, and the end of both."""
+    """Inject a fault while a stop is on its way, and expect its alarm on top of the stop, rest, and the end
+    of both.
+    """
     axis = axis_name(ctx)
     give(ctx, stop)
     ctx.run_for(INTO_THE_STOP_S)
@@ -117,7 +121,8 @@ def fault_in_stop(ctx: CaseContext, word: FaultWord, stop: str) -> None:
     disabled = stop.startswith("power")
     expected = expected_alarm(ctx, word)
     if STOPS[stop]["ramp"] in {"off3", "coast"}:
-        # The drive has been told to stop or let go by itself, and is no longer asked how it does: nothing may start again.
+        # The drive has been told to stop or let go by itself, and is no longer asked how it does: nothing may
+        # start again.
         ctx.expect(
             value_at(f"{axis}.power_status", ended, 0.0, tolerance=0.0).covers(*STOPS[stop]["ids"]),
             value_at(f"{axis}.power_busy", ended, 0.0 if disabled else 1.0, tolerance=0.0),

@@ -32,7 +32,9 @@ def _row(stop: str) -> str:
 
 
 def verdict(first: str, second: str) -> tuple[tuple[str, ...], str]:
-    """Return the identifiers and the letter of a pair: N, A, P, E, W as in the superseding matrix; `-` where there is none."""
+    """Return the identifiers and the letter of a pair: N, A, P, E, W as in the superseding matrix; `-` where
+    there is none.
+    """
     if first == second or (first.startswith("power") and second.startswith("power")):
         return (), "-"
     if second == "halt":
@@ -59,7 +61,9 @@ def end_of(first: str, second: str, letter: str) -> str:
 
 
 def superseded(ctx: CaseContext, first: str, second: str, job: Any) -> None:
-    """Give two stops, one shortly behind the other, and expect the one that wins to make its ramp, and the end of both."""
+    """Give two stops, one shortly behind the other, and expect the one that wins to make its ramp, and the
+    end of both.
+    """
     identifiers, letter = verdict(first, second)
     axis = axis_name(ctx)
     before = ctx.now_s
@@ -133,15 +137,21 @@ def _makes_its_ramp(
     try:
         expected = expectation(ctx, kind, "", since)
     except ConfigurationError:
-        return  # the first ramp brakes harder than the second one may: no formula tells how the one becomes the other
+        # The first ramp brakes harder than the second one may: no formula says how the one becomes the other.
+        return
     allowed = tolerance(ctx)
     factor = 0.001 if by_drive else 1.0
     ctx.expect(
         ramp(
-            since, axis=axis, velocity=f"{drive}.motor_speed" if by_drive else f"{axis}.velocity_setpoint",
+            since,
+            axis=axis,
+            velocity=f"{drive}.motor_speed" if by_drive else f"{axis}.velocity_setpoint",
             position=f"{drive}.position" if by_drive else f"{axis}.position_setpoint",
-            time_s=expected.time_s, time_tolerance_s=allowed.time_s, distance=expected.distance * factor,
-            distance_tolerance=allowed.distance_mm * factor, delay_s=cycles(ctx, 5) + allowed.time_s,
+            time_s=expected.time_s,
+            time_tolerance_s=allowed.time_s,
+            distance=expected.distance * factor,
+            distance_tolerance=allowed.distance_mm * factor,
+            delay_s=cycles(ctx, 5) + allowed.time_s,
             threshold=6.0 if by_drive else 1e-9,
         ).covers(*identifiers)
-    )  # fmt: skip
+    )

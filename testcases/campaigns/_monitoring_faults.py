@@ -1,4 +1,6 @@
-"""Cases of `monitoring`: faults of machine, encoder, drive and bus that use the permitted following error up, or do not."""
+"""Cases of `monitoring`: faults of machine, encoder, drive and bus that use the permitted following error up,
+or do not.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ LEVEL: Final = 0.9
     requirements=("MON-038", "MON-040", "MON-041", "MON-056", "MON-055"),
 )
 def jam(ctx: CaseContext, velocity: int) -> None:
-    """The following error of a blocked axis grows with its velocity: 522 at 90 % of what is permitted, 521 beyond it."""
+    """The following error of a blocked axis grows with its velocity: 522 at 90 % of what is permitted, 521
+    beyond it.
+    """
     begin(ctx)
     job = travel(ctx, velocity)
     blocked = ctx.inject("mechanics.jam", drive_name(ctx))
@@ -61,7 +65,9 @@ def jam(ctx: CaseContext, velocity: int) -> None:
     requirements=("MON-040", "MON-041"),
 )
 def frozen(ctx: CaseContext, velocity: int) -> None:
-    """An actual value that stands still uses the permitted following error up as a blocked axis does, though the machine moves."""
+    """An actual value that stands still uses the permitted following error up as a blocked axis does, though
+    the machine moves.
+    """
     begin(ctx)
     job = travel(ctx, velocity)
     ctx.inject("encoder.freeze", drive_name(ctx), duration_s=1.0)
@@ -92,9 +98,10 @@ def jump(ctx: CaseContext, share: int) -> None:
         disabled_with(ctx, 521, 11, None)
         return
     ctx.expect(
-        no_alarm(axis=axis).covers("MON-040"), state_at(axis, ctx.now_s, "STANDSTILL"),
+        no_alarm(axis=axis).covers("MON-040"),
+        state_at(axis, ctx.now_s, "STANDSTILL"),
         value_at(f"{axis}.following_error", ctx.now_s, 0.0, tolerance=0.02),
-    )  # fmt: skip
+    )
 
 
 @CASES.product(
@@ -105,7 +112,9 @@ def jump(ctx: CaseContext, share: int) -> None:
     requirements=("MON-004", "MON-036", "MON-043"),
 )
 def unwatched(ctx: CaseContext, what: str) -> None:
-    """Switched off, or without position control, nothing is compared: a jam of 6 mm passes, and the axis goes on."""
+    """Switched off, or without position control, nothing is compared: a jam of 6 mm passes, and the axis goes
+    on.
+    """
     axis = axis_name(ctx)
     off = what == "switched-off"
     begin(ctx, {"FollowingError.EnableMonitoring": False} if off else None)
@@ -113,8 +122,9 @@ def unwatched(ctx: CaseContext, what: str) -> None:
     ctx.inject("mechanics.jam", drive_name(ctx), duration_s=0.1)
     ctx.run_for(0.6)
     ctx.expect(
-        no_alarm(axis=axis, besides=(504,)).covers("MON-043"), state_at(axis, ctx.now_s, "MOTION"),
-    )  # fmt: skip
+        no_alarm(axis=axis, besides=(504,)).covers("MON-043"),
+        state_at(axis, ctx.now_s, "MOTION"),
+    )
     run = Run(ctx)
     largest = float(abs(run.following_error).max())
     ctx.measure(
@@ -137,7 +147,9 @@ def unwatched(ctx: CaseContext, what: str) -> None:
     without=("STP-331",),
 )
 def reversed_encoder(ctx: CaseContext, state: str) -> None:
-    """An axis whose encoder counts the wrong way runs away, and is stopped when the permitted following error is used up."""
+    """An axis whose encoder counts the wrong way runs away, and is stopped when the permitted following error
+    is used up.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     begin(ctx)
     travel(ctx, 0.0 if state == "standstill" else 50.0)
@@ -157,7 +169,9 @@ def reversed_encoder(ctx: CaseContext, state: str) -> None:
     requirements=("MON-030", "MON-040"),
 )
 def steps_lost(ctx: CaseContext, every: int) -> None:
-    """An encoder that misses increments deceives every loop: no following error, no alarm, and the machine is too far."""
+    """An encoder that misses increments deceives every loop: no following error, no alarm, and the machine is
+    too far.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     begin(ctx)
     origin = float(Run(ctx).drive("position")[1][-1])
@@ -182,7 +196,8 @@ UNSEEN: Final = {
     "slip": ("mechanics.slip", {"revolutions": -0.3}, 37.0),
     "coupling": ("mechanics.coupling_break", {"motor_share": 0.5}, 0.0),
 }
-"""Fault, its parameters, and the way of the load where the axis believes in 40 mm, mm; with a screw of 10 mm."""
+"""Fault, its parameters, and the way of the load where the axis believes in 40 mm, mm; with a screw of 10 mm.
+"""
 
 
 @CASES.product(
@@ -193,7 +208,9 @@ UNSEEN: Final = {
     requirements=("MON-030", "MON-040"),
 )
 def unseen(ctx: CaseContext, fault: str) -> None:
-    """No loop and no monitoring sees behind the encoder: the axis arrives without an alarm, and the load is elsewhere."""
+    """No loop and no monitoring sees behind the encoder: the axis arrives without an alarm, and the load is
+    elsewhere.
+    """
     kind, options, way = UNSEEN[fault]
     mechanics = ctx.bench.config.drive[drive_name(ctx)].mechanics
     ctx.require(mechanics.lead_screw_mm == 10.0, "a screw of 10 mm without a gear")
@@ -236,7 +253,9 @@ def fault_of_the_drive(ctx: CaseContext, state: str) -> None:
     requirements=("MON-030", "MON-040"),
 )
 def late_actual_values(ctx: CaseContext, cycles: int) -> None:
-    """Actual values that come later look like a following error of the way in that time: 1.2 mm a cycle at 300 mm/s."""
+    """Actual values that come later look like a following error of the way in that time: 1.2 mm a cycle at
+    300 mm/s.
+    """
     axis = axis_name(ctx)
     begin(
         ctx,
@@ -277,7 +296,9 @@ def late_actual_values(ctx: CaseContext, cycles: int) -> None:
     requirements=("MON-035", "MON-040"),
 )
 def load(ctx: CaseContext, side: str) -> None:
-    """A force that the drive can bear disturbs the following error for a moment, and leaves neither alarm nor deviation."""
+    """A force that the drive can bear disturbs the following error for a moment, and leaves neither alarm nor
+    deviation.
+    """
     axis = axis_name(ctx)
     begin(ctx, None, WIDE)
     travel(ctx, 100.0)

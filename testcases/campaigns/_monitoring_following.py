@@ -56,7 +56,9 @@ def permit(ctx: CaseContext, amount: float, velocity: float) -> float:
     requirements=("MON-038", "MON-039", "MON-040", "MON-041", "MON-055", "MON-056"),
 )
 def share_of_the_limit(ctx: CaseContext, share: int, velocity: int) -> None:
-    """0.8 of the permitted following error is nothing, 0.95 a warning without a reaction, 1.1 is 521 in the next cycle."""
+    """0.8 of the permitted following error is nothing, 0.95 a warning without a reaction, 1.1 is 521 in the
+    next cycle.
+    """
     axis = axis_name(ctx)
     error = lag(ctx, velocity)
     since = permit(ctx, error / share * 100.0, velocity)
@@ -84,7 +86,9 @@ def share_of_the_limit(ctx: CaseContext, share: int, velocity: int) -> None:
     requirements=("MON-008", "MON-041", "MON-042"),
 )
 def warning_level(ctx: CaseContext, level: int) -> None:
-    """At 0.55 of what is permitted: a warning, once, where the level is below that; acknowledged, it comes again."""
+    """At 0.55 of what is permitted: a warning, once, where the level is below that; acknowledged, it comes
+    again.
+    """
     axis = axis_name(ctx)
     error = lag(ctx, 100.0)
     write(ctx, {"FollowingError.WarningLevel": float(level)})
@@ -108,7 +112,9 @@ def warning_level(ctx: CaseContext, level: int) -> None:
     requirements=("MON-038", "MON-046"),
 )
 def braking(ctx: CaseContext, error: int) -> None:
-    """A following error that is permitted at 300 mm/s is too large when the setpoint has braked to where it is not any more."""
+    """A following error that is permitted at 300 mm/s is too large when the setpoint has braked to where it
+    is not any more.
+    """
     axis = axis_name(ctx)
     begin(ctx, None, {"PositionControl.Kv": 0.001, "FollowingError.WarningLevel": 100.0}, UNHURRIED)
     travel(ctx, 300.0)
@@ -133,20 +139,29 @@ def braking(ctx: CaseContext, error: int) -> None:
         row = int(np.flatnonzero(run.time < raised - 1e-6)[-1])
         slack = 3 * 500.0 * cycle_s(ctx) + 1.0
         ctx.measure(
-            "velocity setpoint at 521", float(run.velocity_setpoint[row]), "mm/s", low=limit - slack, high=limit + slack,
+            "velocity setpoint at 521",
+            float(run.velocity_setpoint[row]),
+            "mm/s",
+            low=limit - slack,
+            high=limit + slack,
             requirements=("MON-046",),
-        )  # fmt: skip
+        )
 
 
 @CASES.product(
     "gain/{kv}/{velocity}",
-    parameters=[{"kv": kv, "velocity": velocity} for kv, velocity in ((60, 100), (37, 100), (20, 100), (40, -300), (12, 40))],
+    parameters=[
+        {"kv": kv, "velocity": velocity}
+        for kv, velocity in ((60, 100), (37, 100), (20, 100), (40, -300), (12, 40))
+    ],
     title="gain {kv}/s without precontrol at {velocity} mm/s",
     tags=("following-error",),
     requirements=("MON-035", "MON-038", "MON-040", "MON-041", "CTL-039"),
-)  # fmt: skip
+)
 def gain(ctx: CaseContext, kv: int, velocity: int) -> None:
-    """Too low a gain makes a following error of v / Kv: warning and alarm come when the formula says so, or not at all."""
+    """Too low a gain makes a following error of v / Kv: warning and alarm come when the formula says so, or
+    not at all.
+    """
     axis = axis_name(ctx)
     begin(ctx, None, {"PositionControl.Kv": float(kv), "PositionControl.Kpc": 0.0})
     ctx.do(f"MC_MoveVelocity {velocity} mm/s")
@@ -202,15 +217,24 @@ FILTERS: Final = {
     requirements=("MON-009", "MON-037", "CTL-084", "CTL-074", "CTL-077"),
 )
 def delay_of_a_filter(ctx: CaseContext, kind: str, told: str) -> None:
-    """At 100 mm/s a filter adds 100 times its delay to the following error: beyond 1.5 mm it is 521, told to the axis it is not there."""
+    """At 100 mm/s a filter adds 100 times its delay to the following error: beyond 1.5 mm it is 521, told to
+    the axis it is not there.
+    """
     axis = axis_name(ctx)
     (mode, t1, t2, tt), delay = FILTERS[kind]
     prefix = "SetpointFilter.DynamicFilter."
     begin(
-        ctx, {f"{prefix}Mode": mode},
-        {f"{prefix}T1": t1, f"{prefix}T2": t2, f"{prefix}Tt": tt, "FollowingError.MinValue": 1.5, "FollowingError.MaxValue": 1.5,
-         "FollowingError.AdditionalSetpointDelayTime": delay if told == "told" else 0.0},
-    )  # fmt: skip
+        ctx,
+        {f"{prefix}Mode": mode},
+        {
+            f"{prefix}T1": t1,
+            f"{prefix}T2": t2,
+            f"{prefix}Tt": tt,
+            "FollowingError.MinValue": 1.5,
+            "FollowingError.MaxValue": 1.5,
+            "FollowingError.AdditionalSetpointDelayTime": delay if told == "told" else 0.0,
+        },
+    )
     ctx.do("MC_MoveVelocity 100 mm/s")
     ctx.axis.move_velocity(100.0, Acceleration=1000.0, Jerk=0.0)
     ctx.run_for(0.6)

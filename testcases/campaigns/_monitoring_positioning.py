@@ -1,4 +1,6 @@
-"""Cases of `monitoring`: the positioning window and its times, fixed stop, and what disturbs an axis that settles."""
+"""Cases of `monitoring`: the positioning window and its times, fixed stop, and what disturbs an axis that
+settles.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +40,15 @@ DWELLS: Final = {"none": 0.0, "short": 0.01, "long": 0.2}
 def settle(
     ctx: CaseContext, kv: float, *, window: float, dwell: float = 0.01, tolerance: float = 1.0
 ) -> tuple[Any, float]:
-    """Start a motion after whose end the axis closes its lag with 1 / Kv; returns the job and the end of the setpoint, s."""
+    """Start a motion after whose end the axis closes its lag with 1 / Kv; returns the job and the end of the
+    setpoint, s.
+    """
     values = {
-        "PositionControl.Kv": kv, "PositioningMonitoring.Window": window, "PositioningMonitoring.MinDwellTime": dwell,
+        "PositionControl.Kv": kv,
+        "PositioningMonitoring.Window": window,
+        "PositioningMonitoring.MinDwellTime": dwell,
         "PositioningMonitoring.ToleranceTime": tolerance,
-    }  # fmt: skip
+    }
     begin(ctx, None, LAGGING, values)
     ctx.do("MC_MoveRelative 15 mm with 100 mm/s")
     job = ctx.axis.move_relative(15.0, Velocity=100.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0)
@@ -50,7 +56,9 @@ def settle(
 
 
 def rate(kv: float, delay_s: float) -> float:
-    """Return how fast a loop with gain and dead time closes a deviation, 1/s: the root of r = Kv * exp(r * delay)."""
+    """Return how fast a loop with gain and dead time closes a deviation, 1/s: the root of r = Kv * exp(r *
+    delay).
+    """
     found = kv
     for _ in range(50):
         found = kv * exp(found * delay_s)
@@ -68,16 +76,24 @@ def deviation(run: Run, at: float) -> float:
     parameters=[
         {"kv": kv, "window": window, "dwell": dwell}
         for kv, window, dwell in (
-            (5, "narrow", "short"), (5, "middle", "none"), (5, "wide", "long"), (12, "narrow", "none"), (12, "middle", "long"),
-            (12, "wide", "short"), (30, "narrow", "long"), (30, "middle", "short"), (30, "wide", "none"),
+            (5, "narrow", "short"),
+            (5, "middle", "none"),
+            (5, "wide", "long"),
+            (12, "narrow", "none"),
+            (12, "middle", "long"),
+            (12, "wide", "short"),
+            (30, "narrow", "long"),
+            (30, "middle", "short"),
+            (30, "wide", "none"),
         )
     ],
     title="window {window}, dwell {dwell}, Kv {kv}/s: Done when window and time are kept",
     tags=("positioning",),
     requirements=("MON-001", "MON-002", "MON-003", "MON-016", "MON-017", "MON-023", "MON-025", "MON-028"),
-)  # fmt: skip
+)
 def settles(ctx: CaseContext, kv: float, window: str, dwell: str) -> None:
-    """The window is entered ln(deviation / window) / r after the end of the setpoint, Done and X6 come a dwell time later.
+    """The window is entered ln(deviation / window) / r after the end of the setpoint, Done and X6 come a
+    dwell time later.
 
     r is Kv, and somewhat more by the dead time of the loop, one cycle to two.
     """
@@ -91,9 +107,13 @@ def settles(ctx: CaseContext, kv: float, window: str, dwell: str) -> None:
     way = log(deviation(run, ended) / wide)
     early, late = (way / rate(kv, number * cycle) for number in (2, 1))
     ctx.measure(
-        "Done after the end of the setpoint", done - ended, "s", low=early + stay - 2 * cycle, high=late + stay + 2 * cycle,
+        "Done after the end of the setpoint",
+        done - ended,
+        "s",
+        low=early + stay - 2 * cycle,
+        high=late + stay + 2 * cycle,
         requirements=("MON-017", "MON-023"),
-    )  # fmt: skip
+    )
     shown = run.first(bit(run.status_word, 6) & (run.time > ended))
     ctx.measure(
         "X6 against Done",
@@ -115,7 +135,9 @@ def settles(ctx: CaseContext, kv: float, window: str, dwell: str) -> None:
     requirements=("MON-018", "MON-020", "MON-024", "MON-056"),
 )
 def too_late(ctx: CaseContext, tolerance_ms: int) -> None:
-    """The window is not reached in time: 541 with info 1 at the end of the tolerance time, and the axis is disabled."""
+    """The window is not reached in time: 541 with info 1 at the end of the tolerance time, and the axis is
+    disabled.
+    """
     job, ended = settle(ctx, 2.0, window=0.1, tolerance=tolerance_ms / 1000.0)
     ctx.run_for(tolerance_ms / 1000.0 + 0.35)
     alarm_after(
@@ -168,7 +190,9 @@ def leaves_the_window(ctx: CaseContext, cause: str) -> None:
     requirements=("MON-021", "MON-022", "CTL-090"),
 )
 def halts(ctx: CaseContext, instruction: str, mode: str) -> None:
-    """Under position control a halt or stop that does not settle is 541; without, it is done at standstill, wherever that is."""
+    """Under position control a halt or stop that does not settle is 541; without, it is done at standstill,
+    wherever that is.
+    """
     axis = axis_name(ctx)
     controlled = mode == "controlled"
     begin(ctx, None, LAGGING, {"PositionControl.Kv": 4.0, "PositioningMonitoring.ToleranceTime": 0.15})
@@ -224,7 +248,9 @@ def new_job(ctx: CaseContext, phase: str) -> None:
     requirements=("MON-026",),
 )
 def displaced_after_done(ctx: CaseContext, share: int) -> None:
-    """After Done the window is not watched any more: beyond the permitted following error it is 521, within it nothing."""
+    """After Done the window is not watched any more: beyond the permitted following error it is 521, within
+    it nothing.
+    """
     begin(ctx)
     job = ctx.axis.move_relative(5.0)
     ctx.wait_until(job.done, 3.0, "the axis is in position")
@@ -246,7 +272,9 @@ def displaced_after_done(ctx: CaseContext, share: int) -> None:
     requirements=("MON-016", "MON-020"),
 )
 def lost_while_settling(ctx: CaseContext, what: str) -> None:
-    """What fails has its own alarm, at once, and the supervision of the position ends without one of its own."""
+    """What fails has its own alarm, at once, and the supervision of the position ends without one of its
+    own.
+    """
     axis = axis_name(ctx)
     job, _ = settle(ctx, 2.0, window=0.1, tolerance=0.4)
     ctx.run_for(0.1)
@@ -274,7 +302,9 @@ def lost_while_settling(ctx: CaseContext, what: str) -> None:
     requirements=("MON-029", "MON-044", "MON-045"),
 )
 def fixed_stop(ctx: CaseContext, side: str) -> None:
-    """The blocked axis is clamped when its following error reaches 5 mm, without 521 before or after; let go, it is 542."""
+    """The blocked axis is clamped when its following error reaches 5 mm, without 521 before or after; let go,
+    it is 542.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     velocity = 60.0 * SIGN[side]
     begin(ctx, None, WIDE, UNHURRIED)
@@ -311,7 +341,9 @@ def fixed_stop(ctx: CaseContext, side: str) -> None:
 
 @CASES.case("changed-while-settling", tags=("positioning",), requirements=("MON-001", "MON-003"))
 def changed_while_settling(ctx: CaseContext) -> None:
-    """A wider window that is written while the axis settles is entered in the next cycle, and Done follows the new dwell time."""
+    """A wider window that is written while the axis settles is entered in the next cycle, and Done follows
+    the new dwell time.
+    """
     job, _ = settle(ctx, 1.0, window=0.1, tolerance=1.0)
     ctx.run_for(0.2)
     write(ctx, {"PositioningMonitoring.Window": 50.0, "PositioningMonitoring.MinDwellTime": 0.1})

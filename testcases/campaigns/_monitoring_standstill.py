@@ -18,7 +18,9 @@ RELEASE: Final = 1.1
 
 
 def judged(run: Run, threshold: float, dwell_s: float, cycle: float) -> np.ndarray:
-    """Return the signal as the rule makes it of the actual velocity: below the threshold for the time, until 1.1 times that."""
+    """Return the signal as the rule makes it of the actual velocity: below the threshold for the time, until
+    1.1 times that.
+    """
     shown, rest, out = bool(bit(run.status_word, STANDSTILL)[0]), 0.0, []
     for speed in abs(run.actual_velocity):
         if shown:
@@ -48,9 +50,10 @@ def agrees(ctx: CaseContext, since: float, threshold: float, dwell_s: float) -> 
 
 def signal(ctx: CaseContext, threshold: float, dwell_ms: float) -> None:
     begin(
-        ctx, None,
+        ctx,
+        None,
         {"StandstillSignal.VelocityThreshold": threshold, "StandstillSignal.MinDwellTime": dwell_ms / 1000.0},
-    )  # fmt: skip
+    )
     ctx.run_for(dwell_ms / 1000.0 + 0.05)
 
 
@@ -62,7 +65,9 @@ def signal(ctx: CaseContext, threshold: float, dwell_ms: float) -> None:
     requirements=("MON-010", "MON-011", "MON-014", "MON-047"),
 )
 def standstill(ctx: CaseContext, threshold: float, dwell_ms: float) -> None:
-    """X7 goes with the motion, and comes when the actual velocity has been below the threshold for the time."""
+    """X7 goes with the motion, and comes when the actual velocity has been below the threshold for the
+    time.
+    """
     signal(ctx, threshold, dwell_ms)
     since = ctx.now_s
     travel(ctx, 300.0)
@@ -74,9 +79,13 @@ def standstill(ctx: CaseContext, threshold: float, dwell_ms: float) -> None:
     below = run.time[np.flatnonzero(abs(run.actual_velocity) >= threshold)[-1]] + cycle_s(ctx)
     came = run.time[np.flatnonzero(~shown)[-1]] + cycle_s(ctx)
     ctx.measure(
-        "X7 after the velocity has fallen below the threshold", float(came - below), "s",
-        low=max(0.0, dwell_ms / 1000.0 - cycle_s(ctx)) - 1e-6, high=dwell_ms / 1000.0 + cycle_s(ctx), requirements=("MON-047",),
-    )  # fmt: skip
+        "X7 after the velocity has fallen below the threshold",
+        float(came - below),
+        "s",
+        low=max(0.0, dwell_ms / 1000.0 - cycle_s(ctx)) - 1e-6,
+        high=dwell_ms / 1000.0 + cycle_s(ctx),
+        requirements=("MON-047",),
+    )
     ctx.expect(no_alarm(axis=axis_name(ctx)))
 
 
@@ -115,7 +124,9 @@ def hysteresis(ctx: CaseContext, percent: int, start: str) -> None:
     requirements=("MON-048", "MON-049"),
 )
 def disturbed(ctx: CaseContext, cause: str) -> None:
-    """A push, noise of the encoder, a frozen encoder: X7 follows the actual velocity by the same rule, whatever makes it."""
+    """A push, noise of the encoder, a frozen encoder: X7 follows the actual velocity by the same rule,
+    whatever makes it.
+    """
     signal(ctx, 3.0, 50.0)
     since = ctx.now_s
     drive = drive_name(ctx)

@@ -1,4 +1,6 @@
-"""What the cases of `motion_in` share: a user program that computes setpoints, and how its vectors are found again in the trace."""
+"""What the cases of `motion_in` share: a user program that computes setpoints, and how its vectors are found
+again in the trace.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ AT_MAXIMUM: Final = 504
 FAULT_SPEED: Final = 150.0
 """Velocity at which something fails, mm/s."""
 EXACT: Final = 1e-6
-"""Deviation of a setpoint from the vector that was given, mm and mm/s: a multiple of the rounding of floating point."""
+"""Deviation of a setpoint from the vector that was given, mm and mm/s: a multiple of the rounding of floating
+point.
+"""
 
 Vector = Callable[[float], dict[str, float]]
 """Inputs of an instance by the time since its program has begun, s."""
@@ -64,7 +68,9 @@ class Program:
         self.given.append((now, vector))
 
     def deviation(self, ctx: CaseContext, signal: str, name: str) -> float:
-        """Return the greatest distance of a recorded setpoint from the input `name` of the application cycle before."""
+        """Return the greatest distance of a recorded setpoint from the input `name` of the application cycle
+        before.
+        """
         cycle = ctx.bench.interpolator_ns * 1e-9
         recorded = ctx.trace()[f"{axis_name(ctx)}.{signal}"]
         end = float(recorded.time_s[-1])
@@ -78,7 +84,9 @@ class Program:
 def trapezoid(
     distance: float, velocity: float, acceleration: float
 ) -> Callable[[float], tuple[float, float, float]]:
-    """Return position, velocity and acceleration by time of a motion from 0 to `distance`, as a program computes it."""
+    """Return position, velocity and acceleration by time of a motion from 0 to `distance`, as a program
+    computes it.
+    """
     way = abs(distance)
     top = min(velocity, sqrt(way * acceleration))
     ramp_s = top / acceleration
@@ -105,7 +113,9 @@ def trapezoid(
 
 
 def ramp_to(velocity: float, acceleration: float = ACCELERATION) -> Vector:
-    """Return the vector of a velocity that is ramped up and then kept, with the acceleration that belongs to it."""
+    """Return the vector of a velocity that is ramped up and then kept, with the acceleration that belongs to
+    it.
+    """
     ramp_s = abs(velocity) / acceleration
 
     def at(time_s: float) -> dict[str, float]:
@@ -128,7 +138,9 @@ def restart_with(ctx: CaseContext, **values: object) -> None:
 
 
 def watch(ctx: CaseContext, *, watched: bool) -> None:
-    """Watch the following error, or not at all, which lets the drive go to its own limits (MIN-007); before the axis is enabled."""
+    """Watch the following error, or not at all, which lets the drive go to its own limits (MIN-007); before
+    the axis is enabled.
+    """
     restart_with(ctx, FollowingError__EnableMonitoring=watched)
     if watched:
         permit(ctx, 10.0)  # on the way to where the case begins

@@ -53,7 +53,9 @@ def _start(ctx: CaseContext, mode: str, **inputs: Any) -> Any:
     requirements=("MC-076", "MC-085"),
 )
 def wrong(ctx: CaseContext, mode: str, name: str, value: str) -> None:
-    """No number: rejected at the start; given later it ends the job as a falling Enable; a new edge with good values works again."""
+    """No number: rejected at the start; given later it ends the job as a falling Enable; a new edge with good
+    values works again.
+    """
     enable(ctx)
     since = ctx.now_s
     place = float(ctx.axis.var("Position"))
@@ -93,7 +95,9 @@ def wrong(ctx: CaseContext, mode: str, name: str, value: str) -> None:
     requirements=("MIN-026", "MIN-027", "MIN-028", "MIN-040"),
 )
 def released(ctx: CaseContext, mode: str, monitoring: str) -> None:
-    """The setpoint is zero in the next cycle, without a ramp; its place stays; the drive brakes at its own limit, or 521 comes."""
+    """The setpoint is zero in the next cycle, without a ramp; its place stays; the drive brakes at its own
+    limit, or 521 comes.
+    """
     axis, name = ctx.axis, axis_name(ctx)
     watched = monitoring == "watched"
     watch(ctx, watched=watched)

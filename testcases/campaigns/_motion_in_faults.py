@@ -1,4 +1,6 @@
-"""Cases of `motion_in`: bus, drive, encoder, machine, controller and program fail under setpoints that come from outside."""
+"""Cases of `motion_in`: bus, drive, encoder, machine, controller and program fail under setpoints that come
+from outside.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,8 @@ def _frames_lost(ctx: CaseContext, message: str) -> None:
 
 
 def _jump(ctx: CaseContext) -> None:
-    # 6 mm on a screw of 10 mm: more than the permitted following error. Much more lets the motor race until the drive notices.
+    # 6 mm on a screw of 10 mm: more than the permitted following error. Much more lets the motor race until
+    # the drive notices.
     ctx.inject(
         "encoder.jump", drive_name(ctx), increments=round(0.6 * encoder_increments_per_revolution(ctx))
     )
@@ -48,23 +51,34 @@ def _jump(ctx: CaseContext) -> None:
 
 _FAULTS: Final[dict[str, tuple[Callable[[CaseContext], object], int | dict[str, int], tuple[str, ...]]]] = {
     "actual-values-lost": (lambda ctx: _frames_lost(ctx, "tpdo1"), 431, ("STP-574",)),
-    "setpoints-lost": (lambda ctx: _frames_lost(ctx, "rpdo1"), {"cia402": 550, "profidrive": 431}, ("STP-561",)),
+    "setpoints-lost": (
+        lambda ctx: _frames_lost(ctx, "rpdo1"),
+        {"cia402": 550, "profidrive": 431},
+        ("STP-561",),
+    ),
     "drive-fault": (
-        lambda ctx: ctx.inject("drive.fault", drive_name(ctx), code=0x2310, duration_s=0.3), 421, ("STP-559",),
+        lambda ctx: ctx.inject("drive.fault", drive_name(ctx), code=0x2310, duration_s=0.3),
+        421,
+        ("STP-559",),
     ),
     "encoder-wire-break": (
         lambda ctx: ctx.inject("encoder.wire_break", drive_name(ctx), duration_s=0.3),
-        {"cia402": 421, "profidrive": 411}, ("HOM-179",),
+        {"cia402": 421, "profidrive": 411},
+        ("HOM-179",),
     ),
     "encoder-jump": (_jump, 521, ("MON-040",)),
     "jam": (lambda ctx: ctx.inject("mechanics.jam", drive_name(ctx), duration_s=0.4), 521, ("MON-040",)),
     "limit-switch": (
-        lambda ctx: ctx.inject("switch.press", drive_name(ctx), input="positive_limit", duration_s=0.6), 531, ("LIM-034",),
+        lambda ctx: ctx.inject("switch.press", drive_name(ctx), input="positive_limit", duration_s=0.6),
+        531,
+        ("LIM-034",),
     ),
     "supply-of-the-drive": (
-        lambda ctx: ctx.inject("drive.power_off", drive_name(ctx), duration_s=grace_s(ctx) + 1.0), 431, ("STP-574",),
+        lambda ctx: ctx.inject("drive.power_off", drive_name(ctx), duration_s=grace_s(ctx) + 1.0),
+        431,
+        ("STP-574",),
     ),
-}  # fmt: skip
+}
 """Name -> what happens, the alarm that comes of it (by profile), requirements of that alarm."""
 
 
@@ -82,7 +96,9 @@ _UNDER: Final = {
     requirements=lambda fault, mode: ("MIN-010", *_FAULTS[fault][2]),
 )
 def fault(ctx: CaseContext, fault: str, mode: str) -> None:
-    """The alarm of any motion: Error 16#8001, further vectors do nothing, neither then nor after MC_Reset, until Enable rises again."""
+    """The alarm of any motion: Error 16#8001, further vectors do nothing, neither then nor after MC_Reset,
+    until Enable rises again.
+    """
     axis, name = ctx.axis, axis_name(ctx)
     permit(ctx, 4.0)
     job, program = MODES[mode](ctx, FAULT_SPEED)
@@ -143,7 +159,9 @@ _REACTIONS: Final = {
     requirements=("MIN-010", "STP-386", "STP-387", "STP-388"),
 )
 def reaction(ctx: CaseContext, reaction: int, mode: str) -> None:
-    """The axis brakes as the reaction says, from the velocity that was given, and the job ends with 16#8001."""
+    """The axis brakes as the reaction says, from the velocity that was given, and the job ends with
+    16#8001.
+    """
     name = axis_name(ctx)
     job, program = MODES[mode](ctx, FAULT_SPEED)
     since = ctx.now_s
@@ -174,8 +192,13 @@ def reaction(ctx: CaseContext, reaction: int, mode: str) -> None:
         setpoint = ctx.trace()[f"{name}.velocity_setpoint"]
         begins = next(one.time_ns * 1e-9 for one in ctx.trace().select(kind="alarm.raised"))
         rests = setpoint.settles(EXACT, after_s=begins)
-        ctx.measure("ramp to zero", -1.0 if rests is None else rests - begins, "s", low=ramp_s - 3 * cycle,
-                    high=ramp_s + 3 * cycle + ctx.bench.config.tolerance.time_s)  # fmt: skip
+        ctx.measure(
+            "ramp to zero",
+            -1.0 if rests is None else rests - begins,
+            "s",
+            low=ramp_s - 3 * cycle,
+            high=ramp_s + 3 * cycle + ctx.bench.config.tolerance.time_s,
+        )
 
 
 @CASES.product(
@@ -232,7 +255,9 @@ def software_limit(ctx: CaseContext, how: str) -> None:
     requirements=("MIN-010", "PD-132"),
 )
 def telegram(ctx: CaseContext, kind: str) -> None:
-    """Frozen, late or without sign of life: the motion ends by an alarm, or goes on where the telegram is late only."""
+    """Frozen, late or without sign of life: the motion ends by an alarm, or goes on where the telegram is
+    late only.
+    """
     ctx.require(by_profile(ctx, cia402=False, profidrive=True), "a drive with a PROFIdrive telegram")
     name = axis_name(ctx)
     job, program = under_way(ctx, FAULT_SPEED)

@@ -69,7 +69,9 @@ _TAKERS: Final = {
     requirements=("MIN-043", "MIN-044", "MIN-047", "MIN-050"),
 )
 def overridden(ctx: CaseContext, job: str, by: str) -> None:
-    """CommandAborted until Enable falls; the new motion starts from the given state, without a step; a new edge takes over again."""
+    """CommandAborted until Enable falls; the new motion starts from the given state, without a step; a new
+    edge takes over again.
+    """
     axis, name = ctx.axis, axis_name(ctx)
     axis.home(0.0)
     running, program = (under_way if job == "velocity" else moving_position)(ctx, _TRAVEL)
@@ -84,16 +86,25 @@ def overridden(ctx: CaseContext, job: str, by: str) -> None:
     if by != "motion-in":
         deceleration = {"halt": 100.0, "halt-basic": 100.0, "stop": 4000.0}.get(by, _DYNAMICS["Acceleration"])
         ctx.expect(
-            value_at(f"{name}.velocity_setpoint", since + 2 * cycle, _TRAVEL, tolerance=1.1 * deceleration * cycle)
-            .named("the new motion starts from the given velocity").covers("MIN-044")
-        )  # fmt: skip
+            value_at(
+                f"{name}.velocity_setpoint", since + 2 * cycle, _TRAVEL, tolerance=1.1 * deceleration * cycle
+            )
+            .named("the new motion starts from the given velocity")
+            .covers("MIN-044")
+        )
     if by in ("halt", "halt-basic"):
         ctx.wait_until(taker.done, 3.0, "the halt is done")
         ctx.expect(
-            value_at(f"{name}.velocity_setpoint", since + 0.5 * _TRAVEL / 100.0, 0.5 * _TRAVEL, tolerance=100.0 * 3 * cycle)
-            .named("half of the ramp of 0.8 s").covers("MIN-044"),
+            value_at(
+                f"{name}.velocity_setpoint",
+                since + 0.5 * _TRAVEL / 100.0,
+                0.5 * _TRAVEL,
+                tolerance=100.0 * 3 * cycle,
+            )
+            .named("half of the ramp of 0.8 s")
+            .covers("MIN-044"),
             stays_within(f"{name}.velocity_setpoint", high=EXACT, since=since + _TRAVEL / 100.0 + 3 * cycle),
-        )  # fmt: skip
+        )
     elif by in ("move-absolute", "move-relative", "stop"):
         ctx.wait_until(taker.done, 3.0, "the job that has taken over is done")
     else:
@@ -150,7 +161,9 @@ _ACTIVE: Final = ("positioning", "waiting", "velocity", "jog", "halt", "superimp
     requirements=("MIN-006", "MIN-048"),
 )
 def overrides(ctx: CaseContext, active: str, job: str) -> None:
-    """The vector is the setpoint of the next cycle, whatever moved before; what was active or waited is aborted."""
+    """The vector is the setpoint of the next cycle, whatever moved before; what was active or waited is
+    aborted.
+    """
     axis, name = ctx.axis, axis_name(ctx)
     enable(ctx)
     aborted = _something(ctx, active)
@@ -244,7 +257,9 @@ def not_aborted(ctx: CaseContext, by: str) -> None:
 
 @CASES.case("locked-by-stop", title="MC_Stop holds the axis", requirements=("MIN-048",))
 def locked_by_stop(ctx: CaseContext) -> None:
-    """A basic MotionIn job does not abort MC_Stop: it is rejected while Execute is TRUE, and runs afterwards."""
+    """A basic MotionIn job does not abort MC_Stop: it is rejected while Execute is TRUE, and runs
+    afterwards.
+    """
     running, program = under_way(ctx, _TRAVEL)
     program.end()
     since = ctx.now_s
@@ -278,7 +293,9 @@ def locked_by_stop(ctx: CaseContext) -> None:
     requirements=("MIN-024", "MIN-045", "MIN-046"),
 )
 def acceleration_of_nothing(ctx: CaseContext, given: float, jerk: float) -> None:
-    """With jerk the velocity runs away by a²/2j before the job has it; without jerk, or with 0 given, it does not."""
+    """With jerk the velocity runs away by a²/2j before the job has it; without jerk, or with 0 given, it does
+    not.
+    """
     name = axis_name(ctx)
     running, program = under_way(ctx, _TRAVEL)
     program.end()
@@ -291,8 +308,14 @@ def acceleration_of_nothing(ctx: CaseContext, given: float, jerk: float) -> None
     highest = _TRAVEL + (given**2 / (2.0 * jerk) if jerk else 0.0)
     cycle = ctx.bench.interpolator_ns * 1e-9
     seen = ctx.trace()[f"{name}.velocity_setpoint"].between(since, ctx.now_s)
-    ctx.measure("highest velocity setpoint", float(max(seen.values)), "mm/s", low=highest - given * cycle - EXACT,
-                high=highest + given * cycle + EXACT, requirements=("MIN-045" if highest > _TRAVEL else "MIN-046",))  # fmt: skip
+    ctx.measure(
+        "highest velocity setpoint",
+        float(max(seen.values)),
+        "mm/s",
+        low=highest - given * cycle - EXACT,
+        high=highest + given * cycle + EXACT,
+        requirements=("MIN-045" if highest > _TRAVEL else "MIN-046",),
+    )
     ctx.wait_until(ctx.axis.halt().done, 5.0, "the axis has halted")
     ctx.run_for(0.2 + settle_s(ctx))
     at_rest(ctx, since=since)
@@ -304,7 +327,9 @@ def acceleration_of_nothing(ctx: CaseContext, given: float, jerk: float) -> None
     requirements=("MIN-047", "MIN-048", "MIN-050"),
 )
 def turns(ctx: CaseContext) -> None:
-    """Two instances whose Enable alternates with every call: always the one with the last edge has the axis, and none stays behind."""
+    """Two instances whose Enable alternates with every call: always the one with the last edge has the axis,
+    and none stays behind.
+    """
     axis, name = ctx.axis, axis_name(ctx)
     enable(ctx)
     since = ctx.now_s

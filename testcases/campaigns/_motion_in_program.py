@@ -1,4 +1,6 @@
-"""Cases of `motion_in`: controller and program stop, hang, interfere or switch off under setpoints that come from outside."""
+"""Cases of `motion_in`: controller and program stop, hang, interfere or switch off under setpoints that come
+from outside.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ CASES: Final = Campaign("motion in", tags=("motion-in", "fault"), bench="referen
     requirements=("MIN-017", "MIN-050"),
 )
 def disabled(ctx: CaseContext, stop_mode: int, mode: str) -> None:
-    """CommandAborted and the ramp of the StopMode; enabled again, the axis stands although Enable of the instance is still TRUE."""
+    """CommandAborted and the ramp of the StopMode; enabled again, the axis stands although Enable of the
+    instance is still TRUE.
+    """
     axis, name = ctx.axis, axis_name(ctx)
     job, program = MODES[mode](ctx, FAULT_SPEED)
     since = ctx.now_s
@@ -116,7 +120,9 @@ def _nothing_starts(ctx: CaseContext, job: Any, since: float) -> None:
     requirements=("MC-629", "STP-506"),
 )
 def controller_stop(ctx: CaseContext, mode: str) -> None:
-    """The job ends with CommandAborted, the drive stops the axis; after the warm restart nothing moves by itself."""
+    """The job ends with CommandAborted, the drive stops the axis; after the warm restart nothing moves by
+    itself.
+    """
     name = axis_name(ctx)
     job, program = MODES[mode](ctx, FAULT_SPEED)
     since = ctx.now_s
@@ -160,7 +166,9 @@ def controller_power_off(ctx: CaseContext, mode: str) -> None:
     requirements=("MIN-003", "C402-104", "PD-127"),
 )
 def controller_stall(ctx: CaseContext, length: str) -> None:
-    """A CiA 402 drive bridges one cycle, a PROFIdrive axis misses the sign of life; a long hang stops either, and the job does not outlive it."""
+    """A CiA 402 drive bridges one cycle, a PROFIdrive axis misses the sign of life; a long hang stops either,
+    and the job does not outlive it.
+    """
     name = axis_name(ctx)
     job, program = under_way(ctx, FAULT_SPEED)
     since = ctx.now_s
@@ -216,7 +224,9 @@ def controller_overrun(ctx: CaseContext, level: str) -> None:
     requirements=("MIN-026", "MIN-040", "MIN-043"),
 )
 def edges(ctx: CaseContext, mode: str) -> None:
-    """A program that takes Enable away and gives it again with every call: every edge is a job, none is an alarm or a jump."""
+    """A program that takes Enable away and gives it again with every call: every edge is a job, none is an
+    alarm or a jump.
+    """
     axis, name = ctx.axis, axis_name(ctx)
     enable(ctx)
     since = ctx.now_s
@@ -229,11 +239,13 @@ def edges(ctx: CaseContext, mode: str) -> None:
 
     ctx.bench.runtime.call(toggle)
     start = float(axis.var("Position"))
-    pair.append({
-        "velocity": lambda: axis.motion_in_velocity(5.0),
-        "position": lambda: axis.motion_in_position(start + 0.05),
-        "superimposed": lambda: axis.motion_in_superimposed(0.001),
-    }[mode]())  # fmt: skip
+    pair.append(
+        {
+            "velocity": lambda: axis.motion_in_velocity(5.0),
+            "position": lambda: axis.motion_in_position(start + 0.05),
+            "superimposed": lambda: axis.motion_in_superimposed(0.001),
+        }[mode]()
+    )
     ctx.run_for(100 * ctx.bench.interpolator_ns * 1e-9)
     ctx.bench.runtime.uncall(toggle)
     pair[0].set(Enable=False)

@@ -68,16 +68,31 @@ def superimposed_on(ctx: CaseContext, basic: str) -> None:
     top = program.lead(axis.motion_in_superimposed(0.0))
     ctx.run_for(0.6)
     ctx.measure("StatusWord2.X6", float(axis.var("StatusWord2.X6")), low=1.0, requirements=("MIN-014",))
-    ctx.measure("SuperimposedDistance", axis.var("StatusPositioning.SuperimposedDistance"), "mm", low=-2.5 - EXACT,
-                high=-2.5 + EXACT, requirements=("MIN-016", "MIN-034"))  # fmt: skip
-    ctx.measure("FunctionState", axis.var("StatusMotionIn.FunctionState"),
-                high=2.0 if basic == "motion-in-position" else 1.0 if basic == "motion-in-velocity" else 0.0)  # fmt: skip
+    ctx.measure(
+        "SuperimposedDistance",
+        axis.var("StatusPositioning.SuperimposedDistance"),
+        "mm",
+        low=-2.5 - EXACT,
+        high=-2.5 + EXACT,
+        requirements=("MIN-016", "MIN-034"),
+    )
+    ctx.measure(
+        "FunctionState",
+        axis.var("StatusMotionIn.FunctionState"),
+        high=2.0 if basic == "motion-in-position" else 1.0 if basic == "motion-in-velocity" else 0.0,
+    )
     if basic not in ("nothing", "motion-in-position"):
         ctx.expect(value_at(f"{name}.velocity_setpoint", ctx.now_s, 20.0, tolerance=EXACT).covers("MIN-033"))
     lowest = ctx.trace()[f"{name}.velocity_setpoint"].between(since, ctx.now_s)
     resting = 0.0 if basic in ("nothing", "motion-in-position") else 20.0
-    ctx.measure("lowest velocity of the sum", float(min(lowest.values)), "mm/s", low=resting - 10.0 - EXACT,
-                high=resting - 10.0 + EXACT, requirements=("MIN-033",))  # fmt: skip
+    ctx.measure(
+        "lowest velocity of the sum",
+        float(min(lowest.values)),
+        "mm/s",
+        low=resting - 10.0 - EXACT,
+        high=resting - 10.0 + EXACT,
+        requirements=("MIN-033",),
+    )
     ctx.run_for(0.6)
     if basic == "positioning":
         ctx.measure("the basic motion is done", float(below.Done), low=1.0, requirements=("MIN-036",))
@@ -92,9 +107,12 @@ def superimposed_on(ctx: CaseContext, basic: str) -> None:
     moved = resting * 0.2 if basic != "positioning" else 0.0
     ctx.expect(
         job_output(top.name, "Done", since=since),
-        value_at(f"{name}.position_setpoint", ctx.now_s, before + moved, tolerance=0.2 * (resting > 0.0) + 1e-3)
-        .named("the distance stays").covers("MIN-040"),
-    )  # fmt: skip
+        value_at(
+            f"{name}.position_setpoint", ctx.now_s, before + moved, tolerance=0.2 * (resting > 0.0) + 1e-3
+        )
+        .named("the distance stays")
+        .covers("MIN-040"),
+    )
     if basic == "jog":
         below.set(JogForward=False)
     elif basic == "velocity":
@@ -134,7 +152,9 @@ def superimposed_without_position_control(ctx: CaseContext) -> None:
     requirements=("MIN-041", "MIN-042", "MIN-049"),
 )
 def superimposed_halted(ctx: CaseContext, by: str) -> None:
-    """MC_HaltSuperimposed and other superimposed jobs take it alone, MC_Halt Mode 0 everything, Mode 1 the basic motion only."""
+    """MC_HaltSuperimposed and other superimposed jobs take it alone, MC_Halt Mode 0 everything, Mode 1 the
+    basic motion only.
+    """
     axis = ctx.axis
     enable(ctx)
     below = axis.move_velocity(40.0, **_DYNAMICS)

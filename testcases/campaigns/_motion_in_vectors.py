@@ -37,7 +37,9 @@ CASES: Final = Campaign("motion in", tags=("motion-in",), bench="reference")
     requirements=("MIN-001", "MIN-013", "MIN-018", "MIN-019", "MIN-020", "MIN-028", "MC-488"),
 )
 def velocity_followed(ctx: CaseContext, direction: str, control: str) -> None:
-    """Every vector is the setpoint of the next cycle; the drive follows; released, the axis stands where it is."""
+    """Every vector is the setpoint of the next cycle; the drive follows; released, the axis stands where it
+    is.
+    """
     enable(ctx)
     controlled = control == "position-control"
     axis, speed = ctx.axis, SIGN[direction] * SPEED
@@ -95,7 +97,9 @@ def velocity_followed(ctx: CaseContext, direction: str, control: str) -> None:
     requirements=("MIN-021", "MIN-022", "MIN-023", "MC-498"),
 )
 def position_followed(ctx: CaseContext, direction: str, velocity: str) -> None:
-    """Position and velocity are the setpoints of the next cycle; without the velocity the axis lags by v / Kv."""
+    """Position and velocity are the setpoints of the next cycle; without the velocity the axis lags by v /
+    Kv.
+    """
     enable(ctx)
     axis, distance = ctx.axis, SIGN[direction] * 15.0
     start = float(axis.var("Position"))
@@ -107,9 +111,10 @@ def position_followed(ctx: CaseContext, direction: str, velocity: str) -> None:
     def vector(time_s: float) -> dict[str, float]:
         position, precontrol, acceleration = profile(time_s)
         return {
-            "Position": start + position, "Velocity": precontrol if given else 0.0,
+            "Position": start + position,
+            "Velocity": precontrol if given else 0.0,
             "Acceleration": acceleration if given else 0.0,
-        }  # fmt: skip
+        }
 
     since = ctx.now_s
     program = Program(ctx, vector)
@@ -155,7 +160,9 @@ def position_followed(ctx: CaseContext, direction: str, velocity: str) -> None:
 
 @CASES.case("velocity-without-way", requirements=("MIN-022",))
 def velocity_without_way(ctx: CaseContext) -> None:
-    """A velocity that comes with a position at rest is precontrol alone: it is not taken for the slope of the position."""
+    """A velocity that comes with a position at rest is precontrol alone: it is not taken for the slope of the
+    position.
+    """
     enable(ctx)
     axis = ctx.axis
     axis.write("DynamicAxisModel.VelocityTimeConstant", 0.03)
@@ -166,7 +173,14 @@ def velocity_without_way(ctx: CaseContext) -> None:
     trace = ctx.trace()
     name = axis_name(ctx)
     behind = place - float(trace[f"{name}.balanced_position"].values[-1])
-    ctx.measure("balanced position behind the setpoint", behind, "mm", low=-EXACT, high=EXACT, requirements=("MIN-022",))  # fmt: skip
+    ctx.measure(
+        "balanced position behind the setpoint",
+        behind,
+        "mm",
+        low=-EXACT,
+        high=EXACT,
+        requirements=("MIN-022",),
+    )
     ahead = float(trace[f"{name}.actual_position"].values[-1]) - place
     expected = velocity / float(axis.variables.read("PositionControl.Kv"))
     ctx.measure("actual position ahead of it", ahead, "mm", low=0.9 * expected, high=1.1 * expected)
@@ -182,7 +196,9 @@ def velocity_without_way(ctx: CaseContext) -> None:
     requirements=("MIN-004", "MIN-005"),
 )
 def beyond_limits(ctx: CaseContext, what: str) -> None:
-    """Dynamic limits of the axis do not act; a velocity above them is told by MaxVelocityExceeded as long as it lasts."""
+    """Dynamic limits of the axis do not act; a velocity above them is told by MaxVelocityExceeded as long as
+    it lasts.
+    """
     axis = ctx.axis
     exceeded = what != "acceleration"
     speed = -SPEED if what == "velocity-backwards" else SPEED
@@ -228,7 +244,9 @@ def beyond_limits(ctx: CaseContext, what: str) -> None:
     requirements=("MIN-004", "MIN-006", "MIN-007", "MC-480", "MC-490"),
 )
 def step(ctx: CaseContext, step: str, monitoring: str) -> None:
-    """A step that the drive cannot follow: 521 and disabled, or, unwatched, as fast as the drive can, to the place that was given."""
+    """A step that the drive cannot follow: 521 and disabled, or, unwatched, as fast as the drive can, to the
+    place that was given.
+    """
     watched = monitoring == "watched"
     axis, name = ctx.axis, axis_name(ctx)
     before, after = {"up": (0.0, 450.0), "to-zero": (450.0, 0.0), "reversed": (300.0, -300.0)}[step]
@@ -278,7 +296,9 @@ def step(ctx: CaseContext, step: str, monitoring: str) -> None:
     requirements=("MIN-007", "MC-500"),
 )
 def jump(ctx: CaseContext, distance: float, monitoring: str) -> None:
-    """Within the permitted following error the axis goes there; beyond it 521; unwatched it goes there as fast as it can."""
+    """Within the permitted following error the axis goes there; beyond it 521; unwatched it goes there as
+    fast as it can.
+    """
     watched = monitoring == "watched"
     axis, name = ctx.axis, axis_name(ctx)
     watch(ctx, watched=watched)
@@ -307,7 +327,9 @@ def jump(ctx: CaseContext, distance: float, monitoring: str) -> None:
     requirements=("MIN-001", "MIN-002", "MIN-033"),
 )
 def alternating(ctx: CaseContext, mode: str) -> None:
-    """A vector that changes its sign with every call: each one is the setpoint for one cycle, and nothing adds up."""
+    """A vector that changes its sign with every call: each one is the setpoint for one cycle, and nothing
+    adds up.
+    """
     axis, name = ctx.axis, axis_name(ctx)
     enable(ctx)
     start = float(axis.var("Position"))
@@ -363,7 +385,9 @@ def alternating(ctx: CaseContext, mode: str) -> None:
     requirements=("MIN-002", "MIN-003", "MIN-023"),
 )
 def not_updated(ctx: CaseContext, mode: str) -> None:
-    """The last vector goes on: the velocity keeps moving; the position holds, off by the velocity that it is still precontrolled with."""
+    """The last vector goes on: the velocity keeps moving; the position holds, off by the velocity that it is
+    still precontrolled with.
+    """
     axis, name = ctx.axis, axis_name(ctx)
     speed = 20.0
     job, program = (under_way if mode == "velocity" else moving_position)(ctx, speed)
@@ -386,9 +410,15 @@ def not_updated(ctx: CaseContext, mode: str) -> None:
         deviation = speed * kpc / kv
         cycle = ctx.bench.interpolator_ns * 1e-9
         ctx.expect(
-            value_at(f"{name}.actual_position", ctx.now_s, place + speed * cycle + deviation, tolerance=0.1 * deviation)
-            .named("the place with the velocity of the precontrol").covers("MIN-003", "MIN-023"),
-        )  # fmt: skip
+            value_at(
+                f"{name}.actual_position",
+                ctx.now_s,
+                place + speed * cycle + deviation,
+                tolerance=0.1 * deviation,
+            )
+            .named("the place with the velocity of the precontrol")
+            .covers("MIN-003", "MIN-023"),
+        )
         ctx.do("Velocity = 0")
         job.set(Velocity=0.0, Acceleration=0.0)
     ctx.run_for(0.4 + settle_s(ctx))

@@ -1,4 +1,6 @@
-"""What an axis has in common behind every profile, and how each profile calls it: cases name the left side only."""
+"""What an axis has in common behind every profile, and how each profile calls it: cases name the left side
+only.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def warns_of_mains(ctx: CaseContext) -> EventSelector:
 
 
 def encoder_increments_per_revolution(ctx: CaseContext) -> int:
-    """Return the steps that the fault kinds of the encoder count in, of one revolution: fine resolution included."""
+    """Return the steps that the fault kinds of the encoder count in, of one revolution: fine resolution
+    included.
+    """
     section = ctx.bench.config.drive[drive_name(ctx)]
     fine = section.profidrive.fine_resolution_bits if section.profile == "profidrive" else 0
     return int(section.increments_per_revolution) << int(fine)

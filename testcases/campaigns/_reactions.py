@@ -46,7 +46,8 @@ def disabled_by_alarm(ctx: CaseContext, ended: float) -> None:
 def waited_for_standstill(
     ctx: CaseContext, name: str, velocity: str, threshold: float, *, since_s: float
 ) -> float:
-    """Return how long the velocity of an object was below the threshold before StatusWord.X7 showed standstill, s.
+    """Return how long the velocity of an object was below the threshold before StatusWord.X7 showed
+    standstill, s.
 
     Raises:
         BlockedError: It has not moved since `since_s`.

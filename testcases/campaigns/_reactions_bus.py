@@ -35,7 +35,9 @@ CASES: Final = Campaign("fault reactions", tags=("fault",), bench="reference")
     requirements=("STP-574", "STP-397", "TA-020"),
 )
 def actual_values_lost(ctx: CaseContext, phase: str) -> None:
-    """The drive's actual values do not arrive any more: alarm 431 within the grace of three cycles, reaction 4."""
+    """The drive's actual values do not arrive any more: alarm 431 within the grace of three cycles, reaction
+    4.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     bring_into(ctx, phase)
@@ -66,8 +68,9 @@ def actual_values_lost(ctx: CaseContext, phase: str) -> None:
 def setpoints_lost(ctx: CaseContext, phase: str) -> None:
     """The drive gets no setpoints any more: it brakes by itself, which the axis notices.
 
-    A CiA 402 drive makes a quick stop and stays without fault (550); a PROFIdrive axis in isochronous operation misses the
-    sign of life, brakes with OFF1 and takes its own sign of life away, which is a lost communication (431).
+    A CiA 402 drive makes a quick stop and stays without fault (550); a PROFIdrive axis in isochronous
+    operation misses the sign of life, brakes with OFF1 and takes its own sign of life away, which is a lost
+    communication (431).
     """
     axis, drive = axis_name(ctx), drive_name(ctx)
     enable(ctx)
@@ -143,7 +146,9 @@ def delayed_actual_values(ctx: CaseContext) -> None:
     requirements=("STP-397", "TA-020", "C301-022"),
 )
 def node_off(ctx: CaseContext, phase: str) -> None:
-    """The node vanishes and comes back: 431, boot-up, cyclic data again; an incremental axis is not homed any more."""
+    """The node vanishes and comes back: 431, boot-up, cyclic data again; an incremental axis is not homed any
+    more.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     ctx.do("MC_Home Mode 0, Position 0")
@@ -217,7 +222,8 @@ def controller_heartbeat_lost(ctx: CaseContext, phase: str) -> None:
             since=event("fault.applied"),
             within_s=consumer + cycles(ctx, 3),
         ).covers("C301-123"),
-        # The default error behaviour takes the node to Pre-operational, so that its data stay away as well (1029h).
+        # The default error behaviour takes the node to Pre-operational, so that its data stay away as well
+        # (1029h).
         alarm(431, reaction=4, since=event("fault.applied"), axis=axis).covers("C301-020"),
     )
     stopped_for_good(ctx, ended)

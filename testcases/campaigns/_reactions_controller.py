@@ -25,7 +25,9 @@ STOPPED: Final = event("controller.state", to="STOP")
 
 
 def _enabled_again(ctx: CaseContext) -> None:
-    """Acknowledge what the drive reports of the time without controller; nothing has started by itself, and it can be enabled."""
+    """Acknowledge what the drive reports of the time without controller; nothing has started by itself, and
+    it can be enabled.
+    """
     ctx.run_for(0.5)
     ctx.expect(
         value_at(f"{axis_name(ctx)}.power_status", ctx.now_s, 0.0, tolerance=0.0).named(
@@ -47,7 +49,9 @@ def _enabled_again(ctx: CaseContext) -> None:
     requirements=("MC-629", "STP-506", "STP-588"),
 )
 def controller_stop(ctx: CaseContext, phase: str) -> None:
-    """RUN to STOP: the job ends with CommandAborted, the drive stops as RemoveEnableReaction says; RUN enables nothing."""
+    """RUN to STOP: the job ends with CommandAborted, the drive stops as RemoveEnableReaction says; RUN
+    enables nothing.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     job = bring_into(ctx, phase)
@@ -80,7 +84,9 @@ def controller_stop(ctx: CaseContext, phase: str) -> None:
     requirements=("MC-630",),
 )
 def controller_power_off(ctx: CaseContext, phase: str) -> None:
-    """The drive misses its controller and stops by itself; the controller takes it into service again when it is back."""
+    """The drive misses its controller and stops by itself; the controller takes it into service again when it
+    is back.
+    """
     enable(ctx)
     bring_into(ctx, phase)
     off_s = 1.0 + settle_s(ctx)
@@ -106,7 +112,9 @@ def controller_power_off(ctx: CaseContext, phase: str) -> None:
     requirements=("MC-636", "MC-637"),
 )
 def controller_overrun(ctx: CaseContext, level: str) -> None:
-    """Too long a servo, or the fourth overflow of the interpolator in a row, stops the controller, and with it the axis."""
+    """Too long a servo, or the fourth overflow of the interpolator in a row, stops the controller, and with
+    it the axis.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")

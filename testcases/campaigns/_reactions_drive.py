@@ -27,7 +27,9 @@ CASES: Final = Campaign("fault reactions", tags=("fault",), bench="reference")
     requirements=("STP-559", "TA-020", "C402-014", "C402-015", "PD-104", "PD-115"),
 )
 def drive_fault(ctx: CaseContext, code: str, phase: str) -> None:
-    """The drive trips: alarm 421 with reaction 4, jobs end with 16#8001, standstill, and recovery by one MC_Reset."""
+    """The drive trips: alarm 421 with reaction 4, jobs end with 16#8001, standstill, and recovery by one
+    MC_Reset.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     enable(ctx)
     job = bring_into(ctx, phase)
@@ -73,7 +75,9 @@ def drive_fault(ctx: CaseContext, code: str, phase: str) -> None:
     requirements=("TA-020",),
 )
 def encoder_fault(ctx: CaseContext, phase: str) -> None:
-    """The drive reports its encoder as faulty: alarm 411 with reaction 4; without an encoder the drive cannot brake."""
+    """The drive reports its encoder as faulty: alarm 411 with reaction 4; without an encoder the drive cannot
+    brake.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     enable(ctx)
     bring_into(ctx, phase)

@@ -41,7 +41,8 @@ CASES: Final = Campaign("fault reactions", tags=("fault",), bench="reference")
 
 
 REVOLUTION: Final = 131_072
-"""Jumps are named by increments of the encoder that most benches have; they are scaled to that of the bench."""
+"""Jumps are named by increments of the encoder that most benches have; they are scaled to that of the bench.
+"""
 
 
 @CASES.product(
@@ -52,7 +53,9 @@ REVOLUTION: Final = 131_072
     requirements=("LIM-034", "LIM-037", "STP-589", "STP-597"),
 )
 def limit_switch(ctx: CaseContext, phase: str) -> None:
-    """A limit switch is pressed: 531 with the emergency ramp, the axis stays enabled, and leaves it backwards only."""
+    """A limit switch is pressed: 531 with the emergency ramp, the axis stays enabled, and leaves it backwards
+    only.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     allowed = tolerance(ctx)
     enable(ctx)
@@ -78,10 +81,17 @@ def limit_switch(ctx: CaseContext, phase: str) -> None:
         expected = golden.stop_ramp(velocity, 4000.0)
         ctx.expect(
             ramp(
-                since, expected, axis=axis, velocity=f"{axis}.velocity_setpoint", position=f"{axis}.position_setpoint",
-                time_tolerance_s=allowed.time_s, distance_tolerance=allowed.distance_mm, threshold=1e-9, until=ended,
+                since,
+                expected,
+                axis=axis,
+                velocity=f"{axis}.velocity_setpoint",
+                position=f"{axis}.position_setpoint",
+                time_tolerance_s=allowed.time_s,
+                distance_tolerance=allowed.distance_mm,
+                threshold=1e-9,
+                until=ended,
             ).covers("LIM-034")
-        )  # fmt: skip
+        )
     stopped_for_good(ctx, ended)
     acknowledge(ctx)
     ctx.do("MC_MoveVelocity 50 mm/s: further into the switch")
@@ -115,7 +125,9 @@ def limit_switch_bounces(ctx: CaseContext) -> None:
     "limit-switch-stuck", tags=("switch", "mechanics"), requirements=("MON-040",), without=("STP-331",)
 )
 def limit_switch_stuck(ctx: CaseContext) -> None:
-    """With the limit switch stuck open the axis meets its end stop: following error 521, no motion afterwards."""
+    """With the limit switch stuck open the axis meets its end stop: following error 521, no motion
+    afterwards.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     enable(ctx)
     ctx.inject("switch.stuck", drive, input="positive_limit", state=False)
@@ -135,7 +147,9 @@ def limit_switch_stuck(ctx: CaseContext) -> None:
     requirements=("MON-040", "STP-348"),
 )
 def jam(ctx: CaseContext, phase: str) -> None:
-    """The mechanics is blocked: following error 521 with reaction 4 as soon as the permitted error is used up."""
+    """The mechanics is blocked: following error 521 with reaction 4 as soon as the permitted error is used
+    up.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     if phase == "decelerating":
         need_permitted_error_below(ctx, 40.0, "the rest of the braking distance from 300 mm/s is no longer")
@@ -157,7 +171,9 @@ def jam(ctx: CaseContext, phase: str) -> None:
 
 @CASES.case("emergency-from-actual-values", tags=("mechanics",), requirements=("STP-123",))
 def emergency_from_actual_values(ctx: CaseContext) -> None:
-    """The emergency ramp begins where a jammed axis stands, with the velocity that it has: none, whatever was commanded."""
+    """The emergency ramp begins where a jammed axis stands, with the velocity that it has: none, whatever was
+    commanded.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")
@@ -174,14 +190,22 @@ def emergency_from_actual_values(ctx: CaseContext) -> None:
     first = (trace.instant(begins) or 0.0) + 1.5 * ctx.bench.interpolator_ns * 1e-9
     ahead = trace[f"{axis}.position_setpoint"].at(first) - trace[f"{axis}.actual_position"].at(first)
     ctx.measure(
-        "first velocity setpoint of the emergency ramp", trace[f"{axis}.velocity_setpoint"].at(first), "mm/s",
-        low=-60.0, high=60.0, requirements=("STP-123",),
-    )  # fmt: skip
+        "first velocity setpoint of the emergency ramp",
+        trace[f"{axis}.velocity_setpoint"].at(first),
+        "mm/s",
+        low=-60.0,
+        high=60.0,
+        requirements=("STP-123",),
+    )
     allowed = tolerance(ctx).distance_mm
     ctx.measure(
-        "its first position setpoint, from the actual position", ahead, "mm",
-        low=-allowed, high=allowed, requirements=("STP-123",),
-    )  # fmt: skip
+        "its first position setpoint, from the actual position",
+        ahead,
+        "mm",
+        low=-allowed,
+        high=allowed,
+        requirements=("STP-123",),
+    )
     ctx.run_for(1.0 + settle_s(ctx))
     stopped_for_good(ctx, ctx.now_s)
 

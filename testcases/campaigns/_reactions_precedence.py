@@ -44,7 +44,9 @@ EMERGENCY: Final = 4000.0
     requirements=lambda first, second, aborted, identifier: ("STP-436", identifier),
 )
 def precedence(ctx: CaseContext, first: str, second: str, aborted: bool, identifier: str) -> None:
-    """The more severe of MC_Stop and alarm reaction wins; an MC_Stop that loses shows CommandAborted, never Error."""
+    """The more severe of MC_Stop and alarm reaction wins; an MC_Stop that loses shows CommandAborted, never
+    Error.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")
@@ -75,7 +77,9 @@ def precedence(ctx: CaseContext, first: str, second: str, aborted: bool, identif
     requirements=("STP-432", "TA-003"),
 )
 def alarm_upon_alarm(ctx: CaseContext, first: int, second: int) -> None:
-    """The ramp gets harder with a stronger reaction and never softer; ErrorDetail shows the stronger alarm."""
+    """The ramp gets harder with a stronger reaction and never softer; ErrorDetail shows the stronger
+    alarm.
+    """
     axis = axis_name(ctx)
     stronger = max(first, second)
     enable(ctx)

@@ -18,9 +18,10 @@ STP-525 power-2  E E E P P N N  - - - -
 STP-526 power-1  E E E P P P R  - - - -
 STP-526 power-3  E E E P P P P  - - - -
 """
-"""N the new one takes over, A the active one goes on and the new one is turned away, P it goes on and the alarm stays pending,
-E turned away with an error, 2 OFF2 at once, W after standstill, R the pattern of RemoveEnableReaction. alarm-7 is reaction 4 with
-16#7, alarm-4 stands for the other values."""
+"""N the new one takes over, A the active one goes on and the new one is turned away, P it goes on and the
+alarm stays pending,
+E turned away with an error, 2 OFF2 at once, W after standstill, R the pattern of RemoveEnableReaction.
+alarm-7 is reaction 4 with 16#7, alarm-4 stands for the other values."""
 COLUMNS: Final = (
     "stop-3",
     "stop-2",

@@ -38,7 +38,9 @@ ENDS: Final = ("constant", "standstill")
     requirements=("PD-132", "PD-349", "STP-574"),
 )
 def sign_of_life(ctx: CaseContext, phase: str) -> None:
-    """The fourth wrong value in a row is a lost communication: 431 with reaction 4; counting again the axis recovers."""
+    """The fourth wrong value in a row is a lost communication: 431 with reaction 4; counting again the axis
+    recovers.
+    """
     need_sign_of_life(ctx)
     enable(ctx)
     bring_into(ctx, phase)
@@ -59,7 +61,9 @@ def sign_of_life(ctx: CaseContext, phase: str) -> None:
     requirements=("PD-132",),
 )
 def sign_of_life_jumps(ctx: CaseContext, times: int) -> None:
-    """Values that jump and count on are wrong twice, there and back: within the tolerance, the motion goes on."""
+    """Values that jump and count on are wrong twice, there and back: within the tolerance, the motion goes
+    on.
+    """
     need_sign_of_life(ctx)
     enable(ctx)
     bring_into(ctx, "constant")
@@ -109,7 +113,9 @@ LIES: Final[dict[str, tuple[dict[str, Any], int, tuple[str, ...]]]] = {
     requirements=lambda what, phase: (*LIES[what][2], "PD-349", "TA-020"),
 )
 def lie(ctx: CaseContext, what: str, phase: str) -> None:
-    """A status bit that says so is enough: alarm with reaction 4, the axis stops; the truth again, it recovers."""
+    """A status bit that says so is enough: alarm with reaction 4, the axis stops; the truth again, it
+    recovers.
+    """
     told, number, identifiers = LIES[what]
     enable(ctx)
     bring_into(ctx, phase)
@@ -129,7 +135,9 @@ def lie(ctx: CaseContext, what: str, phase: str) -> None:
     requirements=("STP-561", "PD-065"),
 )
 def autonomous(ctx: CaseContext, phase: str) -> None:
-    """A drive that is on, not in operation, with its quick stop active brakes by itself, as the axis sees it: 550."""
+    """A drive that is on, not in operation, with its quick stop active brakes by itself, as the axis sees it:
+    550.
+    """
     enable(ctx)
     bring_into(ctx, phase)
     fault = ctx.inject("telegram.bits", drive_name(ctx), signal="ZSW1", clear=0x0024)
@@ -178,9 +186,13 @@ def stale(ctx: CaseContext, phase: str) -> None:
     ctx.run_for(following_error_s(ctx) + 1.0)
     ctx.expect(
         alarm(
-            521, reaction=4, since=APPLIED, within_s=following_error_s(ctx) + cycles(ctx, 2), axis=axis_name(ctx)
+            521,
+            reaction=4,
+            since=APPLIED,
+            within_s=following_error_s(ctx) + cycles(ctx, 2),
+            axis=axis_name(ctx),
         ).covers("MON-040")
-    )  # fmt: skip
+    )
     fault.remove()
     ctx.run_for(2.0 + settle_s(ctx))
     stopped_for_good(ctx, ctx.now_s)
@@ -324,7 +336,9 @@ def position_displaced(ctx: CaseContext) -> None:
 
 @CASES.case("never-off", tags=("actual",), requirements=("STP-573", "STP-295"))
 def never_off(ctx: CaseContext) -> None:
-    """ZSW1 shows operation for ever: MC_Power stays busy when the axis is to be disabled, until it is true again."""
+    """ZSW1 shows operation for ever: MC_Power stays busy when the axis is to be disabled, until it is true
+    again.
+    """
     axis = axis_name(ctx)
     power = enable(ctx)
     fault = ctx.inject("telegram.stuck", drive_name(ctx), signal="ZSW1.2", value=1)
@@ -341,7 +355,9 @@ def never_off(ctx: CaseContext) -> None:
 
 @CASES.case("operation-comes-late", tags=("actual",), requirements=("STP-043", "STP-556", "PD-349"))
 def operation_comes_late(ctx: CaseContext) -> None:
-    """ZSW1.2 stays away while the axis is enabled: MC_Power waits without an alarm, and goes on once it is there."""
+    """ZSW1.2 stays away while the axis is enabled: MC_Power waits without an alarm, and goes on once it is
+    there.
+    """
     fault = ctx.inject("telegram.stuck", drive_name(ctx), signal="ZSW1.2", value=0)
     ctx.do("MC_Power Enable = TRUE")
     power = ctx.axis.power()

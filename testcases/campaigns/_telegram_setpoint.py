@@ -54,7 +54,9 @@ SILENCES: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     requirements=("PD-127", "PD-128", "PD-129", "PD-132"),
 )
 def controller_silent(ctx: CaseContext, how: str, phase: str) -> None:
-    """The second wrong value is the fault: OFF1 and its ramp; the drive's own sign of life goes, which is 431 for the axis."""
+    """The second wrong value is the fault: OFF1 and its ramp; the drive's own sign of life goes, which is 431
+    for the axis.
+    """
     need_sign_of_life(ctx)
     kind, parameters = SILENCES[how]
     enable(ctx)
@@ -79,7 +81,9 @@ def controller_silent(ctx: CaseContext, how: str, phase: str) -> None:
 
 @CASES.case("one-wrong-sign", tags=("setpoint", "sign-of-life"), requirements=("PD-127", "PD-128"))
 def one_wrong_sign(ctx: CaseContext) -> None:
-    """A wrong value of the controller now and then, more than ten right ones between, is tolerated with PNU 925 = 1."""
+    """A wrong value of the controller now and then, more than ten right ones between, is tolerated with PNU
+    925 = 1.
+    """
     need_sign_of_life(ctx)
     enable(ctx)
     bring_into(ctx, "constant")
@@ -129,7 +133,9 @@ OFFS: Final[dict[str, tuple[str, str, int, int, tuple[str, ...]]]] = {
     requirements=lambda how, phase: (*OFFS[how][4], "PD-349"),
 )
 def withdrawn(ctx: CaseContext, how: str, phase: str) -> None:
-    """The drive does what it reads; the axis sees that ZSW1.2 fell without its doing: 421, or 550 while a quick stop shows."""
+    """The drive does what it reads; the axis sees that ZSW1.2 fell without its doing: 421, or 550 while a
+    quick stop shows.
+    """
     signal, state, number, reaction, identifiers = OFFS[how]
     enable(ctx)
     bring_into(ctx, phase)
@@ -148,7 +154,9 @@ def withdrawn(ctx: CaseContext, how: str, phase: str) -> None:
     "operation-withdrawn-in-quick-stop", tags=("setpoint", "stop"), requirements=("STP-572", "PD-113")
 )
 def operation_withdrawn_in_quick_stop(ctx: CaseContext) -> None:
-    """On its way the telegram loses STW1.3 during OFF3: pulses off at once, the motor coasts out of its ramp."""
+    """On its way the telegram loses STW1.3 during OFF3: pulses off at once, the motor coasts out of its
+    ramp.
+    """
     drive = drive_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")
@@ -174,7 +182,9 @@ def operation_withdrawn_in_quick_stop(ctx: CaseContext) -> None:
 
 @CASES.case("control-given-away", tags=("setpoint",), requirements=("PD-076", "PD-077"))
 def control_given_away(ctx: CaseContext) -> None:
-    """STW1.10 falls in operation: the drive keeps what it was told and runs on; neither fault nor alarm at constant travel."""
+    """STW1.10 falls in operation: the drive keeps what it was told and runs on; neither fault nor alarm at
+    constant travel.
+    """
     drive = drive_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")
@@ -191,7 +201,9 @@ def control_given_away(ctx: CaseContext) -> None:
     "control-given-away-before-a-halt", tags=("setpoint",), requirements=("PD-076", "PD-077", "MON-040")
 )
 def control_given_away_before_a_halt(ctx: CaseContext) -> None:
-    """Without control the drive does not hear the halt either: it runs on, and the following error says so."""
+    """Without control the drive does not hear the halt either: it runs on, and the following error says
+    so.
+    """
     enable(ctx)
     bring_into(ctx, "constant")
     fault = ctx.inject("telegram.control_lost", drive_name(ctx), direction="setpoint")
@@ -304,7 +316,9 @@ def torque_reduced(ctx: CaseContext) -> None:
     requirements=("PD-119", "PD-120", "PD-349"),
 )
 def ramp_bits(ctx: CaseContext, how: str) -> None:
-    """STW1.4 or .6 at 0 stops the drive in operation (521); STW1.5 has no effect on a reduced setpoint channel."""
+    """STW1.4 or .6 at 0 stops the drive in operation (521); STW1.5 has no effect on a reduced setpoint
+    channel.
+    """
     bit = {"disabled": 4, "frozen": 5, "without-input": 6}[how]
     enable(ctx)
     bring_into(ctx, "constant")
@@ -326,7 +340,9 @@ def ramp_bits(ctx: CaseContext, how: str) -> None:
     requirements=("STP-573", "PD-349"),
 )
 def enabled_in_spite(ctx: CaseContext, phase: str) -> None:
-    """MC_Power stops the axis and stays busy, because the drive stays on; nothing moves; heard again, it is off."""
+    """MC_Power stops the axis and stays busy, because the drive stays on; nothing moves; heard again, it is
+    off.
+    """
     axis = axis_name(ctx)
     power = enable(ctx)
     bring_into(ctx, phase)

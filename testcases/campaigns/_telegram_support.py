@@ -37,7 +37,9 @@ def drive_faults(ctx: CaseContext, text: str) -> EventSelector:
 def ends_disabled(
     ctx: CaseContext, number: int, *, within: float, identifiers: tuple[str, ...], stop_s: float = 1.5
 ) -> float:
-    """Let the stop happen; expect the alarm with reaction 4 within so many cycles, standstill, a disabled axis."""
+    """Let the stop happen; expect the alarm with reaction 4 within so many cycles, standstill, a disabled
+    axis.
+    """
     ctx.run_for(stop_s + settle_s(ctx))
     ended = ctx.now_s
     ctx.expect(

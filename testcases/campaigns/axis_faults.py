@@ -1,4 +1,6 @@
-"""Enabling that is disturbed, and stops into which somebody interferes; the same cases on drives of either profile."""
+"""Enabling that is disturbed, and stops into which somebody interferes; the same cases on drives of either
+profile.
+"""
 
 from __future__ import annotations
 

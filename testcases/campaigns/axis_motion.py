@@ -1,4 +1,6 @@
-"""What a controlled axis makes of its values: dynamics, superposition, interpolation, backlash, and encoders that are switched."""
+"""What a controlled axis makes of its values: dynamics, superposition, interpolation, backlash, and encoders
+that are switched.
+"""
 
 from __future__ import annotations
 
@@ -48,9 +50,10 @@ SLOW: Final = BenchFile(
 )
 TWO: Final = _with_scale("two encoders")
 PLAY: Final = _with_scale(
-    "play between motor and load", play_mm=PLAY_MM,
+    "play between motor and load",
+    play_mm=PLAY_MM,
     **{"Sensor[1].Backlash.Enable": True, "Sensor[1].Backlash.Size": PLAY_MM},
-)  # fmt: skip
+)
 
 CAMPAIGN: Final = Campaign("axis motion", tags=("axis",), bench="reference")
 INTERPOLATOR: Final = Campaign("interpolator", tags=("axis",), bench=f"{_HERE}:SLOW")
@@ -60,7 +63,9 @@ BACKLASH: Final = Campaign("backlash", tags=("axis", "mechanics"), bench=f"{_HER
 
 @CAMPAIGN.case("slows-down", requirements=("MC-296",))
 def slows_down(ctx: CaseContext) -> None:
-    """A velocity is reduced with the deceleration of the job, not with its acceleration: 200 mm/s with 500 mm/s2 and 10000 mm/s3."""
+    """A velocity is reduced with the deceleration of the job, not with its acceleration: 200 mm/s with 500
+    mm/s2 and 10000 mm/s3.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     fast = ctx.axis.move_velocity(300.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0)
@@ -70,9 +75,13 @@ def slows_down(ctx: CaseContext) -> None:
     ctx.wait_until(slow.in_velocity, 3.0, "100 mm/s are reached")
     wanted = 200.0 / 500.0 + 500.0 / 10_000.0
     ctx.measure(
-        "time to the lower velocity", ctx.now_s - since, "s", low=wanted - cycles(ctx, 2), high=wanted + cycles(ctx, 3),
+        "time to the lower velocity",
+        ctx.now_s - since,
+        "s",
+        low=wanted - cycles(ctx, 2),
+        high=wanted + cycles(ctx, 3),
         requirements=("MC-296",),
-    )  # fmt: skip
+    )
     greatest = float(-ctx.trace()[f"{axis}.acceleration_setpoint"].values.min())
     ctx.measure("greatest deceleration", greatest, "mm/s2", low=499.0, high=500.0 + 1e-6)
     ctx.expect(no_alarm(axis=axis))
@@ -80,7 +89,9 @@ def slows_down(ctx: CaseContext) -> None:
 
 @CAMPAIGN.case("superimposed-room", requirements=("MC-352",))
 def superimposed_room(ctx: CaseContext) -> None:
-    """A superimposed motion gets what the basic one leaves of the velocity limit, and covers its distance all the same."""
+    """A superimposed motion gets what the basic one leaves of the velocity limit, and covers its distance all
+    the same.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     basic = ctx.axis.move_velocity(450.0, Acceleration=2000.0, Jerk=0.0)
@@ -91,8 +102,12 @@ def superimposed_room(ctx: CaseContext) -> None:
     ctx.wait_until(moving.done, 2.0, "the superimposed motion has ended")
     wanted = 10.0 / 50.0 + 50.0 / 2000.0
     ctx.measure(
-        "time for 10 mm with 50 mm/s", ctx.now_s - since, "s", low=wanted - cycles(ctx, 2), high=wanted + cycles(ctx, 4),
-    )  # fmt: skip
+        "time for 10 mm with 50 mm/s",
+        ctx.now_s - since,
+        "s",
+        low=wanted - cycles(ctx, 2),
+        high=wanted + cycles(ctx, 4),
+    )
     ctx.expect(
         always("at most 500 mm/s", lambda v: v <= 500.0 + 1e-6, f"{axis}.velocity_setpoint").covers("MC-352"),
         # What the control adds to the highest velocity may reach the limit of the speed setpoint.
@@ -102,7 +117,9 @@ def superimposed_room(ctx: CaseContext) -> None:
 
 @INTERPOLATOR.case("constant-travel", requirements=("CFG-152",))
 def constant_travel(ctx: CaseContext) -> None:
-    """Three servo cycles to one of the interpolator: what the drive is given moves evenly, and the drive follows evenly."""
+    """Three servo cycles to one of the interpolator: what the drive is given moves evenly, and the drive
+    follows evenly.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     enable(ctx)
     job = ctx.axis.move_velocity(200.0, Acceleration=1000.0, Jerk=10_000.0)
@@ -179,7 +196,9 @@ def switched(ctx: CaseContext, mode: int) -> None:
     requirements=("CFG-553", "CFG-554"),
 )
 def reversal(ctx: CaseContext, direction: str) -> None:
-    """The motor goes the play further, PassingBacklash is shown meanwhile and no longer, and the load goes exactly its way."""
+    """The motor goes the play further, PassingBacklash is shown meanwhile and no longer, and the load goes
+    exactly its way.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     sign = 1.0 if direction == "forward" else -1.0
     enable(ctx)
@@ -210,9 +229,13 @@ def reversal(ctx: CaseContext, direction: str) -> None:
     )
     passing = [gone_by(time_s) for time_s, bit in shown if bit]
     ctx.measure(
-        "way of the motor while PassingBacklash is shown", max(passing, default=0.0), "mm",
-        low=0.5 * PLAY_MM, high=1.5 * PLAY_MM, requirements=("CFG-553",),
-    )  # fmt: skip
+        "way of the motor while PassingBacklash is shown",
+        max(passing, default=0.0),
+        "mm",
+        low=0.5 * PLAY_MM,
+        high=1.5 * PLAY_MM,
+        requirements=("CFG-553",),
+    )
     gone = abs(float(ctx.axis.var("StatusSensor[2].Position")) - load)
     ctx.measure("way of the load", gone, "mm", low=9.97, high=10.03, requirements=("CFG-554",))
     ctx.expect(no_alarm(axis=axis))

@@ -1,4 +1,6 @@
-"""When an axis says that it has arrived, and that it stands: windows and times of the monitoring, on drives of either profile."""
+"""When an axis says that it has arrived, and that it stands: windows and times of the monitoring, on drives
+of either profile.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ CAMPAIGN: Final = Campaign("axis signals", tags=("axis",), bench="reference")
     requirements=("MON-016", "MON-018"),
 )
 def positioned(ctx: CaseContext, distance: int) -> None:
-    """Done comes when the actual position has been in the window for the dwell time, not before; the axis is at its target."""
+    """Done comes when the actual position has been in the window for the dwell time, not before; the axis is
+    at its target.
+    """
     axis = axis_name(ctx)
     read = ctx.axis.variables.read
     enable(ctx)
@@ -37,9 +41,13 @@ def positioned(ctx: CaseContext, distance: int) -> None:
     entered = float(actual.time_s[np.flatnonzero(outside)[-1]])
     dwell = float(read("PositioningMonitoring.MinDwellTime"))
     ctx.measure(
-        "time in the window before Done", done - entered, "s", low=dwell, high=dwell + cycles(ctx, 4),
+        "time in the window before Done",
+        done - entered,
+        "s",
+        low=dwell,
+        high=dwell + cycles(ctx, 4),
         requirements=("MON-018",),
-    )  # fmt: skip
+    )
     ctx.run_for(0.1)
     ctx.expect(value_at(f"{axis}.actual_position", ctx.now_s, target, tolerance=window), no_alarm(axis=axis))
 
@@ -62,14 +70,20 @@ def stands(ctx: CaseContext) -> None:
     )
     dwell = float(read("StandstillSignal.MinDwellTime"))
     ctx.measure(
-        "time below the threshold before X7", waited, "s", low=dwell, high=dwell + cycles(ctx, 2),
+        "time below the threshold before X7",
+        waited,
+        "s",
+        low=dwell,
+        high=dwell + cycles(ctx, 2),
         requirements=("MON-050",),
-    )  # fmt: skip
+    )
 
 
 @CAMPAIGN.case("follows", requirements=("CTL-001",))
 def follows(ctx: CaseContext) -> None:
-    """At constant travel the following error is that of the drive's time constant, and the motor works against friction alone."""
+    """At constant travel the following error is that of the drive's time constant, and the motor works
+    against friction alone.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     mechanics = ctx.bench.config.drive[drive].mechanics
     enable(ctx)

@@ -1,4 +1,6 @@
-"""What the CiA 402 drive owes its controller and the other campaigns do not ask for: local control, lost SYNC, missing setpoints."""
+"""What the CiA 402 drive owes its controller and the other campaigns do not ask for: local control, lost
+SYNC, missing setpoints.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ _REMOTE: Final = 1 << 9
 
 @CAMPAIGN.case("local-control", requirements=("C402-041", "STP-559"))
 def local_control(ctx: CaseContext) -> None:
-    """Under local control bit 9 is 0 and no control word acts; the axis tells it, and leads the drive again afterwards."""
+    """Under local control bit 9 is 0 and no control word acts; the axis tells it, and leads the drive again
+    afterwards.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     enable(ctx)
     fault = ctx.inject("drive.local_control", drive)
@@ -50,7 +54,9 @@ def local_control(ctx: CaseContext) -> None:
     requirements=("C301-037",),
 )
 def sync_lost(ctx: CaseContext, phase: str) -> None:
-    """Without SYNC a drive in a cyclic mode goes into its fault reaction after one and a half cycles, with EMCY 8700h."""
+    """Without SYNC a drive in a cyclic mode goes into its fault reaction after one and a half cycles, with
+    EMCY 8700h.
+    """
     drive = drive_name(ctx)
     enable(ctx)
     bring_into(ctx, phase)
@@ -74,7 +80,9 @@ def sync_lost(ctx: CaseContext, phase: str) -> None:
     requirements=("C402-077",),
 )
 def setpoints_missing(ctx: CaseContext, number: int) -> None:
-    """The drive bridges gaps shorter than `missing_setpoints`; at that number it takes the connection for lost."""
+    """The drive bridges gaps shorter than `missing_setpoints`; at that number it takes the connection for
+    lost.
+    """
     drive = drive_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")

@@ -1,4 +1,6 @@
-"""Commissioning by hand: sessions at the control panel, the life sign, and faults under the hands of an operator; on drives of either profile."""
+"""Commissioning by hand: sessions at the control panel, the life sign, and faults under the hands of an
+operator; on drives of either profile.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The control loop of a positioning axis: gain, precontrol, balancing, filters, switching on and off, in the controller and in the drive."""
+"""The control loop of a positioning axis: gain, precontrol, balancing, filters, switching on and off, in the
+controller and in the drive.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Faults inside the drive and its supply, and what the axis makes of them; the same cases on virtual and live benches."""
+"""Faults inside the drive and its supply, and what the axis makes of them; the same cases on virtual and live
+benches.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ COASTS: Final = ("dc-link-too-high", "encoder-wire")
     requirements=("C402-311", "C402-014", "STP-559"),
 )
 def trip(ctx: CaseContext, what: str, phase: str) -> None:
-    """A monitor of the drive trips: EMCY, alarm with reaction 4, standstill; without the cause one MC_Reset recovers."""
+    """A monitor of the drive trips: EMCY, alarm with reaction 4, standstill; without the cause one MC_Reset
+    recovers.
+    """
     axis = axis_name(ctx)
     kind, parameters, code, number = TRIPS[what]
     enable(ctx)
@@ -88,7 +92,9 @@ def trip(ctx: CaseContext, what: str, phase: str) -> None:
 
 @CAMPAIGN.case("acknowledge-held", requirements=("C402-015", "C402-016", "PD-137", "TA-007"))
 def acknowledge_held(ctx: CaseContext) -> None:
-    """A cause that lasts cannot be acknowledged; when it ends only a new edge of the bit does it, not the level it still has."""
+    """A cause that lasts cannot be acknowledged; when it ends only a new edge of the bit does it, not the
+    level it still has.
+    """
     axis = axis_name(ctx)
     enable(ctx)
     fault = ctx.inject("drive.fault", drive_name(ctx), code=0x2310, persistent=True)
@@ -126,7 +132,9 @@ def acknowledge_held(ctx: CaseContext) -> None:
 
 @CAMPAIGN.case("mains-off", requirements=("C402-029", "C402-311"))
 def mains_off(ctx: CaseContext) -> None:
-    """The mains are away: warning first, 3220h when the DC link is empty; back again the axis is enabled by MC_Reset."""
+    """The mains are away: warning first, 3220h when the DC link is empty; back again the axis is enabled by
+    MC_Reset.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     enable(ctx)
     fault = ctx.inject("drive.mains_off", drive)
@@ -194,7 +202,9 @@ def withdrawn(ctx: CaseContext, phase: str) -> None:
     requirements=("C402-030",),
 )
 def safe_stop_1(ctx: CaseContext, phase: str) -> None:
-    """Safe stop 1: the drive brakes by itself, then takes the torque; released and acknowledged it is enabled again."""
+    """Safe stop 1: the drive brakes by itself, then takes the torque; released and acknowledged it is enabled
+    again.
+    """
     drive = drive_name(ctx)
     enable(ctx)
     bring_into(ctx, phase)
@@ -215,7 +225,9 @@ def safe_stop_1(ctx: CaseContext, phase: str) -> None:
 
 @CAMPAIGN.case("sto-before-enabling", requirements=("C402-030", "STP-046"))
 def sto_before_enabling(ctx: CaseContext) -> None:
-    """While safe torque off is there the drive stays off, whatever the axis asks for; without it the axis is enabled."""
+    """While safe torque off is there the drive stays off, whatever the axis asks for; without it the axis is
+    enabled.
+    """
     drive = drive_name(ctx)
     fault = ctx.inject("drive.sto", drive)
     before = ctx.now_s
@@ -234,7 +246,9 @@ def sto_before_enabling(ctx: CaseContext) -> None:
 
 @CAMPAIGN.case("no-dc-link-before-enabling", requirements=("C402-004", "PD-103"))
 def no_dc_link_before_enabling(ctx: CaseContext) -> None:
-    """Without DC link the drive does not begin to operate, whatever the axis asks for; with it the axis is enabled."""
+    """Without DC link the drive does not begin to operate, whatever the axis asks for; with it the axis is
+    enabled.
+    """
     fault = ctx.inject("drive.dc_link", drive_name(ctx), voltage_V=0.0)
     before = ctx.now_s
     ctx.do("MC_Power Enable = TRUE")
@@ -255,7 +269,9 @@ def no_dc_link_before_enabling(ctx: CaseContext) -> None:
 
 @CAMPAIGN.case("jam-comes-free", requirements=("STP-311", "PD-116"))
 def jam_comes_free(ctx: CaseContext) -> None:
-    """A stop of the drive begins with the speed that the motor has: a jam that comes free meanwhile sets nothing in motion."""
+    """A stop of the drive begins with the speed that the motor has: a jam that comes free meanwhile sets
+    nothing in motion.
+    """
     axis, drive = axis_name(ctx), drive_name(ctx)
     need_permitted_error_below(ctx, 40.0, "the alarm has to come while the setpoint still moves")
     enable(ctx)
@@ -353,7 +369,9 @@ def reset(ctx: CaseContext, phase: str) -> None:
 
 @CAMPAIGN.case("transition-refused", requirements=("C402-311", "STP-043", "STP-556"))
 def transition_refused(ctx: CaseContext) -> None:
-    """The drive does not go to Operation enabled: MC_Power waits without an alarm, and goes on once it does."""
+    """The drive does not go to Operation enabled: MC_Power waits without an alarm, and goes on once it
+    does.
+    """
     drive = drive_name(ctx)
     fault = ctx.inject("drive.refuse_transition", drive, transition=4)
     ctx.do("MC_Power Enable = TRUE")

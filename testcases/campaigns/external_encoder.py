@@ -1,4 +1,6 @@
-"""External encoders over PROFIdrive telegrams and CiA 406: their values, homing, alarms and faults, beside a drive of either profile."""
+"""External encoders over PROFIdrive telegrams and CiA 406: their values, homing, alarms and faults, beside a
+drive of either profile.
+"""
 
 from __future__ import annotations
 

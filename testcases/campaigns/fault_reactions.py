@@ -1,4 +1,6 @@
-"""Faults of bus, drive, encoder, switches, mechanics and controller, and what the axis makes of them, whatever the profile of its drive."""
+"""Faults of bus, drive, encoder, switches, mechanics and controller, and what the axis makes of them,
+whatever the profile of its drive.
+"""
 
 from __future__ import annotations
 

@@ -34,7 +34,9 @@ def place(ctx: CaseContext) -> float:
 
 @CAMPAIGN.case("opens", requirements=("C402-173",))
 def opens(ctx: CaseContext) -> None:
-    """The brake opens after its time; a motion commanded meanwhile does not begin before, nor does the load give way."""
+    """The brake opens after its time; a motion commanded meanwhile does not begin before, nor does the load
+    give way.
+    """
     drive = drive_name(ctx)
     enable(ctx)
     begun = ctx.now_s

@@ -1,4 +1,6 @@
-"""Homing: every mode from every side, and what goes wrong on the way; the same cases on drives of either profile."""
+"""Homing: every mode from every side, and what goes wrong on the way; the same cases on drives of either
+profile.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Travel limits: hardware and software limit switches, met in every way, wired wrongly, and left again; on drives of either profile."""
+"""Travel limits: hardware and software limit switches, met in every way, wired wrongly, and left again; on
+drives of either profile.
+"""
 
 from __future__ import annotations
 

@@ -65,7 +65,9 @@ EXCEPTIONS: Final = (1, 2, 3, 4, 5, 6, 7, 8, 10, 11)
 
 
 def grace(ctx: CaseContext) -> int:
-    """Return after how many cycles without an answer the axis must report it: its grace, the time-out, the next question."""
+    """Return after how many cycles without an answer the axis must report it: its grace, the time-out, the
+    next question.
+    """
     return int(ctx.bench.config.bench.grace_cycles) + 4
 
 
@@ -79,7 +81,9 @@ def linked_again(ctx: CaseContext) -> None:
 def lost_for_good(
     ctx: CaseContext, kind: str, parameters: dict[str, Any], identifiers: tuple[str, ...]
 ) -> None:
-    """Take the answers away: 431 with reaction 4, the drive stops by its own monitoring or by what it still hears."""
+    """Take the answers away: 431 with reaction 4, the drive stops by its own monitoring or by what it still
+    hears.
+    """
     fault = ctx.inject(kind, **parameters)
     ctx.run_for(2.0 + settle_s(ctx))
     ended = ctx.now_s
@@ -195,14 +199,17 @@ def harmless_on_a_line(ctx: CaseContext, what: str) -> None:
 
 
 def corrupted(ctx: CaseContext, what: str) -> None:
-    """A frame that is right, with a register that is not: the axis believes it, and its monitoring says so."""
+    """A frame that is right, with a register that is not: the axis believes it, and its monitoring says
+    so.
+    """
     enable(ctx)
     bring_into(ctx, "constant")
     if what == "fault":
         ctx.inject("modbus.corrupt", function=3, register=0, mask=0x0008, duration_s=0.3)
         number, within = 421, cycles(ctx, 4)
     else:
-        # The high word of G1_XIST1: the least of its bits that is more than the permitted following error, and some.
+        # The high word of G1_XIST1: the least of its bits that is more than the permitted following error,
+        # and some.
         per_mm = (
             encoder_increments_per_revolution(ctx)
             / ctx.bench.config.drive[drive_name(ctx)].mechanics.lead_screw_mm
@@ -229,7 +236,9 @@ for _campaign in (CAMPAIGN, LINE):
 
 
 def setpoints_lost(ctx: CaseContext) -> None:
-    """Writing alone fails: the drive misses the sign of life and brakes by itself; its own goes, which the axis sees."""
+    """Writing alone fails: the drive misses the sign of life and brakes by itself; its own goes, which the
+    axis sees.
+    """
     enable(ctx)
     bring_into(ctx, "constant")
     fault = ctx.inject("modbus.drop", direction="request", function=16)
@@ -263,7 +272,9 @@ for _campaign in (CAMPAIGN, LINE):
     requirements=("PD-292",),
 )
 def unwatched(ctx: CaseContext, what: str) -> None:
-    """Without any access to process data the drive makes a quick stop after the monitoring time; reading alone keeps it going."""
+    """Without any access to process data the drive makes a quick stop after the monitoring time; reading
+    alone keeps it going.
+    """
     enable(ctx)
     bring_into(ctx, "constant")
     drive, silent = drive_name(ctx), what == "every-request"
@@ -287,7 +298,9 @@ def unwatched(ctx: CaseContext, what: str) -> None:
 
 @LINE.case("noisy", requirements=("MODB-008", "PD-290"))
 def noisy(ctx: CaseContext) -> None:
-    """Much noise on the line: whatever it makes of the cycle, the axis says so and stands, or goes on; nothing breaks."""
+    """Much noise on the line: whatever it makes of the cycle, the axis says so and stands, or goes on;
+    nothing breaks.
+    """
     enable(ctx)
     bring_into(ctx, "constant")
     fault = ctx.inject("modbus.noise", period_s=0.004, bytes=5)

@@ -1,4 +1,6 @@
-"""Monitoring of a positioning axis: window and times, following error, standstill, fixed stop, under faults; on drives of either profile."""
+"""Monitoring of a positioning axis: window and times, following error, standstill, fixed stop, under faults;
+on drives of either profile.
+"""
 
 from __future__ import annotations
 

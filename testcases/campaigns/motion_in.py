@@ -1,4 +1,6 @@
-"""Setpoints from the user program: vectors that are followed, wrong or overridden, and faults under them; on drives of either profile."""
+"""Setpoints from the user program: vectors that are followed, wrong or overridden, and faults under them; on
+drives of either profile.
+"""
 
 from __future__ import annotations
 

@@ -127,7 +127,9 @@ def pulses(ctx: CaseContext) -> None:
 
 @CAMPAIGN.case("sync-lost", requirements=("PD-030",))
 def sync_lost(ctx: CaseContext) -> None:
-    """Without the clock of the bus an isochronous drive stops by itself, and tells it once the clock is back."""
+    """Without the clock of the bus an isochronous drive stops by itself, and tells it once the clock is
+    back.
+    """
     operate(ctx, SPEED)
     ctx.inject("frame.drop", "can0", can_id=0x080, duration_s=0.5)
     ctx.run_for(2.0)

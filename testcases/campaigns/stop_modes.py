@@ -1,7 +1,7 @@
 """Every way to stop an axis, in every phase of its motion, against the numbers of the specification.
 
-Twelve stops (`MC_Power` StopMode 0 to 3, `MC_Stop` Mode 0, 2 and 3, alarm reactions 1 to 4, `MC_Halt`) are crossed with
-constant travel, acceleration, deceleration and standstill.
+Twelve stops (`MC_Power` StopMode 0 to 3, `MC_Stop` Mode 0, 2 and 3, alarm reactions 1 to 4, `MC_Halt`) are
+crossed with constant travel, acceleration, deceleration and standstill.
 """
 
 from __future__ import annotations
@@ -169,7 +169,9 @@ def give(ctx: CaseContext, stop: str) -> Any:
     requirements=requirements_of,
 )
 def stop_case(ctx: CaseContext, stop: str, phase: str, words: str) -> None:
-    """Stop an axis and compare ramp, travel, control words, job outputs and end state with the specification."""
+    """Stop an axis and compare ramp, travel, control words, job outputs and end state with the
+    specification.
+    """
     del words  # the title
     enable(ctx)
     stops_as_specified(ctx, stop, phase, bring_into(ctx, phase))
@@ -207,7 +209,8 @@ def stops_as_specified(ctx: CaseContext, stop: str, phase: str, job: Any) -> Non
         ctx.expect(no_motion_after(before, axis=axis).covers("STP-298"))
         return
     if coast:
-        # The mechanics alone decide; what can be said is that nobody brakes: the drive has no torque from now on.
+        # The mechanics alone decide; what can be said is that nobody brakes: the drive has no torque from now
+        # on.
         ctx.expect(
             ramp(
                 since, axis=axis, velocity=f"{drive}.motor_speed", position=f"{drive}.position", threshold=1.0
@@ -252,12 +255,14 @@ def stops_as_specified(ctx: CaseContext, stop: str, phase: str, job: Any) -> Non
 
 
 def expectation(ctx: CaseContext, kind: str, phase: str, since: EventSelector | float) -> golden.StopRamp:
-    """Return the ramp by the formulas of the specification, from the velocity that the trace shows at its beginning.
+    """Return the ramp by the formulas of the specification, from the velocity that the trace shows at its
+    beginning.
 
     Args:
         ctx: The case.
         kind: Kind of ramp, of `STOPS`.
-        phase: Phase of motion; in another one than those of the reference axis the trace tells the acceleration.
+        phase: Phase of motion; in another one than those of the reference axis the trace tells the
+            acceleration.
         since: Beginning of the ramp.
 
     """

@@ -1,4 +1,6 @@
-"""What the shipped campaigns share: bringing the axis into a phase of motion, and the tolerances of the bench."""
+"""What the shipped campaigns share: bringing the axis into a phase of motion, and the tolerances of the
+bench.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ def tolerance(ctx: CaseContext) -> Tolerance:
 
 
 def settle_s(ctx: CaseContext) -> float:
-    """Return the time to wait on top for everything to come to rest on this bench, s; none in virtual time."""
+    """Return the time to wait on top for everything to come to rest on this bench, s; none in virtual
+    time.
+    """
     return 10.0 * float(ctx.bench.config.tolerance.time_s)
 
 
@@ -74,12 +78,15 @@ def need_permitted_error_below(ctx: CaseContext, limit_mm: float, reason: str) -
     permitted = permitted_error_mm(ctx)
     if permitted > limit_mm:
         raise BlockedError(
-            f"the axis permits {permitted:g} mm of following error, this case needs at most {limit_mm:g} mm: {reason}"
+            f"the axis permits {permitted:g} mm of following error, this case needs at most {limit_mm:g} "
+            f"mm: {reason}"
         )
 
 
 def following_error_s(ctx: CaseContext) -> float:
-    """Return the time in which a blocked axis uses up its permitted following error at 300 mm/s, with a reserve, s."""
+    """Return the time in which a blocked axis uses up its permitted following error at 300 mm/s, with a
+    reserve, s.
+    """
     section = ctx.bench.config.tolerance
     # Twice, because braking while blocked lets the error grow more slowly.
     return float(
@@ -118,7 +125,9 @@ def enable(ctx: CaseContext) -> Any:
 
 
 def bring_into(ctx: CaseContext, phase: str, *, direction: int = 1) -> Any:
-    """Bring the enabled axis into a phase of motion at 300 mm/s; returns the running job, None at standstill."""
+    """Bring the enabled axis into a phase of motion at 300 mm/s; returns the running job, None at
+    standstill.
+    """
     axis = ctx.axis
     if phase == "standstill":
         ctx.run_for(0.1)
@@ -154,7 +163,9 @@ def acknowledge(ctx: CaseContext) -> None:
 
 
 def acknowledge_and_enable(ctx: CaseContext) -> None:
-    """Acknowledge, and wait until the axis is enabled: an alarm that has disabled it lets `MC_Power` enable it again."""
+    """Acknowledge, and wait until the axis is enabled: an alarm that has disabled it lets `MC_Power` enable
+    it again.
+    """
     acknowledge(ctx)
     ctx.wait_until(ctx.axis.power_instance.status, 5.0, "the axis is enabled without a new edge")
 

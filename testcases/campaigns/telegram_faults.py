@@ -1,4 +1,5 @@
-"""Faults of the words between a drive's profile and the bus that carries them, and what axis and drive make of them.
+"""Faults of the words between a drive's profile and the bus that carries them, and what axis and drive make
+of them.
 
 For drives led by a PROFIdrive telegram with encoder values and sign of life, on any transport.
 """

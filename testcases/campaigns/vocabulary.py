@@ -1,7 +1,8 @@
-"""The vocabulary of matrix campaigns that ships with the product: jobs, moments, stops and faults of a positioning axis.
+"""The vocabulary of matrix campaigns that ships with the product: jobs, moments, stops and faults of a
+positioning axis.
 
-What is expected of a combination is derived: a stop has ramp, time and travel of `stop_modes`, two stops what the superseding
-matrix says, a fault its alarm and reaction.
+What is expected of a combination is derived: a stop has ramp, time and travel of `stop_modes`, two stops what
+the superseding matrix says, a fault its alarm and reaction.
 """
 
 from __future__ import annotations
@@ -22,8 +23,12 @@ _DRIVES: Final = {
     "cia402": "CiA 402", "profidrive": "PROFIdrive", "analog": "analog setpoint", "stepper": "stepper motor",
 }  # fmt: skip
 _TRANSPORTS: Final = {
-    "can": "CAN", "can-1ms": "CAN with 1 ms", "modbus-tcp": "Modbus TCP", "modbus-rtu": "Modbus RTU", "pulses": "pulses",
-}  # fmt: skip
+    "can": "CAN",
+    "can-1ms": "CAN with 1 ms",
+    "modbus-tcp": "Modbus TCP",
+    "modbus-rtu": "Modbus RTU",
+    "pulses": "pulses",
+}
 _SLOW: Final = ("starting", "arriving", "standstill")
 
 

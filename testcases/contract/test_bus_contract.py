@@ -1,9 +1,9 @@
 """What every CAN segment does, whatever carries it: one suite over all backends.
 
-The backends: the virtual medium; a live segment over python-can's `virtual` bus, over `udp_multicast` on the loopback,
-through a serial-line adapter (`slcan`) on a pseudo-terminal, and over a SocketCAN interface, which the environment
-variable HIL_VCAN names (`testcases/vcan/run.py` makes one); and a bridge between two live buses, seen from its own
-process and from either side.
+The backends: the virtual medium; a live segment over python-can's `virtual` bus, over `udp_multicast` on the
+loopback, through a serial-line adapter (`slcan`) on a pseudo-terminal, and over a SocketCAN interface, which
+the environment variable HIL_VCAN names (`testcases/vcan/run.py` makes one); and a bridge between two live
+buses, seen from its own process and from either side.
 """
 
 import os
@@ -45,7 +45,9 @@ class Node:
 
 
 class Backend:
-    """Segments of one kind: `near` and `far` are the same bus, seen through different segment objects where it can be."""
+    """Segments of one kind: `near` and `far` are the same bus, seen through different segment objects where
+    it can be.
+    """
 
     def __init__(
         self,
@@ -261,7 +263,9 @@ def test_sending_returns_before_anybody_receives(near, far, backend):
 
 
 def test_times_are_scheduler_time(near, far, backend):
-    """The time of reception lies between sending and the present, on the clock of the scheduler, and never falls."""
+    """The time of reception lies between sending and the present, on the clock of the scheduler, and never
+    falls.
+    """
     backend.scheduler.run_for(5 * MS)
     before = backend.scheduler.now
     for number in range(5):
@@ -286,7 +290,9 @@ def test_detach_stops_delivery(backend, near, far):
 
 
 def test_sending_after_detach_is_an_error(backend, near, far):
-    """A detached port refuses to send and says which port of which segment it was; detaching again is harmless."""
+    """A detached port refuses to send and says which port of which segment it was; detaching again is
+    harmless.
+    """
     near.port.detach()
     near.port.detach()
     with pytest.raises(BusError, match=f"port near is detached from {backend.near.name}"):
@@ -343,7 +349,9 @@ def test_log_holds_every_frame(backend, near, far):
 
 
 def test_hooks_and_injection(backend, near, far):
-    """The seams for faults are there: dropping, replacing, doubling, delaying, injecting, and the list of what is possible."""
+    """The seams for faults are there: dropping, replacing, doubling, delaying, injecting, and the list of
+    what is possible.
+    """
     segment = backend.near
     assert {"drop", "delay", "replace", "duplicate"} <= segment.hook_kinds
     results = {

@@ -1,6 +1,7 @@
 """What an axis may rely on at every port, whatever profile and bus carry it.
 
-The axis of the bench is put aside; the test itself reads and writes the port once per cycle, as the axis does.
+The axis of the bench is put aside; the test itself reads and writes the port once per cycle, as the axis
+does.
 """
 
 from __future__ import annotations
@@ -89,7 +90,9 @@ def test_it_rests_ready_and_operates_when_told(rig):
 
 @pytest.mark.parametrize("speed", [600.0, -1500.0])
 def test_speed_and_encoder_follow_the_setpoint(rig, speed):
-    """The setpoint in rpm comes back as actual speed in rpm, and the count moves by revolutions times increments."""
+    """The setpoint in rpm comes back as actual speed in rpm, and the count moves by revolutions times
+    increments.
+    """
     rig.operate(speed)
     drive = next(iter(rig.machine.config.drive.values()))
     fine = drive.profidrive.fine_resolution_bits if drive.profile == "profidrive" else 0

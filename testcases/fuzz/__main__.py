@@ -1,4 +1,6 @@
-"""`python -m testcases.fuzz`: run mutated inputs against the targets, or let atheris look for new ones by coverage."""
+"""`python -m testcases.fuzz`: run mutated inputs against the targets, or let atheris look for new ones by
+coverage.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""One target under atheris: `python -m testcases.fuzz.coverage TARGET [options of libFuzzer]`; see `cover`."""
+"""One target under atheris: `python -m testcases.fuzz.coverage TARGET [options of libFuzzer]`; see
+`cover`.
+"""
 
 from __future__ import annotations
 

@@ -86,7 +86,9 @@ def mutate(generator: random.Random, data: bytes, other: bytes) -> bytes:
 
 
 def inputs(corpus: list[bytes], count: int, seed: int) -> Iterator[bytes]:
-    """Yield the corpus, then mutations of it, `count` in all (at least the corpus); the same for the same seed."""
+    """Yield the corpus, then mutations of it, `count` in all (at least the corpus); the same for the same
+    seed.
+    """
     yield from corpus
     generator = random.Random(seed)
     pool = list(corpus) or [b""]
@@ -118,7 +120,9 @@ def run(target: Target, count: int, seed: int, tell: Callable[[int], object] | N
 
 
 def shorten(target: Target, data: bytes, error: str) -> Failure:
-    """Return the shortest input found that fails as `data` does, each tried on a fresh instance of the target."""
+    """Return the shortest input found that fails as `data` does, each tried on a fresh instance of the
+    target.
+    """
     kind = error.partition(":")[0]
 
     def fails(candidate: bytes) -> str | None:

@@ -1,4 +1,5 @@
-"""Bytes as a course of CAN frames and pauses, so that any input of a fuzzer is one, and small changes stay small.
+"""Bytes as a course of CAN frames and pauses, so that any input of a fuzzer is one, and small changes stay
+small.
 
 One frame is a service byte, a form byte and its data:
 
@@ -48,7 +49,9 @@ def frames(data: bytes) -> Iterator[tuple[CanFrame, int]]:
 
 
 def encode(*course: tuple[int, str] | tuple[int, str, int]) -> bytes:
-    """Return the input for frames given as identifier, data in hexadecimal and number of the pause after them."""
+    """Return the input for frames given as identifier, data in hexadecimal and number of the pause after
+    them.
+    """
     out = bytearray()
     for can_id, text, *pause in course:
         content = bytes.fromhex(text)

@@ -22,8 +22,8 @@ _READ_DISPLAY: Final = (0x0001, 0x2F0A, 0x8001, 0x0101, 0x1001, 0x0002, 0x0000)
 def orders(data: bytes) -> Iterator[tuple[str, int, bytes]]:
     """Yield what an input says: a request (PDU), words of the telegram, or time that passes.
 
-    The first byte of each order is its kind: below 40h a request, whose length is in the next byte; below A0h words of the
-    telegram, their number in the low four bits; above, milliseconds.
+    The first byte of each order is its kind: below 40h a request, whose length is in the next byte; below A0h
+    words of the telegram, their number in the low four bits; above, milliseconds.
     """
     at = 0
     while at < len(data):
@@ -42,7 +42,9 @@ def orders(data: bytes) -> Iterator[tuple[str, int, bytes]]:
 
 
 class _Rig:
-    """A drive that is used for many inputs: without supply in between, with the parameters of its configuration."""
+    """A drive that is used for many inputs: without supply in between, with the parameters of its
+    configuration.
+    """
 
     def __init__(self, registers: str, telegram: int) -> None:
         from emulators.drive.machine import LinearAxisConfig
@@ -51,10 +53,14 @@ class _Rig:
 
         self.scheduler = VirtualScheduler()
         config = ProfidriveConfig(
-            telegram=telegram, servo_period_ns=MS // 2, cycle_ns=2 * MS,
-            settings=DriveSettings(operating_mode=2 if telegram == 111 else 3, ramp_up_s=0.1, ramp_down_s=0.1),
+            telegram=telegram,
+            servo_period_ns=MS // 2,
+            cycle_ns=2 * MS,
+            settings=DriveSettings(
+                operating_mode=2 if telegram == 111 else 3, ramp_up_s=0.1, ramp_down_s=0.1
+            ),
             mechanics=LinearAxisConfig(stops_m=(None, None)),
-        )  # fmt: skip
+        )
         self.unit = ProfidriveModbusDrive(
             self.scheduler, ProfidriveModbusConfig(registers=registers, drive=config), name="drive"
         )
@@ -108,7 +114,9 @@ class _Rig:
 
 
 def modbus_drive() -> Take:
-    """Return the drive behind the maps of G120 and Festo; the first byte of an input chooses map and telegram."""
+    """Return the drive behind the maps of G120 and Festo; the first byte of an input chooses map and
+    telegram.
+    """
     kinds = (("sinamics_g120", 1), ("sinamics_g120", 105), ("festo", 111), ("sinamics_g220", 3))
     rigs: dict[int, _Rig] = {}
 

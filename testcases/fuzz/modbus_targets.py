@@ -28,7 +28,9 @@ from testcases.fuzz.targets import Take, promise
 
 
 def modbus() -> Take:
-    """Return a server behind TCP and on a serial line; the first byte of an input cuts it into segments and runs."""
+    """Return a server behind TCP and on a serial line; the first byte of an input cuts it into segments and
+    runs.
+    """
     read = bytes.fromhex("03 0000 0001")
     restart = bytes.fromhex("08 0001 0000")
 
@@ -63,7 +65,8 @@ def modbus() -> Take:
         station = RtuStation(scheduler, line, server)
         ear = Ear()
         port = line.attach("ear", ear)
-        # An input with a good checksum in front would never come up by chance: every piece is sent with one as well.
+        # An input with a good checksum in front would never come up by chance: every piece is sent with one
+        # as well.
         for piece in pieces:
             port.send(piece)
             scheduler.run_for(S)

@@ -1,4 +1,6 @@
-"""What is fuzzed, and what has to hold whatever comes: the promises of docs/development.md, layer by layer."""
+"""What is fuzzed, and what has to hold whatever comes: the promises of docs/development.md, layer by
+layer.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +66,9 @@ def sdo() -> Take:
 
 
 class Loose:
-    """A segment of one node without a medium: what is received goes in at once, what is sent is judged at once."""
+    """A segment of one node without a medium: what is received goes in at once, what is sent is judged at
+    once.
+    """
 
     name = "loose"
     online = True
@@ -175,7 +179,9 @@ def lss() -> Take:
 
 
 def master() -> Take:
-    """Return a controller that takes one node into service; the input is what comes from the bus meanwhile."""
+    """Return a controller that takes one node into service; the input is what comes from the bus
+    meanwhile.
+    """
     segment = Loose()
     scheduler = segment.scheduler
     controller = CanopenMaster(scheduler, segment)
@@ -288,9 +294,13 @@ def drive() -> Take:
         medium = CanMedium(scheduler, keep_log=False)
         medium.attach("listener", lambda frame, time_ns: None)
         unit = CiA402Drive(
-            scheduler, medium, DriveConfig.reference(node_id=NODE), name="drive",
-            history=history, rng=np.random.default_rng(1),
-        )  # fmt: skip
+            scheduler,
+            medium,
+            DriveConfig.reference(node_id=NODE),
+            name="drive",
+            history=history,
+            rng=np.random.default_rng(1),
+        )
 
         def judge(event: Event) -> None:
             if event.kind == "drive.state":
@@ -339,8 +349,12 @@ def encoder() -> Take:
     segment = Loose()
     angle = [0.0]
     unit = CiA406Encoder(
-        segment.scheduler, segment, EncoderDeviceConfig(node_id=NODE), Mounting(lambda: angle[0]), name="encoder"
-    )  # fmt: skip
+        segment.scheduler,
+        segment,
+        EncoderDeviceConfig(node_id=NODE),
+        Mounting(lambda: angle[0]),
+        name="encoder",
+    )
     segment.judge = _judge_for(unit.slave)
     unit.power_on()
     device_type = b"\x43\x00\x10\x00" + unit.slave.store.read(0x1000, 0)
@@ -375,7 +389,9 @@ _ANSWER: Final = re.compile(
 
 
 def slcan() -> Take:
-    """Return the serial-line adapter; an input is the text of a program, in pieces, with frames of the bus between them."""
+    """Return the serial-line adapter; an input is the text of a program, in pieces, with frames of the bus
+    between them.
+    """
     from emulators.adapter import SlcanAdapter
 
     def take(data: bytes) -> None:
@@ -404,7 +420,9 @@ def slcan() -> Take:
 
 
 def medium() -> Take:
-    """Return a segment with nodes that send, leave, return and are disturbed; an input is a row of two-byte orders."""
+    """Return a segment with nodes that send, leave, return and are disturbed; an input is a row of two-byte
+    orders.
+    """
 
     def take(data: bytes) -> None:
         scheduler = VirtualScheduler()

@@ -59,9 +59,9 @@ WITH_TORQUE: Final = {AxisState.S4, AxisState.S5A, AxisState.S5B}
 class Course:
     """What an input says: telegrams, each for some cycles.
 
-    The first byte chooses the subject. Then come orders: a byte that says how, and the words of a telegram. Bits of it: 0, 1 number
-    of cycles; 2 the words change those of an operating axis, in place of being the telegram; 3 the sign of life is right; 4 a byte
-    is missing; 5 nothing comes at all.
+    The first byte chooses the subject. Then come orders: a byte that says how, and the words of a telegram.
+    Bits of it: 0, 1 number of cycles; 2 the words change those of an operating axis, in place of being the
+    telegram; 3 the sign of life is right; 4 a byte is missing; 5 nothing comes at all.
     """
 
     def __init__(self, layout: Layout, data: bytes) -> None:
@@ -221,9 +221,10 @@ def _port(number: int) -> Take:
                 segment.receive(CanFrame(0x180 + 0x100 * part + NODE, swapped), segment.scheduler.now)
             port.read()
             promise(
-                math.isfinite(port.actual_speed_rpm + port.actual_torque_nm) and port.encoder_increments == int(port.encoder_increments),
+                math.isfinite(port.actual_speed_rpm + port.actual_torque_nm)
+                and port.encoder_increments == int(port.encoder_increments),
                 "a value that is no number",
-            )  # fmt: skip
+            )
             promise(port.link_ok or port.zsw1 == 0, f"ZSW1 {port.zsw1:04X}h without a link")
             if port.dsc:
                 port.control_position(float(port.encoder_increments) * 1e3, 1e3)
@@ -244,7 +245,9 @@ def _port(number: int) -> Take:
 
 
 def telegrams() -> Take:
-    """Return all that takes telegrams; the first byte of an input chooses among drives, encoders and ports."""
+    """Return all that takes telegrams; the first byte of an input chooses among drives, encoders and
+    ports.
+    """
     made: dict[int, Take] = {}
     subjects: list[Callable[[], Take]] = [
         *(lambda number=number: _drive(number, isochronous=False) for number in DRIVES),

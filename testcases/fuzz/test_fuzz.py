@@ -1,4 +1,6 @@
-"""The corpora and a fixed number of their mutations hold every promise; and the engine finds what is broken."""
+"""The corpora and a fixed number of their mutations hold every promise; and the engine finds what is
+broken.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +12,25 @@ from testcases.fuzz.engine import Target, add_to_corpus, inputs, mutate, read_co
 from testcases.fuzz.frames import LONGEST, encode, frames
 from testcases.fuzz.targets import targets
 
-INPUTS = {"medium": 300, "sdo": 20_000, "slave": 3_000, "master": 1_500, "lss": 5_000, "drive": 150, "encoder": 2_000, "slcan": 5_000,
-          "decoder": 10_000, "parameters": 1_000, "modbus": 1_500, "telegram": 600, "modbus_client": 1_000, "modbus_drive": 800}  # fmt: skip
-"""Inputs per target in the test suite, a few seconds each; `python -m testcases.fuzz run` for as many as wanted."""
+INPUTS = {
+    "medium": 300,
+    "sdo": 20_000,
+    "slave": 3_000,
+    "master": 1_500,
+    "lss": 5_000,
+    "drive": 150,
+    "encoder": 2_000,
+    "slcan": 5_000,
+    "decoder": 10_000,
+    "parameters": 1_000,
+    "modbus": 1_500,
+    "telegram": 600,
+    "modbus_client": 1_000,
+    "modbus_drive": 800,
+}
+"""Inputs per target in the test suite, a few seconds each; `python -m testcases.fuzz run` for as many as
+wanted.
+"""
 
 
 @pytest.mark.parametrize("name", targets())
@@ -25,7 +43,9 @@ def test_no_promise_is_broken(name):
 
 
 def test_the_engine_finds_and_shortens(tmp_path, monkeypatch):
-    """A target that fails on one course of bytes is found from a harmless corpus, and the input shortened to the core."""
+    """A target that fails on one course of bytes is found from a harmless corpus, and the input shortened to
+    the core.
+    """
     monkeypatch.setattr("testcases.fuzz.engine.CORPUS", tmp_path)
 
     def make():

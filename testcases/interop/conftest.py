@@ -19,7 +19,8 @@ NODE = 5
 
 
 def make_station(name, config=None):
-    """Return a new reference axis at node 5, or another drive there, still switched off; `run(seconds)` lets time pass.
+    """Return a new reference axis at node 5, or another drive there, still switched off; `run(seconds)` lets
+    time pass.
 
     Who is to hear the boot-up has to be on the bus before: alone, the drive would get no acknowledgement.
     """

@@ -1,6 +1,8 @@
-"""The CiA 402 master of the `canopen` library, unmodified, commissions and moves the emulated drive in virtual time.
+"""The CiA 402 master of the `canopen` library, unmodified, commissions and moves the emulated drive in
+virtual time.
 
-The library was written by others from the same profiles: where it and the drive agree, neither is right by accident.
+The library was written by others from the same profiles: where it and the drive agree, neither is right by
+accident.
 """
 
 from __future__ import annotations
@@ -32,11 +34,14 @@ def ready(master):
     master.close()
 
 
-# -- commissioning --------------------------------------------------------------------------------------------
+# -- commissioning
+# --------------------------------------------------------------------------------------------
 
 
 def test_the_library_finds_the_drive(station, master):
-    """The library's scanner finds the node by its SDO answers, and reads what it is (long name: segmented)."""
+    """The library's scanner finds the node by its SDO answers, and reads what it is (long name:
+    segmented).
+    """
     master.network.scanner.search()
     station.run(0.1)
     assert master.network.scanner.nodes == [station.node_id]
@@ -46,7 +51,9 @@ def test_the_library_finds_the_drive(station, master):
 
 @pytest.mark.requirement("C301-016", "C301-018", "C301-022")
 def test_reset_communication(station, master):
-    """On the library's reset communication the drive boots up, forgets 1017h, and is Pre-operational for the library."""
+    """On the library's reset communication the drive boots up, forgets 1017h, and is Pre-operational for the
+    library.
+    """
     master.node.sdo[0x1017].raw = 10
     master.node.nmt.wait_for_heartbeat(0.1)
     master.node.nmt.state = "RESET COMMUNICATION"
@@ -128,7 +135,9 @@ def test_no_sdo_while_stopped(station, ready):
 
 @pytest.mark.requirement("C402-141", "C402-090")
 def test_refusals_reach_the_library(station, ready):
-    """The library refuses a mode by 6502h; the drive itself refuses mode and homing method with an abort code."""
+    """The library refuses a mode by 6502h; the drive itself refuses mode and homing method with an abort
+    code.
+    """
     station.drive.slave.values[0x650200] &= ~0x8  # a drive without profile torque
     with pytest.raises(TypeError, match="PROFILED TORQUE"):
         ready.node.op_mode = "PROFILED TORQUE"
@@ -138,7 +147,8 @@ def test_refusals_reach_the_library(station, ready):
         assert refusal.value.code == 0x06090030
 
 
-# -- state machine --------------------------------------------------------------------------------------------
+# -- state machine
+# --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-003", "C402-004", "C402-005", "C402-039")
@@ -179,7 +189,9 @@ def test_every_transition_that_the_library_can_ask_for(station, ready):
 
 @pytest.mark.requirement("C402-012", "C402-058", "C402-017")
 def test_quick_stop_that_stays(station, ready):
-    """With 605Ah = 6 the drive stops, stays in Quick stop active, and the library takes it back (transition 16)."""
+    """With 605Ah = 6 the drive stops, stays in Quick stop active, and the library takes it back (transition
+    16).
+    """
     ready.enable("PROFILED VELOCITY")
     ready.run_at(1200)
     before = len(station.transitions())
@@ -209,7 +221,8 @@ def test_quick_stop_that_switches_off(station, master):
     master.close()
 
 
-# -- motion ---------------------------------------------------------------------------------------------------
+# -- motion
+# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-091")
@@ -221,7 +234,8 @@ def test_profile_position(station, ready):
     elapsed_s = (station.scheduler.now - begin) / 1e9
     station.run(0.05)
     assert ready.position == pytest.approx(10 * REVOLUTION, abs=2)
-    # 20 rev/s, up with 100 rev/s2 and down with 50 rev/s2: 10 / 20 + 20 / 2 * (1 / 100 + 1 / 50) s, and the bus.
+    # 20 rev/s, up with 100 rev/s2 and down with 50 rev/s2: 10 / 20 + 20 / 2 * (1 / 100 + 1 / 50) s, and the
+    # bus.
     assert 0.8 <= elapsed_s < 0.9
     assert station.drive.mechanics.position == pytest.approx(0.100, abs=1e-6)
 
@@ -285,7 +299,9 @@ def test_profile_velocity(station, ready):
 @pytest.mark.requirement("C402-127", "C402-129", "C402-134", "C402-135", "C402-138")
 @pytest.mark.parametrize("method", [35, 37])
 def test_homing_on_the_present_position(station, ready, method):
-    """The library's `homing` succeeds where it stands; 6064h becomes the negative home offset without any motion."""
+    """The library's `homing` succeeds where it stands; 6064h becomes the negative home offset without any
+    motion.
+    """
     ready.enable("PROFILED POSITION")
     ready.move_to(3 * REVOLUTION)
     station.run(0.05)
@@ -310,7 +326,9 @@ def test_homing_on_the_present_position(station, ready, method):
     ],
 )
 def test_homing_with_motion(station, ready, method, start_mm, home_mm):
-    """The library's `homing` finds limit switch, home switch and index of the reference axis, and is told so at the end."""
+    """The library's `homing` finds limit switch, home switch and index of the reference axis, and is told so
+    at the end.
+    """
     station.drive.power_off()
     station.drive.mechanics.place(start_mm / 1000)
     station.drive.power_on()
@@ -329,7 +347,9 @@ def test_homing_with_motion(station, ready, method, start_mm, home_mm):
 
 @pytest.mark.requirement("C402-136", "C402-137")
 def test_homing_that_finds_nothing(station, ready):
-    """The library reports a failure when the home switch is dead and the limit switch comes; it hears 8612h."""
+    """The library reports a failure when the home switch is dead and the limit switch comes; it hears
+    8612h.
+    """
     station.drive.force_input("home", False)
     station.drive.force_input("negative_limit", True)
     ready.enable("HOMING")
@@ -350,7 +370,9 @@ def test_homing_without_a_method_fails(ready):
 
 @pytest.mark.requirement("C402-100", "C402-046")
 def test_cyclic_synchronous_position(station, ready):
-    """Positions sent by the library's periodic RPDO are followed with the transport delay of the bus, smoothly."""
+    """Positions sent by the library's periodic RPDO are followed with the transport delay of the bus,
+    smoothly.
+    """
     begin = ready.position
     ready.start_cyclic(0x607A, begin, period_s=0.01)
     ready.enable("CYCLIC SYNCHRONOUS POSITION")
@@ -359,7 +381,8 @@ def test_cyclic_synchronous_position(station, ready):
     assert ready.status_bit(1 << 12), "the drive does not follow"
     station.run(0.1)
     assert ready.position == pytest.approx(begin + 2 * REVOLUTION, abs=2)
-    # Written before SYNC n, latched by it, reached at SYNC n + 1; one more when the RPDO's phase makes it miss SYNC n.
+    # Written before SYNC n, latched by it, reached at SYNC n + 1; one more when the RPDO's phase makes it
+    # miss SYNC n.
     lag = min(
         range(1, 5),
         key=lambda k: max(abs(a - b) for a, b in zip(targets[20:80], seen[20 + k :], strict=False)),
@@ -388,7 +411,9 @@ def test_cyclic_synchronous_velocity(station, ready):
 
 @pytest.mark.requirement("C402-104")
 def test_cyclic_setpoints_that_stop_are_noticed(station, ready):
-    """When the library's periodic RPDO ends in csv, the drive reports it (EMCY 8250h by 6007h = 1) and stops."""
+    """When the library's periodic RPDO ends in csv, the drive reports it (EMCY 8250h by 6007h = 1) and
+    stops.
+    """
     ready.start_cyclic(0x60FF, 0, period_s=0.01)
     ready.enable("CYCLIC SYNCHRONOUS VELOCITY")
     ready.follow(0x60FF, [300 * RPM] * 20)
@@ -402,7 +427,9 @@ def test_cyclic_setpoints_that_stop_are_noticed(station, ready):
 
 @pytest.mark.requirement("C301-037")
 def test_loss_of_sync_is_noticed(station, ready):
-    """When the library's SYNC producer ends in csv, the drive raises 8700h within two periods of 1006h and stops."""
+    """When the library's SYNC producer ends in csv, the drive raises 8700h within two periods of 1006h and
+    stops.
+    """
     ready.node.sdo[0x1006].raw = 10_000
     ready.start_cyclic(0x60FF, 0, period_s=0.01)
     ready.enable("CYCLIC SYNCHRONOUS VELOCITY")
@@ -415,12 +442,15 @@ def test_loss_of_sync_is_noticed(station, ready):
     assert ready.node.sdo[0x603F].raw == 0x8700
 
 
-# -- faults ---------------------------------------------------------------------------------------------------
+# -- faults
+# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-014", "C402-015", "C402-016", "C301-108", "C301-109", "C301-111")
 def test_fault_and_reset(station, ready):
-    """A fault in motion: the library hears the EMCY, sees Fault, reads 603Fh and 1003h, resets and moves again."""
+    """A fault in motion: the library hears the EMCY, sees Fault, reads 603Fh and 1003h, resets and moves
+    again.
+    """
     ready.enable("PROFILED VELOCITY")
     ready.run_at(600)
     node = ready.node
@@ -460,7 +490,9 @@ def test_fault_whose_cause_is_there_cannot_be_reset(station, ready):
 
 @pytest.mark.requirement("C301-026", "C402-050", "C301-123")
 def test_heartbeat_of_the_library_is_missed(station, ready):
-    """The drive watches a heartbeat that the library sends periodically; when it ends, EMCY 8130h and fault."""
+    """The drive watches a heartbeat that the library sends periodically; when it ends, EMCY 8130h and
+    fault.
+    """
     ready.node.sdo[0x1016][1].raw = 127 << 16 | 100
     heartbeat = ready.network.send_periodic(0x77F, b"\x05", 0.05)
     ready.enable("PROFILED VELOCITY")

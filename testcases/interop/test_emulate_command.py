@@ -87,7 +87,10 @@ DEVICE_TYPE = can.Message(arbitration_id=0x605, data=bytes.fromhex("400010000000
         (
             None,
             ["live", "--link", "tty"],
-            "--link: 'tty' is not allowed; allowed: a path, together with --adapter or a drive on a Modbus line",
+            (
+                "--link: 'tty' is not allowed; allowed: a path, together with --adapter or a drive on a "
+                "Modbus line"
+            ),
         ),
         (
             None,
@@ -119,7 +122,9 @@ def test_mistakes_are_told_in_one_line(tmp_path, capsys, text, arguments, messag
 
 
 def test_it_answers_and_ends_with_a_signal(capsys, request):
-    """It says when it is ready, answers on the bus, tells state changes, and ends with exit code 0 on SIGTERM."""
+    """It says when it is ready, answers on the bus, tells state changes, and ends with exit code 0 on
+    SIGTERM.
+    """
     channel = request.node.name
     answers = []
 
@@ -160,7 +165,9 @@ def test_it_ends_by_itself(capsys, request):
 
 @pytest.mark.parametrize("record", [True, False])
 def test_without_a_record_nothing_grows(request, record):
-    """The host of `hil emulate` keeps neither frames nor events nor signals, that of a bench keeps them all."""
+    """The host of `hil emulate` keeps neither frames nor events nor signals, that of a bench keeps them
+    all.
+    """
     told = []
     with can.Bus(interface="virtual", channel=request.node.name) as controller:
         place = {"interface": "virtual", "channel": request.node.name}
@@ -198,7 +205,9 @@ def test_defaults_of_the_drive_fit_its_bench_file(request):
 
 @pytest.mark.parametrize("lossy", [False, True])
 def test_a_bus_that_fails_does_not_end_a_lossy_segment(lossy):
-    """A frame that the bus refuses is an error for a controller and a loss for a device; both find it in the history."""
+    """A frame that the bus refuses is an error for a controller and a loss for a device; both find it in the
+    history.
+    """
     scheduler = RealtimeScheduler()
     history = History(scheduler)
     bus = can.Bus(interface="virtual", channel="failing")

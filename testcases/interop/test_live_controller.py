@@ -1,4 +1,6 @@
-"""The controller of a live bench stops, hangs and loses its supply while its drive, in another process, runs on."""
+"""The controller of a live bench stops, hangs and loses its supply while its drive, in another process, runs
+on.
+"""
 
 from __future__ import annotations
 

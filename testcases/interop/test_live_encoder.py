@@ -1,4 +1,6 @@
-"""Encoders in the process of the emulated drives: on the bus of somebody else's controller, and behind the pipe."""
+"""Encoders in the process of the emulated drives: on the bus of somebody else's controller, and behind the
+pipe.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,9 @@ def read_position(host: DriveHost, controller: can.BusABC, node: int) -> int:
 
 
 def test_encoders_live_with_their_drives(request):
-    """The host of the drives holds encoders too: they boot, answer, take faults by the pipe's commands, are recorded."""
+    """The host of the drives holds encoders too: they boot, answer, take faults by the pipe's commands, are
+    recorded.
+    """
     channel = request.node.name
     with can.Bus(interface="virtual", channel=channel) as controller:
         host = DriveHost(parse(with_encoders(channel), "own"))

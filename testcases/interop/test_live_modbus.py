@@ -1,6 +1,8 @@
-"""A PROFIdrive axis over real Modbus: loopback TCP and a pseudo-terminal, its drive in another process or `physical`.
+"""A PROFIdrive axis over real Modbus: loopback TCP and a pseudo-terminal, its drive in another process or
+`physical`.
 
-What is judged is what happens, not how fast: the limits in the bench file are wide, because the machine may be slow.
+What is judged is what happens, not how fast: the limits in the bench file are wide, because the machine may
+be slow.
 """
 
 from __future__ import annotations
@@ -67,7 +69,9 @@ def judge(text, stop="halt/constant"):
 
 @pytest.mark.parametrize("kind", ["tcp", "rtu"])
 def test_a_stop_in_real_time_with_the_drive_in_a_process_of_its_own(kind):
-    """The case passes over loopback TCP and over a pseudo-terminal, and the trace has what passed, in words."""
+    """The case passes over loopback TCP and over a pseudo-terminal, and the trace has what passed, in
+    words.
+    """
     trace = judge(bench_text(kind))
     [bus] = trace.buses
     words = [entry[2].words() for entry in trace.raw_frames(bus)]
@@ -78,7 +82,9 @@ def test_a_stop_in_real_time_with_the_drive_in_a_process_of_its_own(kind):
 
 @pytest.mark.parametrize("kind", ["tcp", "rtu"])
 def test_a_physical_drive_is_that_of_hil_emulate(kind, tmp_path):
-    """`hil emulate` serves the drive of a Modbus bench, on a TCP port or a device file, and the same case leads it there."""
+    """`hil emulate` serves the drive of a Modbus bench, on a TCP port or a device file, and the same case
+    leads it there.
+    """
     (tmp_path / "emulated.toml").write_text(bench_text(kind))
     link = tmp_path / "ttyDrive"
     extra = ["--link", str(link)] if kind == "rtu" else []

@@ -48,7 +48,9 @@ def test_the_library_drives_every_personality(of_personality, name):
 
 @pytest.mark.parametrize("name", personality_names())
 def test_positioning_by_the_library(of_personality, name):
-    """A set-point with bit 5 moves every personality; without it one ignores it, which its documentation says."""
+    """A set-point with bit 5 moves every personality; without it one ignores it, which its documentation
+    says.
+    """
     station = of_personality(name)
     with library_master(station) as master:
         station.run(1.0)

@@ -93,7 +93,9 @@ def test_a_killed_run_leaves_nothing_behind(tmp_path, live_bench, jobs):
 
 
 def test_a_drive_process_ends_with_its_pipe(tmp_path):
-    """The end of its input ends the drive process, also when it is busy and its scheduler does not come to it."""
+    """The end of its input ends the drive process, also when it is busy and its scheduler does not come to
+    it.
+    """
     busy = (
         "import sys, threading, time; from hil.bench import remote; "
         "remote._ORPHAN_S = 0.5; threading.Thread(target=remote.main).start(); time.sleep(1000)"

@@ -1,6 +1,8 @@
-"""Plain python-can on a virtual segment: raw frames by hand against the emulated drive, answers byte for byte.
+"""Plain python-can on a virtual segment: raw frames by hand against the emulated drive, answers byte for
+byte.
 
-`can.Bus(interface="hil")` lets a program that was written for real hardware talk to the drive; `recv` lets time pass.
+`can.Bus(interface="hil")` lets a program that was written for real hardware talk to the drive; `recv` lets
+time pass.
 """
 
 from __future__ import annotations
@@ -39,7 +41,9 @@ class Desk:
         )
 
     def receive(self, can_id: int, timeout: float = 1.0) -> str | None:
-        """Return the data of the next frame with this identifier, None after `timeout` s of simulated time."""
+        """Return the data of the next frame with this identifier, None after `timeout` s of simulated
+        time.
+        """
         end = None
         while (message := self.bus.recv(timeout)) is not None:
             end = message.timestamp + timeout if end is None else end
@@ -68,7 +72,8 @@ def desk(station):
         yield desk
 
 
-# -- SDO ------------------------------------------------------------------------------------------------------
+# -- SDO
+# ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-009", "C301-057", "C301-060")
@@ -91,7 +96,9 @@ def test_expedited_transfers(desk, request_, answer):
 
 @pytest.mark.requirement("C301-059", "C301-060", "C301-061")
 def test_segmented_upload(desk):
-    """The device name comes in segments with alternating toggle, the last one marked and with its unused bytes."""
+    """The device name comes in segments with alternating toggle, the last one marked and with its unused
+    bytes.
+    """
     text = b"Emulated servo drive CiA 402"
     assert desk.sdo("40 08 10 00 00 00 00 00") == f"41 08 10 00 {len(text):02x} 00 00 00"
     received = b""
@@ -129,7 +136,9 @@ def test_segmented_download(desk):
     ],
 )
 def test_aborts(desk, request_, answer):
-    """What cannot be done is answered with the abort code of the profile, at the object that was asked for."""
+    """What cannot be done is answered with the abort code of the profile, at the object that was asked
+    for.
+    """
     assert desk.sdo(request_) == answer
 
 
@@ -140,12 +149,15 @@ def test_short_request_is_ignored(desk):
     assert desk.sdo("40 00 10 00 00 00 00 00") == "43 00 10 00 92 01 02 00"
 
 
-# -- NMT, error control ---------------------------------------------------------------------------------------
+# -- NMT, error control
+# ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-016", "C301-022", "C301-023", "C301-010")
 def test_nmt_by_hand(desk):
-    """Reset, start, stop and Pre-operational show in boot-up and heartbeats; a foreign node number does not count."""
+    """Reset, start, stop and Pre-operational show in boot-up and heartbeats; a foreign node number does not
+    count.
+    """
     desk.send(NMT, "81 05")
     assert desk.receive(ERROR_CONTROL) == "00"
     assert desk.sdo("2b 17 10 00 64 00 00 00") == "60 17 10 00 00 00 00 00"  # heartbeat every 100 ms
@@ -184,12 +196,15 @@ def test_node_guarding_by_hand(desk):
     assert answers == ["7f", "ff", "7f", "ff"]
 
 
-# -- a drive moved by hand ------------------------------------------------------------------------------------
+# -- a drive moved by hand
+# ------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-018", "C402-019", "C402-024", "C402-021", "C402-039", "C301-019", "C301-044")
 def test_controlword_by_pdo(desk):
-    """RPDO1 with the control word takes the drive to Operation enabled; TPDO1 tells every status word on its way."""
+    """RPDO1 with the control word takes the drive to Operation enabled; TPDO1 tells every status word on its
+    way.
+    """
     desk.send(NMT, "01 05")
     assert desk.receive(TPDO1) == "50 02"
     for word, status in (("06 00", "31 02"), ("07 00", "33 02"), ("0f 00", "37 02"), ("00 00", "50 02")):

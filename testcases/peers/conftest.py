@@ -40,7 +40,9 @@ def station(request: pytest.FixtureRequest) -> Station:
 
 @pytest.fixture
 def new_peer(station: Station, node_modules: Path) -> Iterator[Callable[[int, int], NodeStation]]:
-    """Return a function that brings a station of the npm package with its own node-ID and that of its partner."""
+    """Return a function that brings a station of the npm package with its own node-ID and that of its
+    partner.
+    """
     peers: list[NodeStation] = []
 
     def bring(own: int, other: int) -> NodeStation:

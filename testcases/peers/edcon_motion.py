@@ -2,7 +2,8 @@
 
     python edcon_motion.py HOST PORT
 
-The package asks for port 502, which only an administrator can offer; the default of the library below it is changed instead.
+The package asks for port 502, which only an administrator can offer; the default of the library below it is
+changed instead.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Install the software of others that the tests with the mark `peers` need, as the lists beside this file pin it.
+"""Install the software of others that the tests with the mark `peers` need, as the lists beside this file pin
+it.
 
     python testcases/peers/install.py <directory>
 
@@ -19,7 +20,9 @@ EDCON = "edcon_requirements.txt"
 
 
 def is_done(stamp: Path, *lists: str) -> str | None:
-    """Return None when what the lists ask for is installed, otherwise what to write into the stamp afterwards."""
+    """Return None when what the lists ask for is installed, otherwise what to write into the stamp
+    afterwards.
+    """
     digest = hashlib.sha256(b"".join((HERE / name).read_bytes() for name in lists)).hexdigest()
     return None if stamp.exists() and stamp.read_text(encoding="ascii") == digest else digest
 
@@ -43,7 +46,9 @@ def install_node_packages(target: Path) -> int:
 
 
 def install_edcon(target: Path) -> int:
-    """Install festo-edcon into a directory of its own: it holds pymodbus to a version that the product does not use."""
+    """Install festo-edcon into a directory of its own: it holds pymodbus to a version that the product does
+    not use.
+    """
     stamp = target / "edcon" / "installed"
     digest = is_done(stamp, EDCON)
     if digest is None:

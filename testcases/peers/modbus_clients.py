@@ -36,8 +36,11 @@ class Mbpoll:
     def _run(self, address: int, *more: str) -> str:
         done = subprocess.run(
             [*self._command, "-r", str(address), *more[:2], *self._link, *more[2:]],
-            check=False, capture_output=True, text=True, timeout=60,
-        )  # fmt: skip
+            check=False,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
         said = done.stdout + done.stderr
         if done.returncode or "failed" in said:
             raise RefusedError(said)

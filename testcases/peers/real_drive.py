@@ -1,4 +1,6 @@
-"""An emulated drive on a real Modbus link, its scheduler running in a thread, so that programs that wait can talk to it."""
+"""An emulated drive on a real Modbus link, its scheduler running in a thread, so that programs that wait can
+talk to it.
+"""
 
 from __future__ import annotations
 

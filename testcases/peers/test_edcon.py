@@ -34,8 +34,11 @@ class Edcon:
         self._program = subprocess.Popen(
             [sys.executable, PROGRAM, device.host, str(device.port)],
             env={**os.environ, "PYTHONPATH": str(packages)},
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
         self.said = ""
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
@@ -103,7 +106,9 @@ def edcon(packages, device) -> Iterator[Edcon]:
 
 @pytest.mark.requirement("PD-018", "PD-292", "MODB-021")
 def test_it_enables_homes_moves_faults_and_acknowledges(edcon, device):
-    """Identification, time-out, enable, homing, absolute and relative motion, a fault in its words, and all again."""
+    """Identification, time-out, enable, homing, absolute and relative motion, a fault in its words, and all
+    again.
+    """
     position = lambda: device.do(lambda: device.drive.drive.mode.positioner.position)  # noqa: E731
     assert edcon("info")["product_name"] == "CMMT-AS"
     assert device.do(lambda: device.drive.drive.settings.setpoint_monitoring_s) == 1.0
@@ -150,7 +155,9 @@ def test_it_reads_and_writes_parameters(edcon, device):
 
 @pytest.mark.requirement("PD-280", "PD-292")
 def test_a_client_that_dies_stops_the_axis(edcon, device):
-    """Killed at constant travel, the client leaves an axis that stops with F01910 after its time-out of a second."""
+    """Killed at constant travel, the client leaves an axis that stops with F01910 after its time-out of a
+    second.
+    """
     assert edcon("enable_powerstage")
     assert edcon("referencing_task")
     assert edcon("velocity_task", 3_000) is True

@@ -20,7 +20,9 @@ def device():
 
 @pytest.fixture(params=["tcp", "rtu"])
 def mbpoll(request, device):
-    """Return a function that runs the program once and returns the values that it shows by address, and all it says."""
+    """Return a function that runs the program once and returns the values that it shows by address, and all
+    it says.
+    """
     program = shutil.which("mbpoll")
     if program is None:
         pytest.fail("mbpoll is missing (Debian: apt-get install mbpoll)", pytrace=False)
@@ -35,8 +37,11 @@ def mbpoll(request, device):
             before, behind = options[:cut], options[cut + 1 :]
         done = subprocess.run(
             [program, "-a", "5", "-0", "-1", "-o", "5", *before, *link, *behind],
-            check=False, capture_output=True, text=True, timeout=60,
-        )  # fmt: skip
+            check=False,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
         values = re.findall(r"^\[(\d+)\]:\s+(\S+)", done.stdout, re.MULTILINE)
         return {int(at): int(value, 0) for at, value in values}, done.stdout + done.stderr, done.returncode
 

@@ -84,12 +84,15 @@ def test_they_lead_the_axis(client, device):
 def test_they_understand_refusals(client):
     """An unknown register is 02, a display that is written 04, a value out of its limits 04."""
     words = {
-        2: ("Illegal data address", "exception 2"), 4: ("Slave device or server failure", "exception 4"),
-    }  # fmt: skip
+        2: ("Illegal data address", "exception 2"),
+        4: ("Slave device or server failure", "exception 4"),
+    }
     for what, code in (
-        (lambda: client.read(5000, 1), 2), (lambda: client.read(CONTROL + 19, 3), 2),
-        (lambda: client.write(STATUS, 1), 4), (lambda: client.write(RAMP, 65001), 4),
-    ):  # fmt: skip
+        (lambda: client.read(5000, 1), 2),
+        (lambda: client.read(CONTROL + 19, 3), 2),
+        (lambda: client.write(STATUS, 1), 4),
+        (lambda: client.write(RAMP, 65001), 4),
+    ):
         with pytest.raises(RefusedError) as found:
             what()
         assert any(text in str(found.value) for text in words[code]), found.value
@@ -99,9 +102,13 @@ def test_they_understand_refusals(client):
 def test_they_understand_every_exception_code(client, device):
     """Each code of the standard, asked for by a fault, has the meaning of the standard to them."""
     texts = {
-        5: "Acknowledge", 6: "Slave device or server is busy", 7: "Negative acknowledge", 8: "Memory parity error",
-        10: "Gateway path unavailable", 11: "Target device failed to respond",
-    }  # fmt: skip
+        5: "Acknowledge",
+        6: "Slave device or server is busy",
+        7: "Negative acknowledge",
+        8: "Memory parity error",
+        10: "Gateway path unavailable",
+        11: "Target device failed to respond",
+    }
     for code, text in texts.items():
         device.do(lambda code=code: device.drive.refuse_requests(code))
         with pytest.raises(RefusedError) as found:

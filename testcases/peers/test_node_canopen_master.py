@@ -1,7 +1,7 @@
 """The CANopen stack of the npm package `canopen` as the master of the emulated drive.
 
-It was written independently of this project and of the Python library `canopen`: whatever passes here is read the same
-way by two strangers.
+It was written independently of this project and of the Python library `canopen`: whatever passes here is read
+the same way by two strangers.
 """
 
 from __future__ import annotations
@@ -55,8 +55,19 @@ def test_every_readable_object(station, peer):
     assert peer.upload(0x1000) == u32(0x00020192)
 
 
-@pytest.mark.requirement("C301-057", "C301-058", "C301-059", "C301-063", "C301-064", "C301-065", "C301-066", "C301-067",
-                         "C301-068", "C301-069", "C301-070")  # fmt: skip
+@pytest.mark.requirement(
+    "C301-057",
+    "C301-058",
+    "C301-059",
+    "C301-063",
+    "C301-064",
+    "C301-065",
+    "C301-066",
+    "C301-067",
+    "C301-068",
+    "C301-069",
+    "C301-070",
+)
 @pytest.mark.parametrize("size", [1, 4, 5, 7, 8, 100, 900])
 @pytest.mark.parametrize("block_down", [False, True], ids=["segmented", "block"])
 @pytest.mark.parametrize("block_up", [False, True], ids=["segmented-back", "block-back"])
@@ -129,8 +140,9 @@ def test_fault_and_acknowledgement(station, peer):
     peer.poll(lambda: peer.upload(0x6041)[0] & 0x4F == 0x40, "Switch on disabled")
 
 
-@pytest.mark.requirement("C301-031", "C301-038", "C301-039", "C301-044", "C301-046", "C301-051", "C301-052", "C402-091",
-                         "C402-295")  # fmt: skip
+@pytest.mark.requirement(
+    "C301-031", "C301-038", "C301-039", "C301-044", "C301-046", "C301-051", "C301-052", "C402-091", "C402-295"
+)
 def test_a_move_over_pdos(station, peer):
     """The stranger maps PDOs by the standard's procedure, sends SYNC, enables the drive and moves it."""
     encoder = DriveConfig.reference(node_id=NODE).encoder.counts_per_revolution
@@ -147,10 +159,17 @@ def test_a_move_over_pdos(station, peer):
         peer.download(communication, 2, bytes((kind,)))
         peer.download(communication, 1, u32(cob_id))
     peer.download(0x6060, 0, b"\x01")
-    peer.call("transmitPdo", cobId=rpdo, transmissionType=254, objects=[
-        {"index": 0x2040, "type": "UNSIGNED16"}, {"index": 0x207A, "type": "INTEGER32"}])  # fmt: skip
-    peer.call("receivePdo", cobId=tpdo, objects=[
-        {"index": 0x2041, "type": "UNSIGNED16"}, {"index": 0x2064, "type": "INTEGER32"}])  # fmt: skip
+    peer.call(
+        "transmitPdo",
+        cobId=rpdo,
+        transmissionType=254,
+        objects=[{"index": 0x2040, "type": "UNSIGNED16"}, {"index": 0x207A, "type": "INTEGER32"}],
+    )
+    peer.call(
+        "receivePdo",
+        cobId=tpdo,
+        objects=[{"index": 0x2041, "type": "UNSIGNED16"}, {"index": 0x2064, "type": "INTEGER32"}],
+    )
     peer.call("nmt", command="startNode", node=NODE)
     peer.call("sync", period_us=10_000)
 

@@ -78,7 +78,9 @@ def test_supervision_of_a_foreign_slave(station, slave):
 
 @pytest.mark.requirement("C301-015", "C301-016", "C301-023", "C301-146")
 def test_foreign_slave_is_taken_into_service(station, slave):
-    """The stranger is asked for its identity, gets the one parameter that differs, is started, and shows Operational."""
+    """The stranger is asked for its identity, gets the one parameter that differs, is started, and shows
+    Operational.
+    """
     master = CanopenMaster(station.scheduler, station.segment, node_id=CLIENT, history=station.history)
     setup = NodeSetup(
         SLAVE,
@@ -117,7 +119,9 @@ def test_other_device_than_expected(station, slave):
 
 
 def test_frames_of_the_stranger_are_decoded(station, slave, client):
-    """The bus monitor reads NMT, SDO, heartbeat and emergency messages of foreign software without a complaint."""
+    """The bus monitor reads NMT, SDO, heartbeat and emergency messages of foreign software without a
+    complaint.
+    """
     frames = []
     station.segment.attach("monitor", lambda frame, _time: frames.append(frame))
     slave.call("start")

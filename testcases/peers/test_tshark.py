@@ -1,4 +1,6 @@
-"""Wireshark's CANopen dissector reads the bus log of a bench, frame by frame, and means the same as our own decoder."""
+"""Wireshark's CANopen dissector reads the bus log of a bench, frame by frame, and means the same as our own
+decoder.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +39,10 @@ def dissect(path):
     options = [word for field in FIELDS.values() for word in ("-e", field)]
     done = subprocess.run(
         [program, "-r", path, "-d", "can.subdissector,canopen", "-T", "json", *options],
-        check=True, capture_output=True, text=True,
-    )  # fmt: skip
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     packets = [packet["_source"]["layers"] for packet in json.loads(done.stdout)]
     return [
         {name: packet[field][0] for name, field in FIELDS.items() if field in packet} for packet in packets
@@ -52,7 +56,9 @@ def number(text):
 
 @pytest.fixture(scope="module")
 def run():
-    """A bench that enables, moves, trips, and is asked for objects that it has and has not; its log and decoder."""
+    """A bench that enables, moves, trips, and is asked for objects that it has and has not; its log and
+    decoder.
+    """
     with load_bench("reference").build(seed=0) as bench:
         segment = bench.segment()
         with PumpedNetwork(segment, name="stranger") as network:
@@ -88,7 +94,9 @@ def test_every_frame_is_well_formed(run, tmp_path, suffix):
     "C301-001", "C301-003", "C301-005", "C301-006", "C301-009", "C301-010", "C301-062", "C301-164"
 )
 def test_the_dissector_means_what_our_decoder_means(run, tmp_path):
-    """Object, abort code, error code and state that Wireshark reads stand in the words of our decoder as well."""
+    """Object, abort code, error code and state that Wireshark reads stand in the words of our decoder as
+    well.
+    """
     bench, frames = run
     seen = dissect(write_log(frames, tmp_path / "bus.log"))
     told: Counter[str] = Counter()

@@ -1,4 +1,6 @@
-"""Wireshark's Modbus dissectors read what a client and the PROFIdrive axis have said, and mean what our decoder means."""
+"""Wireshark's Modbus dissectors read what a client and the PROFIdrive axis have said, and mean what our
+decoder means.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ def dissect(path, *options):
 
 
 def exchange(link):
-    """A client that enables the axis, turns it, loses it to a fault, acknowledges, reads parameters, and asks nonsense."""
+    """A client that enables the axis, turns it, loses it to a fault, acknowledges, reads parameters, and asks
+    nonsense.
+    """
     rig = ModbusRig(link)
     rig.enable()
     rig.keep(0.2, RUN, 0x0800)
@@ -104,16 +108,33 @@ def compare(seen, pdus, words):
 
 
 @pytest.mark.requirement(
-    "MODB-013", "MODB-015", "MODB-018", "MODB-022", "MODB-023", "MODB-024", "MODB-025", "MODB-026", "MODB-027", "MODB-028",
-    "MODB-029", "MODB-030", "MODB-031", "MODB-036",
-)  # fmt: skip
+    "MODB-013",
+    "MODB-015",
+    "MODB-018",
+    "MODB-022",
+    "MODB-023",
+    "MODB-024",
+    "MODB-025",
+    "MODB-026",
+    "MODB-027",
+    "MODB-028",
+    "MODB-029",
+    "MODB-030",
+    "MODB-031",
+    "MODB-036",
+)
 def test_tcp(tmp_path):
-    """Every ADU is one packet to it, well formed and with nothing to remark; function, registers, values, codes agree."""
+    """Every ADU is one packet to it, well formed and with nothing to remark; function, registers, values,
+    codes agree.
+    """
     rig = exchange("tcp")
     seen = dissect(
         write_tcp_capture(rig.link.log, tmp_path / "bus.pcap"),
-        "-o", "ip.check_checksum:TRUE", "-o", "tcp.check_checksum:TRUE",
-    )  # fmt: skip
+        "-o",
+        "ip.check_checksum:TRUE",
+        "-o",
+        "tcp.check_checksum:TRUE",
+    )
     assert not [one for one in seen if "malformed" in one]
     remarks = {text for one in seen for text in one.get("expert", ())}
     # The handshake is always worth a remark to it, and so is a response that is an exception.
@@ -137,7 +158,9 @@ def test_tcp(tmp_path):
 
 @pytest.mark.requirement("MODB-005", "MODB-006", "MODB-013", "MODB-018", "MODB-022")
 def test_rtu(tmp_path):
-    """Every frame of the line is well formed to it, with the right checksum and unit; functions and codes agree."""
+    """Every frame of the line is well formed to it, with the right checksum and unit; functions and codes
+    agree.
+    """
     rig = exchange("rtu")
     path = write_serial_capture(rig.link.log, tmp_path / "line.pcap")
     seen = dissect(

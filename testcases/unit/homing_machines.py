@@ -1,4 +1,6 @@
-"""Machines for active homing as Hypothesis draws them, where it has to end on them, and what has to hold at the end."""
+"""Machines for active homing as Hypothesis draws them, where it has to end on them, and what has to hold at
+the end.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ ZERO_MARK, CAM, INPUT = range(3)
 
 
 def clearance(cycle_s):
-    """Return the way from a limit switch to the stop behind it, mm (HOM-111): what 150 mm/s need with 1000 mm/s², after four cycles."""
+    """Return the way from a limit switch to the stop behind it, mm (HOM-111): what 150 mm/s need with 1000
+    mm/s², after four cycles.
+    """
     return 150.0 * 4 * cycle_s + 150.0**2 / (2 * 1000.0)
 
 
@@ -40,7 +44,9 @@ def machines(draw):
 
 @st.composite
 def broken_machines(draw):
-    """As above, with a cam of any place and width, a start also on a limit switch, and something wrong with the switches."""
+    """As above, with a cam of any place and width, a start also on a limit switch, and something wrong with
+    the switches.
+    """
     machine = draw(machines())
     low = draw(st.floats(-LIMIT - 30.0, LIMIT + 20.0))
     wrong = draw(
@@ -83,7 +89,8 @@ def next_mark(place, direction, phase):
 
 
 def expected_mark(machine, beyond):
-    """Return the place of the mark on which the axis has to be homed; None: there is none between the switches.
+    """Return the place of the mark on which the axis has to be homed; None: there is none between the
+    switches.
 
     Args:
         machine: See `machines`.
@@ -108,7 +115,9 @@ def expected_mark(machine, beyond):
 
 
 def admissible(machine, beyond):
-    """Leave out machines whose mark nobody could tell: beside a limit switch, under the start, or at the end of the cam."""
+    """Leave out machines whose mark nobody could tell: beside a limit switch, under the start, or at the end
+    of the cam.
+    """
     mark = expected_mark(machine, beyond)
     # A mark beside a limit switch is no admissible placement: the axis passes it before it stands.
     assume(mark is None or abs(mark) < LIMIT - 8.0 or machine["mode"] == ZERO_MARK)
@@ -130,7 +139,8 @@ def right_mark_or_right_alarm(machine, *, job, homed_on, alarms, axis, cycle_s):
     Args:
         machine: See `machines`.
         job: The ended `MC_Home`.
-        homed_on: Place of the mark that the axis has assumed: place of the load less the shown distance from it.
+        homed_on: Place of the mark that the axis has assumed: place of the load less the shown distance
+            from it.
         alarms: Numbers in the order in which they came.
         axis: Its handle.
         cycle_s: Application cycle.
@@ -170,7 +180,8 @@ def off_a_mark(place, phase):
 
 
 def honest_end(machine, *, job, homed_on, alarms, axis, cycle_s):
-    """Assert what holds on any machine, however broken: homed on something real, or an alarm and not homed; nothing goes on.
+    """Assert what holds on any machine, however broken: homed on something real, or an alarm and not homed;
+    nothing goes on.
 
     Arguments are those of `right_mark_or_right_alarm`.
     """

@@ -3,8 +3,8 @@
 
     python testcases/vcan/run.py [options] -- <command> [arguments...]
 
-The command finds the name of the interface in the environment variable HIL_VCAN, and that of a second one, not
-connected to it, in HIL_VCAN_FAR. Three ways, in this order:
+The command finds the name of the interface in the environment variable HIL_VCAN, and that of a second one,
+not connected to it, in HIL_VCAN_FAR. Three ways, in this order:
 
 1. the interface ($HIL_VCAN, else vcan0) exists on this machine: the command runs here;
 2. it can be created here with `ip link` (the kernel has the vcan module, and we are root or have sudo):
@@ -55,7 +55,7 @@ class UnavailableError(Exception):
     """This way to an interface is closed; the message says why."""
 
 
-# --------------------------------------------------------------------------------------------- on this machine
+# -------------------------------------------------------------------------------------------- on this machine
 
 
 def tool(name: str) -> str | None:
@@ -150,7 +150,7 @@ def kill_group(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-# ------------------------------------------------------------------------------------------- in user-mode Linux
+# ----------------------------------------------------------------------------------------- in user-mode Linux
 
 
 def modules_in_order(release: Path) -> list[Path]:
@@ -178,7 +178,8 @@ def init_script(command: list[str], interface: str, state: Path, modules: list[P
         "HIL_VCAN": interface,
         "HIL_VCAN_FAR": far_name(interface),
         "HIL_VCAN_WHERE": "host",  # for a run.py inside
-        # the host's temporary directory stays visible, but a file system in memory is faster and leaves nothing
+        # the host's temporary directory stays visible, but a file system in memory is faster and leaves
+        # nothing
         "TMPDIR": "/dev/shm",
         "PYTHONUNBUFFERED": "1",
         "COLUMNS": str(shutil.get_terminal_size((120, 24)).columns),
@@ -217,7 +218,9 @@ sleep 10
 
 
 def memory_directory(state: Path, memory_bytes: int) -> Path:
-    """Return where the memory of user-mode Linux lies as a file: in memory, if there is room (not in most containers)."""
+    """Return where the memory of user-mode Linux lies as a file: in memory, if there is room (not in most
+    containers).
+    """
     shared = Path("/dev/shm")
     if shared.is_dir() and os.access(shared, os.W_OK) and shutil.disk_usage(shared).free > memory_bytes:
         return shared
@@ -352,7 +355,7 @@ def run_in_uml(command: list[str], interface: str, timeout_s: float, memory_mib:
         shutil.rmtree(state, ignore_errors=True)
 
 
-# ---------------------------------------------------------------------------------------------------- the program
+# ------------------------------------------------------------------------------------------------ the program
 
 PROGRAM = "run.py"
 

@@ -1,8 +1,8 @@
 """The shipped campaigns in real time over SocketCAN, controller and drives in processes of their own.
 
-The same cases run in virtual time elsewhere; here they meet a real bus, a real clock and a machine that is sometimes
-late. A case that fails while the machine was later than the bench file allows is repeated, and then *blocked*: it
-says nothing about what was tested. So there may be a few of those, but no failed one.
+The same cases run in virtual time elsewhere; here they meet a real bus, a real clock and a machine that is
+sometimes late. A case that fails while the machine was later than the bench file allows is repeated, and then
+*blocked*: it says nothing about what was tested. So there may be a few of those, but no failed one.
 """
 
 from __future__ import annotations
@@ -95,11 +95,12 @@ def run_campaign(campaign: str, report: Path, channel: str) -> tuple[dict[str, o
 
 
 def stop_modes_to_run() -> list[tuple[str, str]]:
-    """Return combinations of stop and phase in which every stop occurs, and every pair that can matter on a bus.
+    """Return combinations of stop and phase in which every stop occurs, and every pair that can matter on a
+    bus.
 
-    All 48 run in virtual time. What the real bus and clock add depends on who makes the ramp, controller or drive (its
-    kind), in each phase of motion; at standstill there is no ramp, and while coasting nobody makes one. Those pairs are
-    covered, greedily and in a fixed order.
+    All 48 run in virtual time. What the real bus and clock add depends on who makes the ramp, controller or
+    drive (its kind), in each phase of motion; at standstill there is no ramp, and while coasting nobody makes
+    one. Those pairs are covered, greedily and in a fixed order.
     """
     wanted: dict[tuple[str, str], set[object]] = {}
     for stop, facts in stop_modes.STOPS.items():
@@ -117,7 +118,9 @@ def stop_modes_to_run() -> list[tuple[str, str]]:
 
 
 def test_stop_modes_on_a_live_bench(vcan_channel, tmp_path):
-    """Every stop, and every ramp in every phase of motion hold on the live bench; only lateness may block a few."""
+    """Every stop, and every ramp in every phase of motion hold on the live bench; only lateness may block a
+    few.
+    """
     chosen = stop_modes_to_run()
     assert {stop for stop, _ in chosen} == set(stop_modes.STOPS)
     assert len(chosen) < 20
@@ -133,7 +136,9 @@ def test_stop_modes_on_a_live_bench(vcan_channel, tmp_path):
 
 
 def test_fault_reactions_on_a_live_bench(vcan_channel, tmp_path):
-    """One case of each family of faults holds on the live bench; what cannot be injected there is blocked with a reason."""
+    """One case of each family of faults holds on the live bench; what cannot be injected there is blocked
+    with a reason.
+    """
     file = tmp_path / "selection.py"
     names = tuple(f"fault-reactions/{name}" for name in FAULT_CASES.values())
     file.write_text(SELECTION.format(campaign="fault_reactions", names=names), encoding="utf-8")

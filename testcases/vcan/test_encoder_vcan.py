@@ -1,4 +1,6 @@
-"""Encoders on a live bench: in the process of the drives, on a real CAN interface, beside the axis that moves the machine."""
+"""Encoders on a live bench: in the process of the drives, on a real CAN interface, beside the axis that moves
+the machine.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ cyclic_timer_ms = 50
 
 @pytest.mark.requirement("C406-008", "C406-009")
 def test_encoders_on_a_live_bench(vcan_channel):
-    """The scale shows where the slide is while the axis moves it, faults reach it, and its own shaft turns the other one."""
+    """The scale shows where the slide is while the axis moves it, faults reach it, and its own shaft turns
+    the other one.
+    """
     text = load_bench("live").text.replace('"vcan0"', f'"{vcan_channel}"')
     with BenchFile("own.toml", text + ENCODERS).build() as bench:
         power = bench.axis().power()

@@ -1,4 +1,6 @@
-"""Two real interfaces: bridges by our process and by the kernel, and what happens to an interface under a bench."""
+"""Two real interfaces: bridges by our process and by the kernel, and what happens to an interface under a
+bench.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,8 @@ def _administrator():
     """Fail, and do not skip, where the network cannot be configured."""
     if os.geteuid() != 0:
         pytest.fail(
-            "rules of the kernel's gateway need root: python testcases/vcan/run.py --where uml -- pytest -m vcan",
+            "rules of the kernel's gateway need root: python testcases/vcan/run.py --where uml -- pytest "
+            "-m vcan",
             pytrace=False,
         )
 
@@ -68,7 +71,8 @@ def heard(bus, count=1):
     return found
 
 
-# -- the gateway of the kernel -------------------------------------------------------------------------------------
+# -- the gateway of the kernel
+# -------------------------------------------------------------------------------------
 
 DATA = bytes.fromhex("1122334455667788")
 MODIFICATIONS = [
@@ -129,7 +133,9 @@ def test_the_kernel_picks_frames(near, far, vcan_channel, far_channel):
 
 
 def test_the_kernel_limits_hops(near, far, vcan_channel, far_channel):
-    """Two rules in opposite directions make no circle: a frame is passed on once, or as often as the rules allow."""
+    """Two rules in opposite directions make no circle: a frame is passed on once, or as often as the rules
+    allow.
+    """
     there, back = GatewayRule(vcan_channel, far_channel), GatewayRule(far_channel, vcan_channel)
     with Gateway() as gateway:
         gateway.add(there)
@@ -140,7 +146,9 @@ def test_the_kernel_limits_hops(near, far, vcan_channel, far_channel):
 
 
 def test_cangw_sees_our_rules_and_we_see_its(far_channel, vcan_channel, near, far):
-    """The program of can-utils lists our rules in its own words, and a rule that it has added does what it says."""
+    """The program of can-utils lists our rules in its own words, and a rule that it has added does what it
+    says.
+    """
     cangw = program("cangw")
     with Gateway() as gateway:
         change = Modification("SET", can_id=0x333, length=4, data=DATA)
@@ -176,7 +184,8 @@ def test_the_kernel_says_what_it_refuses(vcan_channel):
         gateway.add(GatewayRule(vcan_channel, "nosuch0"))
 
 
-# -- benches ------------------------------------------------------------------------------------------------------
+# -- benches
+# ------------------------------------------------------------------------------------------------------
 
 OBSERVER = """
 [bench]
@@ -204,7 +213,9 @@ def observer(request, vcan_channel, far_channel):
 
 @pytest.mark.parametrize("observer", ["bench", "kernel"], indirect=True)
 def test_faults_between_strangers_on_real_interfaces(observer, near, far):
-    """Frames pass both ways; dropping and replacing hit one identifier of one direction, and end when they are removed."""
+    """Frames pass both ways; dropping and replacing hit one identifier of one direction, and end when they
+    are removed.
+    """
     faults = Injector(observer)
 
     def exchange():
@@ -250,7 +261,9 @@ def test_what_the_kernel_cannot_do_is_refused(observer, kind, options, reason):
 
 @pytest.mark.parametrize("observer", ["kernel"], indirect=True)
 def test_two_faults_of_one_direction_are_refused(observer):
-    """A rule leaves out one pattern of identifiers; the second fault says so, and works when the first has gone."""
+    """A rule leaves out one pattern of identifiers; the second fault says so, and works when the first has
+    gone.
+    """
     faults = Injector(observer)
     first = faults.inject("frame.drop", can_id=0x185)
     with pytest.raises(UnsupportedFaultError, match="one fault at a time"):
@@ -271,7 +284,9 @@ def test_a_bench_takes_its_rules_along(near, far, vcan_channel, far_channel):
 
 
 def test_physical_drive_beyond_a_bridge(vcan_channel, far_channel, tmp_path):
-    """Enable, home, move, stop and a lost bus against a drive of another process, on the far side of a bridge."""
+    """Enable, home, move, stop and a lost bus against a drive of another process, on the far side of a
+    bridge.
+    """
     drives = emulate(tmp_path, {"interface": "socketcan", "channel": far_channel})
     try:
         place = {"interface": "socketcan", "channel": vcan_channel, "bridge": {"channel": far_channel}}
@@ -281,7 +296,8 @@ def test_physical_drive_beyond_a_bridge(vcan_channel, far_channel, tmp_path):
         drives.kill()
 
 
-# -- an interface under a segment -----------------------------------------------------------------------------------
+# -- an interface under a segment
+# -----------------------------------------------------------------------------------
 
 
 class Desk:
@@ -314,7 +330,9 @@ def desk(far_channel):
 
 
 def test_an_interface_that_goes_down_and_comes_back(desk):
-    """One DOWN for as long as the interface is down, whether or not somebody tries to send, and one UP afterwards."""
+    """One DOWN for as long as the interface is down, whether or not somebody tries to send, and one UP
+    afterwards.
+    """
     desk.port.send(CanFrame(0x100))
     desk.set("down")
     assert desk.scheduler.run_until(lambda: desk.segment.down, WAIT)
@@ -333,7 +351,9 @@ def test_an_interface_that_goes_down_and_comes_back(desk):
 
 
 def test_fd_and_error_frames_of_an_interface(desk):
-    """CAN FD frames are counted and told once, error frames are events with their meaning; the next frame arrives."""
+    """CAN FD frames are counted and told once, error frames are events with their meaning; the next frame
+    arrives.
+    """
     with (
         can.Bus(interface="socketcan", channel=desk.channel, fd=True) as foreign,
         socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as raw,

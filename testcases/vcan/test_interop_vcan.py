@@ -1,7 +1,8 @@
 """`hil emulate` on a real SocketCAN interface, driven by programs of others in other processes.
 
-The unmodified `canopen` library and can-utils (`candump`, `cansend`) are the controllers. Everything here runs in
-real time on a machine that may be slow: the tests wait for what must come and never measure how fast it comes.
+The unmodified `canopen` library and can-utils (`candump`, `cansend`) are the controllers. Everything here
+runs in real time on a machine that may be slow: the tests wait for what must come and never measure how fast
+it comes.
 """
 
 from __future__ import annotations
@@ -71,7 +72,8 @@ def emulation(vcan_channel, tmp_path_factory):
     assert emulation.end(signal.SIGTERM) == 0
 
 
-# -- the canopen library as the controller ----------------------------------------------------------------------
+# -- the canopen library as the controller
+# ----------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -147,10 +149,13 @@ def test_library_moves_in_cyclic_velocity(master):
 
 @pytest.mark.requirement("C301-026", "C301-123", "C402-050", "C402-016")
 def test_library_sees_and_resets_a_fault(master, emulation):
-    """The drive misses a heartbeat that the library sent: EMCY 8130h and Fault; with the heartbeat back it is reset."""
+    """The drive misses a heartbeat that the library sent: EMCY 8130h and Fault; with the heartbeat back it is
+    reset.
+    """
     since = len(emulation.lines)
     heartbeat = master.network.send_periodic(0x77F, b"\x05", 0.1)
-    # Monitoring begins with the first heartbeat after this; the time is long, because the machine may be slow.
+    # Monitoring begins with the first heartbeat after this; the time is long, because the machine may be
+    # slow.
     master.node.sdo[0x1016][1].raw = 127 << 16 | 3000
     master.enable("PROFILED VELOCITY")
     master.run_at(120)
@@ -179,7 +184,8 @@ def _reset(master: LibraryMaster) -> bool:
     return bool(master.node.state == "OPERATION ENABLED")
 
 
-# -- candump and cansend as the controller ------------------------------------------------------------------------
+# -- candump and cansend as the controller
+# ------------------------------------------------------------------------
 
 
 class CanUtils:
@@ -240,7 +246,9 @@ def sdo_answer(data: str) -> str:
 
 
 def status(state: int) -> str:
-    """Return a pattern for TPDO1 whose status word shows the state, whatever its upper byte and bits 4 and 7 are."""
+    """Return a pattern for TPDO1 whose status word shows the state, whatever its upper byte and bits 4 and 7
+    are.
+    """
     low = "|".join(f"{byte:02X}" for byte in range(256) if byte & 0x6F == state)
     return rf"{0x180 + NODE:03X}#({low})[0-9A-F]{{2}}$"
 
@@ -249,7 +257,9 @@ def status(state: int) -> str:
     "C301-016", "C301-022", "C301-057", "C301-060", "C402-018", "C402-019", "C402-024", "C402-039", "C402-097"
 )
 def test_candump_and_cansend_drive_it(utils):
-    """With nothing but cansend the drive is started, enabled, run at 120 rpm and stopped; candump shows its answers."""
+    """With nothing but cansend the drive is started, enabled, run at 120 rpm and stopped; candump shows its
+    answers.
+    """
     rpdo = f"{0x200 + NODE:03X}#"
     boot_up = f"{0x700 + NODE:03X}#00$"
     assert utils.ask(f"000#81{NODE:02X}", boot_up)
@@ -287,12 +297,15 @@ def test_candump_shows_the_aborts(utils):
         assert utils.ask(sdo(request), sdo_answer(answer))
 
 
-# -- the end ------------------------------------------------------------------------------------------------------
+# -- the end
+# ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
 def test_signal_ends_the_emulation_cleanly(vcan_channel, tmp_path, number):
-    """Ctrl-C and SIGTERM end `hil emulate` with exit code 0 and no traceback, and the node is gone from the bus."""
+    """Ctrl-C and SIGTERM end `hil emulate` with exit code 0 and no traceback, and the node is gone from the
+    bus.
+    """
     question, answer = (
         f"{0x600 + OTHER_NODE:03X}#4000100000000000",
         f"{0x580 + OTHER_NODE:03X}#4300100092010200",

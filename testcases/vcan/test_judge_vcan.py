@@ -1,4 +1,6 @@
-"""A log that candump itself has recorded from a SocketCAN interface is judged as the case from which its frames come."""
+"""A log that candump itself has recorded from a SocketCAN interface is judged as the case from which its
+frames come.
+"""
 
 import shutil
 import subprocess
@@ -43,10 +45,13 @@ def test_a_log_by_candump(vcan_channel, tmp_path):
                 if not error:
                     bus.send(
                         can.Message(
-                            arbitration_id=frame.can_id, data=frame.data, is_extended_id=False,
-                            is_remote_frame=frame.remote, dlc=frame.dlc,
+                            arbitration_id=frame.can_id,
+                            data=frame.data,
+                            is_extended_id=False,
+                            is_remote_frame=frame.remote,
+                            dlc=frame.dlc,
                         )
-                    )  # fmt: skip
+                    )
             send_until(bus, path, LAST_ID)
         finally:
             process.terminate()

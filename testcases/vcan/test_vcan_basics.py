@@ -58,7 +58,9 @@ def receive(bus, can_id) -> can.Message:
     ids=lambda message: f"{message.arbitration_id:X}-{message.dlc}",
 )
 def test_message_arrives_unchanged(bus, other_bus, message):
-    """A message comes out of a second socket with the same identifier, kind, length and data, and a time of today."""
+    """A message comes out of a second socket with the same identifier, kind, length and data, and a time of
+    today.
+    """
     before = time.time()
     bus.send(message)
     received = receive(other_bus, message.arbitration_id)
@@ -154,7 +156,9 @@ def test_cansend_is_received_by_python(bus, vcan_channel, text, can_id, extended
 
 
 def test_kernel_sends_periodically(bus, other_bus):
-    """The broadcast manager of the kernel (module can-bcm) sends a message again and again until it is stopped."""
+    """The broadcast manager of the kernel (module can-bcm) sends a message again and again until it is
+    stopped.
+    """
     task = bus.send_periodic(can.Message(arbitration_id=0x080, data=b"\x01", is_extended_id=False), 0.01)
     stamps = [receive(other_bus, 0x080).timestamp for _ in range(10)]
     task.stop()

@@ -3,15 +3,17 @@
 Delays, all in terms of the frame end of a SYNC (default servo period 0.25 ms, SYNC period T):
 
 * Actual values in the TPDOs of a SYNC are those of the last servo instant, at most one servo period old.
-* A control word or mode in a synchronous RPDO acts at that SYNC; its TPDOs already show the new state. Modes and status bits of the
-  mode follow in the next control cycle (1 ms).
-* A set-point that becomes effective at a SYNC is taken up at the next servo instant, acts on the load within the servo period
-  after that, and is reached one 60C2h period later. With `torque_feedforward` (default) csv therefore is a pure dead time of
-  T + 0.25 ms behind the line through the set-points, without lag; with `csv_interpolation=False` of 0.25 ms behind the
-  staircase of set-points; with `torque_feedforward=False` the lag T_vtc (2 ms) comes on top.
-* csp: the same dead time; at constant velocity no following error, while accelerating with a about a * T_vtc / Kv.
-* Stops made by the drive (quick stop, shutdown, halt, fault) begin at the next servo instant; the state changes
-  `standstill_time_s` (1 ms) after standstill.
+* A control word or mode in a synchronous RPDO acts at that SYNC; its TPDOs already show the new state.
+  Modes and status bits of the mode follow in the next control cycle (1 ms).
+* A set-point that becomes effective at a SYNC is taken up at the next servo instant, acts on the load
+  within the servo period after that, and is reached one 60C2h period later. With `torque_feedforward`
+  (default) csv therefore is a pure dead time of T + 0.25 ms behind the line through the set-points, without
+  lag; with `csv_interpolation=False` of 0.25 ms behind the staircase of set-points; with
+  `torque_feedforward=False` the lag T_vtc (2 ms) comes on top.
+* csp: the same dead time; at constant velocity no following error, while accelerating with a about a *
+  T_vtc / Kv.
+* Stops made by the drive (quick stop, shutdown, halt, fault) begin at the next servo instant; the state
+  changes `standstill_time_s` (1 ms) after standstill.
 """
 
 from __future__ import annotations

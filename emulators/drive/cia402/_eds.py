@@ -1,6 +1,7 @@
 """EDS of the emulated drive: text from the object table, and loading for a node.
 
-`python -m emulators.drive.cia402.eds` rewrites `servo.eds` beside this module; `--check` says whether it is up to date.
+`python -m emulators.drive.cia402.eds` rewrites `servo.eds` beside this module; `--check` says whether it is
+up to date.
 """
 
 from __future__ import annotations

@@ -65,7 +65,9 @@ class FaultLog:
         self.entries.clear()
 
     def packed(self, number: int) -> int:
-        """Return entry `number` (0 = newest) as bits 15..0 code, 23..16 state, 31..24 mode; 0 = there is none."""
+        """Return entry `number` (0 = newest) as bits 15..0 code, 23..16 state, 31..24 mode; 0 = there is
+        none.
+        """
         if number >= len(self.entries):
             return 0
         entry = self.entries[number]

@@ -1,4 +1,6 @@
-"""What a drive does when something fails: fault reaction, reset, lost communication (C402-014 to C402-016, C402-077)."""
+"""What a drive does when something fails: fault reaction, reset, lost communication (C402-014 to C402-016,
+C402-077).
+"""
 
 from __future__ import annotations
 
@@ -74,7 +76,8 @@ class FaultReactions:
             )
         )
 
-    # -- faults that clear themselves --------------------------------------------------------------------------------
+    # -- faults that clear themselves
+    # --------------------------------------------------------------------------------
 
     def reset_commanded(self) -> None:
         """Note that the controller wants a reset: attempts of the drive's own count anew."""
@@ -101,7 +104,8 @@ class FaultReactions:
             drive.function.execute(drive.machine.reset_itself())
             drive.refresh_status()
 
-    # -- communication -----------------------------------------------------------------------------------------------
+    # -- communication
+    # -----------------------------------------------------------------------------------------------
 
     def communication_lost(self, reason: str) -> None:
         """React to lost communication as 6007h says (C402-077)."""

@@ -1,7 +1,7 @@
 """Profile objects 6000h..67FFh (C402-175 to C402-278) and the manufacturer's diagnostics from 2000h on.
 
-Defaults in user units hold for the default units: velocity in rpm, acceleration in rpm/s. 6502h and 60E3h claim what this
-drive does and no more.
+Defaults in user units hold for the default units: velocity in rpm, acceleration in rpm/s. 6502h and 60E3h
+claim what this drive does and no more.
 """
 
 from __future__ import annotations

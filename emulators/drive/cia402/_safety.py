@@ -27,8 +27,16 @@ class SafetyFunctions:
     """
 
     __slots__ = (
-        "_drive", "_limit", "_ss1_timer", "_start_ns", "interlock_open", "monitoring", "ss1_input", "sto_input", "torque_off",
-    )  # fmt: skip
+        "_drive",
+        "_limit",
+        "_ss1_timer",
+        "_start_ns",
+        "interlock_open",
+        "monitoring",
+        "ss1_input",
+        "sto_input",
+        "torque_off",
+    )
 
     def __init__(self, drive: DriveDevice) -> None:
         self._drive = drive
@@ -47,7 +55,9 @@ class SafetyFunctions:
 
     @property
     def bits(self) -> int:
-        """2108h: bit 0 safe torque off in force, 1 its input, 2 input of safe stop 1, 3 its ramp runs, 4 interlock open."""
+        """2108h: bit 0 safe torque off in force, 1 its input, 2 input of safe stop 1, 3 its ramp runs, 4
+        interlock open.
+        """
         return (
             self.torque_off
             | self.sto_input << 1
@@ -56,7 +66,8 @@ class SafetyFunctions:
             | self.interlock_open << 4
         )
 
-    # -- inputs ----------------------------------------------------------------------------------------------------
+    # -- inputs
+    # ----------------------------------------------------------------------------------------------------
 
     def set_sto(self, active: bool) -> None:
         """Demand safe torque off, or release it."""
@@ -64,7 +75,9 @@ class SafetyFunctions:
         self._settle()
 
     def set_ss1(self, active: bool) -> None:
-        """Demand safe stop 1, or release it: the drive brakes with its quick stop, then safe torque off follows."""
+        """Demand safe stop 1, or release it: the drive brakes with its quick stop, then safe torque off
+        follows.
+        """
         if active is self.ss1_input:
             return
         self.ss1_input = active
@@ -115,7 +128,8 @@ class SafetyFunctions:
         if drive.config.safety.interlock != "none":
             drive.digital_inputs.set_level(_INTERLOCK, not self.interlock_open)
 
-    # -- safe stop 1 -----------------------------------------------------------------------------------------------
+    # -- safe stop 1
+    # -----------------------------------------------------------------------------------------------
 
     def watch(self) -> None:
         """Compare the speed with the ramp of safe stop 1; call in every control cycle while `monitoring`."""
@@ -155,7 +169,8 @@ class SafetyFunctions:
         self.monitoring = False
         self._drive.protection.warn(DriveWarning.SAFE_STOP, False)
 
-    # -- safe torque off -------------------------------------------------------------------------------------------
+    # -- safe torque off
+    # -------------------------------------------------------------------------------------------
 
     def _settle(self, *, silent: bool = False) -> None:
         """Put safe torque off in force, or release it (C402-030)."""

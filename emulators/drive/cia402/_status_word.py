@@ -1,4 +1,6 @@
-"""Status word 6041h and mode display 6061h, with the lies that a test may make them tell (C402-039 to C402-048)."""
+"""Status word 6041h and mode display 6061h, with the lies that a test may make them tell (C402-039 to
+C402-048).
+"""
 
 from __future__ import annotations
 
@@ -31,9 +33,21 @@ class StatusWord:
     """
 
     __slots__ = (
-        "_axis", "_cleared", "_core", "_drive", "_function", "_lies", "_machine", "_mode_display", "_protection", "_quirky", "_set",
-        "_value", "frozen", "homing_refused",
-    )  # fmt: skip
+        "_axis",
+        "_cleared",
+        "_core",
+        "_drive",
+        "_function",
+        "_lies",
+        "_machine",
+        "_mode_display",
+        "_protection",
+        "_quirky",
+        "_set",
+        "_value",
+        "frozen",
+        "homing_refused",
+    )
 
     def __init__(self, drive: DriveDevice) -> None:
         self._drive = drive
@@ -135,7 +149,8 @@ class StatusWord:
             status &= ~_TARGET_REACHED
         return status
 
-    # -- lies ------------------------------------------------------------------------------------------------------
+    # -- lies
+    # ------------------------------------------------------------------------------------------------------
 
     def lie(self, *, set_bits: int = 0, clear_bits: int = 0) -> None:
         """Show bits as 1 or 0, whatever they should be; none = the truth."""

@@ -1,8 +1,8 @@
 """Touch probe: two latches for the position at an edge of an input or at the index (C402-142 to C402-152).
 
-The latch belongs to the instant of the event, not to a cycle: an edge between two servo instants gets the position that the
-machine had then, an edge that the load makes gets its place, an index its increment. The result shows at the next servo
-instant. While no probe is on, nothing of this runs.
+The latch belongs to the instant of the event, not to a cycle: an edge between two servo instants gets the
+position that the machine had then, an edge that the load makes gets its place, an index its increment. The
+result shows at the next servo instant. While no probe is on, nothing of this runs.
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ class TouchProbe:
             channel.edges = channel.stored = 0
         self.show()
 
-    # -- objects -----------------------------------------------------------------------------------------------
+    # -- objects
+    # -----------------------------------------------------------------------------------------------
 
     def on_function(self, value: int) -> None:
         """Take 60B8h: a probe looks at its bits when it is switched on and at no other time (C402-151).
@@ -152,7 +153,8 @@ class TouchProbe:
             status |= half << 8 * channel.number
         self._slave.set(0x60B9, 0, status)
 
-    # -- events ------------------------------------------------------------------------------------------------
+    # -- events
+    # ------------------------------------------------------------------------------------------------
 
     def on_input(self, source: int, switch: SwitchModel) -> None:
         """Take an edge of probe input 1 or 2 at the instant at which it comes."""
@@ -199,7 +201,9 @@ class TouchProbe:
                 finish(increments, time_ns)
 
     def _storage(self, source: int, edge: int) -> list[Callable[[int, int], None]]:
-        """Return what has to be called with increments and time of an event, for every probe that waits for it."""
+        """Return what has to be called with increments and time of an event, for every probe that waits for
+        it.
+        """
         return [
             partial(self._store, channel, channel.generation, edge)
             for channel in self._channels

@@ -136,7 +136,8 @@ class ProfileAxis:
         self.software_limits: tuple[int, int] | None = None
         """Effective 607Dh in position units; None = off."""
 
-    # -- parameters --------------------------------------------------------------------------------------------
+    # -- parameters
+    # --------------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
         """Take all parameters over from the values."""
@@ -175,7 +176,8 @@ class ProfileAxis:
         off = (low, high) == RANGE_OFF or low > high
         self.software_limits = None if off else (low - offset, high - offset)
 
-    # -- positions ---------------------------------------------------------------------------------------------
+    # -- positions
+    # ---------------------------------------------------------------------------------------------
 
     @property
     def internal_increments(self) -> int:
@@ -226,7 +228,9 @@ class ProfileAxis:
         return increments * self._rad_per_inc
 
     def set_home(self, increments: int, position: int) -> None:
-        """Shift the coordinate system so that a reading of the encoder, increments, becomes `position`, position units."""
+        """Shift the coordinate system so that a reading of the encoder, increments, becomes `position`,
+        position units.
+        """
         self.home_shift = round(self.units.to_increments(position)) - increments
 
     def within_software_limits(self, position: int) -> int:
@@ -236,7 +240,8 @@ class ProfileAxis:
             return position
         return min(max(position, limits[0]), limits[1])
 
-    # -- velocities, torques -------------------------------------------------------------------------------------
+    # -- velocities, torques
+    # -------------------------------------------------------------------------------------
 
     @property
     def actual_velocity(self) -> int:
@@ -265,10 +270,13 @@ class ProfileAxis:
             return 0.0
         return velocity
 
-    # -- accelerations -----------------------------------------------------------------------------------------
+    # -- accelerations
+    # -----------------------------------------------------------------------------------------
 
     def acceleration(self, index: int, limit_index: int) -> float:
-        """Return an acceleration object within its limit object, rad/s^2; 0 stands for the limit (C402-075)."""
+        """Return an acceleration object within its limit object, rad/s^2; 0 stands for the limit
+        (C402-075).
+        """
         limit = self.values[limit_index << 8]
         value = self.values[index << 8] or limit
         if limit:

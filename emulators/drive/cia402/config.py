@@ -46,21 +46,24 @@ class DriveConfig:
         supply: DC link and mains.
         thermal: Temperatures and overload.
         safety: Safety inputs.
-        self_test_s: From the boot-up frame to Switch on disabled, s; Not ready to switch on is visible for so long.
+        self_test_s: From the boot-up frame to Switch on disabled, s; Not ready to switch on is visible
+            for so long.
         boot_time_s: From power-on or reset to the boot-up frame, s.
         power_on_delay_s: Transition 3 takes this long, s (C402-173: 0 to 0.5).
         blocked_time_s: Torque limit at standstill for this long is the fault 7121h, s; 0 = not watched.
-        limit_switch_reaction: `stop` with 6085h, `fault` 8612h, or `none`: the controller watches alone (C402-161).
+        limit_switch_reaction: `stop` with 6085h, `fault` 8612h, or `none`: the controller watches alone
+            (C402-161).
         following_error_reaction: `fault` 8611h or `status` bit 13 only (C402-153).
         slippage_reaction: pv: `status` bit 13 only, or `fault` 8400h as well (C402-159).
         sync_loss_reaction: `fault` 8700h, `warning` or `none` (C301-037).
-        sync_jitter: Part of 60C2h by which SYNC may come early or late in the cyclic modes before the same reaction
-            follows, 0 to 0.5; 0 = not watched (CANP-071).
+        sync_jitter: Part of 60C2h by which SYNC may come early or late in the cyclic modes before the
+            same reaction follows, 0 to 0.5; 0 = not watched (CANP-071).
         missing_setpoints: Reaction 6007h after this many periods without set-point; 0 = never (C402-104).
         home_offset: `profile` (6064h = -607Ch at the home point) or `vendor` (+607Ch) (C402-138).
-        homing_move: After the home position is known: `none` = come to rest, `zero` = move to position 0 (C402-138).
-        hard_stop_methods: Manufacturer's homing methods by number -4..-1: `positive`, `negative`, `positive_index`,
-            `negative_index` (C402-131, C402-132).
+        homing_move: After the home position is known: `none` = come to rest, `zero` = move to position 0
+            (C402-138).
+        hard_stop_methods: Manufacturer's homing methods by number -4..-1: `positive`, `negative`,
+            `positive_index`, `negative_index` (C402-131, C402-132).
         input_filter_s: A limit or home switch counts when it has been stable for this long, s.
         csv_interpolation: Whether csv reaches the target linearly within 60C2h, or at once.
         coasting_faults: EMCY codes after which the drive cannot brake.
@@ -152,9 +155,9 @@ class DriveConfig:
     ) -> DriveConfig:
         """Return the reference axis of the worked numbers (STP-008 to STP-014).
 
-        Lead screw 10 mm, travel +-600 mm between stops, limit switches at +-550 mm, 2 Nm rated and 6 Nm peak torque, total
-        inertia 3.5e-4 kg m^2 at the motor (4000 mm/s2 take 0.94 Nm), encoder 131072 increments per revolution.
-        Position unit = increment, velocity unit = 10^-3 rpm, acceleration unit = 10^-3 rpm/s.
+        Lead screw 10 mm, travel +-600 mm between stops, limit switches at +-550 mm, 2 Nm rated and 6 Nm peak
+        torque, total inertia 3.5e-4 kg m^2 at the motor (4000 mm/s2 take 0.94 Nm), encoder 131072 increments
+        per revolution. Position unit = increment, velocity unit = 10^-3 rpm, acceleration unit = 10^-3 rpm/s.
 
         Args:
             node_id: CANopen node-ID.

@@ -52,7 +52,8 @@ _PROBE_LEVELS: Final = 3 << 16
 
 
 class DriveDevice:
-    """A drive as node of a CAN segment; use `CiA402Drive`, which adds fault injection and the recorder's columns.
+    """A drive as node of a CAN segment; use `CiA402Drive`, which adds fault injection and the recorder's
+    columns.
 
     See there for the arguments.
     """
@@ -208,7 +209,8 @@ class DriveDevice:
                 raise ConfigurationError("objects", f"{index:04X}h:{sub}", "an object of the drive")
         store.load(application=True)
 
-    # -- what it is doing ------------------------------------------------------------------------------------------
+    # -- what it is doing
+    # ------------------------------------------------------------------------------------------
 
     @property
     def state(self) -> DriveState:
@@ -235,7 +237,8 @@ class DriveDevice:
         """Whether safe torque off is in force."""
         return self.safety.torque_off
 
-    # -- life ------------------------------------------------------------------------------------------------------
+    # -- life
+    # ------------------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the control supply on: self-test, boot-up, Switch on disabled."""
@@ -319,7 +322,8 @@ class DriveDevice:
         if old is not new:
             self.emit("drive.state", **{"from": old.text, "to": new.text}, transition=number)
 
-    # -- commands --------------------------------------------------------------------------------------------------
+    # -- commands
+    # --------------------------------------------------------------------------------------------------
 
     def on_controlword(self, word: int) -> None:
         """Take 6040h, from PDO or SDO."""
@@ -368,7 +372,8 @@ class DriveDevice:
             self.outputs = outputs
             self.emit("drive.outputs", outputs=outputs)
 
-    # -- cycles ----------------------------------------------------------------------------------------------------
+    # -- cycles
+    # ----------------------------------------------------------------------------------------------------
 
     def _on_sync(self, _time_ns: int) -> None:
         self.axis.synchronised = True
@@ -407,7 +412,8 @@ class DriveDevice:
             pdo.valid and pdo.synchronous and key in pdo.layout.keys for pdo in self.slave.pdos.receive
         )
 
-    # -- warnings and faults ---------------------------------------------------------------------------------------
+    # -- warnings and faults
+    # ---------------------------------------------------------------------------------------
 
     def show_warnings(self, warnings: DriveWarning) -> None:
         """Show the causes of bit 7 in 1002h and 2100h, and log them."""
@@ -432,7 +438,8 @@ class DriveDevice:
         if self._history is not None:
             self._history.emit(self.name, kind, **data)
 
-    # -- machine ---------------------------------------------------------------------------------------------------
+    # -- machine
+    # ---------------------------------------------------------------------------------------------------
 
     def _on_homed(self, success: bool) -> None:
         self.status_word.homing_refused = not success
@@ -453,7 +460,9 @@ class DriveDevice:
 
     @property
     def inputs(self) -> int:
-        """60FDh: bit 0 negative limit switch, 1 positive limit switch, 2 home switch, 3 interlock closed, 16 probe 1, 17 probe 2."""
+        """60FDh: bit 0 negative limit switch, 1 positive limit switch, 2 home switch, 3 interlock closed, 16
+        probe 1, 17 probe 2.
+        """
         return self.digital_inputs.value
 
     def _on_inputs(self, before: int) -> None:

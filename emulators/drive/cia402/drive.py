@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 class CiA402Drive(InjectableDrive):
     """A servo drive with its motor and machine on a CAN segment.
 
-    It is off until `power_on`; the machine moves from the start. Everything runs in callbacks of the scheduler: the servo
-    step every `servo_period_ns`, modes and monitoring every `control_period_ns`, cyclic set-points at SYNC. Injected faults
-    act at once.
+    It is off until `power_on`; the machine moves from the start. Everything runs in callbacks of the
+    scheduler: the servo step every `servo_period_ns`, modes and monitoring every `control_period_ns`, cyclic
+    set-points at SYNC. Injected faults act at once.
 
     Args:
         scheduler: Time of the bench.
@@ -56,10 +56,13 @@ class CiA402Drive(InjectableDrive):
         """(name, unit) of the values of `trace_row`."""
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values of `trace_columns`; position and velocity are those of the true mechanics."""
+        """Return the present values of `trace_columns`; position and velocity are those of the true
+        mechanics.
+        """
         return trace_row(self)
 
-    # -- drive -----------------------------------------------------------------------------------------------------
+    # -- drive
+    # -----------------------------------------------------------------------------------------------------
 
     def clear_fault_cause(self, emcy_code: int | None = None) -> None:
         """End the cause of a persistent fault, or of all; the fault itself waits for its reset."""

@@ -1,7 +1,9 @@
-"""What the drive does on each of its faults, as data: one rule per EMCY code (C301-114 to C301-131, C402-296 to C402-308).
+"""What the drive does on each of its faults, as data: one rule per EMCY code (C301-114 to C301-131, C402-296
+to C402-308).
 
-The profile names the codes and leaves the rest to the manufacturer: which faults allow the drive to brake, and how they are reset.
-`RULES` answers that for every code of `fieldbus.cia402.EMCY_TEXTS`; `fault_rule` also for codes that have no text.
+The profile names the codes and leaves the rest to the manufacturer: which faults allow the drive to brake,
+and how they are reset. `RULES` answers that for every code of `fieldbus.cia402.EMCY_TEXTS`; `fault_rule` also
+for codes that have no text.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ class Reaction(Enum):
     """What happens to the torque (C402-014, C402-015)."""
 
     COAST = "coast"
-    """Torque off at once, whatever 605Eh says: power stage, its supply, control or motor sensor has failed."""
+    """Torque off at once, whatever 605Eh says: power stage, its supply, control or motor sensor has failed.
+    """
     OPTION = "option"
     """As the fault reaction option code 605Eh says."""
 

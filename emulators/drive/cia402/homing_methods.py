@@ -1,8 +1,8 @@
 """The homing methods as data (C402-105 to C402-132).
 
-A switch divides the travel into *zones*: -1 left of its active range, 0 inside, +1 right of it. Every method with a switch
-ends with one passage from a zone to its neighbour; which edge that is, and in which direction it is passed, follows
-from the two zones. How to get there follows from the zone in which the load is.
+A switch divides the travel into *zones*: -1 left of its active range, 0 inside, +1 right of it. Every method
+with a switch ends with one passage from a zone to its neighbour; which edge that is, and in which direction
+it is passed, follows from the two zones. How to get there follows from the zone in which the load is.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class OnSwitch:
         before: Zone from which the home edge is passed.
         after: Zone behind it; the direction of the passage is `after - before`.
         index: The home position is the first index behind the edge, in the same direction.
-        start: Direction in which a switch with two edges is looked for; 0: the switch is active up to the end of the
-            travel, so that "inactive" says on which side the load is.
+        start: Direction in which a switch with two edges is looked for; 0: the switch is active up to the
+            end of the travel, so that "inactive" says on which side the load is.
 
     """
 

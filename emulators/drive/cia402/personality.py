@@ -1,7 +1,7 @@
 """Personalities: how a family of drives differs from the profile, as a data file.
 
-A personality is a TOML file. Those that come with the product stand in `personalities/` beside this module and are chosen by
-name; a path chooses a file of your own:
+A personality is a TOML file. Those that come with the product stand in `personalities/` beside this module
+and are chosen by name; a path chooses a file of your own:
 
     name = "my-drive"
     summary = "One line for people."
@@ -113,7 +113,8 @@ def load_personality(reference: str | Path) -> Personality:
         reference: A name of `personality_names`, or a path that ends in `.toml`.
 
     Raises:
-        ConfigurationError: There is none, or its content is not usable; the message says where and what is allowed.
+        ConfigurationError: There is none, or its content is not usable; the message says where and what
+            is allowed.
 
     """
     text = str(reference)
@@ -124,7 +125,9 @@ def load_personality(reference: str | Path) -> Personality:
 
 @cache
 def _shipped(name: str) -> Personality:
-    """Return a personality of the product; its file does not change while it runs, and every bench asks for it."""
+    """Return a personality of the product; its file does not change while it runs, and every bench asks for
+    it.
+    """
     if name not in personality_names():
         raise ConfigurationError("personality", name, f"{', '.join(personality_names())}, or a file *.toml")
     return _load(FOLDER / f"{name}.toml")

@@ -123,10 +123,13 @@ class Protection:
         self.warnings = 0
         """Present warnings, bits of `DriveWarning`."""
 
-    # -- life ------------------------------------------------------------------------------------------------------
+    # -- life
+    # ------------------------------------------------------------------------------------------------------
 
     def restart(self) -> None:
-        """Start after power-on or reset: i2t forgets, what is hot has cooled meanwhile, the DC link is charged if mains are there."""
+        """Start after power-on or reset: i2t forgets, what is hot has cooled meanwhile, the DC link is
+        charged if mains are there.
+        """
         self.power.restart(self._drive.now_ns)
         self._phase_s = 0.0
         self._motor_cap = math.inf
@@ -142,7 +145,8 @@ class Protection:
             self._look_at_phase(power_stage.dt_s)
             self._look_at_heat()
 
-    # -- heat ------------------------------------------------------------------------------------------------------
+    # -- heat
+    # ------------------------------------------------------------------------------------------------------
 
     def _look_at_heat(self) -> None:
         drive = self._drive
@@ -181,7 +185,8 @@ class Protection:
         if self._phase_s >= link.config.phase_loss_time_s:
             self._drive.raise_fault(faults.PHASE_LOSS)
 
-    # -- supply ----------------------------------------------------------------------------------------------------
+    # -- supply
+    # ----------------------------------------------------------------------------------------------------
 
     def look_at_link(self) -> None:
         """React to the voltage of the DC link and to the mains (C402-029)."""
@@ -235,7 +240,8 @@ class Protection:
             self._power_timer.cancel()
             self._power_timer = None
 
-    # -- torque and warnings ---------------------------------------------------------------------------------------
+    # -- torque and warnings
+    # ---------------------------------------------------------------------------------------
 
     def cap_torque(self, torque_Nm: float) -> None:
         """Limit the torque from outside, Nm; inf = not."""
@@ -262,7 +268,8 @@ class Protection:
             self.warnings = before & ~mask | bits
             self._drive.show_warnings(DriveWarning(self.warnings))
 
-    # -- faults ----------------------------------------------------------------------------------------------------
+    # -- faults
+    # ----------------------------------------------------------------------------------------------------
 
     def holds(self, code: int) -> bool:
         """Return whether the cause of a latched fault is still there (C402-016)."""

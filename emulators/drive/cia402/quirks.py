@@ -1,6 +1,8 @@
-"""Where drives on the market differ from the profile, as a few named switches (C402-009 and others say what the profile wants).
+"""Where drives on the market differ from the profile, as a few named switches (C402-009 and others say what
+the profile wants).
 
-The code asks for a behaviour, never for a manufacturer. A personality (`emulators.drive.cia402.personality`) sets them from a file.
+The code asks for a behaviour, never for a manufacturer. A personality (`emulators.drive.cia402.personality`)
+sets them from a file.
 """
 
 from __future__ import annotations
@@ -16,20 +18,24 @@ class Quirks:
     """Deviations from the profile; all off by default.
 
     Args:
-        halt_blocks_acknowledge: pp: while halt is set, a new set-point is not acknowledged; it is taken when halt is withdrawn with
-            bit 4 still set.
+        halt_blocks_acknowledge: pp: while halt is set, a new set-point is not acknowledged; it is taken
+            when halt is withdrawn with bit 4 still set.
         auto_reset_s: A fault clears itself this long after its cause is gone, s; 0 = never.
         auto_reset_attempts: So often in a row, until a reset by the controller or a restart.
-        falls_back_without_power_s: Transition 3 is made without mains too; when the DC link has been missing for this time in
-            Switched on, the drive falls back to Switch on disabled, s; 0 = transition 3 waits for the DC link.
+        falls_back_without_power_s: Transition 3 is made without mains too; when the DC link has been
+            missing for this time in Switched on, the drive falls back to Switch on disabled, s; 0 =
+            transition 3 waits for the DC link.
         csp_jumps_unprimed: csp follows 607Ah at once, also when it has never been written and still is 0.
-        silent_until_ready: In Not ready to switch on no PDO with the status word is sent and 6041h cannot be read.
+        silent_until_ready: In Not ready to switch on no PDO with the status word is sent and 6041h cannot
+            be read.
         single_setpoint: pp: there is no buffer; a set-point during a motion is taken only with bit 5.
         setpoint_needs_bit_5: pp: a set-point without bit 5 is ignored.
         status_homed: Bits of the status word that show "homed", until power is switched off.
         status_homing_refused: Bits of the status word that show that the last homing was refused or failed.
-        skips_switched_on: 000Fh in Ready to switch on leads straight to Operation enabled; Switched on is not seen.
-        homing_finishes_on_release: hm: homing counts as finished (bit 10) only when bit 4 of the control word is withdrawn.
+        skips_switched_on: 000Fh in Ready to switch on leads straight to Operation enabled; Switched on is
+            not seen.
+        homing_finishes_on_release: hm: homing counts as finished (bit 10) only when bit 4 of the control
+            word is withdrawn.
 
     Raises:
         ConfigurationError: A number is out of range.

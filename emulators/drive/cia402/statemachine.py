@@ -1,8 +1,9 @@
 """Power drive system state machine of CiA 402, without time, bus or motor (C402-001 to C402-031).
 
-`PowerStateMachine` gets control words and events and answers with an `Action`: what the drive has to do. A stop ramp
-belongs to the drive; while it runs the machine waits for `stop_finished`. During the ramp of Shutdown or Disable operation
-the state stays Operation enabled, and the transition is made at standstill (STP-543).
+`PowerStateMachine` gets control words and events and answers with an `Action`: what the drive has to do. A
+stop ramp
+belongs to the drive; while it runs the machine waits for `stop_finished`. During the ramp of Shutdown or
+Disable operation the state stays Operation enabled, and the transition is made at standstill (STP-543).
 """
 
 from __future__ import annotations
@@ -117,7 +118,8 @@ class PowerStateMachine:
         self._quick_stop_option = 2
         self._quick_stopped = False
 
-    # -- what the drive asks -----------------------------------------------------------------------------------
+    # -- what the drive asks
+    # -----------------------------------------------------------------------------------
 
     @property
     def status_bits(self) -> int:
@@ -145,7 +147,8 @@ class PowerStateMachine:
         """Whether set-points are executed: Operation enabled and no stop under way."""
         return self.state is _OPERATION_ENABLED and self._ramp_target is None
 
-    # -- life ----------------------------------------------------------------------------------------------------
+    # -- life
+    # ----------------------------------------------------------------------------------------------------
 
     def start(self) -> Action:
         """Power-on or reset of the application: transition 0; forgets everything."""
@@ -161,7 +164,8 @@ class PowerStateMachine:
             self._go(1, DriveState.SWITCH_ON_DISABLED)
         return Action.NOTHING
 
-    # -- commands ------------------------------------------------------------------------------------------------
+    # -- commands
+    # ------------------------------------------------------------------------------------------------
 
     def control(self, word: int) -> Action:
         """Evaluate a control word: at most one transition (C402-027)."""
@@ -271,7 +275,8 @@ class PowerStateMachine:
         self._go(4, DriveState.OPERATION_ENABLED)
         return Action.ENABLE
 
-    # -- events ----------------------------------------------------------------------------------------------------
+    # -- events
+    # ----------------------------------------------------------------------------------------------------
 
     def power_is_on(self) -> Action:
         """High-level power is on: transition 3."""
@@ -288,7 +293,9 @@ class PowerStateMachine:
         return Action.NOTHING
 
     def cycle(self) -> Action:
-        """Call once per control cycle: transition 4 follows 3 as soon as Switched on has been seen (C402-020)."""
+        """Call once per control cycle: transition 4 follows 3 as soon as Switched on has been seen
+        (C402-020).
+        """
         if self.enable_follows and self.status_seen and self.state is DriveState.SWITCHED_ON:
             return self._enable()
         return Action.NOTHING
@@ -315,7 +322,8 @@ class PowerStateMachine:
         """Enter the fault reaction: transition 13, and 14 at once where nothing has to be or can be stopped.
 
         Args:
-            can_brake: False: the power stage or the motor sensor has failed, there is no torque to brake with.
+            can_brake: False: the power stage or the motor sensor has failed, there is no torque to brake
+                with.
 
         """
         state = self.state
@@ -352,7 +360,8 @@ class PowerStateMachine:
         """Have the control word evaluated again, because an obstacle is gone."""
         self.settled = False
 
-    # -- inside ------------------------------------------------------------------------------------------------------
+    # -- inside
+    # ------------------------------------------------------------------------------------------------------
 
     def _forget(self) -> None:
         self._waits_for_power = False

@@ -1,8 +1,9 @@
 """Factor group: from the user's units to rad, rad/s, rad/s^2 and increments, and back (C402-165 to C402-167).
 
-Velocities of 60A9h in revolutions refer to the motor shaft. The acceleration unit is the velocity unit per second, times
-6097h. The older factors come on top, so that 1/1 leaves all to the newer objects: 6093h multiplies the increments of a
-position unit, 6094h and 6096h the velocity unit. 6089h to 608Eh and 60A8h name units and convert nothing.
+Velocities of 60A9h in revolutions refer to the motor shaft. The acceleration unit is the velocity unit per
+second, times 6097h. The older factors come on top, so that 1/1 leaves all to the newer objects: 6093h
+multiplies the increments of a position unit, 6094h and 6096h the velocity unit. 6089h to 608Eh and 60A8h name
+units and convert nothing.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ def velocity_unit_rad_s(unit: int, user_position_rad: float = 1.0) -> float:
     """Return the size of a velocity unit of 60A9h at the motor shaft, rad/s.
 
     Args:
-        unit: Value of 60A9h: 0 = not specified, taken as rpm; otherwise bits 31..24 decimal exponent, 23..16 numerator (B4h revolution, 00h position unit),
-            15..8 denominator (47h minute, 03h second), 7..0 zero.
+        unit: Value of 60A9h: 0 = not specified, taken as rpm; otherwise bits 31..24 decimal exponent,
+            23..16 numerator (B4h revolution, 00h position unit), 15..8 denominator (47h minute, 03h second),
+            7..0 zero.
         user_position_rad: Size of the position unit at the motor shaft, rad.
 
     Raises:
@@ -157,7 +159,9 @@ class Units:
         self.plain = increments == 1 and self.position_sign == 1 and not self.turn
 
     def to_user_position(self, increments: int) -> int:
-        """Return a number of increments in position units, 32 bits (rounded to nearest, ties away from zero)."""
+        """Return a number of increments in position units, 32 bits (rounded to nearest, ties away from
+        zero).
+        """
         if self.plain:
             return (increments + 0x80000000 & 0xFFFFFFFF) - 0x80000000
         return self.wrap(

@@ -1,4 +1,6 @@
-"""The PROFIdrive face of an emulated drive. `ProfidriveDrive` knows no bus; a transport carries its telegrams."""
+"""The PROFIdrive face of an emulated drive. `ProfidriveDrive` knows no bus; a transport carries its
+telegrams.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Safe brake test of a PROFIdrive axis: the drive pulls at its closed brake and watches whether the load moves (CFG-454 to CFG-456)."""
+"""Safe brake test of a PROFIdrive axis: the drive pulls at its closed brake and watches whether the load
+moves (CFG-454 to CFG-456).
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ _NOTHING_NM: Final = 1e-3
 
 
 class BrakeTest:
-    """The test, controlled by S_STW3B of telegram 701. It needs an axis in operation that stands, and a brake.
+    """The test, controlled by S_STW3B of telegram 701. It needs an axis in operation that stands, and a
+    brake.
 
     Args:
         drive: The drive.

@@ -1,7 +1,8 @@
-"""Objects of CiA 402 as a PROFIdrive axis on CANopen shows them: other names for its words and parameters (PD-342).
+"""Objects of CiA 402 as a PROFIdrive axis on CANopen shows them: other names for its words and parameters
+(PD-342).
 
-Velocities are in rpm times 6094h, torques in thousandths of the rated torque. SDO alone reaches the objects; PDOs carry the
-telegram. Control word and target velocity change their signal in the telegram that came last.
+Velocities are in rpm times 6094h, torques in thousandths of the rated torque. SDO alone reaches the objects;
+PDOs carry the telegram. Control word and target velocity change their signal in the telegram that came last.
 """
 
 from __future__ import annotations
@@ -73,7 +74,9 @@ class Cia402Objects:
             return _Row("velocity encoder factor", _U32, parameter(_FACTOR, sub_index), put)
 
         self._rows: dict[tuple[int, int], _Row] = {
-            (0x6040, 0): _Row("control word", _U16, lambda: drive.stw1, lambda value: self._command("STW1", int(value))),
+            (0x6040, 0): _Row(
+                "control word", _U16, lambda: drive.stw1, lambda value: self._command("STW1", int(value))
+            ),
             (0x6041, 0): _Row("status word", _U16, drive.words.zsw1),
             (0x605D, 0): _Row("halt option code", _I16, lambda: 1, only(1)),
             (0x6060, 0): _Row("modes of operation", _I8, lambda: mode, only(mode)),
@@ -84,7 +87,10 @@ class Cia402Objects:
             (0x606C, 0): _Row("velocity actual value", _I32, lambda: self._shown(core.speed_rpm)),
             (0x6071, 0): _Row("target torque", _I16, lambda: 0),
             (0x6072, 0): _Row(
-                "max torque", _U16, lambda: share(float(store.value(1520))), lambda value: self._write(1520, value * rated / _THOUSAND)
+                "max torque",
+                _U16,
+                lambda: share(float(store.value(1520))),
+                lambda value: self._write(1520, value * rated / _THOUSAND),
             ),
             (0x6074, 0): _Row("torque demand", _I16, lambda: share(core.torque_demand)),
             (0x6083, 0): self._ramp("profile acceleration", 1120),
@@ -97,9 +103,10 @@ class Cia402Objects:
             (0x60FF, 0): _Row("target velocity", _I32, self._target, self._take_target),
             (0x6502, 0): _Row("supported drive modes", _U32, lambda: 1 << mode - 1),
             (0x6504, 0): _Row("drive manufacturer", _STRING, lambda: _MANUFACTURER),
-        }  # fmt: skip
+        }
 
-    # -- as the dictionary sees it ---------------------------------------------------------------------------------
+    # -- as the dictionary sees it
+    # ---------------------------------------------------------------------------------
 
     def entry(self, index: int, sub: int) -> Entry | None:
         """See `ForeignObjects.entry`."""
@@ -131,7 +138,8 @@ class Cia402Objects:
         assert isinstance(value, (int, float))
         row.put(value)
 
-    # -- what is behind ----------------------------------------------------------------------------------------------
+    # -- what is behind
+    # ----------------------------------------------------------------------------------------------
 
     @property
     def _factor(self) -> float:

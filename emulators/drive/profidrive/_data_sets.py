@@ -42,7 +42,9 @@ class DataSets:
         self.changing = False
 
     def select(self, number: int) -> None:
-        """Take a set into force; what the active one has become is kept. A number that there is not changes nothing."""
+        """Take a set into force; what the active one has become is kept. A number that there is not changes
+        nothing.
+        """
         self.wanted = number
         if number == self.active or number >= len(self._rows):
             return

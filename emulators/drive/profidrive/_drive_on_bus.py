@@ -44,7 +44,21 @@ class DriveOnBus(MachineFaults, PowerFaults):
 
     """
 
-    __slots__ = ("_drift_rest", "_drift_timer", "config", "core", "digital_inputs", "drive", "encoder", "mechanics", "name", "parameters", "scheduler", "switches", "trace_columns")  # fmt: skip
+    __slots__ = (
+        "_drift_rest",
+        "_drift_timer",
+        "config",
+        "core",
+        "digital_inputs",
+        "drive",
+        "encoder",
+        "mechanics",
+        "name",
+        "parameters",
+        "scheduler",
+        "switches",
+        "trace_columns",
+    )
 
     bus_columns: tuple[str, ...] = ()
     """Columns of the trace that the transport adds."""
@@ -98,7 +112,8 @@ class DriveOnBus(MachineFaults, PowerFaults):
         """Models of heat and supply."""
         return self.drive.power
 
-    # -- faults --------------------------------------------------------------------------------------------------------------
+    # -- faults
+    # --------------------------------------------------------------------------------------------------------
 
     def raise_fault(self, code: int, *, persistent: bool = False) -> None:
         """Raise a fault by its number, or by the EMCY code of one; see `ProfidriveDrive.raise_fault`."""

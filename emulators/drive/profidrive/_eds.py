@@ -1,6 +1,7 @@
 """EDS of the PROFIdrive axis on CANopen: text from the object table, and loading for a node.
 
-`python -m emulators.drive.profidrive.eds` rewrites `profidrive.eds` beside this module; `--check` says whether it is up to date.
+`python -m emulators.drive.profidrive.eds` rewrites `profidrive.eds` beside this module; `--check` says
+whether it is up to date.
 """
 
 from __future__ import annotations

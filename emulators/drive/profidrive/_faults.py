@@ -1,4 +1,6 @@
-"""What is wrong with the drive now: fault situation, reactions, lasting causes, warnings (PD-115, PD-133 to PD-139)."""
+"""What is wrong with the drive now: fault situation, reactions, lasting causes, warnings (PD-115, PD-133 to
+PD-139).
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,18 @@ class FaultState:
 
     """
 
-    __slots__ = ("_causes", "_scheduler", "_since_ns", "buffer", "off", "on_acknowledged", "on_fault", "on_warning", "pulses", "warnings")  # fmt: skip
+    __slots__ = (
+        "_causes",
+        "_scheduler",
+        "_since_ns",
+        "buffer",
+        "off",
+        "on_acknowledged",
+        "on_fault",
+        "on_warning",
+        "pulses",
+        "warnings",
+    )
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler

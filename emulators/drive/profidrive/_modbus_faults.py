@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 
 class ModbusFaults:
-    """Exceptions, silence, late responses, errors of the parameter channel. The drive has the attributes named here."""
+    """Exceptions, silence, late responses, errors of the parameter channel. The drive has the attributes
+    named here.
+    """
 
     __slots__ = ()
 
@@ -84,7 +86,9 @@ class ModbusFaults:
         self.channel.injected = code or 0
 
     def reset_node(self, boot_s: float) -> None:
-        """Restart as after a dip of the supply: silence for `boot_s`, then service again; the motor coasts."""
+        """Restart as after a dip of the supply: silence for `boot_s`, then service again; the motor
+        coasts.
+        """
         self.power_off()
         self.scheduler.after(seconds_to_ns(boot_s), self.power_on)
 

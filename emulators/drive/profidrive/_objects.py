@@ -1,4 +1,6 @@
-"""The objects that the PROFIdrive axis shows on CANopen: free process data words and a few parameters (PD-338 to PD-343)."""
+"""The objects that the PROFIdrive axis shows on CANopen: free process data words and a few parameters (PD-338
+to PD-343).
+"""
 
 from __future__ import annotations
 

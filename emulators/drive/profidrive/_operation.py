@@ -1,4 +1,6 @@
-"""How the state machine of a PROFIdrive axis works on the drive: commands in force, actions of its transitions (PD-096 to PD-118)."""
+"""How the state machine of a PROFIdrive axis works on the drive: commands in force, actions of its
+transitions (PD-096 to PD-118).
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,9 @@
-"""Position mode of a PROFIdrive axis: the basic positioner behind the telegrams 7, 9, 110, 111 and 112 (PD-007, PD-008, PD-018 to PD-020).
+"""Position mode of a PROFIdrive axis: the basic positioner behind the telegrams 7, 9, 110, 111 and 112
+(PD-007, PD-008, PD-018 to PD-020).
 
-Setpoint words come from the telegram; what it has not comes from settings and digital inputs of the drive: home switch as
-reference cam, limit switches as limit cams. A task that is refused is a warning, what stops the axis on its way is a fault.
+Setpoint words come from the telegram; what it has not comes from settings and digital inputs of the drive:
+home switch as reference cam, limit switches as limit cams. A task that is refused is a warning, what stops
+the axis on its way is a fault.
 """
 
 from __future__ import annotations
@@ -42,9 +44,24 @@ class PositionMode:
     """
 
     __slots__ = (
-        "_acc_at", "_acc_fine_at", "_dec_at", "_dec_fine_at", "_drive", "_mod_at", "_override_at", "_pos_stw_at", "_refusals", "_satzanw_at",
-        "_stw1_at", "_stw2_at", "_target_at", "_velocity_at", "_warned", "channel", "positioner",
-    )  # fmt: skip
+        "_acc_at",
+        "_acc_fine_at",
+        "_dec_at",
+        "_dec_fine_at",
+        "_drive",
+        "_mod_at",
+        "_override_at",
+        "_pos_stw_at",
+        "_refusals",
+        "_satzanw_at",
+        "_stw1_at",
+        "_stw2_at",
+        "_target_at",
+        "_velocity_at",
+        "_warned",
+        "channel",
+        "positioner",
+    )
 
     def __init__(self, drive: ProfidriveDrive, channel: SetpointChannel) -> None:
         self._drive = drive
@@ -72,11 +89,14 @@ class PositionMode:
         self._warned = None
 
     def jogs(self, stw1: int) -> bool:
-        """Say whether a control word switches on by a jog bit: not in position mode; both bits at once are a warning."""
+        """Say whether a control word switches on by a jog bit: not in position mode; both bits at once are a
+        warning.
+        """
         self._drive.faults.warn(DriveWarning.JOG_CONTRADICTION, stw1 & _JOG == _JOG)
         return False
 
-    # -- setpoint words ------------------------------------------------------------------------------------------------
+    # -- setpoint words
+    # ------------------------------------------------------------------------------------------------
 
     def words(self, row: tuple[int, ...]) -> Words:
         """Return the setpoint words in force, whichever telegram brings them."""
@@ -111,7 +131,8 @@ class PositionMode:
             deceleration=deceleration,
         )
 
-    # -- cycle ---------------------------------------------------------------------------------------------------------
+    # -- cycle
+    # --------------------------------------------------------------------------------------------------------
 
     def lead(self, row: tuple[int, ...]) -> None:
         """Let the setpoints act; the positioner does, in `watch`."""
@@ -160,7 +181,8 @@ class PositionMode:
     def inhibited(self) -> None:
         """The pulses have been taken away."""
 
-    # -- status words --------------------------------------------------------------------------------------------------
+    # -- status words
+    # --------------------------------------------------------------------------------------------------
 
     def zsw1(self) -> int:
         """Return the bits of ZSW1 that position mode has in its own way (PD-068 to PD-075)."""

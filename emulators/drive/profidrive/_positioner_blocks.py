@@ -1,4 +1,6 @@
-"""Traversing blocks of the basic positioner: motions, waiting, jumps, outputs, and what follows what (PD-057, PD-086, PD-091)."""
+"""Traversing blocks of the basic positioner: motions, waiting, jumps, outputs, and what follows what (PD-057,
+PD-086, PD-091).
+"""
 
 from __future__ import annotations
 
@@ -91,7 +93,9 @@ class BlockRun:
         return math.inf if block.task is BlockTask.ENDLESS_POSITIVE else -math.inf
 
     def _end_velocity(self, block: TraversingBlock, number: int, target: float) -> float:
-        """Return the speed with which a flying block change passes the target: only on in the same direction."""
+        """Return the speed with which a flying block change passes the target: only on in the same
+        direction.
+        """
         following = self.table.get(number + 1)
         if block.continuation is not Continuation.FLYING or following is None or not following.moves:
             return 0.0

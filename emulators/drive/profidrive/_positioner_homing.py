@@ -1,4 +1,6 @@
-"""Homing of the basic positioner: actively to cam and zero mark, or in passing at a probe (PD-055, PD-071, PD-089, PD-090)."""
+"""Homing of the basic positioner: actively to cam and zero mark, or in passing at a probe (PD-055, PD-071,
+PD-089, PD-090).
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,8 @@ class Homing:
         """Forget what is under way."""
         self.passing = False
 
-    # -- active --------------------------------------------------------------------------------------------------
+    # -- active
+    # --------------------------------------------------------------------------------------------------
 
     def start(self, words: Words) -> None:
         """Begin: the home position is lost."""
@@ -105,7 +108,8 @@ class Homing:
             axis.homed = True
             axis.finish()
 
-    # -- in passing ----------------------------------------------------------------------------------------------
+    # -- in passing
+    # ----------------------------------------------------------------------------------------------
 
     def watch(self, words: Words, rising: int) -> None:
         """Begin or end passive homing: it takes part in no motion."""

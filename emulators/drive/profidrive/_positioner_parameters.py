@@ -23,17 +23,38 @@ if TYPE_CHECKING:
     from emulators.drive.profidrive.parameters import ParameterStore
 
 _FIELDS: Final = {
-    2506: "lu_per_revolution", 2542: "standstill_window", 2544: "window", 2546: "following_tolerance", 2568: "limit_cams_on",
-    2571: "max_velocity", 2572: "max_acceleration", 2573: "max_deceleration", 2582: "software_limits_on",
-    2599: "reference_position", 2600: "reference_offset", 2604: "search_negative", 2605: "cam_velocity",
-    2606: "max_cam_distance", 2607: "has_cam", 2608: "mark_velocity", 2609: "max_mark_distance", 2611: "approach_velocity",
-    2690: "mdi_target", 2691: "mdi_velocity",
-}  # fmt: skip
+    2506: "lu_per_revolution",
+    2542: "standstill_window",
+    2544: "window",
+    2546: "following_tolerance",
+    2568: "limit_cams_on",
+    2571: "max_velocity",
+    2572: "max_acceleration",
+    2573: "max_deceleration",
+    2582: "software_limits_on",
+    2599: "reference_position",
+    2600: "reference_offset",
+    2604: "search_negative",
+    2605: "cam_velocity",
+    2606: "max_cam_distance",
+    2607: "has_cam",
+    2608: "mark_velocity",
+    2609: "max_mark_distance",
+    2611: "approach_velocity",
+    2690: "mdi_target",
+    2691: "mdi_velocity",
+}
 _MILLISECONDS: Final = {2543: "standstill_time_s", 2545: "positioning_time_s"}
 _PAIRS: Final = {
-    2547: ("position_cams", 0), 2548: ("position_cams", 1), 2580: ("software_limits", 0), 2581: ("software_limits", 1),
-    2585: ("jog_velocities", 0), 2586: ("jog_velocities", 1), 2587: ("jog_increments", 0), 2588: ("jog_increments", 1),
-}  # fmt: skip
+    2547: ("position_cams", 0),
+    2548: ("position_cams", 1),
+    2580: ("software_limits", 0),
+    2581: ("software_limits", 1),
+    2585: ("jog_velocities", 0),
+    2586: ("jog_velocities", 1),
+    2587: ("jog_increments", 0),
+    2588: ("jog_increments", 1),
+}
 _SWITCHES: Final = frozenset({2568, 2582, 2604, 2607})
 _MODULO_RANGE, _MODULO = 2576, 2577
 
@@ -160,6 +181,12 @@ def _row_of(number: int, block: TraversingBlock) -> tuple[float, ...]:
     task = next((one for one, kind in _TASKS.items() if kind is block.task), 1)
     mode = _CONTINUATIONS.index(block.continuation) << 4 | (block.task is BlockTask.RELATIVE) << 8
     return (
-        number, block.position, block.velocity, block.acceleration_percent, block.deceleration_percent, task,
-        block.parameter, mode,
-    )  # fmt: skip
+        number,
+        block.position,
+        block.velocity,
+        block.acceleration_percent,
+        block.deceleration_percent,
+        task,
+        block.parameter,
+        mode,
+    )

@@ -37,7 +37,9 @@ _TO_STOP, _ACTIVE = int(POS_ZSW2.TRAVEL_TO_FIXED_STOP), int(POS_ZSW2.COMMAND_ACT
 
 
 def zsw1(axis: Positioner, velocity: float, last_velocity: float) -> int:
-    """Return the bits of ZSW1 that position mode has in its own way; demand velocities of now and of the last cycle."""
+    """Return the bits of ZSW1 that position mode has in its own way; demand velocities of now and of the last
+    cycle.
+    """
     word = 0 if axis.off_course else _IN_TOLERANCE
     if axis.target_reached or (axis.settings.rest_is_reached and axis.rests):
         word |= _REACHED

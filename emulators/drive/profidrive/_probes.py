@@ -11,7 +11,8 @@ from fieldbus.clock import S, Scheduler
 
 
 class ProbeLatch:
-    """Gives edges to the encoder interface: at their place, or, when the load had no part in them, at their instant.
+    """Gives edges to the encoder interface: at their place, or, when the load had no part in them, at their
+    instant.
 
     Args:
         scheduler: Time of the bench.

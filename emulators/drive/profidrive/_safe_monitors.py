@@ -23,9 +23,22 @@ class SafeMonitors:
     """
 
     __slots__ = (
-        "_drive", "_furthest", "_held", "_reference", "_sdi_ns", "_slp_ns", "_sls_ns", "_sos_ns", "_sos_selected", "sdi",
-        "sdi_active", "slp_active", "slp_range", "sls_active", "sls_level",
-    )  # fmt: skip
+        "_drive",
+        "_furthest",
+        "_held",
+        "_reference",
+        "_sdi_ns",
+        "_slp_ns",
+        "_sls_ns",
+        "_sos_ns",
+        "_sos_selected",
+        "sdi",
+        "sdi_active",
+        "slp_active",
+        "slp_range",
+        "sls_active",
+        "sls_level",
+    )
 
     def __init__(self, drive: ProfidriveDrive) -> None:
         self._drive = drive
@@ -64,7 +77,8 @@ class SafeMonitors:
         """Limit of the selected level, m/s or rad/s of the load."""
         return self._drive.config.safe_motion.sls_limits[self.sls_level - 1]
 
-    # -- selection ---------------------------------------------------------------------------------------------------
+    # -- selection
+    # ---------------------------------------------------------------------------------------------------
 
     def select_sos(self, selected: bool) -> None:
         """Select or deselect safe operating stop."""
@@ -121,7 +135,8 @@ class SafeMonitors:
         self._sos_ns = self._sls_ns = self._sdi_ns = self._slp_ns = now
         self.sls_active = self.sdi_active = self.slp_active = False
 
-    # -- control cycle -----------------------------------------------------------------------------------------------
+    # -- control cycle
+    # -----------------------------------------------------------------------------------------------
 
     def watch(self) -> tuple[DriveWarning, str] | None:
         """Look at the load; returns message and reaction of the first function that is violated."""

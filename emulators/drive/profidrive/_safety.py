@@ -1,7 +1,9 @@
-"""Safety functions of a PROFIdrive axis: safe stopping, safe brake control, safe motion and position monitoring (CFG-443 to CFG-498).
+"""Safety functions of a PROFIdrive axis: safe stopping, safe brake control, safe motion and position
+monitoring (CFG-443 to CFG-498).
 
-Stops that are selected, and those with which a violated function reacts, lead to the same three demands: torque off (STO, OFF2),
-ramp and then torque off (SS1, OFF3), ramp and then monitored standstill under control (SS2).
+Stops that are selected, and those with which a violated function reacts, lead to the same three demands:
+torque off (STO, OFF2), ramp and then torque off (SS1, OFF3), ramp and then monitored standstill under control
+(SS2).
 """
 
 from __future__ import annotations
@@ -65,7 +67,8 @@ class _Stop:
 
 
 class SafetyFunctions:
-    """Safe torque off acts as OFF2 without a fault, safe stop 1 as OFF3 and then as safe torque off; see the module.
+    """Safe torque off acts as OFF2 without a fault, safe stop 1 as OFF3 and then as safe torque off; see the
+    module.
 
     Args:
         drive: The drive.
@@ -116,7 +119,8 @@ class SafetyFunctions:
         self.watching = False
         """`watch` has something to do."""
 
-    # -- what it shows -----------------------------------------------------------------------------------------------
+    # -- what it shows
+    # -----------------------------------------------------------------------------------------------
 
     @property
     def braking(self) -> bool:
@@ -161,7 +165,8 @@ class SafetyFunctions:
         """Whether a function has reacted by itself (internal event)."""
         return self._reaction != _NOTHING
 
-    # -- selection ---------------------------------------------------------------------------------------------------
+    # -- selection
+    # ---------------------------------------------------------------------------------------------------
 
     def set_sto(self, active: bool) -> None:
         """Demand safe torque off, or release it; the release acknowledges safety messages."""
@@ -172,7 +177,9 @@ class SafetyFunctions:
         self._settle()
 
     def set_sbc(self, active: bool) -> None:
-        """Demand safe brake control, or release it: torque off, and the brake closes whatever the control word says."""
+        """Demand safe brake control, or release it: torque off, and the brake closes whatever the control
+        word says.
+        """
         self.sbc_input = active
         self._settle()
 
@@ -243,7 +250,8 @@ class SafetyFunctions:
         self._reaction = _NOTHING
         self.monitors.restart()
 
-    # -- control cycle -----------------------------------------------------------------------------------------------
+    # -- control cycle
+    # -----------------------------------------------------------------------------------------------
 
     def watch(self) -> None:
         """Watch what is in force; call in every control cycle while `watching`."""
@@ -303,7 +311,8 @@ class SafetyFunctions:
         self._reaction = max(self._reaction, _BY_NAME[reaction])
         self._settle()
 
-    # -- stops -------------------------------------------------------------------------------------------------------
+    # -- stops
+    # -------------------------------------------------------------------------------------------------------
 
     def _settle(self) -> None:
         """Bring into force what is selected and what reacts."""
@@ -351,7 +360,8 @@ class SafetyFunctions:
         with_sto = self.torque_off and drive.config.safe_motion.sbc
         drive.core.brake.forced_closed = self.sbc_input or with_sto or self.brake_test.active
 
-    # -- words -------------------------------------------------------------------------------------------------------
+    # -- words
+    # -------------------------------------------------------------------------------------------------------
 
     def _tell(self) -> None:
         word = self.s_zsw1b()
@@ -385,17 +395,23 @@ class SafetyFunctions:
         )
 
     def s_zsw2b(self) -> int:
-        """Return S_ZSW2B: range and selection of safely limited position, permitted direction (CFG-494, CFG-495)."""
+        """Return S_ZSW2B: range and selection of safely limited position, permitted direction (CFG-494,
+        CFG-495).
+        """
         monitors = self.monitors
         number = monitors.slp_range
         return (number == 2) << 4 | (number > 0) << 7 | (monitors.sdi > 0) << 8 | (monitors.sdi < 0) << 9
 
     def s_zsw3b(self) -> int:
-        """Return S_ZSW3B: safe brake test, bit 11 safe stop 2 with braking by the controller (CFG-479, CFG-484)."""
+        """Return S_ZSW3B: safe brake test, bit 11 safe stop 2 with braking by the controller (CFG-479,
+        CFG-484).
+        """
         return self.ss2_external << 11 | self.brake_test.word
 
     def speed_limit(self) -> float:
-        """Return the limit of the speed setpoint at the motor, rad/s: 0 with a safe stop or safe direction (CFG-442)."""
+        """Return the limit of the speed setpoint at the motor, rad/s: 0 with a safe stop or safe direction
+        (CFG-442).
+        """
         drive = self._drive
         monitors = self.monitors
         if self.stopping or monitors.sdi:

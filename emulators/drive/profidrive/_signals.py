@@ -1,4 +1,6 @@
-"""Where the signals to the controller come from, by family: a table of functions per family, joined for the telegram."""
+"""Where the signals to the controller come from, by family: a table of functions per family, joined for the
+telegram.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Speed mode of a PROFIdrive axis: its setpoints in the telegram, jog, dynamic servo control (PD-119 to PD-122, PD-195 to PD-198)."""
+"""Speed mode of a PROFIdrive axis: its setpoints in the telegram, jog, dynamic servo control (PD-119 to
+PD-122, PD-195 to PD-198).
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,9 @@ class SpeedMode:
         """Begin as after power-on."""
 
     def jogs(self, stw1: int) -> bool:
-        """Say whether a control word switches on by a jog bit (PD-122); a contradiction of both bits is a warning."""
+        """Say whether a control word switches on by a jog bit (PD-122); a contradiction of both bits is a
+        warning.
+        """
         self._drive.faults.warn(DriveWarning.JOG_CONTRADICTION, stw1 & _JOG == _JOG)
         return self.channel.jogging(stw1)
 
@@ -82,7 +86,8 @@ class SpeedMode:
         """The pulses have been taken away."""
         self.channel.inhibited()
 
-    # -- status words --------------------------------------------------------------------------------------------------
+    # -- status words
+    # --------------------------------------------------------------------------------------------------
 
     def zsw1(self) -> int:
         """Return the bits of ZSW1 that speed mode has in its own way (PD-068 to PD-075)."""

@@ -1,4 +1,6 @@
-"""Torque limits of a PROFIdrive axis: parameters, words of the telegram, protection, injected faults (PD-037, PD-038)."""
+"""Torque limits of a PROFIdrive axis: parameters, words of the telegram, protection, injected faults (PD-037,
+PD-038).
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,21 @@ class TorqueLimits:
     """
 
     __slots__ = (
-        "_add_at", "_drive", "_high_at", "_low_at", "_momred_at", "_steps", "_words", "clamping_Nm", "current_Nm", "follows_telegram",
-        "injected_Nm", "lower_Nm", "protection_Nm", "upper_Nm",
-    )  # fmt: skip
+        "_add_at",
+        "_drive",
+        "_high_at",
+        "_low_at",
+        "_momred_at",
+        "_steps",
+        "_words",
+        "clamping_Nm",
+        "current_Nm",
+        "follows_telegram",
+        "injected_Nm",
+        "lower_Nm",
+        "protection_Nm",
+        "upper_Nm",
+    )
 
     def __init__(self, drive: ProfidriveDrive) -> None:
         self._drive = drive
@@ -77,7 +91,9 @@ class TorqueLimits:
         current_Nm: float | None = None,
         clamping_Nm: float | None = None,
     ) -> None:
-        """Limit the torque because of heat, from a test, because of the current, or at a fixed stop, Nm; inf = not."""
+        """Limit the torque because of heat, from a test, because of the current, or at a fixed stop, Nm; inf
+        = not.
+        """
         if clamping_Nm is not None:
             self.clamping_Nm = clamping_Nm
         if protection_Nm is not None:

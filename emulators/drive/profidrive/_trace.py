@@ -11,14 +11,18 @@ if TYPE_CHECKING:
     from emulators.drive.profidrive.device import ProfidriveDrive
 
 _SETPOINTS: Final = ("nsoll", "xerr", "kpc", "m_add")
-"""Setpoints of the telegram as they came, whole numbers: N4 or N2, increments of G1_XIST1, 0.001 1/s, N2; 0 without such a word."""
+"""Setpoints of the telegram as they came, whole numbers: N4 or N2, increments of G1_XIST1, 0.001 1/s, N2; 0
+without such a word.
+"""
 _SECOND: Final = (("g2_zsw", ""), ("g2_xist1", "inc"), ("g2_xist2", ""))
 
 
 def trace_columns(
     position_unit: str, bus: tuple[str, ...] = (), *, second: bool = False
 ) -> tuple[tuple[str, str], ...]:
-    """Return (name, unit) of the columns; `position_unit` is m or rad, `bus` are the columns of the transport, `second` adds those of G2."""
+    """Return (name, unit) of the columns; `position_unit` is m or rad, `bus` are the columns of the
+    transport, `second` adds those of G2.
+    """
     return (
         ("position", position_unit),
         ("velocity", f"{position_unit}/s"),

@@ -1,7 +1,8 @@
-"""Which signal is the zero mark of the encoder interface: that of the encoder, or a probe input in its place (p0490, p0495).
+"""Which signal is the zero mark of the encoder interface: that of the encoder, or a probe input in its place
+(p0490, p0495).
 
-The external mark counts at the negative end of its signal in either direction of travel, inverted at the positive end
-(§5.11.10, HOM-168, HOM-169).
+The external mark counts at the negative end of its signal in either direction of travel, inverted at the
+positive end (§5.11.10, HOM-168, HOM-169).
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ class ZeroMarkSource:
 
     Args:
         drive: The axis.
-        store: Its parameters: p0495 is 0 for the encoder, 1 or 2 for a probe input; bit 0 and 1 of p0490 invert these inputs.
+        store: Its parameters: p0495 is 0 for the encoder, 1 or 2 for a probe input; bit 0 and 1 of p0490
+            invert these inputs.
 
     """
 

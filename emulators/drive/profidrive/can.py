@@ -1,7 +1,8 @@
-"""The PROFIdrive axis as a node of a CAN segment: its telegram in free process data words on PDOs, latched by SYNC.
+"""The PROFIdrive axis as a node of a CAN segment: its telegram in free process data words on PDOs, latched by
+SYNC.
 
-At SYNC the drive takes what has come (`process_words`), makes its cycle, and its answer goes into the TPDOs of the same
-SYNC. A drive that is not isochronous makes its cycle by itself when nobody sends SYNC.
+At SYNC the drive takes what has come (`process_words`), makes its cycle, and its answer goes into the TPDOs
+of the same SYNC. A drive that is not isochronous makes its cycle by itself when nobody sends SYNC.
 """
 
 from __future__ import annotations
@@ -84,7 +85,8 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         rng: Source of the encoder's noise; None: the encoder cannot be made noisy.
 
     Raises:
-        ConfigurationError: The configuration does not fit together, or the telegram has more than 16 words in a direction.
+        ConfigurationError: The configuration does not fit together, or the telegram has more than 16
+            words in a direction.
 
     """
 
@@ -145,10 +147,13 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
             scheduler.every(config.drive.cycle_ns, self._free_running, priority=_FREE_RUNNING_PRIORITY)
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values of `trace_columns`; position and velocity are those of the true mechanics."""
+        """Return the present values of `trace_columns`; position and velocity are those of the true
+        mechanics.
+        """
         return trace_row(self.drive, self.slave.nmt_state)
 
-    # -- life -----------------------------------------------------------------------------------------------------------
+    # -- life
+    # --------------------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the control supply on."""
@@ -173,7 +178,8 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
             self._emcys.clear()
         self._show_all()
 
-    # -- memory of the parameters (PD-250, PD-344) ------------------------------------------------------------------------
+    # -- memory of the parameters (PD-250, PD-344)
+    # ------------------------------------------------------------------------
 
     def _save_parameters(self, group: int) -> None:
         if group in _WITH_PARAMETERS:
@@ -203,7 +209,8 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         if new is NmtState.OPERATIONAL:
             self._words.begin()
 
-    # -- bus cycle --------------------------------------------------------------------------------------------------------
+    # -- bus cycle
+    # --------------------------------------------------------------------------------------------------------
 
     def _on_sync(self, time_ns: int) -> None:
         self._sync_ns = time_ns
@@ -223,7 +230,8 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         drive.cycle()
         self._words.give(drive.transmit())
 
-    # -- faults -------------------------------------------------------------------------------------------------------------
+    # -- faults
+    # --------------------------------------------------------------------------------------------------------
 
     def _on_communication_error(self, reason: str) -> None:
         """React to a lost controller as 6007h says (PD-345)."""

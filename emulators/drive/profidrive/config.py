@@ -56,14 +56,16 @@ class DriveSettings:
         quick_stop_s: p1135, OFF3, s; 0 = at the torque limit.
         speed_limits_rpm: p1083 and -p1086, rpm, both >= 0; p1082 limits too.
         rounding_s: p1130 and p1131, initial and final rounding of the ramps, s.
-        rounding_breaks_off: p1134 = 1: a setpoint that turns round in the middle of a ramp breaks its slope off.
+        rounding_breaks_off: p1134 = 1: a setpoint that turns round in the middle of a ramp breaks its
+            slope off.
         quick_rounding_s: p1136 and p1137, of OFF3, s.
         inverted_by_bit: p1113: STW1 bit 11 turns the setpoint round.
         motor_potentiometer: p1035 and p1036: STW1 bits 13 and 14 raise and lower a setpoint that is added.
         motor_potentiometer_s: p1047, its time from 0 to p1082, s.
         jog_rpm: p1058, p1059.
         torque_limits_Nm: p1520 and -p1521, Nm, both >= 0.
-        torque_limits_percent: Fixed values to which p1522 and -p1523 are connected, percent of p2003, both >= 0; None: p1520, p1521.
+        torque_limits_percent: Fixed values to which p1522 and -p1523 are connected, percent of p2003,
+            both >= 0; None: p1520, p1521.
         momred_evaluation_percent: p1544.
         sign_of_life_tolerance: PNU 925; 65535 = not monitored.
         setpoint_monitoring_s: p2040: without process data for so long F01910, s; 0 = not monitored.
@@ -73,7 +75,8 @@ class DriveSettings:
         speed_threshold_2_rpm: MELDW bit 3.
         speed_threshold_3_rpm: MELDW bit 2.
         torque_threshold_percent: MELDW bit 1, percent of the torque limit (p2194).
-        speed_control_extended: p1409: with bit 0 the additive torque is reached linearly within the bus cycle, without it at once.
+        speed_control_extended: p1409: with bit 0 the additive torque is reached linearly within the bus
+            cycle, without it at once.
         dsc_encoder: Encoder whose increments XERR counts, 1 or 2 (p1192).
         dsc_factor: Increments of encoder 1 per increment of encoder 2 (p1193).
         variable_signal: MELDW bit 5 watches `torque`, `speed`, or nothing: `none`.
@@ -119,10 +122,19 @@ class DriveSettings:
         for name in ("reference_speed_rpm", "reference_torque_Nm", "max_speed_rpm"):
             check_number(name, getattr(self, name), positive=True)
         for name in (
-            "ramp_up_s", "ramp_down_s", "quick_stop_s", "momred_evaluation_percent", "setpoint_monitoring_s",
-            "comparison_speed_rpm", "deviation_rpm", "deviation_time_s", "speed_threshold_2_rpm", "speed_threshold_3_rpm",
-            "torque_threshold_percent", "variable_threshold",
-        ):  # fmt: skip
+            "ramp_up_s",
+            "ramp_down_s",
+            "quick_stop_s",
+            "momred_evaluation_percent",
+            "setpoint_monitoring_s",
+            "comparison_speed_rpm",
+            "deviation_rpm",
+            "deviation_time_s",
+            "speed_threshold_2_rpm",
+            "speed_threshold_3_rpm",
+            "torque_threshold_percent",
+            "variable_threshold",
+        ):
             check_number(name, getattr(self, name))
         if self.dsc_encoder not in (1, 2):
             raise ConfigurationError("dsc_encoder (p1192)", self.dsc_encoder, "1, 2")
@@ -157,11 +169,13 @@ class ProfidriveConfig:
         safety_telegram: Supplement 700 or 701 behind them, the safety information channel; None = neither.
         free_setpoint: Signals of telegram 999, from the controller.
         free_actual: Signals of telegram 999, to the controller.
-        isochronous: Operation with clock and sign of life; None = wherever the telegram has one (CFG-190) and leads the speed.
+        isochronous: Operation with clock and sign of life; None = wherever the telegram has one (CFG-190)
+            and leads the speed.
         cycle_ns: Bus cycle, ns; a multiple of `servo_period_ns`.
         servo_period_ns: Servo step, ns; a divisor of `control_period_ns`.
         control_period_ns: Cycle of monitoring, ns.
-        settings: Start values of the parameters; operating mode 2 goes with the telegrams of the positioner and no other.
+        settings: Start values of the parameters; operating mode 2 goes with the telegrams of the
+            positioner and no other.
         positioner: Settings of the positioner.
         mechanics: The machine.
         encoder: The motor encoder; its counts are those of P979[2], without fine resolution.
@@ -179,10 +193,12 @@ class ProfidriveConfig:
         power_on_delay_s: From S3 to S4, s (PD-103).
         blocked_time_s: Torque limit at standstill for this long is F07900, s; 0 = not watched.
         input_filter_s: A limit or home switch counts when it has been stable for this long, s.
-        interpolation: Setpoints of operating mode 3 are reached linearly within the bus cycle; False: at once.
-        data_sets: Drive data sets 1, 2, ... that STW2 bits 0 to 4 can choose; `settings` is number 0. At most 31.
-        control_lost: What the drive does when STW1 bit 10 goes in operation: it runs on with the last control word, or trips
-            with F07220 (PD-077).
+        interpolation: Setpoints of operating mode 3 are reached linearly within the bus cycle; False: at
+            once.
+        data_sets: Drive data sets 1, 2, ... that STW2 bits 0 to 4 can choose; `settings` is number 0. At
+            most 31.
+        control_lost: What the drive does when STW1 bit 10 goes in operation: it runs on with the last
+            control word, or trips with F07220 (PD-077).
         operation_while_braking: ZSW1 bit 2 stays 1 during OFF1 and OFF3, as some drives show it.
 
     Raises:
@@ -339,7 +355,8 @@ class ProfidriveConfig:
         operating_mode: int = 3,
         position_m: float = 0.0,
     ) -> ProfidriveConfig:
-        """Return the reference axis of the worked numbers (STP-008 to STP-014), as `DriveConfig.reference` of CiA 402 does.
+        """Return the reference axis of the worked numbers (STP-008 to STP-014), as `DriveConfig.reference` of
+        CiA 402 does.
 
         Args:
             telegram: Number of the telegram.

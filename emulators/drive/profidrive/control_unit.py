@@ -1,4 +1,5 @@
-"""Control unit of a PROFIdrive device: digital inputs and outputs, and probes with time stamps, behind telegrams 390 to 394.
+"""Control unit of a PROFIdrive device: digital inputs and outputs, and probes with time stamps, behind
+telegrams 390 to 394.
 
 It takes and gives frames and knows no bus (PD-021 to PD-025, PD-093 to PD-095).
 """
@@ -24,8 +25,8 @@ _LARGEST_STAMP: Final = 0xFFFF
 class ControlUnit:
     """A control unit. Per bus cycle: `receive` with the frame that has come, `cycle`, then `transmit`.
 
-    A time stamp tells when the first awaited edge of the last bus cycle came, counted from the beginning of that cycle; it is shown
-    for one cycle, and 0 is no edge.
+    A time stamp tells when the first awaited edge of the last bus cycle came, counted from the beginning of
+    that cycle; it is shown for one cycle, and 0 is no edge.
 
     Args:
         scheduler: Time of the bench.
@@ -39,9 +40,26 @@ class ControlUnit:
     """
 
     __slots__ = (
-        "_cycle_ns", "_frame", "_levels", "_pending", "_row", "_scheduler", "_shown", "_signs", "_stamps", "_telegram", "analog_input",
-        "controlled_cyclically", "faults", "inputs", "isochronous", "probes", "refused", "time_synchronised", "warnings",
-    )  # fmt: skip
+        "_cycle_ns",
+        "_frame",
+        "_levels",
+        "_pending",
+        "_row",
+        "_scheduler",
+        "_shown",
+        "_signs",
+        "_stamps",
+        "_telegram",
+        "analog_input",
+        "controlled_cyclically",
+        "faults",
+        "inputs",
+        "isochronous",
+        "probes",
+        "refused",
+        "time_synchronised",
+        "warnings",
+    )
 
     def __init__(
         self, scheduler: Scheduler, *, number: int = 391, isochronous: bool = True, tolerance: int = 1
@@ -76,7 +94,8 @@ class ControlUnit:
         self._cycle_ns = scheduler.now
         self._frame = bytes(self._telegram.actual.length)
 
-    # -- process ------------------------------------------------------------------------------------------------------
+    # -- process
+    # ------------------------------------------------------------------------------------------------------
 
     @property
     def outputs(self) -> int:
@@ -108,7 +127,8 @@ class ControlUnit:
         """Enter a fault, 1..65535."""
         self.faults.enter(FaultMessage(number, time_ms=self._scheduler.now // MS, code=number))
 
-    # -- bus ----------------------------------------------------------------------------------------------------------
+    # -- bus
+    # --------------------------------------------------------------------------------------------------------
 
     def receive(self, frame: bytes) -> bool:
         """Take a frame for the next cycle; False: its length is wrong (PD-030)."""

@@ -42,19 +42,36 @@ LARGEST_ARRAY: Final = 1024
 
 TYPE_NAMES: Final = MappingProxyType(
     {
-        "BOOL": TypeCode.BOOLEAN, "I8": TypeCode.INTEGER8, "I16": TypeCode.INTEGER16, "I32": TypeCode.INTEGER32,
-        "U8": TypeCode.UNSIGNED8, "U16": TypeCode.UNSIGNED16, "U32": TypeCode.UNSIGNED32, "F32": TypeCode.FLOAT32,
-        "N2": TypeCode.N2, "N4": TypeCode.N4, "V2": TypeCode.V2, "OCTETS": TypeCode.OCTET_STRING,
+        "BOOL": TypeCode.BOOLEAN,
+        "I8": TypeCode.INTEGER8,
+        "I16": TypeCode.INTEGER16,
+        "I32": TypeCode.INTEGER32,
+        "U8": TypeCode.UNSIGNED8,
+        "U16": TypeCode.UNSIGNED16,
+        "U32": TypeCode.UNSIGNED32,
+        "F32": TypeCode.FLOAT32,
+        "N2": TypeCode.N2,
+        "N4": TypeCode.N4,
+        "V2": TypeCode.V2,
+        "OCTETS": TypeCode.OCTET_STRING,
         "STRING": TypeCode.VISIBLE_STRING,
     }
-)  # fmt: skip
+)
 """Names of data types in a parameter file."""
 _BITS: Final[Mapping[int, tuple[int, bool]]] = {
-    TypeCode.BOOLEAN: (1, False), TypeCode.INTEGER8: (8, True), TypeCode.INTEGER16: (16, True),
-    TypeCode.INTEGER32: (32, True), TypeCode.UNSIGNED8: (8, False), TypeCode.UNSIGNED16: (16, False),
-    TypeCode.UNSIGNED32: (32, False), TypeCode.N2: (16, True), TypeCode.N4: (32, True), TypeCode.V2: (16, False),
-    TypeCode.OCTET_STRING: (8, False), TypeCode.VISIBLE_STRING: (8, False),
-}  # fmt: skip
+    TypeCode.BOOLEAN: (1, False),
+    TypeCode.INTEGER8: (8, True),
+    TypeCode.INTEGER16: (16, True),
+    TypeCode.INTEGER32: (32, True),
+    TypeCode.UNSIGNED8: (8, False),
+    TypeCode.UNSIGNED16: (16, False),
+    TypeCode.UNSIGNED32: (32, False),
+    TypeCode.N2: (16, True),
+    TypeCode.N4: (32, True),
+    TypeCode.V2: (16, False),
+    TypeCode.OCTET_STRING: (8, False),
+    TypeCode.VISIBLE_STRING: (8, False),
+}
 _LARGEST_FLOAT: Final = struct.unpack(">f", bytes.fromhex("7f7fffff"))[0]
 _KEYS: Final = frozenset(
     {"type", "text", "size", "default", "unit", "low", "high", "values", "write", "texts", "save"}
@@ -147,7 +164,9 @@ class ParameterDefinition:
         return max(low, self.low), min(high, self.high)
 
     def fitted(self, value: float) -> int | float:
-        """Return a computed value as the data type can show it: rounded, held at the ends of the range; NaN is 0."""
+        """Return a computed value as the data type can show it: rounded, held at the ends of the range; NaN
+        is 0.
+        """
         if value != value:  # noqa: PLR0124 - not-a-number
             return 0
         low, high = range_of(self.type)

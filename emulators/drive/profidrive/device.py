@@ -1,9 +1,10 @@
-"""A PROFIdrive axis without a bus: machine, encoder, servo core, state machine, setpoint channel, faults, words.
+"""A PROFIdrive axis without a bus: machine, encoder, servo core, state machine, setpoint channel, faults,
+words.
 
-A transport hands telegrams over with `receive`, calls `cycle` once per bus cycle, and sends what `transmit` returns.
-Within `cycle` the order is that of the profile (PD-347): telegram, sign of life, state machine, encoder, setpoint channel,
-faults. The servo core runs on the scheduler, several times per bus cycle. Faults, safety inputs and standstill do not wait
-for the bus: they act when they happen.
+A transport hands telegrams over with `receive`, calls `cycle` once per bus cycle, and sends what `transmit`
+returns. Within `cycle` the order is that of the profile (PD-347): telegram, sign of life, state machine,
+encoder, setpoint channel, faults. The servo core runs on the scheduler, several times per bus cycle. Faults,
+safety inputs and standstill do not wait for the bus: they act when they happen.
 """
 
 from __future__ import annotations
@@ -76,12 +77,52 @@ class ProfidriveDrive:
     """
 
     __slots__ = (
-        "_frame", "_g1_at", "_g2_at", "_history", "_places", "_stw2_at", "config", "control_places", "controlled_cyclically",
-        "core", "cycle_at_ns", "data_at_ns", "data_sets", "digital_inputs", "encoder", "encoder_words", "faults", "g1_stw", "g1_words", "isochronous", "mechanics",
-        "mode", "monitors", "name", "on_fault", "on_inputs", "on_warning", "operation", "power", "powered", "probe_latch", "rejected", "row",
-        "safety", "scheduler", "second", "settings", "sign_of_life", "stw1", "stw2", "switches", "telegram", "torque",
-        "watched_by_transport", "words",
-    )  # fmt: skip
+        "_frame",
+        "_g1_at",
+        "_g2_at",
+        "_history",
+        "_places",
+        "_stw2_at",
+        "config",
+        "control_places",
+        "controlled_cyclically",
+        "core",
+        "cycle_at_ns",
+        "data_at_ns",
+        "data_sets",
+        "digital_inputs",
+        "encoder",
+        "encoder_words",
+        "faults",
+        "g1_stw",
+        "g1_words",
+        "isochronous",
+        "mechanics",
+        "mode",
+        "monitors",
+        "name",
+        "on_fault",
+        "on_inputs",
+        "on_warning",
+        "operation",
+        "power",
+        "powered",
+        "probe_latch",
+        "rejected",
+        "row",
+        "safety",
+        "scheduler",
+        "second",
+        "settings",
+        "sign_of_life",
+        "stw1",
+        "stw2",
+        "switches",
+        "telegram",
+        "torque",
+        "watched_by_transport",
+        "words",
+    )
 
     def __init__(
         self,
@@ -140,7 +181,9 @@ class ProfidriveDrive:
         self.sign_of_life = SignOfLife(tolerance=self.settings.sign_of_life_tolerance)
         speed = SpeedMode(self)
         self.mode: SpeedMode | PositionMode = PositionMode(self, speed.channel) if config.positions else speed
-        """What the setpoints mean: speed, or tasks of the positioner; one telegram has the one or the other (PD-032)."""
+        """What the setpoints mean: speed, or tasks of the positioner; one telegram has the one or the other
+        (PD-032).
+        """
         self.torque = TorqueLimits(self)
         self.encoder_words = EncoderInterface(self.encoder, config.encoder_format)
         """Encoder interface G1."""
@@ -161,7 +204,8 @@ class ProfidriveDrive:
             probes.listeners.append(self.mode.probe_edge)
         self.monitors = Monitors(self)
         self.stw1 = 0
-        """STW1 in force: that of the last frame with control by PLC, and bit 10 of the last frame (PD-076)."""
+        """STW1 in force: that of the last frame with control by PLC, and bit 10 of the last frame (PD-076).
+        """
         self.stw2 = 0
         self.g1_stw = 0
         self.powered = False
@@ -171,7 +215,8 @@ class ProfidriveDrive:
         """Frames that were not taken over because of their length (PD-030)."""
         self.cycle_at_ns = self.data_at_ns = 0
         self.watched_by_transport = False
-        """The transport says by `data_at_ns` that process data come (PD-292); otherwise every telegram does."""
+        """The transport says by `data_at_ns` that process data come (PD-292); otherwise every telegram does.
+        """
         self._frame: bytes | None = None
         self.data_sets = DataSets(self)
         self.words = StatusWords(self)
@@ -181,7 +226,9 @@ class ProfidriveDrive:
         scheduler.every(config.control_period_ns, self._control_cycle, priority=_CONTROL_PRIORITY)
 
     def setpoint_place(self, name: str) -> int:
-        """Return where a signal of the controller stands in `row`; -1, where the 0 stands, if the telegram has none."""
+        """Return where a signal of the controller stands in `row`; -1, where the 0 stands, if the telegram
+        has none.
+        """
         return self._places.get(name, -1)
 
     def refresh(self) -> None:
@@ -190,7 +237,8 @@ class ProfidriveDrive:
         self.sign_of_life.tolerance = self.settings.sign_of_life_tolerance
         self.torque.renew()
 
-    # -- what it is doing ------------------------------------------------------------------------------------------
+    # -- what it is doing
+    # ------------------------------------------------------------------------------------------
 
     @property
     def state(self) -> AxisState:
@@ -232,7 +280,8 @@ class ProfidriveDrive:
         """Whether the axis is parked: STW2 bit 7, while there are no pulses (PD-082, PD-083)."""
         return bool(self.stw2 & _PARK_AXIS) and not self.core.enabled
 
-    # -- life --------------------------------------------------------------------------------------------------------
+    # -- life
+    # --------------------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the control supply on."""
@@ -274,10 +323,13 @@ class ProfidriveDrive:
         self.mode.restart()
         self.operation.reset()
 
-    # -- bus cycle ---------------------------------------------------------------------------------------------------
+    # -- bus cycle
+    # ---------------------------------------------------------------------------------------------------
 
     def receive(self, frame: bytes) -> None:
-        """Take a telegram of the controller; it acts in the next `cycle`. One of a wrong length does not (PD-030)."""
+        """Take a telegram of the controller; it acts in the next `cycle`. One of a wrong length does not
+        (PD-030).
+        """
         if len(frame) != self.telegram.setpoint.length:
             self.rejected += 1
         elif self.powered:
@@ -351,7 +403,8 @@ class ProfidriveDrive:
         """Let the state machine make one step: in every bus cycle, and when something happens in between."""
         self.operation.act()
 
-    # -- faults and warnings -------------------------------------------------------------------------------------------
+    # -- faults and warnings
+    # -------------------------------------------------------------------------------------------
 
     def raise_fault(
         self, code: int, *, value: int = 0, persistent: bool = False, reaction: Off | None = None
@@ -405,7 +458,8 @@ class ProfidriveDrive:
         if self._history is not None:
             self._history.emit(self.name, kind, **data)
 
-    # -- control cycle -------------------------------------------------------------------------------------------------
+    # -- control cycle
+    # -------------------------------------------------------------------------------------------------
 
     def _control_cycle(self) -> None:
         if self.powered:

@@ -1,4 +1,6 @@
-"""The parameters of a `ProfidriveDrive`, connected to what they stand for (PD-133 to PD-138, PD-233 to PD-285)."""
+"""The parameters of a `ProfidriveDrive`, connected to what they stand for (PD-133 to PD-138, PD-233 to
+PD-285).
+"""
 
 from __future__ import annotations
 
@@ -59,7 +61,9 @@ _SWITCHES: Final = {
 """Parameters that switch something on, with the value that does."""
 _WHOLE: Final = frozenset({925, 930, 1409})
 _LIMIT_SOURCES: Final = {1522: (0, 0x05F0FC00, 1.0), 1523: (1, 0x05F1FC00, -1.0)}
-"""Connectors of the torque limits: which limit, the connection to p1520 or p1521, sign of the values that fit."""
+"""Connectors of the torque limits: which limit, the connection to p1520 or p1521, sign of the values that
+fit.
+"""
 _FIXED_VALUES: Final = 0x0B56FC00
 """Connector of r2902[0]; the next elements follow (STP-153, STP-154)."""
 
@@ -129,10 +133,13 @@ class DriveParameters:
         self.memory = ParameterMemory(store, self._restart)
         store.save()
 
-    # -- for a test ----------------------------------------------------------------------------------------------
+    # -- for a test
+    # ----------------------------------------------------------------------------------------------
 
     def request(self, data: bytes) -> bytes:
-        """Return the answer to a request of base mode parameter access, as a bus would bring it (PD-199 to PD-231)."""
+        """Return the answer to a request of base mode parameter access, as a bus would bring it (PD-199 to
+        PD-231).
+        """
         return self.server.request(data)
 
     def read(self, parameter: int | str, sub_index: int = 0) -> int | float:
@@ -143,7 +150,8 @@ class DriveParameters:
             sub_index: Element of an array.
 
         Raises:
-            ParameterAccessError: There is no such parameter or element, or reading is refused; `error` is the number.
+            ParameterAccessError: There is no such parameter or element, or reading is refused; `error` is
+                the number.
             ConfigurationError: The name is none.
 
         """
@@ -167,14 +175,16 @@ class DriveParameters:
         """
         self.store.write(parameter_number(parameter), value, sub_index)
 
-    # -- life ----------------------------------------------------------------------------------------------------
+    # -- life
+    # ----------------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Begin with what is saved; what was written since then is lost."""
         self.memory.reset = 0
         self.store.load()
 
-    # -- settings ------------------------------------------------------------------------------------------------
+    # -- settings
+    # ------------------------------------------------------------------------------------------------
 
     def _connect_settings(self) -> None:
         store, settings = self.store, self.drive.settings
@@ -256,9 +266,11 @@ class DriveParameters:
         store, core = self.store, self.drive.core
         brake = core.brake
         places: dict[int, tuple[object, str, float]] = {
-            1216: (brake, "opening_time_s", 1e-3), 1217: (brake, "closing_time_s", 1e-3),
-            1226: (core, "standstill_speed", RPM), 1227: (core, "standstill_timeout_s", 1.0),
-        }  # fmt: skip
+            1216: (brake, "opening_time_s", 1e-3),
+            1217: (brake, "closing_time_s", 1e-3),
+            1226: (core, "standstill_speed", RPM),
+            1227: (core, "standstill_timeout_s", 1.0),
+        }
         for number, (part, name, unit) in places.items():
             store.readers[number], store.writers[number] = _attribute(part, name, unit)
 
@@ -266,7 +278,8 @@ class DriveParameters:
         setattr(self.drive.settings, name, value)
         self.drive.refresh()
 
-    # -- what the drive shows --------------------------------------------------------------------------------------
+    # -- what the drive shows
+    # --------------------------------------------------------------------------------------
 
     def _connect_display(self) -> None:
         drive, store = self.drive, self.store
@@ -327,7 +340,9 @@ class DriveParameters:
         return 31 if state is AxisState.S2 else 41
 
     def _show_machine(self) -> None:
-        """Show the formats of the encoders, and the inertias as the identification of the drive would find them."""
+        """Show the formats of the encoders, and the inertias as the identification of the drive would find
+        them.
+        """
         machine = self.drive.config.mechanics
         for number, inertia in ((341, machine.motor_inertia_kgm2), (1498, machine.load_at_motor_kgm2)):
             if self.store.definition(number) is not None:
@@ -335,7 +350,8 @@ class DriveParameters:
         for at, value in enumerate(p979(*self.drive.config.encoder_formats)):
             self.store.set(979, value, at)
 
-    # -- what parameters cause -------------------------------------------------------------------------------------
+    # -- what parameters cause
+    # -------------------------------------------------------------------------------------
 
     def _cleared(self) -> None:
         """Take the reactions back too, as an acknowledgement does (PD-136)."""

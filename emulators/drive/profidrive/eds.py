@@ -1,4 +1,6 @@
-"""Command that writes the EDS of the PROFIdrive axis: `python -m emulators.drive.profidrive.eds [--check]`."""
+"""Command that writes the EDS of the PROFIdrive axis: `python -m emulators.drive.profidrive.eds
+[--check]`.
+"""
 
 from __future__ import annotations
 

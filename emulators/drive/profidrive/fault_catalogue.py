@@ -1,4 +1,5 @@
-"""Faults and warnings of the emulated PROFIdrive axis, with their numbers, reactions and EMCY codes (PD-133, PD-139).
+"""Faults and warnings of the emulated PROFIdrive axis, with their numbers, reactions and EMCY codes (PD-133,
+PD-139).
 
 The numbers are those under which such drives report these events; FAULT_CODE and WARN_CODE show them.
 """
@@ -132,15 +133,36 @@ _ROWS: Final = (
 
 _D = Diagnosis
 _DIAGNOSES: Final = {
-    SAFE_STOP: _D.SAFETY, SAFE_TORQUE_OFF: _D.SAFETY, SETPOINT_TIMEOUT: _D.BUS, CLOCK_FAILURE: _D.BUS, SIGN_OF_LIFE: _D.BUS,
-    CAN_ERROR: _D.BUS, CONTROL_LOST: _D.BUS, MOTOR_TEMPERATURE: _D.OVERTEMPERATURE, STAGE_TEMPERATURE: _D.OVERTEMPERATURE, EXTERNAL: _D.EXTERNAL,
-    BLOCKED: _D.TECHNOLOGY, OVERSPEED: _D.TECHNOLOGY, FOLLOWING_ERROR: _D.TECHNOLOGY, MINUS_CAM: _D.TECHNOLOGY,
-    PLUS_CAM: _D.TECHNOLOGY, POSITIONER_STANDSTILL: _D.TECHNOLOGY, POSITIONER_WINDOW: _D.TECHNOLOGY,
-    CAM_NOT_FOUND: _D.TECHNOLOGY, MARK_NOT_FOUND: _D.TECHNOLOGY, END_OF_CAM_NOT_FOUND: _D.TECHNOLOGY,
-    MOTOR_OVERLOAD: _D.MOTOR_OVERLOAD, OVERCURRENT: _D.POWER_ELECTRONICS, STAGE_OVERLOAD: _D.POWER_ELECTRONICS,
-    OVERVOLTAGE: _D.DC_LINK_OVERVOLTAGE, UNDERVOLTAGE: _D.INFEED, PHASE_LOSS: _D.MAINS, HARDWARE: _D.HARDWARE,
-    ENCODER_SERIAL: _D.ENCODER_VALUE, ENCODER_SIGNAL: _D.ENCODER_VALUE,
-}  # fmt: skip
+    SAFE_STOP: _D.SAFETY,
+    SAFE_TORQUE_OFF: _D.SAFETY,
+    SETPOINT_TIMEOUT: _D.BUS,
+    CLOCK_FAILURE: _D.BUS,
+    SIGN_OF_LIFE: _D.BUS,
+    CAN_ERROR: _D.BUS,
+    CONTROL_LOST: _D.BUS,
+    MOTOR_TEMPERATURE: _D.OVERTEMPERATURE,
+    STAGE_TEMPERATURE: _D.OVERTEMPERATURE,
+    EXTERNAL: _D.EXTERNAL,
+    BLOCKED: _D.TECHNOLOGY,
+    OVERSPEED: _D.TECHNOLOGY,
+    FOLLOWING_ERROR: _D.TECHNOLOGY,
+    MINUS_CAM: _D.TECHNOLOGY,
+    PLUS_CAM: _D.TECHNOLOGY,
+    POSITIONER_STANDSTILL: _D.TECHNOLOGY,
+    POSITIONER_WINDOW: _D.TECHNOLOGY,
+    CAM_NOT_FOUND: _D.TECHNOLOGY,
+    MARK_NOT_FOUND: _D.TECHNOLOGY,
+    END_OF_CAM_NOT_FOUND: _D.TECHNOLOGY,
+    MOTOR_OVERLOAD: _D.MOTOR_OVERLOAD,
+    OVERCURRENT: _D.POWER_ELECTRONICS,
+    STAGE_OVERLOAD: _D.POWER_ELECTRONICS,
+    OVERVOLTAGE: _D.DC_LINK_OVERVOLTAGE,
+    UNDERVOLTAGE: _D.INFEED,
+    PHASE_LOSS: _D.MAINS,
+    HARDWARE: _D.HARDWARE,
+    ENCODER_SERIAL: _D.ENCODER_VALUE,
+    ENCODER_SIGNAL: _D.ENCODER_VALUE,
+}
 _ACKNOWLEDGED: Final = {
     ENCODER_SERIAL: Acknowledgement.PULSE_INHIBIT,
     ENCODER_SIGNAL: Acknowledgement.PULSE_INHIBIT,
@@ -161,7 +183,9 @@ _MANUFACTURER: Final = 0xFF00
 
 
 def fault(code: int) -> Fault:
-    """Return the fault of a number, or of the EMCY code of one; any other number is a manufacturer's fault with OFF2."""
+    """Return the fault of a number, or of the EMCY code of one; any other number is a manufacturer's fault
+    with OFF2.
+    """
     row = CATALOGUE.get(code) or _BY_EMCY.get(code)
     return Fault(code, Off.OFF2, _MANUFACTURER, f"fault {code}") if row is None else row
 
@@ -210,7 +234,8 @@ _NOT_RESTRICTED: Final = frozenset({DriveWarning.JOG_CONTRADICTION, DriveWarning
 def alarm_class(numbers: Iterable[int]) -> int:
     """Return the class of the gravest warning (ZSW2 bits 5 and 6, PD-083).
 
-    0 none, 1 operation is not restricted, 2 it will be if nothing changes, 3 something does not work at present.
+    0 none, 1 operation is not restricted, 2 it will be if nothing changes, 3 something does not work at
+    present.
     """
     gravest = 0
     for number in numbers:
@@ -220,15 +245,27 @@ def alarm_class(numbers: Iterable[int]) -> int:
 
 
 _NAMUR_BITS: Final = {
-    _D.HARDWARE: 0, _D.MAINS: 1, _D.SUPPLY_VOLTAGE: 2, _D.DC_LINK_OVERVOLTAGE: 2, _D.POWER_ELECTRONICS: 3,
-    _D.OVERTEMPERATURE: 4, _D.EARTH_FAULT: 5, _D.MOTOR_OVERLOAD: 6, _D.BUS: 7, _D.SAFETY: 8, _D.ENCODER_VALUE: 9,
-    _D.INTERNAL_COMMUNICATION: 10, _D.INFEED: 11,
-}  # fmt: skip
+    _D.HARDWARE: 0,
+    _D.MAINS: 1,
+    _D.SUPPLY_VOLTAGE: 2,
+    _D.DC_LINK_OVERVOLTAGE: 2,
+    _D.POWER_ELECTRONICS: 3,
+    _D.OVERTEMPERATURE: 4,
+    _D.EARTH_FAULT: 5,
+    _D.MOTOR_OVERLOAD: 6,
+    _D.BUS: 7,
+    _D.SAFETY: 8,
+    _D.ENCODER_VALUE: 9,
+    _D.INTERNAL_COMMUNICATION: 10,
+    _D.INFEED: 11,
+}
 _NAMUR_OTHER: Final = 15
 
 
 def namur_word(numbers: Iterable[int]) -> int:
-    """Return MELD_NAMUR of present faults: a bit per class of diagnosis, bit 15 for all other ones (PD-009, PD-140)."""
+    """Return MELD_NAMUR of present faults: a bit per class of diagnosis, bit 15 for all other ones (PD-009,
+    PD-140).
+    """
     word = 0
     for number in numbers:
         word |= 1 << _NAMUR_BITS.get(fault(number).diagnosis, _NAMUR_OTHER)

@@ -82,7 +82,9 @@ class FaultBuffer:
         self._situations = [self.current]
 
     def entry(self, index: int) -> FaultMessage | None:
-        """Return the message at a sub-index of PNU 945 to 949: 0..7 the present situation, 8..15 the one before, ..."""
+        """Return the message at a sub-index of PNU 945 to 949: 0..7 the present situation, 8..15 the one
+        before, ...
+        """
         situation, place = divmod(index, MESSAGES)
         if situation < len(self._situations) and place < len(self._situations[situation]):
             return self._situations[situation][place]

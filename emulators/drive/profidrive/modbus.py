@@ -1,8 +1,9 @@
-"""The PROFIdrive axis on Modbus: its telegram in process data registers, parameters in registers and by data record 47.
+"""The PROFIdrive axis on Modbus: its telegram in process data registers, parameters in registers and by data
+record 47.
 
-A register map (`fieldbus.modbus.load_map`) says what stands where (PD-286 to PD-337). What a client writes is handed to the
-drive when it comes, and acts in the next cycle of the drive, which runs by itself; what a client reads is of that moment.
-Import this module, not the package, for it: it loads pymodbus.
+A register map (`fieldbus.modbus.load_map`) says what stands where (PD-286 to PD-337). What a client writes is
+handed to the drive when it comes, and acts in the next cycle of the drive, which runs by itself; what a
+client reads is of that moment. Import this module, not the package, for it: it loads pymodbus.
 """
 
 from __future__ import annotations
@@ -58,10 +59,10 @@ class ProfidriveModbusConfig:
     Args:
         unit: Address on a serial line, 1..247. Over TCP every unit is answered (MODB-040).
         registers: Name of a shipped register map, or a file.
-        drive: The drive. It is isochronous only if `drive.isochronous` is True: the client then writes one telegram with a
-            sign of life in every cycle of the drive.
-        setpoint_monitoring_s: p2040: without access to process data for so long F01910, s; 0 = off; None = the register
-            map's time.
+        drive: The drive. It is isochronous only if `drive.isochronous` is True: the client then writes
+            one telegram with a sign of life in every cycle of the drive.
+        setpoint_monitoring_s: p2040: without access to process data for so long F01910, s; 0 = off; None
+            = the register map's time.
         processing_ns: From a request to its response, ns.
         parameter_latency_ns: From a request of data record 47 to its answer, ns.
         boot_time_s: From power-on to the first response, s.
@@ -92,8 +93,8 @@ class ProfidriveModbusConfig:
 class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
     """An emulated PROFIdrive axis as a Modbus server, with all that a test can do to it and its machine.
 
-    It is off until `power_on`; the machine moves from the start. One of `listen`, `attach` and `open_terminal` puts it on
-    its bus; without it the server can be asked directly.
+    It is off until `power_on`; the machine moves from the start. One of `listen`, `attach` and
+    `open_terminal` puts it on its bus; without it the server can be asked directly.
 
     Args:
         scheduler: Time of the bench; a realtime scheduler for real connections.
@@ -103,8 +104,8 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         rng: Source of the encoder's noise; None: the encoder cannot be made noisy.
 
     Raises:
-        ConfigurationError: The configuration does not fit together, or the register map has not enough process data
-            registers for the telegram.
+        ConfigurationError: The configuration does not fit together, or the register map has not enough
+            process data registers for the telegram.
 
     """
 
@@ -170,13 +171,17 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         scheduler.every(own.cycle_ns, drive.cycle, priority=_CYCLE_PRIORITY)
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values of `trace_columns`; position and velocity are those of the true mechanics."""
+        """Return the present values of `trace_columns`; position and velocity are those of the true
+        mechanics.
+        """
         return trace_row(self.drive)
 
-    # -- bus -------------------------------------------------------------------------------------------------------------
+    # -- bus
+    # --------------------------------------------------------------------------------------------------------
 
     def listen(self, network: TcpLink | SocketNetwork, *, connections: int = 16) -> TcpStation[Any]:
-        """Serve a TCP network; every unit is answered, and every process data register keeps the time-out off (PD-292).
+        """Serve a TCP network; every unit is answered, and every process data register keeps the time-out off
+        (PD-292).
 
         Raises:
             ConfigurationError: The drive is on a bus already.
@@ -210,9 +215,14 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         rate = line.format if format_ is None else format_
         _check_format(rate)
         self.station = station = RtuStation(
-            self.scheduler, line, self.server, name=self.name, format_=format_, lenient=False,
+            self.scheduler,
+            line,
+            self.server,
+            name=self.name,
+            format_=format_,
+            lenient=False,
             processing_ns=self.modbus_config.processing_ns,
-        )  # fmt: skip
+        )
         self._limits_ns = (_CHARACTER_DELAY_NS.get(rate.baud, rate.t15_ns), rate.t35_ns)
         self._apply_times()
         station.online = self._online
@@ -270,7 +280,8 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         """Let an analog input show a value; see `Terminals.set_analog_input`."""
         self.parameters.terminals.set_analog_input(number, percent)
 
-    # -- life ------------------------------------------------------------------------------------------------------------
+    # -- life
+    # --------------------------------------------------------------------------------------------------------
 
     @property
     def _online(self) -> bool:
@@ -305,7 +316,8 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         if self.station is not None:
             self.station.online = self._online
 
-    # -- the drive as its registers see it -------------------------------------------------------------------------------
+    # -- the drive as its registers see it
+    # -------------------------------------------------------------------------------
 
     def receive(self, frame: bytes) -> None:
         """Take a telegram of the client; it acts in the next cycle of the drive."""

@@ -1,4 +1,6 @@
-"""Acyclic parameter channel in registers, data record 47 over Modbus (PD-326 to PD-333). Knows registers, no Modbus."""
+"""Acyclic parameter channel in registers, data record 47 over Modbus (PD-326 to PD-333). Knows registers, no
+Modbus.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,8 @@ class ChannelError(IntEnum):
 class ParameterChannel:
     """The registers 40601 to 40722 over a parameter server.
 
-    A request is carried out when it is started; its answer can be read `latency_ns` later. It stays until the next write.
+    A request is carried out when it is started; its answer can be read `latency_ns` later. It stays until the
+    next write.
 
     Args:
         server: Answers the requests.
@@ -159,7 +162,8 @@ class ParameterChannel:
         start = first - FIRST_REGISTER
         if start < 0 or count < 0 or start + count > REGISTERS:
             raise IndexError(
-                f"{count} registers from {first} are not within {FIRST_REGISTER}..{FIRST_REGISTER + REGISTERS - 1}"
+                f"{count} registers from {first} are not within "
+                f"{FIRST_REGISTER}..{FIRST_REGISTER + REGISTERS - 1}"
             )
         return start
 

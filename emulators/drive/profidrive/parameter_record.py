@@ -1,4 +1,5 @@
-"""Acyclic parameter access in data records: write a request, read its answer (PD-199, PD-206, PD-232). Knows no bus.
+"""Acyclic parameter access in data records: write a request, read its answer (PD-199, PD-206, PD-232). Knows
+no bus.
 
 Record 47 (2Fh) on PROFIBUS, B02Eh and B02Fh on PROFINET. One connection has one request at a time.
 """
@@ -47,7 +48,8 @@ class ParameterRecord:
         """Take a request.
 
         Raises:
-            RecordRefusedError: Module failure, no such record, wrong length, a request under way, wrong header.
+            RecordRefusedError: Module failure, no such record, wrong length, a request under way, wrong
+                header.
 
         """
         self._check(record)

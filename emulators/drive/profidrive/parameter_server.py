@@ -1,4 +1,6 @@
-"""Base mode parameter access of a drive: any bytes in, an answer of at most 240 bytes out (PD-199 to PD-231)."""
+"""Base mode parameter access of a drive: any bytes in, an answer of at most 240 bytes out (PD-199 to
+PD-231).
+"""
 
 from __future__ import annotations
 
@@ -99,7 +101,7 @@ class ParameterServer:
         return Answer(reference, service & 0x7F, drive_object, results).encode()
 
 
-# ------------------------------------------------------------------------------------------------------ reading
+# ---------------------------------------------------------------------------------------------------- reading
 
 
 def _read_all(store: ParameterStore, addresses: list[Address], wrong: int | None) -> list[Result]:
@@ -185,7 +187,7 @@ def _read_text(definition: ParameterDefinition, address: Address) -> Values | Re
     return Values(TypeCode.VISIBLE_STRING, tuple(characters))
 
 
-# ------------------------------------------------------------------------------------------------------ writing
+# ---------------------------------------------------------------------------------------------------- writing
 
 
 def _write_all(store: ParameterStore, addresses: list[Address], data: bytes) -> list[Result]:
@@ -249,7 +251,7 @@ def _write_values(
     return None
 
 
-# ------------------------------------------------------------------------------------------------------- common
+# ----------------------------------------------------------------------------------------------------- common
 
 
 def _wrong_address(address: Address) -> Refusal | None:

@@ -1,4 +1,6 @@
-"""The parameters of a drive object: values, hooks of the device, access rules, saving (PD-233 to PD-285). Knows no bus."""
+"""The parameters of a drive object: values, hooks of the device, access rules, saving (PD-233 to PD-285).
+Knows no bus.
+"""
 
 from __future__ import annotations
 
@@ -46,11 +48,16 @@ class ParameterStore:
         self.writers: Final[dict[int, Writer]] = {}
         """Parameters of which the device takes note."""
         self.limits: Final[dict[int, Callable[[], tuple[float, float]]]] = {}
-        """Limits in force that are narrower than those of the definition; refused with C8h and C9h (PD-231)."""
+        """Limits in force that are narrower than those of the definition; refused with C8h and C9h (PD-231).
+        """
         self.locked: Final[set[int]] = set()
-        """Parameters that can only be read for the time being, such as PNU 922 set by the bus configuration (PD-235)."""
+        """Parameters that can only be read for the time being, such as PNU 922 set by the bus configuration
+        (PD-235).
+        """
         self.refusals: Final[dict[int, int]] = {}
-        """Parameters whose every access is refused with this number: 65h deactivated, or what a fault injection wants."""
+        """Parameters whose every access is refused with this number: 65h deactivated, or what a fault
+        injection wants.
+        """
         self.switching_on_inhibited: Callable[[], bool] = lambda: True
         """Whether the axis is in S1."""
         self.pulses_enabled: Callable[[], bool] = lambda: False
@@ -60,7 +67,8 @@ class ParameterStore:
         for number in (*ALL_LISTS, *CHANGED_LISTS):
             self.define(_list_definition(number))
 
-    # -- what there is -----------------------------------------------------------------------------------------
+    # -- what there is
+    # -----------------------------------------------------------------------------------------
 
     def define(self, definition: ParameterDefinition) -> None:
         """Add a parameter, or put another definition in its place; it has its factory value."""
@@ -89,7 +97,8 @@ class ParameterStore:
             return False
         return self.values(number, 0, definition.elements) != definition.defaults
 
-    # -- the device's side -------------------------------------------------------------------------------------
+    # -- the device's side
+    # -------------------------------------------------------------------------------------
 
     def value(self, number: int, sub_index: int = 0) -> int | float:
         """Return the present value of an element, as its data type can show it.
@@ -138,10 +147,13 @@ class ParameterStore:
         for at, byte in enumerate(text.encode("latin-1", "replace")[:size].ljust(size, b"\0")):
             self.set(number, byte, at)
 
-    # -- writing from outside ----------------------------------------------------------------------------------
+    # -- writing from outside
+    # ----------------------------------------------------------------------------------
 
     def check_value(self, number: int, sub_index: int, value: float) -> Refusal | None:
-        """Return why a value may not be written for what it is; None if it may (PD-212, PD-222, PD-216, PD-231)."""
+        """Return why a value may not be written for what it is; None if it may (PD-212, PD-222, PD-216,
+        PD-231).
+        """
         definition = self._definitions[number]
         low, high = definition.limits
         if not low <= value <= high:
@@ -212,7 +224,8 @@ class ParameterStore:
             raise ParameterAccessError(f"parameter {number}: {refusal.text}", refusal.error)
         self.put(number, sub_index, value)
 
-    # -- saving ------------------------------------------------------------------------------------------------
+    # -- saving
+    # ------------------------------------------------------------------------------------------------
 
     def save(self) -> None:
         """Keep all settings over power-off (PNU 971)."""
@@ -237,7 +250,9 @@ class ParameterStore:
         }
 
     def load(self) -> None:
-        """Take the settings that were saved last; without any the factory settings. What is not saved starts anew."""
+        """Take the settings that were saved last; without any the factory settings. What is not saved starts
+        anew.
+        """
         self._take(self._saved or {})
 
     def factory_reset(self) -> None:
@@ -260,7 +275,8 @@ class ParameterStore:
                 except ParameterAccessError:
                     continue  # the machine does not take it: what is in force stays
 
-    # -- inside ------------------------------------------------------------------------------------------------
+    # -- inside
+    # ------------------------------------------------------------------------------------------------
 
     def _found(self, number: int, sub_index: int) -> ParameterDefinition:
         definition = self._definitions.get(number)
@@ -277,7 +293,9 @@ class ParameterStore:
         return definition.save and definition.write not in {WriteRule.NEVER, WriteRule.RESET}
 
     def _list(self, number: int) -> tuple[int, ...]:
-        """Return one of the parameters that list parameters; its last element leads to the one that goes on."""
+        """Return one of the parameters that list parameters; its last element leads to the one that goes
+        on.
+        """
         lists, numbers = (
             (ALL_LISTS, self.numbers()) if number in ALL_LISTS else (CHANGED_LISTS, self.changed())
         )

@@ -1,6 +1,8 @@
-"""Basic positioner on the position profile of the servo core (PD-045 to PD-075, PD-086 to PD-092). Knows no bus.
+"""Basic positioner on the position profile of the servo core (PD-045 to PD-075, PD-086 to PD-092). Knows no
+bus.
 
-`step` is called once per bus cycle with the words of telegram 111; `Positioner.words_of_satzanw` turns those of the
+`step` is called once per bus cycle with the words of telegram 111; `Positioner.words_of_satzanw` turns those
+of the
 telegrams 7, 9 and 110 into them. Positions are in LU, velocities in 1000 LU/min.
 """
 
@@ -47,10 +49,30 @@ class Positioner:
     """
 
     __slots__ = (
-        "_cycle_s", "_last", "_last_velocity", "_settling", "_standing", "acknowledged", "blocks", "core", "fixed_stop", "homed", "homing",
-        "mode", "motion", "pos_zsw1", "pos_zsw2", "referencing", "refusals", "refused", "settings", "target_reached", "tracking",
-        "wanted", "zsw1",
-    )  # fmt: skip
+        "_cycle_s",
+        "_last",
+        "_last_velocity",
+        "_settling",
+        "_standing",
+        "acknowledged",
+        "blocks",
+        "core",
+        "fixed_stop",
+        "homed",
+        "homing",
+        "mode",
+        "motion",
+        "pos_zsw1",
+        "pos_zsw2",
+        "referencing",
+        "refusals",
+        "refused",
+        "settings",
+        "target_reached",
+        "tracking",
+        "wanted",
+        "zsw1",
+    )
 
     def __init__(
         self, core: ServoCore, settings: PositionerSettings | None = None, *, cycle_s: float = 0.004
@@ -106,7 +128,8 @@ class Positioner:
         """Return POS_STW1 for SATZANW and MDI_MOD of the telegrams 7, 9 and 110 (PD-086, PD-092)."""
         return show.pos_stw1_of(satzanw, mdi_mod)
 
-    # -- what it shows -----------------------------------------------------------------------------------------
+    # -- what it shows
+    # -----------------------------------------------------------------------------------------
 
     @property
     def position(self) -> float:
@@ -139,7 +162,8 @@ class Positioner:
         tolerance = self.settings.following_tolerance * self.motion.scale
         return self.core.controls_position and abs(self.core.following_error) > tolerance
 
-    # -- one bus cycle -----------------------------------------------------------------------------------------
+    # -- one bus cycle
+    # -----------------------------------------------------------------------------------------
 
     def restart(self, *, keep_home: bool) -> None:
         """Begin as after power-on; the home position is lost unless the encoder has kept it."""
@@ -168,7 +192,8 @@ class Positioner:
 
         Args:
             words: Setpoint words in force.
-            operating: The drive follows the positioner; it does not while it brakes for OFF1 or OFF3. A task waits meanwhile.
+            operating: The drive follows the positioner; it does not while it brakes for OFF1 or OFF3. A
+                task waits meanwhile.
             minus_cam: The limit switch in negative direction is actuated.
             plus_cam: That in positive direction.
             fixed_stop: The motion is to end at a fixed stop (STW2 bit 8).
@@ -228,7 +253,9 @@ class Positioner:
         self.motion.planned = None
 
     def place(self, angle: float, position: float) -> None:
-        """Call the place at a measured angle (rad) a position, LU; a relative task under way keeps its way."""
+        """Call the place at a measured angle (rad) a position, LU; a relative task under way keeps its
+        way.
+        """
         offset = angle - position * self.motion.scale
         wanted = self.wanted
         if wanted is not None and wanted.relative:
@@ -240,7 +267,8 @@ class Positioner:
         """Take an edge of probe input 1 or 2 at a measured angle, rad (passive homing)."""
         self.homing.probe_edge(self._last, number, rising, angle)
 
-    # -- which task --------------------------------------------------------------------------------------------
+    # -- which task
+    # --------------------------------------------------------------------------------------------
 
     def _operate(self, words: Words, rising: int) -> None:
         stw1 = words.stw1
@@ -325,7 +353,8 @@ class Positioner:
             self.accept(Mode.MDI, motion)
 
     def absolute(self, target: float, sign: int) -> float | None:
-        """Return where an absolute target is, LU: of a modulo axis in the direction wanted, or on the shorter way.
+        """Return where an absolute target is, LU: of a modulo axis in the direction wanted, or on the shorter
+        way.
 
         None, and the task is refused, when it is outside of the modulo range.
         """
@@ -375,7 +404,8 @@ class Positioner:
             ),
         )
 
-    # -- motion ------------------------------------------------------------------------------------------------
+    # -- motion
+    # ------------------------------------------------------------------------------------------------
 
     def _watch_cams(self, words: Words, minus_cam: bool, plus_cam: bool) -> None:
         wanted = self.wanted

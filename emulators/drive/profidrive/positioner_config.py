@@ -113,11 +113,13 @@ class PositionerSettings:
         max_deceleration: p2573, 1000 LU/s^2, > 0; also that of a rejected task.
         software_limits: p2580, p2581, LU.
         window: p2544, LU, > 0.
-        positioning_time_s: p2545: so long after the demand the axis may need into the window, s; 0 = not watched.
+        positioning_time_s: p2545: so long after the demand the axis may need into the window, s; 0 = not
+            watched.
         standstill_window: p2542, LU, > 0: while the demand stands, the axis stays within it ...
         standstill_time_s: p2543: ... or is out of it for this long at most, s; 0 = not watched.
         following_tolerance: p2546, LU, > 0.
-        clamping_torque_Nm: Torque limit while STW2 bit 8 asks to travel to a fixed stop, Nm, > 0; inf = that of the drive.
+        clamping_torque_Nm: Torque limit while STW2 bit 8 asks to travel to a fixed stop, Nm, > 0; inf =
+            that of the drive.
         fixed_stop_tolerance: p2634, LU, > 0: following error from which on the stop counts as reached.
         modulo_range: p2576, LU, of a modulo axis; 0 = none.
         max_cam_distance: p2606, LU, > 0: way within which homing has to find the cam, and its end.
@@ -136,8 +138,8 @@ class PositionerSettings:
         mdi_target: p2690, LU: target of MDI where the telegram has none.
         mdi_velocity: p2691, 1000 LU/min: velocity of MDI where the telegram has none.
         position_cams: p2547, p2548, LU.
-        rest_is_reached: ZSW1 bit 10 is also 1 while the axis stands without a task: after homing, jog and a rejection, as
-            Festo drives show it; otherwise after MDI and blocks alone.
+        rest_is_reached: ZSW1 bit 10 is also 1 while the axis stands without a task: after homing, jog and
+            a rejection, as Festo drives show it; otherwise after MDI and blocks alone.
         blocks: Traversing blocks by number, 0..63.
 
     Raises:
@@ -179,10 +181,20 @@ class PositionerSettings:
 
     def __post_init__(self) -> None:
         for name in (
-            "lu_per_revolution", "max_velocity", "max_acceleration", "max_deceleration", "window", "following_tolerance",
-            "cam_velocity", "mark_velocity", "approach_velocity", "standstill_window", "max_cam_distance", "max_mark_distance",
+            "lu_per_revolution",
+            "max_velocity",
+            "max_acceleration",
+            "max_deceleration",
+            "window",
+            "following_tolerance",
+            "cam_velocity",
+            "mark_velocity",
+            "approach_velocity",
+            "standstill_window",
+            "max_cam_distance",
+            "max_mark_distance",
             "fixed_stop_tolerance",
-        ):  # fmt: skip
+        ):
             _positive(name, getattr(self, name))
         for name in ("positioning_time_s", "standstill_time_s", "modulo_range"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):

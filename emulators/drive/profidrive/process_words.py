@@ -1,7 +1,8 @@
 """Process data words of a telegram as objects of a CANopen slave, four in a PDO at most (PD-338 to PD-341).
 
-Each word is an object: 5800h and following to the device, 5810h and following from it. At SYNC the words of all RPDOs become
-one telegram, if every RPDO that carries some of them has come; the words of the answer go into the TPDOs of the same SYNC.
+Each word is an object: 5800h and following to the device, 5810h and following from it. At SYNC the words of
+all RPDOs become one telegram, if every RPDO that carries some of them has come; the words of the answer go
+into the TPDOs of the same SYNC.
 """
 
 from __future__ import annotations

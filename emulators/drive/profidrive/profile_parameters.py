@@ -1,4 +1,6 @@
-"""Parameters that the profile itself needs: identification, telegram, faults and warnings, loading and saving."""
+"""Parameters that the profile itself needs: identification, telegram, faults and warnings, loading and
+saving.
+"""
 
 from __future__ import annotations
 
@@ -58,9 +60,16 @@ class Identification:
 
     def __post_init__(self) -> None:
         for name in (
-            "manufacturer", "device_type", "object_type", "version", "year", "day_month", "object_class",
-            "object_sub_class", "latency_ms",
-        ):  # fmt: skip
+            "manufacturer",
+            "device_type",
+            "object_type",
+            "version",
+            "year",
+            "day_month",
+            "object_class",
+            "object_sub_class",
+            "latency_ms",
+        ):
             if not 0 <= getattr(self, name) <= 0xFFFF:
                 raise ConfigurationError(f"identification, {name}", getattr(self, name), "0..65535")
         if not 0 <= self.profile_version <= 0xFF:
@@ -79,10 +88,15 @@ def identify(store: ParameterStore, who: Identification) -> None:
         965: (3, who.profile_version),
         974: (LONGEST_RECORD, MOST_PARAMETERS if who.multi else 1, who.latency_ms),
         975: (
-            who.manufacturer, who.object_type, *common, who.object_class, who.object_sub_class, who.object_id,
+            who.manufacturer,
+            who.object_type,
+            *common,
+            who.object_class,
+            who.object_sub_class,
+            who.object_id,
         ),
         978: who.object_ids,
-    }  # fmt: skip
+    }
     for number, row in rows.items():
         _fill(store, number, row)
 
@@ -190,8 +204,9 @@ def connect_warnings(
 class ParameterMemory:
     """Loading, saving and restarting: PNU 970, 971, 972, 976, 977 (PD-250, PD-251, PD-285).
 
-    Loading and saving are done when the answer is given; the parameter reads 0 again then. 970 and 976: 1 loads the factory
-    settings, 10 what was saved. 972: 1 restarts at once, 2 only announces it, 3 leaves it to the end of communication.
+    Loading and saving are done when the answer is given; the parameter reads 0 again then. 970 and 976: 1
+    loads the factory settings, 10 what was saved. 972: 1 restarts at once, 2 only announces it, 3 leaves it
+    to the end of communication.
 
     Args:
         store: The parameters.

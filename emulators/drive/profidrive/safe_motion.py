@@ -23,10 +23,12 @@ class SafeMotionConfig:
     Lengths and speeds are those of the load: m and m/s, or rad and rad/s on a rotary axis.
 
     Args:
-        ss1_external: Safe stop 1 does not brake by itself: safe torque off follows when its time has passed (SS1E).
+        ss1_external: Safe stop 1 does not brake by itself: safe torque off follows when its time has
+            passed (SS1E).
         ss2_time_s: Safe stop 2: from its selection to the monitoring of standstill at the latest, s.
         ss2_monitored: The ramp of safe stop 2 is watched as that of safe stop 1 is.
-        ss2_external: Safe stop 2 does not brake by itself: standstill is monitored when its time has passed (SS2E).
+        ss2_external: Safe stop 2 does not brake by itself: standstill is monitored when its time has
+            passed (SS2E).
         sos_delay_s: Safe operating stop: from its selection to the monitoring, s.
         sos_tolerance: Distance that the load may move at monitored standstill.
         sls_limits: Safely limited speed: limits of levels 1 to 4, at least one (p9531).
@@ -39,7 +41,8 @@ class SafeMotionConfig:
         slp_ranges: Safely limited position: lower and upper end of ranges 1 and 2; empty = not configured.
         slp_delay_s: From the selection to the monitoring, s.
         slp_reaction: Stop when the range is left.
-        sbt_torque_Nm: Safe brake test: torque with which the drive pulls at the closed brake, Nm; 0 = not configured.
+        sbt_torque_Nm: Safe brake test: torque with which the drive pulls at the closed brake, Nm; 0 = not
+            configured.
         sbt_time_s: How long it pulls, s.
         sbt_tolerance: Distance that the load may move meanwhile.
         sbc: With safe torque off the brake closes whatever STW1 bit 12 says (SBC).

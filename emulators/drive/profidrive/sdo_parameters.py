@@ -93,12 +93,19 @@ class ParameterWindow:
 
 _WINDOW: Final = 8630
 """The parameter that moves the window; it is an object itself, whatever it says."""
-_DATA_TYPES: Final = {TypeCode.N2: 0x03, TypeCode.N4: 0x04, TypeCode.V2: 0x06, TypeCode.OCTET_STRING: 0x05, TypeCode.VISIBLE_STRING: 0x05}  # fmt: skip
+_DATA_TYPES: Final = {
+    TypeCode.N2: 0x03,
+    TypeCode.N4: 0x04,
+    TypeCode.V2: 0x06,
+    TypeCode.OCTET_STRING: 0x05,
+    TypeCode.VISIBLE_STRING: 0x05,
+}
 """CiA 301 data type where its code differs from that of the profile; strings are arrays of bytes (PD-209)."""
 
 
 class ParameterObjects:
-    """The parameters as objects beside those of the dictionary, through the window of p8630; see `ForeignObjects`.
+    """The parameters as objects beside those of the dictionary, through the window of p8630; see
+    `ForeignObjects`.
 
     Args:
         store: The parameters; p8630 is among them.

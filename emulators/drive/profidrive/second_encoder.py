@@ -1,4 +1,6 @@
-"""The second encoder of a PROFIdrive axis: on the load or the motor, with its own mounting, format and faults (G2)."""
+"""The second encoder of a PROFIdrive axis: on the load or the motor, with its own mounting, format and faults
+(G2).
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,8 @@ class SecondEncoderConfig:
     Args:
         form: Kind, resolution and formats; a linear encoder measures the load.
         mounting: Side of the machine: the motor shaft, or the load.
-        ratio: Encoder coordinate (rad, linear: m) per coordinate of the motor (rad) or load (m or rad); negative: mounted the
-            other way round.
+        ratio: Encoder coordinate (rad, linear: m) per coordinate of the motor (rad) or load (m or rad);
+            negative: mounted the other way round.
         offset: Encoder coordinate where the machine is at zero, rad or m.
         backlash: Play of its coupling, rad or m of the encoder, >= 0.
         zero_mark: Place of its zero mark, increments of Gx_XIST1, 0..form.counts - 1.
@@ -57,7 +59,9 @@ class SecondEncoderConfig:
 
     @property
     def per_coordinate(self) -> float:
-        """Angle of the model per coordinate of the encoder: 1, or a revolution for the length of the scale."""
+        """Angle of the model per coordinate of the encoder: 1, or a revolution for the length of the
+        scale.
+        """
         form = self.form
         return math.tau / (form.periods * form.grid_nm * _PER_NM) if form.linear else 1.0
 
@@ -118,7 +122,9 @@ class SecondEncoder(SensorFaults):
         self.interface.probe_edge(number, rising, self.encoder.increments_at(place))
 
     def break_encoder(self, broken: bool) -> None:
-        """Cut its wire, or mend it: G2_ZSW says so, and the drive warns; it does not control with this encoder."""
+        """Cut its wire, or mend it: G2_ZSW says so, and the drive warns; it does not control with this
+        encoder.
+        """
         SensorFaults.break_encoder(self, broken)
         self._drive.faults.warn(DriveWarning.SECOND_ENCODER, broken)
 

@@ -1,4 +1,6 @@
-"""Setpoint channel of the speed axis: ramp-function generator, jog, dynamic servo control (PD-116, PD-119 to PD-122, PD-195 to PD-198)."""
+"""Setpoint channel of the speed axis: ramp-function generator, jog, dynamic servo control (PD-116, PD-119 to
+PD-122, PD-195 to PD-198).
+"""
 
 from __future__ import annotations
 
@@ -35,9 +37,27 @@ class SetpointChannel:
     """
 
     __slots__ = (
-        "_core", "_cycle_s", "_down", "_gain", "_high", "_low", "_potentiometer_step", "_quick", "_quick_shape", "_rounded",
-        "_scale", "_settings", "_shape", "_steps", "_up", "dsc", "potentiometer", "ramp_scale", "sent_angle", "target",
-    )  # fmt: skip
+        "_core",
+        "_cycle_s",
+        "_down",
+        "_gain",
+        "_high",
+        "_low",
+        "_potentiometer_step",
+        "_quick",
+        "_quick_shape",
+        "_rounded",
+        "_scale",
+        "_settings",
+        "_shape",
+        "_steps",
+        "_up",
+        "dsc",
+        "potentiometer",
+        "ramp_scale",
+        "sent_angle",
+        "target",
+    )
 
     def __init__(
         self, core: ServoCore, settings: DriveSettings, *, steps: int, cycle_s: float, interpolation: bool
@@ -110,7 +130,9 @@ class SetpointChannel:
         return self._settings.jog_rpm[0 if stw1 & _JOG_1 else 1] * RPM
 
     def stop_ramp(self, stw1: int, *, quick: bool) -> None:
-        """Brake from the actual speed: OFF1 with p1121, without ramp generator and on OFF3 with p1135 (PD-116)."""
+        """Brake from the actual speed: OFF1 with p1121, without ramp generator and on OFF3 with p1135
+        (PD-116).
+        """
         self.dsc = False
         jogs = bool(stw1 & _JOG) or not stw1 & _ALL
         quick = quick or not (stw1 & _RAMP_ENABLED or jogs)

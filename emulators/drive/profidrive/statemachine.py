@@ -29,7 +29,9 @@ class AxisState(Enum):
 
 
 class Off(IntFlag):
-    """Stop commands that do not come from the control word: reactions of faults, safety functions (PD-115)."""
+    """Stop commands that do not come from the control word: reactions of faults, safety functions
+    (PD-115).
+    """
 
     NONE = 0
     OFF1 = 1
@@ -59,7 +61,8 @@ class Action(Enum):
     """The ramp stop is taken back: follow the setpoint again."""
 
 
-# Names of the module, because in every bus cycle an attribute of an enumeration would cost more than what is done with it.
+# Names of the module, because in every bus cycle an attribute of an enumeration would cost more than what is
+# done with it.
 _S4: Final = AxisState.S4
 _NOTHING: Final = Action.NOTHING
 _RUN: Final = int(STW1.ON | STW1.NO_OFF2 | STW1.NO_OFF3 | STW1.ENABLE_OPERATION)
@@ -142,7 +145,8 @@ class GeneralStateMachine:
             if on:
                 return self._to(AxisState.S3)
         elif state is AxisState.S1:
-            # ON has to be taken away first: the raw bit counts, not what a fault makes of it (PD-098, PD-115).
+            # ON has to be taken away first: the raw bit counts, not what a fault makes of it (PD-098,
+            # PD-115).
             if not stw1 & STW1.ON and no_off2 and no_off3 and not off and synchronised:
                 return self._to(AxisState.S2)
         elif stw1 & STW1.CONTROL_BY_PLC:

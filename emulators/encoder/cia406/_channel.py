@@ -1,4 +1,6 @@
-"""A position channel: from raw steps to position, speed, cams and work area (C406-003 to C406-008, C406-049, C406-052)."""
+"""A position channel: from raw steps to position, speed, cams and work area (C406-003 to C406-008, C406-049,
+C406-052).
+"""
 
 from __future__ import annotations
 
@@ -133,7 +135,8 @@ class Channel:
         self.unfolded = 0
         """6008h: the position before it is folded into 6002h."""
 
-    # -- position -----------------------------------------------------------------------------------------------
+    # -- position
+    # -----------------------------------------------------------------------------------------------
 
     def _count(self) -> int:
         """Sample; returns the count in the direction of the code sequence, not folded."""
@@ -177,7 +180,8 @@ class Channel:
         self._derived = True
         self._speed = self._acceleration = self._jerk = 0
 
-    # -- motion -------------------------------------------------------------------------------------------------
+    # -- motion
+    # -------------------------------------------------------------------------------------------------
 
     def cycle(self) -> int:
         """Take note of the position of this millisecond; returns the raw steps moved since the last one."""
@@ -244,7 +248,8 @@ class Channel:
         if len(differences) > 2:
             self._jerk = _limited(differences[2], 1)
 
-    # -- cams and work area -------------------------------------------------------------------------------------
+    # -- cams and work area
+    # -------------------------------------------------------------------------------------
 
     def _find_cams(self) -> int:
         """Return the state register 6300h at the present position (C406-049)."""
@@ -277,7 +282,9 @@ class Channel:
 
 
 def _differences(points: list[int]) -> list[int]:
-    """Return first, second and third difference of points in descending order of time, as far as there are points."""
+    """Return first, second and third difference of points in descending order of time, as far as there are
+    points.
+    """
     found = []
     while len(points) > 1:
         points = [new - old for new, old in pairwise(points)]

@@ -1,6 +1,7 @@
 """EDS files of the emulated encoders: text from the object tables, and loading for a node.
 
-`python -m emulators.encoder.cia406.eds` rewrites the files beside this module; `--check` says whether they are up to date.
+`python -m emulators.encoder.cia406.eds` rewrites the files beside this module; `--check` says whether they
+are up to date.
 """
 
 from __future__ import annotations

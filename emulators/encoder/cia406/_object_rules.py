@@ -25,7 +25,8 @@ _HIGHEST_PRESET: Final = 1 << 62
 
 
 def prepare_values(device: EncoderDevice) -> None:
-    """Give objects that the EDS lacks their built-in default, so that the encoder works with any EDS of its kind.
+    """Give objects that the EDS lacks their built-in default, so that the encoder works with any EDS of its
+    kind.
 
     Raises:
         ConfigurationError: The EDS is not that of a CiA 406 encoder.

@@ -39,7 +39,8 @@ _TENTH_HOUR_NS: Final = 360 * S
 
 
 class EncoderDevice:
-    """An encoder as node of a CAN segment; use `CiA406Encoder`, which adds fault injection and the recorder's columns.
+    """An encoder as node of a CAN segment; use `CiA406Encoder`, which adds fault injection and the recorder's
+    columns.
 
     See there for the arguments.
     """
@@ -155,10 +156,13 @@ class EncoderDevice:
                 raise ConfigurationError("objects", f"{index:04X}h:{sub}", "an object of the encoder")
         store.load(application=True)
 
-    # -- life ---------------------------------------------------------------------------------------------------
+    # -- life
+    # ---------------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
-        """Switch the supply on: absolute encoders know their position at once, others begin at zero (C406-008)."""
+        """Switch the supply on: absolute encoders know their position at once, others begin at zero
+        (C406-008).
+        """
         if not self.slave.powered:
             self._powered_ns = self._scheduler.now
             self.slave.power_on()
@@ -194,10 +198,13 @@ class EncoderDevice:
         running = self._scheduler.now - self._powered_ns if self.slave.powered else 0
         return (self._operating_ns + running) // _TENTH_HOUR_NS
 
-    # -- parameters ---------------------------------------------------------------------------------------------
+    # -- parameters
+    # ---------------------------------------------------------------------------------------------
 
     def invalidate(self) -> None:
-        """Note that a parameter of the position formation is being written: the preset counts no more (C406-007)."""
+        """Note that a parameter of the position formation is being written: the preset counts no more
+        (C406-007).
+        """
         self._stale = True
         self.forget_sample()
         for number, channel in enumerate(self.channels):
@@ -223,8 +230,8 @@ class EncoderDevice:
     def preset(self, value: int, *, channel: int = 0) -> None:
         """Make the position of a channel `value` now, also in motion, and remember it (C406-005, C406-006).
 
-        An absolute encoder keeps the offset over a loss of supply, at once and without 1010h, as long as the parameters of
-        the position formation are the same then.
+        An absolute encoder keeps the offset over a loss of supply, at once and without 1010h, as long as the
+        parameters of the position formation are the same then.
         """
         self.take_parameters()
         one = self.channels[channel]
@@ -239,7 +246,8 @@ class EncoderDevice:
                 self.name, "encoder.preset", value=value, offset=one.offset, channel=channel + 1
             )
 
-    # -- measuring ----------------------------------------------------------------------------------------------
+    # -- measuring
+    # ----------------------------------------------------------------------------------------------
 
     def sample(self) -> None:
         """Form positions, cams and work areas of this instant, once per instant."""

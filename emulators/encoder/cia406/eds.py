@@ -1,4 +1,6 @@
-"""Command that writes the EDS files of the emulated encoders: `python -m emulators.encoder.cia406.eds [--check]`."""
+"""Command that writes the EDS files of the emulated encoders: `python -m emulators.encoder.cia406.eds
+[--check]`.
+"""
 
 from __future__ import annotations
 

@@ -28,8 +28,9 @@ TRACE_ENUMS: Final[dict[str, dict[int, str]]] = {
 class CiA406Encoder(EncoderDevice, OwnShaft):
     """An encoder as a device of its own on a CAN segment.
 
-    It is off until `power_on`. Positions on the bus are those of the instant at which they are read: of SYNC for synchronous
-    PDOs, of the transmission for TPDO1. Speeds, cams, work area, alarms and warnings are looked at every millisecond.
+    It is off until `power_on`. Positions on the bus are those of the instant at which they are read: of SYNC
+    for synchronous PDOs, of the transmission for TPDO1. Speeds, cams, work area, alarms and warnings are
+    looked at every millisecond.
 
     Args:
         scheduler: Time of the bench.
@@ -80,7 +81,9 @@ class CiA406Encoder(EncoderDevice, OwnShaft):
         """(name, unit) of the values of `trace_row`."""
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values of `trace_columns`; the coordinate is the true one, the others are those of channel 1."""
+        """Return the present values of `trace_columns`; the coordinate is the true one, the others are those
+        of channel 1.
+        """
         channel = self.channels[0]
         values = self.slave.values
         return (
@@ -96,7 +99,8 @@ class CiA406Encoder(EncoderDevice, OwnShaft):
             self.slave.nmt_state,
         )
 
-    # -- sensor -------------------------------------------------------------------------------------------------
+    # -- sensor
+    # -------------------------------------------------------------------------------------------------
 
     def freeze_encoder(self, frozen: bool) -> None:
         """Let the value stand still, or follow the shaft again."""
@@ -129,7 +133,8 @@ class CiA406Encoder(EncoderDevice, OwnShaft):
         self.forget_sample()
 
     def miss_index(self, missing: bool) -> None:
-        """Let the reference mark never come, or come again; an incremental encoder that waits for it goes on warning.
+        """Let the reference mark never come, or come again; an incremental encoder that waits for it goes on
+        warning.
 
         Raises:
             UnsupportedFaultError: An absolute encoder has no mark.
@@ -140,7 +145,8 @@ class CiA406Encoder(EncoderDevice, OwnShaft):
         for channel in self.channels:
             channel.sensor.encoder.zero_mark_present = not missing
 
-    # -- device -------------------------------------------------------------------------------------------------
+    # -- device
+    # -------------------------------------------------------------------------------------------------
 
     def preset_encoder(self, value: int) -> None:
         """Write a preset to 6003h, whatever moves; the value is taken into the range of 6002h."""
@@ -156,7 +162,8 @@ class CiA406Encoder(EncoderDevice, OwnShaft):
         self.preset(-margin % self.scaling.total)
 
     def set_alarm(self, bit: int, active: bool) -> None:
-        """Bring about the cause of an alarm, a bit of 6503h (0 position error, 12 to 15 manufacturer), or end it.
+        """Bring about the cause of an alarm, a bit of 6503h (0 position error, 12 to 15 manufacturer), or end
+        it.
 
         Raises:
             ConfigurationError: The encoder does not support it (6504h).

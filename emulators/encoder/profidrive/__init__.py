@@ -1,6 +1,8 @@
-"""The PROFIdrive face of an encoder: interface Gx_STW, Gx_ZSW, Gx_XIST1, Gx_XIST2, format P979, and a device with them.
+"""The PROFIdrive face of an encoder: interface Gx_STW, Gx_ZSW, Gx_XIST1, Gx_XIST2, format P979, and a device
+with them.
 
-The device is `emulators.encoder.profidrive.device.ProfidriveEncoder`; the interface alone is what a drive builds in.
+The device is `emulators.encoder.profidrive.device.ProfidriveEncoder`; the interface alone is what a drive
+builds in.
 """
 
 from __future__ import annotations

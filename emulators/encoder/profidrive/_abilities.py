@@ -27,15 +27,16 @@ class EncoderAbilities:
     """What an encoder interface can do.
 
     Args:
-        reference_marks: Functions 1.. of reference mark search, 0..4. The first is the zero mark of the encoder, others are
-            brought by `EncoderInterface.reference_mark`.
-        measuring: Functions 1.. of measurement on the fly, 0..4: rising and falling edge of probe 1, then of probe 2.
+        reference_marks: Functions 1.. of reference mark search, 0..4. The first is the zero mark of the
+            encoder, others are brought by `EncoderInterface.reference_mark`.
+        measuring: Functions 1.. of measurement on the fly, 0..4: rising and falling edge of probe 1, then
+            of probe 2.
         home: The home position can be set and shifted.
         parking: The encoder can be parked; False: the request ends with error 0003h.
         preset_counter: The home position moves Gx_XIST1 too, as in the encoder profile (PD-171).
         absolute_at_start: The absolute value is shown until the first control word comes (PD-170).
-        zero_mark_tolerance: None: the zero mark is not monitored; else the increments by which two zero marks may differ from
-            a whole number of revolutions before error 0002h comes, >= 0.
+        zero_mark_tolerance: None: the zero mark is not monitored; else the increments by which two zero
+            marks may differ from a whole number of revolutions before error 0002h comes, >= 0.
 
     Raises:
         ConfigurationError: A value is out of its range.

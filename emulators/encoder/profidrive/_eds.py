@@ -1,6 +1,7 @@
 """EDS of the PROFIdrive encoder on CANopen: text from the object table, and loading for a node.
 
-`python -m emulators.encoder.profidrive.eds` rewrites `encoder.eds` beside this module; `--check` says whether it is up to date.
+`python -m emulators.encoder.profidrive.eds` rewrites `encoder.eds` beside this module; `--check` says whether
+it is up to date.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""The objects that a PROFIdrive encoder shows on CANopen: free process data words, and a few parameters (PD-338 to PD-343).
+"""The objects that a PROFIdrive encoder shows on CANopen: free process data words, and a few parameters
+(PD-338 to PD-343).
 
-Its PDOs are mapped when it leaves the factory: the two words of the controller in RPDO1, up to ten words to him in TPDO1 to
-TPDO3, all of them with every SYNC.
+Its PDOs are mapped when it leaves the factory: the two words of the controller in RPDO1, up to ten words to
+him in TPDO1 to TPDO3, all of them with every SYNC.
 """
 
 from __future__ import annotations

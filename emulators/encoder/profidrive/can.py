@@ -1,7 +1,8 @@
-"""The PROFIdrive encoder as a node of a CAN segment: its telegram in free process data words on PDOs, latched by SYNC.
+"""The PROFIdrive encoder as a node of a CAN segment: its telegram in free process data words on PDOs, latched
+by SYNC.
 
-At SYNC the encoder takes the words that have come, samples, makes its cycle, and its answer goes into the TPDOs of the same
-SYNC. One that is not isochronous makes its cycle by itself when nobody sends SYNC.
+At SYNC the encoder takes the words that have come, samples, makes its cycle, and its answer goes into the
+TPDOs of the same SYNC. One that is not isochronous makes its cycle by itself when nobody sends SYNC.
 """
 
 from __future__ import annotations
@@ -72,7 +73,8 @@ class ProfidriveEncoderNodeConfig:
 
 
 class ProfidriveCanEncoder(SensorFaults, OwnShaft):
-    """An emulated PROFIdrive encoder on a CAN segment, with all that a test can do to it. It is off until `power_on`.
+    """An emulated PROFIdrive encoder on a CAN segment, with all that a test can do to it. It is off until
+    `power_on`.
 
     Args:
         scheduler: Time of the bench.
@@ -90,9 +92,21 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
     """
 
     __slots__ = (
-        "_code", "_history", "_mounting", "_scheduler", "_sync_ns", "_words", "config", "device", "encoder", "interface", "name",
-        "shaft", "slave", "trace_columns",
-    )  # fmt: skip
+        "_code",
+        "_history",
+        "_mounting",
+        "_scheduler",
+        "_sync_ns",
+        "_words",
+        "config",
+        "device",
+        "encoder",
+        "interface",
+        "name",
+        "shaft",
+        "slave",
+        "trace_columns",
+    )
 
     trace_enums: ClassVar[dict[str, dict[int, str]]] = {
         "state": {number: f"{state.name} {state.value}" for state, number in _STATES.items()},
@@ -155,7 +169,9 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
             scheduler.every(config.cycle_ns, self._free_running, priority=_FREE_RUNNING_PRIORITY)
 
     def _set_defaults(self) -> None:
-        """Enter what depends on the telegram: its number, formats, and PDOs with no more words than it has."""
+        """Enter what depends on the telegram: its number, formats, and PDOs with no more words than it
+        has.
+        """
         store = self.slave.store
         words = telegram(self.config.encoder.telegram).actual.words
         values = {(0x1017, 0): self.config.heartbeat_ms, (objects.TELEGRAM, 0): self.config.encoder.telegram}
@@ -174,7 +190,9 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
         store.load(application=True)
 
     def trace_row(self) -> tuple[float, ...]:
-        """Return the present values of `trace_columns`; the coordinate is the true one, `speed` in percent of the reference."""
+        """Return the present values of `trace_columns`; the coordinate is the true one, `speed` in percent of
+        the reference.
+        """
         device = self.device
         zsw, xist1, xist2 = device.words
         return (
@@ -190,7 +208,8 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
             self.slave.nmt_state,
         )
 
-    # -- life -----------------------------------------------------------------------------------------------------
+    # -- life
+    # -----------------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the supply on: absolute encoders know their position at once, others begin to count."""
@@ -217,7 +236,8 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
         if new is NmtState.OPERATIONAL:
             self._words.begin()
 
-    # -- bus cycle ------------------------------------------------------------------------------------------------
+    # -- bus cycle
+    # ------------------------------------------------------------------------------------------------
 
     def _on_sync(self, time_ns: int) -> None:
         self._sync_ns = time_ns
@@ -257,7 +277,8 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
         if self._history is not None:
             self._history.emit(self.name, "encoder.error", code=code, text=ENCODER_ERRORS.get(code, "none"))
 
-    # -- node -----------------------------------------------------------------------------------------------------
+    # -- node
+    # -----------------------------------------------------------------------------------------------------
 
     def stop_heartbeat(self, stopped: bool) -> None:
         """Keep the heartbeat back, or send it again."""

@@ -1,4 +1,6 @@
-"""PROFIdrive encoder: a device of its own with telegram 81, 82, 83 or 84. Takes and gives frames; knows no bus."""
+"""PROFIdrive encoder: a device of its own with telegram 81, 82, 83 or 84. Takes and gives frames; knows no
+bus.
+"""
 
 from __future__ import annotations
 
@@ -38,12 +40,14 @@ class ProfidriveEncoderConfig:
         abilities: What the encoder interface can do.
         zero_mark: Place of the zero mark, increments of the model, 0..form.counts - 1.
         reversed_direction: Counts the other way round.
-        mounting_offset: Value where the machine is at zero, increments of the model; only for absolute encoders.
+        mounting_offset: Value where the machine is at zero, increments of the model; only for absolute
+            encoders.
         reference_speed: 100 % of NIST_A and NIST_B: rpm, linear: mm/s; > 0.
         isochronous: The sign of life is evaluated and sent (PD-130).
         tolerance: Tolerated failures of the sign of life (PNU 925), 0..65535.
         factor: Bus cycles in an application cycle of the controller, >= 1.
-        compatible: True: G1_STW counts without control by PLC, as in the compatibility mode of the encoder profile.
+        compatible: True: G1_STW counts without control by PLC, as in the compatibility mode of the
+            encoder profile.
 
     Raises:
         ConfigurationError: A value is out of its range, or they do not fit together.
@@ -88,8 +92,8 @@ class ProfidriveEncoder:
         scheduler: Time of the bench.
         config: The encoder.
         mounting: What it measures; a coordinate in rad, or in m for a linear encoder.
-        probes: Switches of probe 1 and 2 along the coordinate of the encoder; looked at in every cycle, latched where they
-            are. Others call `probe_edge`.
+        probes: Switches of probe 1 and 2 along the coordinate of the encoder; looked at in every cycle,
+            latched where they are. Others call `probe_edge`.
         marks: Cams of reference mark 2 and following; the rising edge is the mark.
         rng: Source of the noise; None: it cannot be made noisy.
 
@@ -210,10 +214,13 @@ class ProfidriveEncoder:
         """Let the encoder's sign of life stand still, or count again."""
         self._frozen_sign = self._signs.value if frozen else None
 
-    # -- bus ---------------------------------------------------------------------------------------------------
+    # -- bus
+    # ---------------------------------------------------------------------------------------------------
 
     def receive(self, frame: bytes) -> bool:
-        """Take a frame for the next cycle; return False when it is refused: wrong length (PD-030), or no supply."""
+        """Take a frame for the next cycle; return False when it is refused: wrong length (PD-030), or no
+        supply.
+        """
         if not self.powered:
             return False
         if len(frame) != self._telegram.setpoint.length:
@@ -241,7 +248,8 @@ class ProfidriveEncoder:
             self._enter_fault(self.interface.error)
         self._build(words)
 
-    # -- edges -------------------------------------------------------------------------------------------------
+    # -- edges
+    # -------------------------------------------------------------------------------------------------
 
     def probe_edge(self, number: int, rising: bool, coordinate: float | None = None) -> None:
         """Bring an edge of probe 1 or 2.
@@ -258,7 +266,8 @@ class ProfidriveEncoder:
         """Bring reference mark 2, 3 or 4; arguments as `probe_edge`."""
         self.interface.reference_mark(number, self._increments(coordinate))
 
-    # -- inside ------------------------------------------------------------------------------------------------
+    # -- inside
+    # ------------------------------------------------------------------------------------------------
 
     def _reset(self) -> None:
         self._pending = None

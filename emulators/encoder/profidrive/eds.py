@@ -1,4 +1,6 @@
-"""Command that writes the EDS of the PROFIdrive encoder: `python -m emulators.encoder.profidrive.eds [--check]`."""
+"""Command that writes the EDS of the PROFIdrive encoder: `python -m emulators.encoder.profidrive.eds
+[--check]`.
+"""
 
 from __future__ import annotations
 

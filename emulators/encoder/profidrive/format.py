@@ -1,4 +1,6 @@
-"""How an encoder counts towards its controller: fine bits, range, start value, and P979, which tells all that (PD-188 to PD-194)."""
+"""How an encoder counts towards its controller: fine bits, range, start value, and P979, which tells all that
+(PD-188 to PD-194).
+"""
 
 from __future__ import annotations
 
@@ -24,19 +26,20 @@ _VALIDITY_STATIC, _VALID = 1 << 30, 1 << 31
 class EncoderFormat:
     """Format of Gx_XIST1 and Gx_XIST2.
 
-    The encoder model counts finer than the lines by `interpolation_bits`: `periods << interpolation_bits` of its increments
-    are one revolution, or the whole scale of a linear encoder.
+    The encoder model counts finer than the lines by `interpolation_bits`: `periods << interpolation_bits` of
+    its increments are one revolution, or the whole scale of a linear encoder.
 
     Args:
         periods: Lines or steps per revolution, 1..2^31; linear: grid lines of the scale.
-        interpolation_bits: Binary digits that the model counts within a line, 0..31; 2 for a TTL encoder that is
-            evaluated fourfold.
+        interpolation_bits: Binary digits that the model counts within a line, 0..31; 2 for a TTL encoder
+            that is evaluated fourfold.
         shift_xist1: Fine bits of Gx_XIST1, 0..31.
         shift_xist2: Fine bits of the absolute value in Gx_XIST2, 0..31.
         revolutions: 0 incremental, 1 single-turn or linear absolute, more: multi-turn; 0..65536.
         grid_nm: 0 rotary; else the distance of two grid lines, nm.
         counter_bits: Width of Gx_XIST1, 8..32; narrower than 32 as simple counters have it (PD-171).
-        load_absolute: True: Gx_XIST1 begins with the absolute value at power-on (PD-172); False: with `start_value`.
+        load_absolute: True: Gx_XIST1 begins with the absolute value at power-on (PD-172); False: with
+            `start_value`.
         start_value: Gx_XIST1 at power-on, 0..2^counter_bits - 1.
         wide: True: 64-bit value (G1_XIST3) is there.
 
@@ -87,7 +90,8 @@ class EncoderFormat:
 
     @classmethod
     def profile_4_0(cls, *, periods: int, revolutions: int = 1, interpolation_bits: int = 0) -> EncoderFormat:
-        """Return the format of encoder profile 4.0: Gx_XIST1 is left-aligned, Gx_XIST2 right-aligned (PD-174).
+        """Return the format of encoder profile 4.0: Gx_XIST1 is left-aligned, Gx_XIST2 right-aligned
+        (PD-174).
 
         Raises:
             ConfigurationError: The absolute steps need more than 32 bits, or a value is out of its range.
@@ -109,7 +113,8 @@ class EncoderFormat:
 
     @classmethod
     def profile_4_1(cls, *, periods: int, revolutions: int = 1, interpolation_bits: int = 0) -> EncoderFormat:
-        """Return the format of encoder profile 4.1: both values right-aligned, the counter begins at the absolute value (PD-174).
+        """Return the format of encoder profile 4.1: both values right-aligned, the counter begins at the
+        absolute value (PD-174).
 
         Raises:
             ConfigurationError: A value is out of its range.

@@ -1,7 +1,8 @@
-"""Encoder interface Gx_STW, Gx_ZSW, Gx_XIST1, Gx_XIST2 as a state machine (PD-141 to PD-187, PTO-211 to PTO-250).
+"""Encoder interface Gx_STW, Gx_ZSW, Gx_XIST1, Gx_XIST2 as a state machine (PD-141 to PD-187, PTO-211 to
+PTO-250).
 
-Knows no telegram and no bus. Positions that come in are increments of the encoder model, which the model and its switches
-give to the instant; so a latched value is exact whatever the bus cycle is.
+Knows no telegram and no bus. Positions that come in are increments of the encoder model, which the model and
+its switches give to the instant; so a latched value is exact whatever the bus cycle is.
 """
 
 from __future__ import annotations
@@ -82,11 +83,13 @@ class EncoderInterface:
         self._counting = Counting(encoder, form)
         self._marks = (1 << abilities.reference_marks) - 1
         self._measures = (1 << abilities.measuring) - 1
-        # Without an absolute value and without a counter that moves there is nothing that a home position could change.
+        # Without an absolute value and without a counter that moves there is nothing that a home position
+        # could change.
         self._home = abilities.home and (form.absolute or abilities.preset_counter)
         self._faults: dict[int, None] = {}
         self.external_mark = False
-        """Another signal takes the place of the encoder's zero mark; whoever sees it calls `reference_mark`."""
+        """Another signal takes the place of the encoder's zero mark; whoever sees it calls `reference_mark`.
+        """
         self._watching = False
         self.home_steps = 0
         """Home position to set, or by which to shift: lines or steps."""
@@ -96,7 +99,9 @@ class EncoderInterface:
         """Begin anew, after the encoder has been switched on; injected faults and the home position stay."""
         self.state = SD1
         self.valid = 0x0001 not in self._faults
-        """Whether Gx_XIST1 can be trusted; set to False while the supply or the logic of the encoder is not there."""
+        """Whether Gx_XIST1 can be trusted; set to False while the supply or the logic of the encoder is not
+        there.
+        """
         self._levels = 0
         self._event = 0
         self._code = 0
@@ -144,15 +149,20 @@ class EncoderInterface:
         """Error code that is shown, 0: none."""
         return self._code if self.state in {SD2, SD3} else 0
 
-    # -- what happens at the encoder ---------------------------------------------------------------------------
+    # -- what happens at the encoder
+    # ---------------------------------------------------------------------------
 
     def reference_mark(self, number: int, increments: int) -> None:
-        """Latch the position of a reference mark (1..4), increments of the model; the zero mark comes by itself."""
+        """Latch the position of a reference mark (1..4), increments of the model; the zero mark comes by
+        itself.
+        """
         if self.state is SD5:
             self._latch(1 << (number - 1), increments)
 
     def probe_edge(self, number: int, rising: bool, increments: int) -> None:
-        """Take an edge of probe 1 or 2 at a position, increments of the model; one that is not awaited changes the level only."""
+        """Take an edge of probe 1 or 2 at a position, increments of the model; one that is not awaited
+        changes the level only.
+        """
         level = 1 << (number - 1)
         self._levels = self._levels | level if rising else self._levels & ~level
         if self.state in {SD10, SD11}:
@@ -168,14 +178,16 @@ class EncoderInterface:
         self._event = self._event or _known(code)
 
     def abort(self) -> None:
-        """End a function that runs, or a value that is shown, with its error 0004h to 0007h: the controller has stopped."""
+        """End a function that runs, or a value that is shown, with its error 0004h to 0007h: the controller
+        has stopped.
+        """
         self._event = self._event or _ABORTED.get(self.state, 0)
 
     def fail(self, code: int) -> None:
         """Bring about the lasting cause of an error.
 
-        0003h makes parking fail, 0004h to 0007h abort the function that they belong to, 0008h and 000Ah the transmission of the
-        absolute value; all others come at once. With 0001h Gx_XIST1 is not valid.
+        0003h makes parking fail, 0004h to 0007h abort the function that they belong to, 0008h and 000Ah the
+        transmission of the absolute value; all others come at once. With 0001h Gx_XIST1 is not valid.
 
         Raises:
             ConfigurationError: There is no such code.
@@ -186,7 +198,9 @@ class EncoderInterface:
             self.valid = False
 
     def heal(self, code: int) -> None:
-        """Take the cause of an error away; with 0001h Gx_XIST1 is valid again. Harmless if it was not there."""
+        """Take the cause of an error away; with 0001h Gx_XIST1 is valid again. Harmless if it was not
+        there.
+        """
         if code in self._faults:
             del self._faults[code]
             if code == 0x0001:
@@ -320,7 +334,8 @@ class EncoderInterface:
         self._code = code
         self.state = SD3
 
-    # -- functions ---------------------------------------------------------------------------------------------
+    # -- functions
+    # ---------------------------------------------------------------------------------------------
 
     def _activate(self, functions: int, measure: bool) -> None:
         """Start functions; what they have found before is forgotten (PTO-249)."""
@@ -380,7 +395,8 @@ class EncoderInterface:
                 self.report(0x0002)
         self._last_mark = increments
 
-    # -- words -------------------------------------------------------------------------------------------------
+    # -- words
+    # -------------------------------------------------------------------------------------------------
 
     def _words(self, stw: int) -> tuple[int, int, int]:
         state = self.state

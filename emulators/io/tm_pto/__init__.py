@@ -1,4 +1,6 @@
-"""Technology module TM PTO 2x24V: pulse-train outputs that a controller sees as drives with an encoder; knows no bus."""
+"""Technology module TM PTO 2x24V: pulse-train outputs that a controller sees as drives with an encoder; knows
+no bus.
+"""
 
 from __future__ import annotations
 

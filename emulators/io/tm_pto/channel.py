@@ -1,4 +1,6 @@
-"""A channel of the TM PTO: a drive with an encoder in telegram 3 (PTO-001 to PTO-210). Takes and gives frames; knows no bus."""
+"""A channel of the TM PTO: a drive with an encoder in telegram 3 (PTO-001 to PTO-210). Takes and gives
+frames; knows no bus.
+"""
 
 from __future__ import annotations
 
@@ -55,12 +57,14 @@ class _PulseCounter:
 
 
 class PtoChannel:
-    """One channel. Per bus cycle: `receive` with the frame that has come, if one has, then `cycle`, then `transmit`.
+    """One channel. Per bus cycle: `receive` with the frame that has come, if one has, then `cycle`, then
+    `transmit`.
 
     Args:
         scheduler: Time of the bench.
         config: The channel.
-        watchdog_cycles: Cycles without a frame after which the channel reacts as to a stop of the controller, >= 1 (PTO-206).
+        watchdog_cycles: Cycles without a frame after which the channel reacts as to a stop of the
+            controller, >= 1 (PTO-206).
 
     Raises:
         ConfigurationError: The watchdog is out of its range.
@@ -158,7 +162,8 @@ class PtoChannel:
         self._zsw1 = self._zsw = 0
         self._frame = self._build(self.interface.words())
 
-    # -- bus ---------------------------------------------------------------------------------------------------
+    # -- bus
+    # ---------------------------------------------------------------------------------------------------
 
     @property
     def state(self) -> AxisState:
@@ -166,7 +171,9 @@ class PtoChannel:
         return self._machine.state
 
     def receive(self, frame: bytes) -> bool:
-        """Take a frame for the next cycle; return False when its length is wrong: it is a configuration error (PTO-039)."""
+        """Take a frame for the next cycle; return False when its length is wrong: it is a configuration error
+        (PTO-039).
+        """
         if len(frame) != self._telegram.setpoint.length:
             self.refused += 1
             return False
@@ -196,7 +203,8 @@ class PtoChannel:
             self.motor.follow()
         self._frame = self._build(self.interface.step(self._g1_stw, now))
 
-    # -- what happens outside ---------------------------------------------------------------------------------
+    # -- what happens outside
+    # ---------------------------------------------------------------------------------
 
     def drive_input(self, terminal: str, level: bool) -> None:
         """Bring a level to `DR`, `RS` or `MI`, now.
@@ -211,13 +219,17 @@ class PtoChannel:
         terminals[terminal].drive(level)
 
     def at_count(self, count: int, action: Callable[[], None]) -> None:
-        """Call `action` at the instant at which the generator's count reaches `count`, once, now if it stands there."""
+        """Call `action` at the instant at which the generator's count reaches `count`, once, now if it stands
+        there.
+        """
         self._count_actions.append((count, action))
         self.generator.advance(self._scheduler.now)
         self._expect_counts()
 
     def stop_controller(self, stopped: bool) -> None:
-        """The controller goes to STOP: setpoint 0, S1, functions end with their error (PTO-204); or back to RUN (PTO-205)."""
+        """The controller goes to STOP: setpoint 0, S1, functions end with their error (PTO-204); or back to
+        RUN (PTO-205).
+        """
         if stopped and not self._stopped:
             self._withdraw()
         self._stopped = stopped
@@ -273,7 +285,8 @@ class PtoChannel:
         """Present speed of the pulses, rpm, with its sign."""
         return self.generator.frequency * 60.0 / self.config.increments
 
-    # -- inside ------------------------------------------------------------------------------------------------
+    # -- inside
+    # ------------------------------------------------------------------------------------------------
 
     def _take_over(self, frame: bytes) -> None:
         before = self._stw1
@@ -384,7 +397,8 @@ class PtoChannel:
         requested = ZSW2_ENC.CONTROL_REQUESTED if self._supply else 0
         return self._telegram.actual.pack(zsw1, to_n2(share), requested, self._zsw, xist1, xist2)
 
-    # -- terminals -----------------------------------------------------------------------------------------------
+    # -- terminals
+    # -----------------------------------------------------------------------------------------------
 
     def _on_dr(self, level: bool) -> None:
         if not level and self.config.use_dr and self._machine.state in _STOPPING:

@@ -35,8 +35,10 @@ class PtoConfig:
         reversal_pause_ms: No pulses for this time at a change of direction: 0, 1, 4 or 10 ms.
         increments: Increments per revolution, 1..1 000 000; with fourfold signals these are edges.
         reference_speed: 100 % of the setpoint, 1..20 000 rpm.
-        maximum_speed: rpm, from 0.1 Hz to the smaller of twice the reference speed and 200 kHz (fourfold: 800 000 edges/s).
-        ramp_stop_ms: From maximum speed to standstill, 1..65 535; also the ramp of every other change of speed.
+        maximum_speed: rpm, from 0.1 Hz to the smaller of twice the reference speed and 200 kHz (fourfold:
+            800 000 edges/s).
+        ramp_stop_ms: From maximum speed to standstill, 1..65 535; also the ramp of every other change of
+            speed.
         quick_stop_ms: The same for OFF3, 1..65 535.
         use_ed: Terminal ED enables the drive.
         use_dr: Terminal DR says that the drive is ready.

@@ -1,7 +1,7 @@
 """Pulse generator: frequency ramps and the exact count of pulses at any instant (PTO-291).
 
-Between two commands the frequency is a list of pieces with constant slope, so that count and time of a pulse are calculated, not
-sampled.
+Between two commands the frequency is a list of pieces with constant slope, so that count and time of a pulse
+are calculated, not sampled.
 """
 
 from __future__ import annotations

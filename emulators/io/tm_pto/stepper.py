@@ -1,7 +1,9 @@
-"""Stepper motor behind a pulse channel: follows pulse by pulse, and loses steps when it is overloaded (PTO-293).
+"""Stepper motor behind a pulse channel: follows pulse by pulse, and loses steps when it is overloaded
+(PTO-293).
 
-No dynamics of the rotor: while it follows, it stands where the pulses say. It falls out of step when the torque that it needs is
-more than the pull-out torque at its frequency, and stands still until the pulses come slowly enough to catch it again.
+No dynamics of the rotor: while it follows, it stands where the pulses say. It falls out of step when the
+torque that it needs is more than the pull-out torque at its frequency, and stands still until the pulses come
+slowly enough to catch it again.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
-"""Active homing: the axis looks for its homing mark by a motion of its own (§5.11.3, `MC_Home` with `Mode` 3 and 5).
+"""Active homing: the axis looks for its homing mark by a motion of its own (§5.11.3, `MC_Home` with `Mode` 3
+and 5).
 
     approach --cam or input--> [back] --> search --mark--> home position
 
-*approach* goes in approach direction with approach velocity, *search* in homing direction with homing velocity, *back* against
-the homing direction until cam or input has been passed. A hardware limit switch turns the motion round where it is configured.
+*approach* goes in approach direction with approach velocity, *search* in homing direction with homing
+velocity, *back* against the homing direction until cam or input has been passed. A hardware limit switch
+turns the motion round where it is configured.
 """
 
 from __future__ import annotations
@@ -84,12 +86,15 @@ class ActiveHoming:
         self._heading = 0
         self._turned: set[Phase] = set()
         self._seen = False
-        """Cam or input has been active since the motion *back* began, other than on the way in homing direction."""
+        """Cam or input has been active since the motion *back* began, other than on the way in homing
+        direction.
+        """
         self._way = Way(axis.feedback)
         self._finder: MarkFinder | None = None
         job.begin = self._begin
 
-    # -- beginning and end ------------------------------------------------------------------------------------
+    # -- beginning and end
+    # ------------------------------------------------------------------------------------
 
     def _begin(self) -> None:
         axis = self._axis
@@ -121,9 +126,16 @@ class ActiveHoming:
         )
         if axis.history is not None:
             axis.history.emit(
-                axis.name, "homing.started", job=self._job.name, mode=self._mode, mark=self._kind, direction=self._direction,
-                level=axis.variables.read(f"{self._path}.SwitchLevel"), approach=self._approach_velocity, homing=self._homing_velocity,
-            )  # fmt: skip
+                axis.name,
+                "homing.started",
+                job=self._job.name,
+                mode=self._mode,
+                mark=self._kind,
+                direction=self._direction,
+                level=axis.variables.read(f"{self._path}.SwitchLevel"),
+                approach=self._approach_velocity,
+                homing=self._homing_velocity,
+            )
         if self._kind == ZERO_MARK:
             self._enter(Phase.SEARCH, self._direction)
         elif on:
@@ -155,7 +167,8 @@ class ActiveHoming:
         if self._finder is not None:
             self._finder.close()
 
-    # -- cycle ------------------------------------------------------------------------------------------------
+    # -- cycle
+    # ------------------------------------------------------------------------------------------------
 
     @property
     def busy(self) -> bool:
@@ -193,7 +206,9 @@ class ActiveHoming:
             self._turn()
 
     def _on_switch(self) -> None:
-        """Cam or input is active: look for the mark from the side from which it is passed in homing direction (HOM-090, HOM-104)."""
+        """Cam or input is active: look for the mark from the side from which it is passed in homing direction
+        (HOM-090, HOM-104).
+        """
         assert self._finder is not None  # made at the beginning
         if self._kind == DIGITAL_INPUT and self._finder.enters:
             self._enter(Phase.BACK, -self._direction)
@@ -232,7 +247,9 @@ class ActiveHoming:
             axis.history.emit(axis.name, "homing.phase", phase=phase.name.lower(), direction=heading)
 
     def _arrive(self, mark: float) -> None:
-        """The mark has been passed at `mark`: from now on positions are those of the machine (HOM-081 to HOM-083)."""
+        """The mark has been passed at `mark`: from now on positions are those of the machine (HOM-081 to
+        HOM-083).
+        """
         axis = self._axis
         target = axis.modulo.homed(self._home)
         way = axis.modulo.shortest(self._offset)

@@ -1,4 +1,6 @@
-"""Direct homing: the coordinate system shifts, nothing moves (HOM-139 to HOM-167; modulo axes CFG-112 to CFG-123)."""
+"""Direct homing: the coordinate system shifts, nothing moves (HOM-139 to HOM-167; modulo axes CFG-112 to
+CFG-123).
+"""
 
 from __future__ import annotations
 
@@ -74,13 +76,13 @@ class HomingObject(MayHome, Protocol):
 def home_directly(owner: HomingObject, mode: int, position: float, sensor: int = 0) -> None:
     """Carry out a direct homing.
 
-    On a modulo axis the new place is reached over the shortest distance, which decides what becomes of the counter; with mode
-    7 the counter is 0.
+    On a modulo axis the new place is reached over the shortest distance, which decides what becomes of the
+    counter; with mode 7 the counter is 0.
 
     Args:
         owner: Axis or external encoder.
-        mode: 0 absolute, 1 relative, 6 and 7 as 1 and 0 for an absolute encoder, 11 and 12 set the position setpoint, 13 as
-            0 for an incremental encoder.
+        mode: 0 absolute, 1 relative, 6 and 7 as 1 and 0 for an absolute encoder, 11 and 12 set the
+            position setpoint, 13 as 0 for an incremental encoder.
         position: Position in the axis unit.
         sensor: Encoder for modes 6, 7, 13; 0 = the operative one.
 
@@ -125,7 +127,8 @@ def relate(owner: HomingObject, offset: float, *, all_sensors: bool = False) -> 
 
 
 def take_relation(owner: HomingObject, *, mode: int, offset: float, mark: float) -> None:
-    """The homing mark has been evaluated: homed, adjusted, and kept for an absolute encoder without a kept offset (HOM-087).
+    """The homing mark has been evaluated: homed, adjusted, and kept for an absolute encoder without a kept
+    offset (HOM-087).
 
     Args:
         owner: Axis or external encoder.

@@ -1,4 +1,6 @@
-"""Finding the homing mark while something moves: zero mark, zero mark behind a cam, edge of a digital input (§5.11.2)."""
+"""Finding the homing mark while something moves: zero mark, zero mark behind a cam, edge of a digital input
+(§5.11.2).
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ DIGITAL_INPUT: Final = 2
 """`ActiveHoming.Mode` and `PassiveHoming.Mode` (HOM-052, HOM-058)."""
 
 _STEPS: Final = 2
-"""Steps of the encoder by which it has to move back before its direction counts as another one: noise is no motion."""
+"""Steps of the encoder by which it has to move back before its direction counts as another one: noise is no
+motion.
+"""
 _MOMENT_S: Final = 0.1
 """Time within which that way has to be covered for something to be in motion at the start."""
 
@@ -98,7 +102,9 @@ class MarkFinder:
 
     @property
     def enters(self) -> bool:
-        """Whether the mark is the edge at which the input becomes active, in the present homing direction (HOM-073 to HOM-076)."""
+        """Whether the mark is the edge at which the input becomes active, in the present homing direction
+        (HOM-073 to HOM-076).
+        """
         return ((self._direction or self._way) > 0) is not self._positive_side
 
     @property
@@ -154,7 +160,9 @@ class MarkFinder:
         return None
 
     def close(self) -> None:
-        """Look no more, and leave alone what another one looks for: the device has one search for active and passive homing."""
+        """Look no more, and leave alone what another one looks for: the device has one search for active and
+        passive homing.
+        """
         if self._search is not None and self._mine:
             self._search.cancel()
         self._mine = False

@@ -1,4 +1,6 @@
-"""Passive homing: the mark is noticed during motions that others make (§5.11.4, `MC_Home` with `Mode` 2, 8 and 10)."""
+"""Passive homing: the mark is noticed during motions that others make (§5.11.4, `MC_Home` with `Mode` 2, 8
+and 10).
+"""
 
 from __future__ import annotations
 
@@ -59,9 +61,16 @@ class PassiveHoming:
             owner.homings.append(self)
             if owner.history is not None:
                 owner.history.emit(
-                    owner.name, "homing.started", job=job.name, mode=mode, mark=kind, direction=_DIRECTIONS[read(f"{path}.Direction")],
-                    level=read(f"{path}.SwitchLevel"), approach=0.0, homing=0.0,
-                )  # fmt: skip
+                    owner.name,
+                    "homing.started",
+                    job=job.name,
+                    mode=mode,
+                    mark=kind,
+                    direction=_DIRECTIONS[read(f"{path}.Direction")],
+                    level=read(f"{path}.SwitchLevel"),
+                    approach=0.0,
+                    homing=0.0,
+                )
 
     @property
     def busy(self) -> bool:

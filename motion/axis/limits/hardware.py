@@ -1,4 +1,6 @@
-"""Hardware limit switches: where they are read, what they mean, and when the axis may move on (LIM sections 1.3 to 1.8)."""
+"""Hardware limit switches: where they are read, what they mean, and when the axis may move on (LIM sections
+1.3 to 1.8).
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,8 @@ class HardwareSwitch:
         direction: +1 for the positive one.
         mask: Its bit among the inputs of the port.
         level: `MinSwitchLevel` or `MaxSwitchLevel`.
-        address: Cells of `RID`, `Area`, `DbNumber`, `Offset` of the variable that is read in place of the input.
+        address: Cells of `RID`, `Area`, `DbNumber`, `Offset` of the variable that is read in place of the
+            input.
 
     """
 
@@ -79,11 +82,25 @@ class HardwareSwitch:
 class HardwareLimits:
     """See the module.
 
-    The switches are inputs of the drive (60FDh) or of an I/O station, as the bench wires them, or bits in a data block.
+    The switches are inputs of the drive (60FDh) or of an I/O station, as the bench wires them, or bits in a
+    data block.
     """
 
-    __slots__ = ("_axis", "_barred", "_behaviour", "_given_before", "_hw_active", "_image", "_leaving", "_mode", "_switches",
-                 "_variables", "negative", "positive", "reversing")  # fmt: skip
+    __slots__ = (
+        "_axis",
+        "_barred",
+        "_behaviour",
+        "_given_before",
+        "_hw_active",
+        "_image",
+        "_leaving",
+        "_mode",
+        "_switches",
+        "_variables",
+        "negative",
+        "positive",
+        "reversing",
+    )
 
     def __init__(self, axis: TechnologyAxis) -> None:
         self._axis = axis
@@ -111,10 +128,13 @@ class HardwareLimits:
         self._barred = 0
         """Cause of alarm 531 that allows no retraction, 0 without one."""
 
-    # -- where they are ---------------------------------------------------------------------------------------
+    # -- where they are
+    # ---------------------------------------------------------------------------------------
 
     def check_addresses(self) -> None:
-        """Raise 109 where a switch that is a variable is watched from the start on; that has to wait for the program (LIM-070)."""
+        """Raise 109 where a switch that is a variable is watched from the start on; that has to wait for the
+        program (LIM-070).
+        """
         if not self._hw_active.value or self._axis.simulated:
             return
         for switch in self._switches:
@@ -122,11 +142,14 @@ class HardwareLimits:
                 self._axis.alarms.raise_alarm(
                     ALARM_INPUT_CONFIGURATION,
                     info=_INPUT_CAUSE[switch.direction],
-                    text="a variable as switch needs Active = FALSE in the configuration, and parameter 1000 later",
+                    text="a variable as switch needs Active = FALSE in the configuration, and parameter "
+                    "1000 later",
                 )
 
     def address_problem(self) -> str:
-        """Return in words why a switch cannot be read at the address of its variable; empty if all can (LIM-072)."""
+        """Return in words why a switch cannot be read at the address of its variable; empty if all can
+        (LIM-072).
+        """
         blocks = self._axis.data_blocks
         for switch in self._switches:
             problem = blocks.problem(switch.address) if switch.is_variable else ""
@@ -156,7 +179,8 @@ class HardwareLimits:
             self._variables and self.negative.is_variable and self.positive.is_variable
         )
 
-    # -- what they mean ---------------------------------------------------------------------------------------
+    # -- what they mean
+    # ---------------------------------------------------------------------------------------
 
     def check_hardware(self) -> None:
         """Evaluate both switches; runs before the setpoint of the cycle."""
@@ -188,7 +212,9 @@ class HardwareLimits:
             self._evaluate(met, True, inputs, velocity)
 
     def _commanded_velocity(self) -> float:
-        """Return where the setpoints go: what a user program gives as positions alone has no velocity that could tell."""
+        """Return where the setpoints go: what a user program gives as positions alone has no velocity that
+        could tell.
+        """
         motion = self._axis.motion
         total = motion.total
         velocity = total.v
@@ -208,7 +234,9 @@ class HardwareLimits:
             switch.met = (inputs & switch.mask != 0) is (switch.level.value != 0)
 
     def _turn_at(self, switch: HardwareSwitch, on: bool, inputs: int, velocity: float) -> None:
-        """Show a switch at which active homing turns round; one that says the wrong side stops the axis as in any other motion."""
+        """Show a switch at which active homing turns round; one that says the wrong side stops the axis as in
+        any other motion.
+        """
         if on and not switch.active:
             away = velocity * switch.direction < 0.0
             if (away and not switch.met) or self._both_on(inputs):
@@ -219,7 +247,8 @@ class HardwareLimits:
         switch.active = on
 
     def mark_found(self, direction: int) -> None:
-        """Watch the switches again, but for one that is active still and from which the motion to the home position leads away.
+        """Watch the switches again, but for one that is active still and from which the motion to the home
+        position leads away.
 
         Args:
             direction: Of that motion, 1 or -1.
@@ -234,7 +263,9 @@ class HardwareLimits:
             self._leaving = leaving
 
     def end_reversal(self) -> None:
-        """Watch the switches again from the next cycle on; one that is still active then raises its alarm (HOM-115)."""
+        """Watch the switches again from the next cycle on; one that is still active then raises its alarm
+        (HOM-115).
+        """
         if self.reversing or self._leaving is not None:
             self.reversing = False
             self._leaving = None
@@ -265,8 +296,8 @@ class HardwareLimits:
             self._barred = _ENCODER  # nobody knows when it is back inside
             self._alarm(_ENCODER)
             return
-        # Acknowledged, still active, and commanded further outwards: the alarm comes again (LIM-049, LIM-059). Where nobody can
-        # say which way is outwards it comes again in both directions.
+        # Acknowledged, still active, and commanded further outwards: the alarm comes again (LIM-049,
+        # LIM-059). Where nobody can say which way is outwards it comes again in both directions.
         if axis.state is AxisState.MOTION and not axis.alarms.blocking:
             outwards = velocity * switch.direction
             if outwards > 0.0 or (self._barred and outwards != 0.0):

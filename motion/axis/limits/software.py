@@ -1,4 +1,6 @@
-"""Software limit switches: approached so that the axis ends on them, passed, left (LIM sections 1.9 to 1.11)."""
+"""Software limit switches: approached so that the axis ends on them, passed, left (LIM sections 1.9 to
+1.11).
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ _CREEP: Final = 1.0
 """Velocity with which an axis at rest goes the last rounding error to its limit, axis unit per second."""
 
 _ON_TARGET: Final = 1e-3
-"""Axis units by which the predicted stop of a positioning may miss its target (a profile in its last phase)."""
+"""Axis units by which the predicted stop of a positioning may miss its target (a profile in its last phase).
+"""
 
 
 _WATCHED: Final = (AxisState.MOTION, AxisState.HALTING, AxisState.STOPPING)
@@ -32,10 +35,25 @@ _RAMPS: Final = (AxisState.ALARM_RAMP, AxisState.DISABLING_RAMP)
 
 
 class TravelLimits(HardwareLimits):
-    """All limits of the travel of an axis: the hardware limit switches of the base, and those of the software."""
+    """All limits of the travel of an axis: the hardware limit switches of the base, and those of the
+    software.
+    """
 
-    __slots__ = ("_given", "_passed", "_range", "_range_max", "_range_min", "_sw_active", "_sw_exceeded", "_sw_max", "_sw_min",
-                 "_sw_reached", "_was_active", "software_max", "software_min")  # fmt: skip
+    __slots__ = (
+        "_given",
+        "_passed",
+        "_range",
+        "_range_max",
+        "_range_min",
+        "_sw_active",
+        "_sw_exceeded",
+        "_sw_max",
+        "_sw_min",
+        "_sw_reached",
+        "_was_active",
+        "software_max",
+        "software_min",
+    )
 
     def __init__(self, axis: TechnologyAxis) -> None:
         super().__init__(axis)
@@ -69,10 +87,12 @@ class TravelLimits(HardwareLimits):
             if axis.state in _RAMPS and not self._passed:
                 self._check_passed(position, gen.v)
             return
-        # The state after this cycle decides: as long as it can still stop in time, braking may wait one cycle more.
+        # The state after this cycle decides: as long as it can still stop in time, braking may wait one cycle
+        # more.
         following = gen.peek(axis.interpolator_s)
         if axis.motion.given:
-            # A stop begins with the acceleration that the user program has given, whatever its setpoints make of it.
+            # A stop begins with the acceleration that the user program has given, whatever its setpoints make
+            # of it.
             following = (*following[:2], gen.a)
         _, velocity, acceleration = following
         if velocity > 0.0 or (velocity == 0.0 and acceleration > 0.0):
@@ -85,7 +105,8 @@ class TravelLimits(HardwareLimits):
             )  # jumped there, as only setpoints from outside can (LIM-084)
 
     def check_actual(self, *, controlled: bool) -> None:
-        """Look at the actual position, where there is no position setpoint to look ahead with (LIM-089, LIM-090).
+        """Look at the actual position, where there is no position setpoint to look ahead with (LIM-089,
+        LIM-090).
 
         Args:
             controlled: The axis moves on its own account, so that a limit it passes is an alarm.
@@ -101,7 +122,9 @@ class TravelLimits(HardwareLimits):
             self._check_passed(position, axis.motion.total.v)
 
     def _check_passed(self, position: float, velocity: float) -> None:
-        """Raise 534 if the axis is behind a limit and goes on outwards, which no look-ahead could prevent (LIM-084)."""
+        """Raise 534 if the axis is behind a limit and goes on outwards, which no look-ahead could prevent
+        (LIM-084).
+        """
         if (velocity > 0.0 and position > self._range_max + _PASSED_TOLERANCE) or (
             velocity < 0.0 and position < self._range_min - _PASSED_TOLERANCE
         ):
@@ -123,7 +146,8 @@ class TravelLimits(HardwareLimits):
         if modulo:
             low, high = self._modulo_range(given, position)
         if self._passed and not axis.alarms.blocking:
-            # Acknowledged: it may go inwards step by step, and where it is now it has not passed anything anew (LIM-094).
+            # Acknowledged: it may go inwards step by step, and where it is now it has not passed anything
+            # anew (LIM-094).
             self._passed = self._was_active = False
         if not self._was_active:
             self._was_active = True
@@ -135,7 +159,8 @@ class TravelLimits(HardwareLimits):
             self._given = given
             self._range_min, self._range_max = low, high
         if low <= position <= high or self._range_min < low or self._range_max > high:
-            # Outside for another reason, the present position is the limit and follows the axis inwards (LIM-095, -096).
+            # Outside for another reason, the present position is the limit and follows the axis inwards
+            # (LIM-095, -096).
             self._range_min = min(low, max(self._range_min, position))
             self._range_max = max(high, min(self._range_max, position))
         self.software_min = position <= low + _PASSED_TOLERANCE
@@ -145,7 +170,8 @@ class TravelLimits(HardwareLimits):
     def _modulo_range(self, given: tuple[float, float], position: float) -> tuple[float, float]:
         """Return the limits around `position` in the coordinates of the axis.
 
-        The axis that rests on the end of the modulo range is on its limit there, and not in front of the next range.
+        The axis that rests on the end of the modulo range is on its limit there, and not in front of the next
+        range.
         """
         low, high = self._range
         if not (
@@ -159,7 +185,9 @@ class TravelLimits(HardwareLimits):
     def _look_ahead(
         self, position: float, following: tuple[float, float, float], direction: float, limit: float
     ) -> None:
-        """Compare room and way to stop after this cycle; `following`: position, velocity, acceleration then."""
+        """Compare room and way to stop after this cycle; `following`: position, velocity, acceleration
+        then.
+        """
         axis = self._axis
         motion = axis.motion
         job = motion.job
@@ -193,7 +221,9 @@ class TravelLimits(HardwareLimits):
             self._reach(limit, direction, at_once=at_once)
 
     def _ends_at_once(self) -> bool:
-        """Return whether the motion has no jerk limit, so that its acceleration needs no way to end before a limit."""
+        """Return whether the motion has no jerk limit, so that its acceleration needs no way to end before a
+        limit.
+        """
         motion = self._axis.motion
         if motion.given:
             return False
@@ -222,7 +252,9 @@ class TravelLimits(HardwareLimits):
         return motion.limit_braking(read("DynamicDefaults.Deceleration"), read("DynamicDefaults.Jerk"))
 
     def _reach(self, limit: float, direction: float, *, at_once: bool) -> None:
-        """Alarm 533: the motion is aborted and ends exactly at the limit (LIM-075); `at_once`: its acceleration ends now."""
+        """Alarm 533: the motion is aborted and ends exactly at the limit (LIM-075); `at_once`: its
+        acceleration ends now.
+        """
         axis = self._axis
         motion = axis.motion
         deceleration, jerk = self._dynamics()

@@ -22,7 +22,8 @@ SYNC_NS = 4 * MS
 class DriveBench:
     """One emulated drive (node 1) and a controller that owns the bus.
 
-    `write` and `read` use the drive's SDO rules without the bus delay; `cycle` sends the reference bench's cyclic RPDO.
+    `write` and `read` use the drive's SDO rules without the bus delay; `cycle` sends the reference bench's
+    cyclic RPDO.
     """
 
     def __init__(self, config: DriveConfig, *, power: bool = True, seed: int = 1) -> None:

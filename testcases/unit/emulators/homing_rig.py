@@ -35,7 +35,9 @@ def machine(
     servo_us: int = 1000,
     **options: Any,
 ) -> DriveConfig:
-    """Return a lead screw with 10 mm between +-55 mm, limit switches at +-45 mm and a home cam (mm); units: increments, 10^-3 rpm."""
+    """Return a lead screw with 10 mm between +-55 mm, limit switches at +-45 mm and a home cam (mm); units:
+    increments, 10^-3 rpm.
+    """
     reference = DriveConfig.reference()
     switches = {}
     hysteresis = HYSTERESIS_MM / 1000
@@ -100,7 +102,9 @@ class Run:
 
     @property
     def home_counts(self) -> int:
-        """The home position, increments of the shaft from zero of the load: the machine's place less 6064h and 607Ch."""
+        """The home position, increments of the shaft from zero of the load: the machine's place less 6064h
+        and 607Ch.
+        """
         actual = self.bench.read(0x6064)
         return counts(self.drive.mechanics.position * 1000) - actual - self.bench.read(0x607C)
 

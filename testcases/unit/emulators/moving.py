@@ -21,7 +21,9 @@ _VL_BITS = 0x70
 
 
 class MovingDrive(DriveBench):
-    """A drive on an endless axis without friction; set-points come by SDO, those of csp and ip every millisecond."""
+    """A drive on an endless axis without friction; set-points come by SDO, those of csp and ip every
+    millisecond.
+    """
 
     def __init__(self, **objects: int) -> None:
         config = replace(
@@ -79,8 +81,8 @@ class MovingDrive(DriveBench):
         elif mode in (4, 10):
             self.write(0x6071, 0)  # without friction a constant speed needs no torque
         elif mode in (7, 8):
-            # The next sample of the stream (+1 ms) is taken with the next control cycle (1 ms), for the end of the
-            # period (1 ms) after the servo step that follows (0.25 ms).
+            # The next sample of the stream (+1 ms) is taken with the next control cycle (1 ms), for the end
+            # of the period (1 ms) after the servo step that follows (0.25 ms).
             ahead = 0.00125 if self.drive.core.controls_position is False else 0.001
             actual = self.drive.axis.commanded_position
             self.stream_position = actual + core.velocity / math.tau * REV * ahead

@@ -92,7 +92,9 @@ def test_ready_follows_the_enable(delay):
 @pytest.mark.requirement("STP-540", "STP-322")
 @pytest.mark.parametrize("ramp_s", [0.5, 0.25])
 def test_own_ramp(ramp_s):
-    """Without the enable the drive brakes on its own ramp, whatever the voltage says: from 1800 rpm 0.6 of the ramp time."""
+    """Without the enable the drive brakes on its own ramp, whatever the voltage says: from 1800 rpm 0.6 of
+    the ramp time.
+    """
     rig = Rig(stop_ramp_s=ramp_s)
     rig.start(6.0)
     start, place = rig.scheduler.now, rig.drive.mechanics.position
@@ -192,7 +194,9 @@ def test_a_fault_waits_for_a_new_enable():
 
 
 def test_safe_torque_off_and_supply():
-    """After safe torque off, and after the supply was away, the motor starts with a new edge of the enable only."""
+    """After safe torque off, and after the supply was away, the motor starts with a new edge of the enable
+    only.
+    """
     rig = Rig()
     for off, on in (
         (lambda: rig.drive.set_sto(True), lambda: rig.drive.set_sto(False)),
@@ -255,9 +259,14 @@ def test_machine_switches_brake_and_faults():
 def test_bad_settings_are_refused():
     """What cannot be says what is allowed."""
     for options in (
-        {"reference_speed_rpm": 0.0}, {"stop_ramp_s": 0.0}, {"dead_zone_V": -1.0}, {"offset_V": float("nan")},
-        {"stop": "never"}, {"ready_falls": "late"}, {"servo_period_ns": 0},
-    ):  # fmt: skip
+        {"reference_speed_rpm": 0.0},
+        {"stop_ramp_s": 0.0},
+        {"dead_zone_V": -1.0},
+        {"offset_V": float("nan")},
+        {"stop": "never"},
+        {"ready_falls": "late"},
+        {"servo_period_ns": 0},
+    ):
         with pytest.raises(ConfigurationError):
             AnalogConfig(**options)
     rig = Rig()
@@ -275,7 +284,9 @@ _STEPS = st.lists(
 @pytest.mark.requirement("STP-540", "CFG-389")
 @given(_STEPS, st.sampled_from(["ramp", "coast"]), st.sampled_from(["enable", "standstill", "never"]))
 def test_torque_only_when_allowed(steps, stop, falls):
-    """Whatever happens in whatever order: torque only with the enable or on the stop ramp, ready rises only in operation."""
+    """Whatever happens in whatever order: torque only with the enable or on the stop ramp, ready rises only
+    in operation.
+    """
     rig = Rig(stop=stop, ready_falls=falls, ready_delay_s=0.002)
     drive = rig.drive
     for what, on in steps:

@@ -20,8 +20,13 @@ MASS = 40.0
 
 def slide(backlash_m=0.002, **options):
     return LinearAxisMechanics(
-        lead_screw_m=LEAD, motor_inertia_kgm2=2e-4, screw_inertia_kgm2=0.5e-4, load_mass_kg=MASS, backlash_m=backlash_m, **options
-    )  # fmt: skip
+        lead_screw_m=LEAD,
+        motor_inertia_kgm2=2e-4,
+        screw_inertia_kgm2=0.5e-4,
+        load_mass_kg=MASS,
+        backlash_m=backlash_m,
+        **options,
+    )
 
 
 def motor_at(plant):
@@ -71,7 +76,9 @@ def test_pressed_together_they_are_one_body():
 
 
 def test_a_reversal_goes_through_the_play():
-    """The load of a motor that turns back stays where it is until the motor has gone through the whole play."""
+    """The load of a motor that turns back stays where it is until the motor has gone through the whole
+    play.
+    """
     plant = slide(coulomb_friction=200.0)
     run(plant, 1.0, 100)
     while plant.velocity > 0.0:
@@ -96,7 +103,9 @@ def test_a_hanging_load_lies_on_one_flank_and_a_brake_holds_it():
 
 @pytest.mark.parametrize("growth_s", [0.0, 0.1])
 def test_play_grows_and_is_mended(growth_s):
-    """It grows evenly from what was built; mended, the load is drawn to the motor, whose encoder sees nothing of it."""
+    """It grows evenly from what was built; mended, the load is drawn to the motor, whose encoder sees nothing
+    of it.
+    """
     plant = slide(0.0, gravity_force=-200.0)
     plant.set_brake_torque(5.0)
     plant.wear_out(0.002, growth_s)
@@ -118,7 +127,9 @@ def test_play_grows_and_is_mended(growth_s):
 
 
 def test_stop_jam_slip_and_break_in_the_play():
-    """An end stop holds the load, a jam too, and the motor has its play; a slip moves the play with the load; a break leaves none."""
+    """An end stop holds the load, a jam too, and the motor has its play; a slip moves the play with the load;
+    a break leaves none.
+    """
     plant = slide(upper_stop_m=0.01)
     run(plant, 1.0, 4000)
     assert plant.position == pytest.approx(0.01, abs=1e-4)
@@ -149,9 +160,13 @@ def test_nobody_gains_energy_and_nobody_leaves_the_play(seed):
     """Whatever the motor does: never further apart than the play, and no more energy than it has brought."""
     rng = random.Random(seed)
     plant = RotaryAxisMechanics(
-        motor_inertia_kgm2=2e-4, load_inertia_kgm2=3e-4, gear_ratio=2.0, backlash_rad=0.02,
-        coulomb_friction=rng.choice([0.0, 0.02]), viscous_friction=1e-4,
-    )  # fmt: skip
+        motor_inertia_kgm2=2e-4,
+        load_inertia_kgm2=3e-4,
+        gear_ratio=2.0,
+        backlash_rad=0.02,
+        coulomb_friction=rng.choice([0.0, 0.02]),
+        viscous_friction=1e-4,
+    )
     motor, brought = 2e-4, 0.0
     torque = 0.0
     for _ in range(4000):

@@ -30,7 +30,9 @@ def opening(mode: int, **objects: int) -> DriveBench:
 
 @pytest.mark.requirement("C402-091", "C402-173")
 def test_a_set_point_waits_for_the_brake():
-    """pp: taken and acknowledged as soon as the axis can move; the controller that waits for bit 12 gets it."""
+    """pp: taken and acknowledged as soon as the axis can move; the controller that waits for bit 12 gets
+    it.
+    """
     bench = opening(1)
     bench.write(0x607A, REV)
     bench.control(0x1F, 0.05)
@@ -45,7 +47,9 @@ def test_a_set_point_waits_for_the_brake():
 @pytest.mark.requirement("C402-091", "C402-173")
 @pytest.mark.parametrize("enabled_again", [False, True])
 def test_a_set_point_that_is_withdrawn_is_none(enabled_again):
-    """pp: bit 4 that has gone before the brake is open starts nothing, nor does one from before switching off."""
+    """pp: bit 4 that has gone before the brake is open starts nothing, nor does one from before switching
+    off.
+    """
     bench = opening(1)
     bench.write(0x607A, REV)
     bench.control(0x1F, 0.02)

@@ -1,4 +1,6 @@
-"""Every fault of the profile's tables, injected into a turning drive: frames, objects, state, reaction, reset."""
+"""Every fault of the profile's tables, injected into a turning drive: frames, objects, state, reaction,
+reset.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,11 @@ TABLES = (
     ("C402-300", "3210 3211 3212 3220 3221 3222 3230", 0x04),
     ("C402-301", "3310-3313 3320 3321 3330 3331", 0x04),
     ("C402-302", "4110 4120 4130 4140 4210 4220 4300 4310 4320 4400 4410 4420", 0x08),
-    ("C402-303", "5100 5110-5113 5120 5200 5210 5220 5300 5400 5410 5420 5430 5440 5450-5453 5500 5510 5520 5530", 0x00),
+    (
+        "C402-303",
+        "5100 5110-5113 5120 5200 5210 5220 5300 5400 5410 5420 5430 5440 5450-5453 5500 5510 5520 5530",
+        0x00,
+    ),
     ("C402-304", "6010 6301-630F 6310 6320", 0x00),
     ("C402-305", "7100 7110-7113 7120-7123 7200 7300-7307 7310 7320 7400 7500 7510 7520 7600", 0x20),
     ("C402-306", "8300 8311 8312 8313 8321 8331 8400 8500 8600 8611 8612 8700 8800 8A00 8900", 0x20),
@@ -43,7 +49,7 @@ TABLES = (
     ("C301-129", "8240", 0x10),
     ("C301-130", "8250", 0x10),
     ("C301-131", "9000 F000", 0x00),
-)  # fmt: skip
+)
 
 
 def codes(text):
@@ -71,7 +77,9 @@ RESTART_ONLY = set(codes("5220 5500 5510 5520 5530 6010"))
 @pytest.mark.requirement("C402-014", "C402-015", "C402-016", "C301-108", "C301-109", "C301-111", "C301-112")
 @pytest.mark.parametrize(("code", "register"), CASES)
 def test_every_fault_code(make_bench, code, register):
-    """EMCY bytes, 1001h, 603Fh, 1003h; coasting or ramp by 605Eh; reset by an edge with EMCY 0000h, or by restart only."""
+    """EMCY bytes, 1001h, 603Fh, 1003h; coasting or ramp by 605Eh; reset by an edge with EMCY 0000h, or by
+    restart only.
+    """
     bench = make_bench()
     bench.spin()
     frames_before = len(bench.medium.log)
@@ -113,13 +121,19 @@ def test_every_fault_code(make_bench, code, register):
 
 
 def test_the_tables_are_whole():
-    """Rule and text exist for every code of the tables, and no further code of the texts is forgotten here."""
+    """Rule and text exist for every code of the tables, and no further code of the texts is forgotten
+    here.
+    """
     listed = {code for _, text, _ in TABLES for code in codes(text)}
     assert listed <= set(RULES)
     # Group headings and codes that later editions of the profile add to these tables.
     assert {f"{code:04X}" for code in set(RULES) - listed} <= {
-        "2350", "3320", "3330", "5111", "4320",
-    }  # fmt: skip
+        "2350",
+        "3320",
+        "3330",
+        "5111",
+        "4320",
+    }
     assert all(RULES[code].text == EMCY_TEXTS[code] for code in RULES)
 
 
@@ -152,7 +166,9 @@ def test_fault_reaction_option(make_bench, option):
 
 @pytest.mark.requirement("C402-014")
 def test_fault_history_with_time(make_bench):
-    """2104h and 2105h: code, state, mode and operating time of the last faults, newest first, also after power-off."""
+    """2104h and 2105h: code, state, mode and operating time of the last faults, newest first, also after
+    power-off.
+    """
     bench = make_bench()
     bench.run(0.498)
     bench.drive.raise_fault(0x4310)

@@ -156,7 +156,9 @@ def lead_to_operation(drive: CiA402Drive, scheduler: VirtualScheduler, mode: int
 
 
 def test_no_frames_bring_the_drive_down():
-    """100 000 random and mutated frames: no exception; after reset node the drive answers and can be enabled."""
+    """100 000 random and mutated frames: no exception; after reset node the drive answers and can be
+    enabled.
+    """
     scheduler = VirtualScheduler()
     medium = CanMedium(scheduler, keep_log=False)
     drive = CiA402Drive(scheduler, medium, DriveConfig.reference(), name="drive")

@@ -1,4 +1,6 @@
-"""Changing the mode in motion, between every two modes, and what each mode makes of the motion that it finds."""
+"""Changing the mode in motion, between every two modes, and what each mode makes of the motion that it
+finds.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,12 @@ PAIRS = list(permutations(MODES, 2))
 @pytest.mark.requirement("C402-089")
 @pytest.mark.parametrize(("old", "new"), PAIRS, ids=[f"{MODES[a]}-{MODES[b]}" for a, b in PAIRS])
 def test_no_jump(old, new):
-    """Between all modes in motion: velocity, demand and torque go on without a step; then the new mode is in control.
+    """Between all modes in motion: velocity, demand and torque go on without a step; then the new mode is in
+    control.
 
     Modes with a velocity or torque of their own go on; pp and hm brake with 6084h (3000 rpm/s). A step of the
-    acceleration by 6084h is a step of the torque by inertia * 6084h; nothing larger is allowed but 2 % of rated torque.
+    acceleration by 6084h is a step of the torque by inertia * 6084h; nothing larger is allowed but 2 % of
+    rated torque.
     """
     bench = MovingDrive()
     bench.set_moving(old)

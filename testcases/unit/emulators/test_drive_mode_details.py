@@ -48,7 +48,9 @@ def test_position_offset_of_csp():
 
 @pytest.mark.requirement("C402-100", "C402-247")
 def test_velocity_offset_of_csp_is_pre_control():
-    """60B1h goes to the velocity controller: too much of it makes the axis run ahead of the demand, by v / Kv."""
+    """60B1h goes to the velocity controller: too much of it makes the axis run ahead of the demand, by v /
+    Kv.
+    """
     errors = {}
     step = 2000
     speed = step / REV / 0.004 * 60_000
@@ -108,7 +110,9 @@ def test_slippage(reaction):
 @pytest.mark.requirement("C402-038", "C402-037", "C402-042", "C402-048")
 @pytest.mark.parametrize("mode", MODES, ids=MODES.values())
 def test_reserved_and_manufacturer_bits(mode):
-    """Bits 9 to 15 of the control word change nothing (9: in pp only), bits 8, 14, 15 of the status word stay 0."""
+    """Bits 9 to 15 of the control word change nothing (9: in pp only), bits 8, 14, 15 of the status word stay
+    0.
+    """
     bench = MovingDrive()
     bench.set_moving(mode)
     word = bench.following_word(mode) | (0x10 if mode == 1 else 0)
@@ -143,7 +147,9 @@ def test_velocity_sensor():
 
 @pytest.mark.requirement("C402-167", "C402-236", "C402-237", "C402-238", "C402-239", "C402-166")
 def test_factors_in_motion():
-    """6093h = 1/100, 6096h = 2, 6097h = 1/2 by SDO: position, speed and ramp time of a positioning change as they say."""
+    """6093h = 1/100, 6096h = 2, 6097h = 1/2 by SDO: position, speed and ramp time of a positioning change as
+    they say.
+    """
     bench = DriveBench(frictionless())
     for index, numerator, denominator in ((0x6093, 100, 1), (0x6096, 2, 1), (0x6097, 1, 2)):
         bench.write(index, numerator, 1)

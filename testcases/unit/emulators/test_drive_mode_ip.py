@@ -43,7 +43,9 @@ def refused(bench: DriveBench, index: int, value: int, sub: int = 0) -> int:
 
 @pytest.mark.requirement("C402-083", "C402-099", "C402-172", "C402-253", "C402-033", "C402-046")
 def test_one_set_point_per_period():
-    """Bit 4 starts; every 4 ms (60C2h) one set-point of the buffer is reached in a straight line; bit 12 tells of it."""
+    """Bit 4 starts; every 4 ms (60C2h) one set-point of the buffer is reached in a straight line; bit 12
+    tells of it.
+    """
     bench = ip_bench(size=16)
     put(bench, *(STEP * n for n in range(1, 11)))
     bench.run(0.05)
@@ -114,7 +116,9 @@ def test_first_in_first_out():
 
 @pytest.mark.requirement("C402-172", "C402-255")
 def test_ring():
-    """60C4h:3 = 1: a full ring gives the oldest place away; 60C4h:4 moves the next set-point to another place."""
+    """60C4h:3 = 1: a full ring gives the oldest place away; 60C4h:4 moves the next set-point to another
+    place.
+    """
     bench = ip_bench(size=3, organisation=1)
     put(bench, 100, 200, 300, 400)
     assert bench.read(0x60C4, 4) == 1
@@ -140,7 +144,9 @@ def test_ring():
 
 @pytest.mark.requirement("C402-172", "C402-255")
 def test_configuration_of_the_buffer():
-    """Size 1..60C4h:1, organisation 0/1, record size 1, clear 0/1; each of them empties the buffer; others: 06090030h."""
+    """Size 1..60C4h:1, organisation 0/1, record size 1, clear 0/1; each of them empties the buffer; others:
+    06090030h.
+    """
     bench = ip_bench(size=4)
     assert bench.read(0x60C4, 1) == 16
     for sub, good, bad in (
@@ -205,7 +211,9 @@ def test_bit_4_stops_and_starts():
 
 @pytest.mark.requirement("C402-076", "C402-036", "C402-044")
 def test_halt_skips_what_runs_out_meanwhile():
-    """Halt: standstill and bit 10; set-points of that time are not resumed, the release goes on with the next."""
+    """Halt: standstill and bit 10; set-points of that time are not resumed, the release goes on with the
+    next.
+    """
     bench = ip_bench(size=16)
     bench.write(0x6084, 60_000_000)
     put(bench, *(STEP * n for n in range(1, 17)))
@@ -258,7 +266,9 @@ def test_speed_limit():
     actions=st.lists(st.one_of(st.integers(-1000, 1000), st.none()), max_size=60),
 )
 def test_buffer_against_a_list(size, organisation, actions):
-    """Any order of writing (number) and taking (None): like a list that refuses, or drops its oldest, when full."""
+    """Any order of writing (number) and taking (None): like a list that refuses, or drops its oldest, when
+    full.
+    """
     buffer = InterpolationBuffer()
     buffer.configure(size=size, organisation=organisation, enabled=True)
     model: list[int] = []

@@ -1,4 +1,6 @@
-"""Profile position: rotary axes, relative targets, profile types, end velocity, and any sequence of set-points."""
+"""Profile position: rotary axes, relative targets, profile types, end velocity, and any sequence of
+set-points.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ DT = 0.00025
 
 
 def pp_bench(*, turn: tuple[int, int] | None = None, **objects: int) -> DriveBench:
-    """Return a bench in pp, 1200 rpm and 6000 rpm/s, on an endless axis; `turn`: 607Bh in degrees of the motor."""
+    """Return a bench in pp, 1200 rpm and 6000 rpm/s, on an endless axis; `turn`: 607Bh in degrees of the
+    motor.
+    """
     config = replace(
         DriveConfig.reference(), mechanics=RotaryAxisConfig(coulomb_friction=0.0, viscous_friction=0.0)
     )
@@ -70,7 +74,9 @@ def test_directions_on_a_rotary_axis(option, targets, angles):
 
 @pytest.mark.requirement("C402-164")
 def test_positions_wrap_in_motion():
-    """6062h and 6064h stay in the range while the axis turns on, and the following error does not see the wrap."""
+    """6062h and 6064h stay in the range while the axis turns on, and the following error does not see the
+    wrap.
+    """
     bench = pp_bench(turn=(-180, 179), _6065=20, _6066=0)
     bench.configure({0x6081: 600_000})
     seen: list[tuple[int, int, int]] = []
@@ -195,7 +201,9 @@ def test_reserved_bits_of_the_positioning_option(value):
 @pytest.mark.requirement("C402-095", "C402-229")
 @pytest.mark.parametrize(("kind", "stretch"), [(0, 1.0), (1, math.pi / 2), (2, 1.875)])
 def test_profile_types(kind, stretch):
-    """6086h: the ramps of sin² and jerk-free take pi/2 and 15/8 times as long, and are steepest at 6083h and 6084h."""
+    """6086h: the ramps of sin² and jerk-free take pi/2 and 15/8 times as long, and are steepest at 6083h and
+    6084h.
+    """
     bench = pp_bench(_6086=kind, _6084=3_000_000)
     noted: list[float] = []
     bench.scheduler.every(
@@ -247,7 +255,9 @@ def test_jerks_of_both_ramps():
 @pytest.mark.requirement("C402-095", "C402-226")
 @pytest.mark.parametrize("kind", [0, 1, 2])
 def test_end_velocity(kind):
-    """6082h: the target is passed with it; when nothing follows, the axis comes to rest behind the target with 6084h."""
+    """6082h: the target is passed with it; when nothing follows, the axis comes to rest behind the target
+    with 6084h.
+    """
     bench = pp_bench(_6082=300_000, _6086=kind)
     samples = bench.observe()
     move(bench, 5 * REV, wait=2.0)
@@ -277,7 +287,9 @@ def test_velocity_limits_of_the_directions():
 
 @pytest.mark.requirement("C402-281", "C402-091")
 def test_set_point_and_edge_in_one_pdo():
-    """RPDO3 as it is mapped by default: the target that comes with the edge of bit 4 counts, not the one before."""
+    """RPDO3 as it is mapped by default: the target that comes with the edge of bit 4 counts, not the one
+    before.
+    """
     bench = pp_bench()
     bench.write(0x1402, 255, 2)
     bench.master.nmt(NmtCommand.START, 1)
@@ -311,8 +323,8 @@ def test_set_point_and_edge_in_one_pdo():
 def test_any_sequence_of_set_points(steps, kind, acceleration, deceleration):
     """Queued, immediate, relative and blended set-points at any time, with any profile type.
 
-    The demand never leaves the limits of speed and acceleration and has no jump, and the axis ends on the last target that
-    was acknowledged, with bit 10.
+    The demand never leaves the limits of speed and acceleration and has no jump, and the axis ends on the
+    last target that was acknowledged, with bit 10.
     """
     bench = pp_bench(_6086=kind, _6083=acceleration * 1000, _6084=deceleration * 1000)
     bench.write(0x60A4, 200_000_000, 1)

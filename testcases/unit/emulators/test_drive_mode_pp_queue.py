@@ -1,4 +1,6 @@
-"""Profile position: what becomes of set-points that wait when the axis is held up, or the mode is left and entered again."""
+"""Profile position: what becomes of set-points that wait when the axis is held up, or the mode is left and
+entered again.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ SPEED = 1_200_000
 
 
 def pp_bench(*, endless: bool = True, **objects: int) -> DriveBench:
-    """Return a bench in pp, 1200 rpm and 6000 rpm/s, on an endless axis without friction or on the reference axis."""
+    """Return a bench in pp, 1200 rpm and 6000 rpm/s, on an endless axis without friction or on the reference
+    axis.
+    """
     config = DriveConfig.reference()
     if endless:
         config = replace(config, mechanics=RotaryAxisConfig(coulomb_friction=0.0, viscous_friction=0.0))
@@ -38,7 +42,9 @@ def give(bench: DriveBench, target: int, bits: int = 0) -> None:
 @pytest.mark.requirement("C402-092", "C402-161")
 @pytest.mark.parametrize("bits", [0, 0x20, 0x200], ids=["waits", "immediately", "change on set-point"])
 def test_a_limit_switch_gives_waiting_set_points_up(bits):
-    """Behind a target that a limit switch bars nothing waits for ever: bit 12 goes, and the next set-point leads away."""
+    """Behind a target that a limit switch bars nothing waits for ever: bit 12 goes, and the next set-point
+    leads away.
+    """
     bench = pp_bench(endless=False)
     give(bench, 30 * REV)
     give(bench, 40 * REV, bits & ~0x20)
@@ -76,7 +82,9 @@ def test_change_on_set_point_survives_a_halt():
 @pytest.mark.requirement("C402-089", "C402-091")
 @pytest.mark.parametrize("halt_before", [False, True], ids=["halted in pv", "halted in pp"])
 def test_a_set_point_is_forgotten_when_the_mode_is_left(halt_before):
-    """A target of pp does not come back to life when another mode was in force meanwhile, whoever is halted."""
+    """A target of pp does not come back to life when another mode was in force meanwhile, whoever is
+    halted.
+    """
     bench = pp_bench()
     give(bench, 100 * REV)
     bench.run(0.3)
@@ -94,7 +102,9 @@ def test_a_set_point_is_forgotten_when_the_mode_is_left(halt_before):
 
 @pytest.mark.requirement("C402-089", "C402-093", "C402-155")
 def test_pp_entered_in_motion_begins_where_it_comes_to_rest():
-    """Bit 10 comes at rest, not before, also with a position window; a relative set-point counts from there."""
+    """Bit 10 comes at rest, not before, also with a position window; a relative set-point counts from
+    there.
+    """
     bench = pp_bench(_6067=20, _6068=5)
     bench.write(0x60FF, SPEED)
     bench.write(0x6060, 3)
@@ -115,7 +125,9 @@ def test_pp_entered_in_motion_begins_where_it_comes_to_rest():
 @pytest.mark.requirement("C402-095", "C402-103")
 @pytest.mark.parametrize("mode", [1, 8], ids=["pp", "csp"])
 def test_catching_up_keeps_the_motor_below_its_speed_limit(mode):
-    """A following error, however large, does not drive the motor beyond 6080h (by more than 5 %); bit 11 tells it."""
+    """A following error, however large, does not drive the motor beyond 6080h (by more than 5 %); bit 11
+    tells it.
+    """
     bench = DriveBench(replace(DriveConfig.reference(sync_period_ms=1), following_error_reaction="status"))
     bench.configure({0x6081: SPEED, 0x6083: 6_000_000, 0x6084: 6_000_000, 0x6072: 27})
     bench.enable(1)

@@ -20,7 +20,9 @@ DT = 0.00025
 
 
 def tq_bench(*, jammed: bool = True, **objects: int) -> DriveBench:
-    """Return a bench in tq, 1000 permille/s, on a rotary axis without friction; `jammed`: the shaft is held."""
+    """Return a bench in tq, 1000 permille/s, on a rotary axis without friction; `jammed`: the shaft is
+    held.
+    """
     config = replace(
         DriveConfig.reference(), mechanics=RotaryAxisConfig(coulomb_friction=0.0, viscous_friction=0.0)
     )
@@ -63,7 +65,9 @@ def test_linear_slope_and_target_reached():
 
 @pytest.mark.requirement("C402-098", "C402-230")
 def test_sin2_profile():
-    """6088h = 1: the square of a sine, nowhere steeper than 6087h, so it takes pi/2 times as long; others are refused."""
+    """6088h = 1: the square of a sine, nowhere steeper than 6087h, so it takes pi/2 times as long; others are
+    refused.
+    """
     bench = tq_bench(_6088=1)
     noted = torques(bench)
     start = bench.scheduler.now
@@ -90,7 +94,9 @@ def test_sin2_profile():
     [(0x6072, 300, 900, 300), (0x60E0, 250, 900, 250), (0x60E1, 150, -900, -150), (0x6073, 200, -900, -200)],
 )
 def test_torque_limits(limit, value, target, reached):
-    """6072h, 6073h, 60E0h, 60E1h hold the torque; bit 11 = 1 and bit 10 = 0, because the target is not reached."""
+    """6072h, 6073h, 60E0h, 60E1h hold the torque; bit 11 = 1 and bit 10 = 0, because the target is not
+    reached.
+    """
     bench = tq_bench(**{f"_{limit:04X}": value})
     bench.write(0x6071, target)
     bench.run(1.2)
@@ -215,7 +221,9 @@ def test_no_slope_is_at_once():
     low=st.integers(100, 2000),
 )
 def test_the_torque_never_leaves_slope_and_limits(targets, slope, shape, high, low):
-    """Any sequence of targets: no step above 6087h, always within 60E0h and 60E1h, and the last target is met."""
+    """Any sequence of targets: no step above 6087h, always within 60E0h and 60E1h, and the last target is
+    met.
+    """
     bench = tq_bench(_6087=slope, _6088=shape, _60E0=high, _60E1=low)
     noted = torques(bench)
     for target, milliseconds in targets:

@@ -91,7 +91,9 @@ def test_reversal_brakes_with_the_one_ramp_and_speeds_up_with_the_other():
 
 @pytest.mark.requirement("C402-033", "C402-034", "C402-035")
 def test_bits_of_the_ramp():
-    """Bit 4 = 0 brakes as 605Dh says, bit 5 = 0 freezes the output of the ramp, bit 6 = 0 puts 0 on its input."""
+    """Bit 4 = 0 brakes as 605Dh says, bit 5 = 0 freezes the output of the ramp, bit 6 = 0 puts 0 on its
+    input.
+    """
     bench = vl_bench()
     bench.write(0x6084, 6_000_000)
     bench.write(0x6042, 1200)
@@ -148,7 +150,9 @@ def test_mode_bits_of_the_status_word_stay_zero():
     [(5, 100), (100, 100), (450, 450), (900, 500), (0, 0), (-5, -40), (-40, -40), (-90, -90), (-3000, -300)],
 )
 def test_minimum_and_maximum_amount(target, expected):
-    """6047h bounds the amount for each direction, 0 stays 0; bit 11 tells that the target is not what was asked."""
+    """6047h bounds the amount for each direction, 0 stays 0; bit 11 tells that the target is not what was
+    asked.
+    """
     bench = vl_bench()
     for sub, value in enumerate((100, 500, 40, 300), 1):
         bench.write(0x6047, value, sub)
@@ -160,7 +164,9 @@ def test_minimum_and_maximum_amount(target, expected):
 
 @pytest.mark.requirement("C402-182")
 def test_6046h_sets_both_directions():
-    """6046h:1 and :2 are the minimum and maximum amount of 6047h for both directions, also as defaults of a drive."""
+    """6046h:1 and :2 are the minimum and maximum amount of 6047h for both directions, also as defaults of a
+    drive.
+    """
     bench = vl_bench()
     bench.write(0x6046, 50, 1)
     bench.write(0x6046, 700, 2)
@@ -193,7 +199,9 @@ def test_factors():
 
 @pytest.mark.requirement("C402-189", "C402-190", "C402-192")
 def test_percentages():
-    """6052h = 8192 is half of 604Eh and sets 6042h, 6042h sets 6052h; 6053h to 6055h show demand, actual, manipulated."""
+    """6052h = 8192 is half of 604Eh and sets 6042h, 6042h sets 6052h; 6053h to 6055h show demand, actual,
+    manipulated.
+    """
     bench = vl_bench()
     bench.write(0x604E, 2000)
     bench.write(0x6052, 8192)
@@ -216,7 +224,9 @@ def test_percentages():
     ("time_object", "ramp_object"), [(0x604F, 0x6048), (0x6050, 0x6049), (0x6051, 0x604A)]
 )
 def test_ramp_times_and_ramps_are_one(time_object, ramp_object):
-    """604Fh, 6050h, 6051h: time from zero to 604Eh, ms; the last written of time and delta speed / delta time counts."""
+    """604Fh, 6050h, 6051h: time from zero to 604Eh, ms; the last written of time and delta speed / delta time
+    counts.
+    """
     bench = vl_bench()
     for time_ms in (0, 1, 700, 1000, 2500, 65_000_000, 0xFFFFFFFF):
         bench.write(time_object, time_ms)
@@ -312,7 +322,9 @@ def test_over_the_bus():
     down=st.integers(500, 9000),
 )
 def test_the_ramp_is_never_steeper_than_asked(targets, up, down):
-    """Any sequence of targets: the demand rises with 6048h at most, falls with 6049h at most, within 6046h, to the last one."""
+    """Any sequence of targets: the demand rises with 6048h at most, falls with 6049h at most, within 6046h,
+    to the last one.
+    """
     bench = vl_bench(endless())
     bench.write(0x6048, up, 1)
     bench.write(0x6049, down, 1)

@@ -1,4 +1,6 @@
-"""The object table of the profile, row by row: over the bus by SDO, in the mapping of PDOs, and in the EDS."""
+"""The object table of the profile, row by row: over the bus by SDO, in the mapping of PDOs, and in the
+EDS.
+"""
 
 from __future__ import annotations
 

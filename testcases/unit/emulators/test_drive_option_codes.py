@@ -1,4 +1,6 @@
-"""Option codes, from the table of the profile: values, and what every mode makes of every stop, by true motion."""
+"""Option codes, from the table of the profile: values, and what every mode makes of every stop, by true
+motion.
+"""
 
 from __future__ import annotations
 
@@ -126,7 +128,9 @@ def slope(bench: MovingDrive, mode: int, action: str) -> float:
 
 @pytest.mark.parametrize(("row", "mode"), cases())
 def test_stops(row, mode):
-    """The axis brakes as the option says, with the ramps of its mode, and the state at the end is that of the command."""
+    """The axis brakes as the option says, with the ramps of its mode, and the state at the end is that of the
+    command.
+    """
     bench = MovingDrive(**{f"_{row.index:04X}": row.value})
     bench.set_moving(mode)
     speed = bench.rpm
@@ -163,7 +167,9 @@ def test_stops(row, mode):
 @pytest.mark.parametrize("option", [1, 2, 3, 4])
 @pytest.mark.parametrize("mode", [1, 2, 3, 4, 7, 8, 9, 10])
 def test_release_of_a_halt(mode, option):
-    """Pp goes on to its set-point, velocity modes to their target, tq and cst to their torque, ip and csp to what comes."""
+    """Pp goes on to its set-point, velocity modes to their target, tq and cst to their torque, ip and csp to
+    what comes.
+    """
     bench = MovingDrive(_605D=option)
     bench.set_moving(mode)
     word = bench.following_word(mode) | (0x10 if mode == 1 else 0)
@@ -201,7 +207,9 @@ def test_release_of_a_halt(mode, option):
 )
 @pytest.mark.parametrize("cause", ["stop", "pre-operational", "heartbeat"])
 def test_lost_connection(state, option, cause):
-    """6007h in every state: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop; without torque only the state changes."""
+    """6007h in every state: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop; without torque only the
+    state changes.
+    """
     bench = MovingDrive(_6007=option, _605A=6)
     if cause == "heartbeat":
         bench.write(0x1016, 5 << 16 | 20, 1)

@@ -1,4 +1,6 @@
-"""Personalities: the files, every quirk beside the profile's behaviour, and a drive of each that can be moved."""
+"""Personalities: the files, every quirk beside the profile's behaviour, and a drive of each that can be
+moved.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ def pair(make_bench):
     return build
 
 
-# -- files ---------------------------------------------------------------------------------------------------------------
+# -- files
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", personality_names())
@@ -67,8 +70,14 @@ def test_every_quirk_is_used_by_a_personality():
         ('name = "x"\nsummary = "s"\n[quirk]\n', "quirk.*name, summary, quirks"),
         ('name = "X y"\nsummary = "s"\n', "lower-case words"),
         ('name = "x"\n', "summary.*a text"),
-        ('name = "x"\nsummary = "s"\n[quirks]\nhalt_block = true\n', "quirks.halt_block.*halt_blocks_acknowledge"),
-        ('name = "x"\nsummary = "s"\n[quirks]\nsingle_setpoint = 1\n', "quirks.single_setpoint.*a value like False"),
+        (
+            'name = "x"\nsummary = "s"\n[quirks]\nhalt_block = true\n',
+            "quirks.halt_block.*halt_blocks_acknowledge",
+        ),
+        (
+            'name = "x"\nsummary = "s"\n[quirks]\nsingle_setpoint = 1\n',
+            "quirks.single_setpoint.*a value like False",
+        ),
         ('name = "x"\nsummary = "s"\n[quirks]\nauto_reset_s = -1.0\n', r"quirks.auto_reset_s.*0\.\.3600 s"),
         ('name = "x"\nsummary = "s"\n[quirks]\nstatus_homed = 1\n', "status_homed.*0100h, 4000h, 8000h"),
         ('name = "x"\nsummary = "s"\n[drive]\nnode_id = 3\n', "drive.node_id.*home_offset, self_test_s"),
@@ -81,7 +90,7 @@ def test_every_quirk_is_used_by_a_personality():
         ('name = "x"\nsummary = "s"\n[sources]\nemcy = "manual"\n', "there is no deviation"),
         ("name = ", "TOML"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_file_says_what_is_allowed(tmp_path, text, message):
     """Every mistake is refused with file, key and what is allowed."""
     file = tmp_path / "own.toml"
@@ -105,12 +114,15 @@ def test_objects_of_the_user_win_over_those_of_the_personality(make_bench):
     assert (bench.read(0x605A), bench.read(0x605E)) == (6, 0)
 
 
-# -- quirks --------------------------------------------------------------------------------------------------------------
+# -- quirks
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-091", "C402-076")
 def test_halt_blocks_acknowledge(pair):
-    """Profile: a set-point is acknowledged during halt. Quirk: bit 12 stays 0 until halt goes, then it is taken."""
+    """Profile: a set-point is acknowledged during halt. Quirk: bit 12 stays 0 until halt goes, then it is
+    taken.
+    """
     acknowledged = []
     for bench in pair(halt_blocks_acknowledge=True):
         bench.enable(1)
@@ -168,7 +180,14 @@ def test_setpoint_needs_bit_5(pair):
 def test_csp_without_primed_target(pair):
     """Profile: csp holds where it is until a target has been given. Quirk: it goes to 607Ah = 0 at once."""
     ends = []
-    for bench in pair(config=replace(REFERENCE, encoder=replace(REFERENCE.encoder, kind="absolute"), mechanics=replace(REFERENCE.mechanics, position_m=0.02)), csp_jumps_unprimed=True):  # fmt: skip
+    for bench in pair(
+        config=replace(
+            REFERENCE,
+            encoder=replace(REFERENCE.encoder, kind="absolute"),
+            mechanics=replace(REFERENCE.mechanics, position_m=0.02),
+        ),
+        csp_jumps_unprimed=True,
+    ):
         start = bench.read(0x6064)
         assert start == 2 * REV
         bench.enable(8)
@@ -182,7 +201,9 @@ def test_csp_without_primed_target(pair):
 
 @pytest.mark.requirement("C402-016", "C402-025")
 def test_faults_that_clear_themselves(pair):
-    """Profile: Fault stays. Quirk: Switch on disabled after the time, not before the cause is gone, and so often only."""
+    """Profile: Fault stays. Quirk: Switch on disabled after the time, not before the cause is gone, and so
+    often only.
+    """
     standard, quirky = pair(auto_reset_s=0.5, auto_reset_attempts=2)
     for bench in (standard, quirky):
         bench.drive.raise_fault(0x4310, persistent=True)
@@ -208,7 +229,9 @@ def test_faults_that_clear_themselves(pair):
 
 @pytest.mark.requirement("C402-004", "C402-010", "C402-011", "C402-029")
 def test_switched_on_without_mains(pair):
-    """Profile: transition 3 waits for the DC link. Quirk: Switched on without, and back to Switch on disabled after 3 s."""
+    """Profile: transition 3 waits for the DC link. Quirk: Switched on without, and back to Switch on disabled
+    after 3 s.
+    """
     states = []
     for bench in pair(falls_back_without_power_s=3.0):
         bench.drive.set_dc_link_voltage(0.0)
@@ -238,7 +261,9 @@ def test_mains_that_come_back_in_time_keep_switched_on(make_bench):
 
 @pytest.mark.requirement("C402-001", "C402-002")
 def test_not_ready_to_switch_on(make_bench):
-    """Profile: during the self-test the status word shows Not ready. Quirk: it cannot be read and no TPDO carries it."""
+    """Profile: during the self-test the status word shows Not ready. Quirk: it cannot be read and no TPDO
+    carries it.
+    """
     for silent in (False, True):
         bench = make_bench(
             replace(REFERENCE, self_test_s=0.5, quirks=Quirks(silent_until_ready=silent)), power=False
@@ -268,7 +293,9 @@ def test_not_ready_to_switch_on(make_bench):
 
 @pytest.mark.requirement("C402-042", "C402-048")
 def test_homed_and_homing_refused_in_the_status_word(pair):
-    """Profile: bits 8 and 15 are 0. Quirk: 15 after a homing that was refused, 8 from success until power-off."""
+    """Profile: bits 8 and 15 are 0. Quirk: 15 after a homing that was refused, 8 from success until
+    power-off.
+    """
     words = []
     for bench in pair(status_homed=0x100, status_homing_refused=0x8000):
         bench.enable(6)
@@ -288,7 +315,9 @@ def test_homed_and_homing_refused_in_the_status_word(pair):
 
 @pytest.mark.requirement("C402-135")
 def test_homing_that_finishes_when_it_is_released(pair):
-    """Profile: bits 12 and 10 together. Quirk: 010 "attained" while bit 4 is set, 011 "finished" when it is withdrawn."""
+    """Profile: bits 12 and 10 together. Quirk: 010 "attained" while bit 4 is set, 011 "finished" when it is
+    withdrawn.
+    """
     words = []
     for bench in pair(homing_finishes_on_release=True):
         bench.enable(6)
@@ -302,7 +331,9 @@ def test_homing_that_finishes_when_it_is_released(pair):
 
 @pytest.mark.requirement("C402-020")
 def test_switched_on_is_skipped(pair):
-    """Profile: 000Fh in Ready shows Switched on before Operation enabled. Quirk: it is never seen on the bus."""
+    """Profile: 000Fh in Ready shows Switched on before Operation enabled. Quirk: it is never seen on the
+    bus.
+    """
     seen = []
     for bench in pair(skips_switched_on=True):
         bench.start_cyclic(9)
@@ -353,7 +384,9 @@ def test_emcy_codes_of_a_personality(make_bench):
 
 @pytest.mark.requirement("C301-123")
 def test_emcy_codes_of_communication_errors_too(make_bench):
-    """What the slave itself reports, here a lost heartbeat, is sent in the way of the manufacturer as well."""
+    """What the slave itself reports, here a lost heartbeat, is sent in the way of the manufacturer as
+    well.
+    """
     bench = make_bench(load_personality("compact-motion-controller").apply(REFERENCE))
     bench.write(0x1016, 127 << 16 | 50, 1)
     bench.master.produce_heartbeat(20_000_000)
@@ -391,7 +424,8 @@ def test_the_name_can_be_read(make_bench):
     assert bench.drive.peek(0x2109) == "single-setpoint-servo"
 
 
-# -- contract ------------------------------------------------------------------------------------------------------------
+# -- contract
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", personality_names())

@@ -26,11 +26,14 @@ def with_parts(**parts):
     return replace(REFERENCE, **parts)
 
 
-# -- DC link alone -------------------------------------------------------------------------------------------------------
+# -- DC link alone
+# -------------------------------------------------------------------------------------------------------
 
 
 def test_braking_energy_raises_the_voltage_as_the_capacitor_says():
-    """20 J into 500 uF at 560 V give sqrt(V^2 + 2 E / C), whatever the step; the rectifier lets nothing out."""
+    """20 J into 500 uF at 560 V give sqrt(V^2 + 2 E / C), whatever the step; the rectifier lets nothing
+    out.
+    """
     for steps in (1, 100):
         link = DcLink(SupplyConfig(standby_W=0.0))
         for _ in range(steps):
@@ -79,7 +82,9 @@ def test_the_chopper_burns_what_the_motor_returns():
 
 
 def test_an_overloaded_or_broken_chopper_lets_the_voltage_rise():
-    """A resistor that is too hot is switched off until it has cooled; then the voltage rises without bound."""
+    """A resistor that is too hot is switched off until it has cooled; then the voltage rises without
+    bound.
+    """
     link = DcLink(SupplyConfig(chopper_rated_W=50.0, chopper_time_constant_s=5.0))
     while not link.chopper_overloaded:
         link.update(-2000.0, 0.001)
@@ -111,11 +116,14 @@ def test_impossible_supplies_are_refused(values):
         SupplyConfig(**values)
 
 
-# -- heat alone ----------------------------------------------------------------------------------------------------------
+# -- heat alone
+# ----------------------------------------------------------------------------------------------------------
 
 
 def test_temperature_is_of_first_order():
-    """At rated load the part ends at ambient + rise; after one time constant it has done 63 % of it, whatever the step."""
+    """At rated load the part ends at ambient + rise; after one time constant it has done 63 % of it, whatever
+    the step.
+    """
     for steps in (1, 60):
         node = ThermalNode(rise_K=80.0, time_constant_s=60.0, ambient_C=25.0, warning_C=120.0, fault_C=140.0)
         for _ in range(steps):
@@ -135,7 +143,8 @@ def test_i2t_of_a_changing_torque_is_that_of_its_square():
     assert pulsed.utilisation == pytest.approx(steady.utilisation, rel=1e-3)
 
 
-# -- in the drive --------------------------------------------------------------------------------------------------------
+# -- in the drive
+# --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-160", "C402-041")
@@ -164,7 +173,9 @@ def test_overload_warns_trips_and_has_to_recover(make_bench):
 
 @pytest.mark.requirement("C402-160", "C402-045")
 def test_overload_can_limit_the_torque_instead(make_bench):
-    """`limit`: at 100 % the torque falls to the rated one, bit 11 and the warning show it; below 90 % it is free again."""
+    """`limit`: at 100 % the torque falls to the rated one, bit 11 and the warning show it; below 90 % it is
+    free again.
+    """
     bench = make_bench(
         with_parts(thermal_time_constant_s=1.0, thermal=ThermalConfig(overload="limit"), blocked_time_s=0.0)
     )
@@ -200,7 +211,9 @@ def test_the_power_stage_has_an_overload_of_its_own(make_bench):
     ("part", "code", "warm", "hot"), [("motor", 0x4310, 125.0, 141.0), ("stage", 0x4210, 90.0, 96.0)]
 )
 def test_temperatures(make_bench, part, code, warm, hot):
-    """Warm is a warning, hot a fault that stays until the part is below its warning; 2101h shows the temperature."""
+    """Warm is a warning, hot a fault that stays until the part is below its warning; 2101h shows the
+    temperature.
+    """
     bench = make_bench()
     bench.spin()
     node = getattr(bench.drive.protection, part)
@@ -243,7 +256,9 @@ def test_a_motor_gets_hot_by_work_and_stays_hot_without_supply(make_bench):
 
 @pytest.mark.requirement("C402-300")
 def test_braking_shows_in_the_dc_link(make_bench):
-    """A heavy load that is braked fast raises 6079h by its kinetic energy less what friction and windings take."""
+    """A heavy load that is braked fast raises 6079h by its kinetic energy less what friction and windings
+    take.
+    """
     bench = make_bench(
         with_parts(
             mechanics=replace(REFERENCE.mechanics, coulomb_friction=0.0, viscous_friction=0.0),
@@ -262,7 +277,9 @@ def test_braking_shows_in_the_dc_link(make_bench):
 @pytest.mark.requirement("C402-300", "C402-305")
 @pytest.mark.parametrize(("failed", "first"), [(True, 0x3210), (False, 0x7112)])
 def test_braking_against_a_chopper_that_gives_up(make_bench, failed, first):
-    """A driving load: without chopper 3210h; a resistor that gets too hot is 7112h, and then the voltage rises as well."""
+    """A driving load: without chopper 3210h; a resistor that gets too hot is 7112h, and then the voltage
+    rises as well.
+    """
     bench = make_bench(
         DriveConfig(
             mechanics=RotaryAxisConfig(load_torque=5.0, coulomb_friction=0.0),
@@ -284,7 +301,9 @@ def test_braking_against_a_chopper_that_gives_up(make_bench, failed, first):
 
 @pytest.mark.requirement("C402-029", "C402-040", "C402-299")
 def test_mains_lost_and_back(make_bench):
-    """Mains lost: warning at once, the DC link lives on its charge, then 3220h in operation; bit 4 follows the voltage."""
+    """Mains lost: warning at once, the DC link lives on its charge, then 3220h in operation; bit 4 follows
+    the voltage.
+    """
     bench = make_bench()
     bench.enable(3)
     bench.drive.cut_mains(True)
@@ -310,7 +329,9 @@ def test_mains_lost_and_back(make_bench):
 
 @pytest.mark.requirement("C402-029", "C402-004")
 def test_mains_lost_out_of_operation(make_bench):
-    """Without DC link: Switched on falls to Switch on disabled without fault, and transition 3 waits for the voltage."""
+    """Without DC link: Switched on falls to Switch on disabled without fault, and transition 3 waits for the
+    voltage.
+    """
     bench = make_bench()
     bench.to_state(S.SWITCHED_ON)
     bench.drive.cut_mains(True)
@@ -326,7 +347,9 @@ def test_mains_lost_out_of_operation(make_bench):
 
 @pytest.mark.requirement("C402-299")
 def test_a_missing_phase(make_bench):
-    """A missing phase is a warning, and 3130h after its time in operation; while it is missing there is no reset."""
+    """A missing phase is a warning, and 3130h after its time in operation; while it is missing there is no
+    reset.
+    """
     bench = make_bench()
     bench.to_state(S.READY_TO_SWITCH_ON)
     bench.drive.cut_phase(True)
@@ -346,7 +369,8 @@ def test_a_missing_phase(make_bench):
     assert bench.state is S.SWITCH_ON_DISABLED
 
 
-# -- safety --------------------------------------------------------------------------------------------------------------
+# -- safety
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-030")
@@ -372,7 +396,9 @@ def test_safe_stop_1_brakes_and_then_takes_the_torque(make_bench):
 
 @pytest.mark.requirement("C402-030")
 def test_the_ramp_of_safe_stop_1_is_monitored(make_bench):
-    """A quick stop that is slower than safe stop 1 allows: torque off and FF81h, which needs the input released."""
+    """A quick stop that is slower than safe stop 1 allows: torque off and FF81h, which needs the input
+    released.
+    """
     bench = make_bench(with_parts(safety=SafetyConfig(ss1_time_s=0.2)))
     bench.spin()
     bench.write(0x6085, 500_000)
@@ -403,7 +429,9 @@ def test_safe_stop_1_by_time_only(make_bench):
 
 @pytest.mark.requirement("C402-017", "C402-030")
 def test_safe_stop_1_cannot_be_left_by_transition_16(make_bench):
-    """In a quick stop that stays enabled, 000Fh does not lead back to operation while safe stop 1 is demanded."""
+    """In a quick stop that stays enabled, 000Fh does not lead back to operation while safe stop 1 is
+    demanded.
+    """
     bench = make_bench(with_parts(safety=SafetyConfig(ss1_time_s=0.5, ss1_monitored=False)))
     bench.spin()
     bench.write(0x605A, 6)
@@ -434,7 +462,9 @@ def test_safe_stop_1_without_torque_is_safe_torque_off(make_bench):
     ],
 )
 def test_interlock(make_bench, reaction, state, emcys):
-    """60FDh bit 3 is 1 while the interlock is closed; open it acts as configured and keeps the drive from being enabled."""
+    """60FDh bit 3 is 1 while the interlock is closed; open it acts as configured and keeps the drive from
+    being enabled.
+    """
     bench = make_bench(with_parts(safety=SafetyConfig(interlock=reaction)))
     assert bench.read(0x60FD) & 8
     bench.spin()
@@ -454,14 +484,17 @@ def test_interlock(make_bench, reaction, state, emcys):
     assert bench.state is S.READY_TO_SWITCH_ON
 
 
-# -- brake ---------------------------------------------------------------------------------------------------------------
+# -- brake
+# ------------------------------------------------------------------------------------------------------------
 
 HANGING = LinearAxisConfig(gravity_force=-400.0, coulomb_friction=0.0, stops_m=(-0.6, 0.6))
 
 
 @pytest.mark.requirement("C402-173")
 def test_a_brake_holds_a_hanging_load_through_power_off(make_bench):
-    """Gravity pulls with 0.64 Nm at the motor: the closed brake holds it without power, and enabling does not drop it."""
+    """Gravity pulls with 0.64 Nm at the motor: the closed brake holds it without power, and enabling does not
+    drop it.
+    """
     bench = make_bench(
         with_parts(
             mechanics=HANGING, brake=BrakeConfig(torque_Nm=3.0, opening_time_s=0.05, closing_time_s=0.03)
@@ -483,7 +516,9 @@ def test_a_brake_holds_a_hanging_load_through_power_off(make_bench):
     ("how", "moves"), [("sound", False), ("stuck open", True), ("slips", True), ("slips a little", False)]
 )
 def test_a_brake_that_does_not_hold(make_bench, how, moves):
-    """Stuck open, or worn so far that its torque is less than that of the load: the load falls when the torque goes."""
+    """Stuck open, or worn so far that its torque is less than that of the load: the load falls when the
+    torque goes.
+    """
     bench = make_bench(with_parts(mechanics=HANGING, brake=BrakeConfig(torque_Nm=3.0)))
     bench.enable(3)
     brake = bench.drive.core.brake
@@ -499,7 +534,9 @@ def test_a_brake_that_does_not_hold(make_bench, how, moves):
 
 
 def test_a_brake_that_does_not_open(make_bench):
-    """Stuck closed: the drive believes it open and works against it until following error or overload tell."""
+    """Stuck closed: the drive believes it open and works against it until following error or overload
+    tell.
+    """
     bench = make_bench(with_parts(brake=BrakeConfig(torque_Nm=10.0), thermal_time_constant_s=1.0))
     bench.drive.core.brake.stick(True)
     bench.enable(3)

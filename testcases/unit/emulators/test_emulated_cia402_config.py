@@ -22,7 +22,9 @@ from fieldbus.errors import ConfigurationError
 
 
 def test_reference_axis_has_the_numbers_of_the_specification():
-    """Ramps, limits and units of the reference axis; emergency braking takes less than half of the peak torque."""
+    """Ramps, limits and units of the reference axis; emergency braking takes less than half of the peak
+    torque.
+    """
     config = DriveConfig.reference()
     objects = config.objects
     assert (objects[0x6084, 0], objects[0x6085, 0]) == (3_000_000, 6_000_000)

@@ -13,7 +13,8 @@ from emulators.drive.cia402 import EDS_PATH, drive_dictionary, eds_text
 from emulators.drive.cia402.objects import STRING, TYPE_NAMES, all_objects
 from fieldbus.canopen.dictionary import entries_of
 
-# The object table of the profile chapter, in its own notation: index, sub-indices, types, access, PDO direction.
+# The object table of the profile chapter, in its own notation: index, sub-indices, types, access, PDO
+# direction.
 PROFILE = """
 6007 0 I16 rw - | 603F 0 U16 ro T | 6040 0 U16 rw RT | 6041 0 U16 ro T | 6042 0 I16 rw RT | 6043 0 I16 ro T
 6044 0 I16 ro T | 6046 1-2 U32 rw R | 6047 1-4 U32 rw R | 6048 1 U32 rw R | 6048 2 U16 rw R | 6049 1 U32 rw R
@@ -45,21 +46,77 @@ PROFILE = """
 100D 0 U8 rw - | 1010 1-3 U32 rw - | 1011 1-3 U32 rw - | 1012 0 U32 rw - | 1014 0 U32 rw - | 1015 0 U16 rw -
 1016 1 U32 rw - | 1017 0 U16 rw - | 1018 1-4 U32 ro - | 1019 0 U8 rw - | 1020 1-2 U32 rw - | 1029 1 U8 rw -
 1200 1-2 U32 ro -
-"""
+"""  # noqa: E501
 
 DEFAULTS = {
-    (0x6007, 0): 1, (0x605A, 0): 2, (0x605B, 0): 0, (0x605C, 0): 1, (0x605D, 0): 1, (0x605E, 0): 2, (0x6065, 0): 0xFFFFFFFF,
-    (0x6067, 0): 0xFFFFFFFF, (0x6072, 0): 3000, (0x6073, 0): 3000, (0x6075, 0): 5000, (0x6076, 0): 2000, (0x6079, 0): 560000,
-    (0x607B, 1): -0x80000000, (0x607B, 2): 0x7FFFFFFF, (0x607D, 1): -0x80000000, (0x607D, 2): 0x7FFFFFFF, (0x607F, 0): 3000,
-    (0x6080, 0): 3000, (0x6081, 0): 1000, (0x6083, 0): 6000, (0x6084, 0): 6000, (0x6085, 0): 24000, (0x6087, 0): 100000,
-    (0x608F, 1): 131072, (0x608F, 2): 1, (0x6091, 1): 1, (0x6091, 2): 1, (0x6092, 1): 10000, (0x6092, 2): 1,
-    (0x6096, 1): 1, (0x6099, 1): 200, (0x6099, 2): 20, (0x609A, 0): 6000, (0x60A3, 0): 1, (0x60A8, 0): 0,
-    (0x60A9, 0): 0x00B44700, (0x60C2, 1): 1, (0x60C2, 2): -3, (0x60C4, 1): 16, (0x60C4, 2): 1, (0x60C5, 0): 60000, (0x60C6, 0): 60000,
-    (0x60C8, 0): -0x80000000, (0x60C9, 0): 0x7FFFFFFF, (0x60D0, 1): 1, (0x60D0, 2): 2, (0x60E0, 0): 3000, (0x60E1, 0): 3000,
-    (0x6402, 0): 10, (0x6502, 0): 0x3EF, (0x67FF, 0): 0x00020192, (0x1000, 0): 0x00020192, (0x1005, 0): 0x80, (0x1010, 1): 1,
-    (0x1011, 3): 1, (0x1012, 0): 0x100, (0x1014, 0): 0x80 + 5, (0x1200, 1): 0x600 + 5, (0x1200, 2): 0x580 + 5,
-    (0x604D, 0): 4, (0x604E, 0): 3000, (0x6046, 2): 3000, (0x6048, 1): 3000, (0x6048, 2): 1, (0x604B, 1): 1, (0x604C, 2): 1,
-}  # fmt: skip
+    (0x6007, 0): 1,
+    (0x605A, 0): 2,
+    (0x605B, 0): 0,
+    (0x605C, 0): 1,
+    (0x605D, 0): 1,
+    (0x605E, 0): 2,
+    (0x6065, 0): 0xFFFFFFFF,
+    (0x6067, 0): 0xFFFFFFFF,
+    (0x6072, 0): 3000,
+    (0x6073, 0): 3000,
+    (0x6075, 0): 5000,
+    (0x6076, 0): 2000,
+    (0x6079, 0): 560000,
+    (0x607B, 1): -0x80000000,
+    (0x607B, 2): 0x7FFFFFFF,
+    (0x607D, 1): -0x80000000,
+    (0x607D, 2): 0x7FFFFFFF,
+    (0x607F, 0): 3000,
+    (0x6080, 0): 3000,
+    (0x6081, 0): 1000,
+    (0x6083, 0): 6000,
+    (0x6084, 0): 6000,
+    (0x6085, 0): 24000,
+    (0x6087, 0): 100000,
+    (0x608F, 1): 131072,
+    (0x608F, 2): 1,
+    (0x6091, 1): 1,
+    (0x6091, 2): 1,
+    (0x6092, 1): 10000,
+    (0x6092, 2): 1,
+    (0x6096, 1): 1,
+    (0x6099, 1): 200,
+    (0x6099, 2): 20,
+    (0x609A, 0): 6000,
+    (0x60A3, 0): 1,
+    (0x60A8, 0): 0,
+    (0x60A9, 0): 0x00B44700,
+    (0x60C2, 1): 1,
+    (0x60C2, 2): -3,
+    (0x60C4, 1): 16,
+    (0x60C4, 2): 1,
+    (0x60C5, 0): 60000,
+    (0x60C6, 0): 60000,
+    (0x60C8, 0): -0x80000000,
+    (0x60C9, 0): 0x7FFFFFFF,
+    (0x60D0, 1): 1,
+    (0x60D0, 2): 2,
+    (0x60E0, 0): 3000,
+    (0x60E1, 0): 3000,
+    (0x6402, 0): 10,
+    (0x6502, 0): 0x3EF,
+    (0x67FF, 0): 0x00020192,
+    (0x1000, 0): 0x00020192,
+    (0x1005, 0): 0x80,
+    (0x1010, 1): 1,
+    (0x1011, 3): 1,
+    (0x1012, 0): 0x100,
+    (0x1014, 0): 0x80 + 5,
+    (0x1200, 1): 0x600 + 5,
+    (0x1200, 2): 0x580 + 5,
+    (0x604D, 0): 4,
+    (0x604E, 0): 3000,
+    (0x6046, 2): 3000,
+    (0x6048, 1): 3000,
+    (0x6048, 2): 1,
+    (0x604B, 1): 1,
+    (0x604C, 2): 1,
+}
 
 PDOS = {
     # communication record: (COB-ID for node 5, transmission type, mapping)
@@ -114,7 +171,9 @@ def test_file_and_table_agree():
 
 @pytest.mark.requirement("C402-309")
 def test_the_library_reads_what_the_table_says():
-    """Every entry of the table is in the imported dictionary with its type, access and mapping flag, and none besides."""
+    """Every entry of the table is in the imported dictionary with its type, access and mapping flag, and none
+    besides.
+    """
     dictionary = canopen.import_od(str(EDS_PATH), 5)
     found = set()
     for row in all_objects():
@@ -137,9 +196,19 @@ def test_the_library_reads_what_the_table_says():
 
 @pytest.mark.requirement(
     *(f"C402-{number}" for number in range(175, 279) if number not in (274, 275, 277)),
-    "C301-132", "C301-133", "C301-135", "C301-136", "C301-139", "C301-143", "C301-144", "C301-145", "C301-146", "C301-147",
-    "C301-148", "C301-150",
-)  # fmt: skip
+    "C301-132",
+    "C301-133",
+    "C301-135",
+    "C301-136",
+    "C301-139",
+    "C301-143",
+    "C301-144",
+    "C301-145",
+    "C301-146",
+    "C301-147",
+    "C301-148",
+    "C301-150",
+)
 def test_every_object_of_the_profile_is_there(entries):
     """Type, access right and PDO direction of each object are those of the profile's table."""
     for index, sub, kind, access, pdo in profile_rows():

@@ -250,7 +250,9 @@ def test_enable_operation_out_of_quick_stop(option: int):
 @pytest.mark.requirement("C402-014", "C402-015")
 @pytest.mark.parametrize("state", [state for state in S if state not in (S.FAULT, S.FAULT_REACTION_ACTIVE)])
 def test_fault_from_every_state(state: S):
-    """Transition 13 from any state; without torque 14 follows at once, with torque after the stop of 605Eh."""
+    """Transition 13 from any state; without torque 14 follows at once, with torque after the stop of
+    605Eh.
+    """
     machine, log = machine_in(state)
     action = machine.fault()
     assert log[0][0] == 13
@@ -430,7 +432,9 @@ ALLOWED = {
 def test_only_transitions_of_the_profile_are_ever_made(
     inputs: list[int | str], options: tuple[int, int, int, int]
 ):
-    """Whatever words and events come in whatever order, each transition joins the states that the profile joins."""
+    """Whatever words and events come in whatever order, each transition joins the states that the profile
+    joins.
+    """
     log: list[tuple[int, S, S]] = []
     machine = PowerStateMachine(lambda number, old, new: log.append((number, old, new)))
     codes = machine.options

@@ -16,10 +16,28 @@ RPM = 2 * math.pi / 60
 
 def units(**changes: int) -> Units:
     values = {
-        0x608F01: 131072, 0x608F02: 1, 0x609101: 1, 0x609102: 1, 0x609201: 131072, 0x609202: 1, 0x609601: 1, 0x609602: 1,
-        0x60A900: 0x00B44700, 0x607E00: 0, 0x607600: 2000, 0x609001: 131072, 0x609002: 1, 0x609301: 1, 0x609302: 1,
-        0x609401: 1, 0x609402: 1, 0x609701: 1, 0x609702: 1, 0x607B01: -0x80000000, 0x607B02: 0x7FFFFFFF,
-    }  # fmt: skip
+        0x608F01: 131072,
+        0x608F02: 1,
+        0x609101: 1,
+        0x609102: 1,
+        0x609201: 131072,
+        0x609202: 1,
+        0x609601: 1,
+        0x609602: 1,
+        0x60A900: 0x00B44700,
+        0x607E00: 0,
+        0x607600: 2000,
+        0x609001: 131072,
+        0x609002: 1,
+        0x609301: 1,
+        0x609302: 1,
+        0x609401: 1,
+        0x609402: 1,
+        0x609701: 1,
+        0x609702: 1,
+        0x607B01: -0x80000000,
+        0x607B02: 0x7FFFFFFF,
+    }
     values.update({int(key[1:], 16): value for key, value in changes.items()})
     result = Units(counts_per_revolution=131072, rated_torque_Nm=2.0)
     result.update(values)
@@ -40,7 +58,9 @@ def units(**changes: int) -> Units:
     ],
 )
 def test_velocity_units(unit: int, size: float):
-    """60A9h: rpm and revolutions per second with a decimal prefix in the top byte, and position units per second."""
+    """60A9h: rpm and revolutions per second with a decimal prefix in the top byte, and position units per
+    second.
+    """
     assert velocity_unit_rad_s(unit, 0.5) == pytest.approx(size, rel=1e-12)
 
 
@@ -111,7 +131,9 @@ def test_zero_factors_are_refused():
 
 @pytest.mark.requirement("C402-167", "C402-236", "C402-237", "C402-238", "C402-239")
 def test_older_factors_come_on_top():
-    """6093h scales positions, 6094h and 6096h velocities, 6097h accelerations; 1/1 leaves all to the newer objects."""
+    """6093h scales positions, 6094h and 6096h velocities, 6097h accelerations; 1/1 leaves all to the newer
+    objects.
+    """
     plain = units()
     factor = units(_609301=5, _609302=2, _609401=3, _609402=4, _609601=2, _609602=1, _609701=7, _609702=10)
     assert factor.to_increments(1000) == pytest.approx(2500)

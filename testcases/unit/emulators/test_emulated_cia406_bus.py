@@ -23,7 +23,8 @@ TPDO1, TPDO2, TPDO3, TPDO4 = 0x187, 0x287, 0x387, 0x487
 TURN = 2 * math.pi
 
 
-# -- PDOs ----------------------------------------------------------------------------------------------------------
+# -- PDOs
+# ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C406-012", "C301-019", "C406-009")
@@ -40,7 +41,9 @@ def test_without_cyclic_timer_tpdo1_is_sent_once():
 @pytest.mark.requirement("C406-009", "C406-026", "C301-048")
 @pytest.mark.parametrize("period_ms", [1, 7, 100])
 def test_cyclic_timer(period_ms):
-    """6200h and 1800h:5 are one number, whichever is written; TPDO1 comes with that period and fresh positions."""
+    """6200h and 1800h:5 are one number, whichever is written; TPDO1 comes with that period and fresh
+    positions.
+    """
     bench = EncoderBench()
     bench.put(0x6200, period_ms)
     assert bench.get(0x1800, 5) == period_ms
@@ -96,7 +99,9 @@ def test_synchronous_pdos():
 
 @pytest.mark.requirement("C406-027", "C406-033", "C406-038", "C406-040", "C301-044")
 def test_states_are_sent_when_they_change():
-    """TPDO4, once switched on, is sent when a cam, the area, an alarm or a warning changes, and not otherwise."""
+    """TPDO4, once switched on, is sent when a cam, the area, an alarm or a warning changes, and not
+    otherwise.
+    """
     bench = EncoderBench()
     bench.put(0x1803, 0x40000487, 1)
     bench.put(0x6301, 1, 1)
@@ -122,7 +127,9 @@ def test_states_are_sent_when_they_change():
 
 @pytest.mark.requirement("C406-019", "C406-020", "C301-052")
 def test_wide_and_raw_positions_in_a_pdo():
-    """6008h fills a PDO with 64 bits, 600Ch goes unscaled beside a position, both with the value of the SYNC."""
+    """6008h fills a PDO with 64 bits, 600Ch goes unscaled beside a position, both with the value of the
+    SYNC.
+    """
     bench = EncoderBench()
     bench.put(0x6001, 4096)
     bench.put(0x6009, -(10**10))
@@ -155,7 +162,9 @@ def test_wide_and_raw_positions_in_a_pdo():
     ],
 )
 def test_what_the_device_says_of_itself(config, resolution, turns):
-    """Resolution, turns, range, serial number, profile version 3.1, class C3: as configured, read over the bus."""
+    """Resolution, turns, range, serial number, profile version 3.1, class C3: as configured, read over the
+    bus.
+    """
     bench = EncoderBench(serial_number=4711, operating_time_h=12.3, **config)
     assert bench.get(0x6501) == resolution
     largest = 199_999 if turns is None else 360 * turns - 1
@@ -172,7 +181,8 @@ def test_what_the_device_says_of_itself(config, resolution, turns):
     assert caught.value.code == AbortCode.READ_ONLY
 
 
-# -- motion --------------------------------------------------------------------------------------------------------
+# -- motion
+# --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C406-022", "C406-023", "C406-052")
@@ -181,7 +191,9 @@ def test_what_the_device_says_of_itself(config, resolution, turns):
     [(1, 1, 1, 82), (10, 1, 1, 819), (10, 3, 1, 2457), (100, 1, 10, 819), (100, 10, 1, 32767)],
 )
 def test_speed_is_the_way_of_an_interval(interval, multiplier, divider, speed):
-    """10 rev/s of 8192 steps: steps in the interval of 6031h times multiplier by divider, held at the end of its type."""
+    """10 rev/s of 8192 steps: steps in the interval of 6031h times multiplier by divider, held at the end of
+    its type.
+    """
     bench = EncoderBench()
     for sub, value in ((2, interval), (3, multiplier), (4, divider)):
         bench.put(0x6031, value, sub)
@@ -214,7 +226,9 @@ def test_speed_of_the_raw_value():
 
 @pytest.mark.requirement("C406-024", "C406-025")
 def test_acceleration_and_jerk():
-    """On a ramp of 100 rev/s² the acceleration is 81.92 steps in (10 ms)², without jerk; at its begin the jerk has its sign."""
+    """On a ramp of 100 rev/s² the acceleration is 81.92 steps in (10 ms)², without jerk; at its begin the
+    jerk has its sign.
+    """
     bench = EncoderBench()
     bench.put(0x6031, 10, 2)
     bench.run(0.05)
@@ -231,7 +245,9 @@ def test_acceleration_and_jerk():
 
 @pytest.mark.requirement("C406-018", "C406-022", "C406-024")
 def test_motion_of_a_slide_is_in_millimetres():
-    """A linear encoder shows speed in steps of 0.01 mm/s times 6005h:2 and acceleration in mm/s² times 6005h:3."""
+    """A linear encoder shows speed in steps of 0.01 mm/s times 6005h:2 and acceleration in mm/s² times
+    6005h:3.
+    """
     bench = EncoderBench(kind=EncoderType.ABSOLUTE_LINEAR, measuring_step_nm=100, length_m=1.0, start=0.1)
     bench.put(0x6031, 20, 2)
     bench.encoder.turn_shaft(0.5, 0.5)
@@ -244,12 +260,15 @@ def test_motion_of_a_slide_is_in_millimetres():
     assert bench.get(0x6030, 1) == pytest.approx(1000, abs=1)
 
 
-# -- life ----------------------------------------------------------------------------------------------------------
+# -- life
+# ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-015", "C301-016", "C301-022", "C301-023")
 def test_the_encoder_is_a_node_like_the_drive():
-    """The same commands at the same times bring the same boot-ups, heartbeats and states out of encoder and drive."""
+    """The same commands at the same times bring the same boot-ups, heartbeats and states out of encoder and
+    drive.
+    """
 
     def lives_of(make) -> list[tuple[int, str]]:
         scheduler = VirtualScheduler()
@@ -286,7 +305,9 @@ def test_the_encoder_is_a_node_like_the_drive():
     "kind", [EncoderType.MULTI_TURN, EncoderType.MULTI_SENSOR, EncoderType.INCREMENTAL_LINEAR]
 )
 def test_no_frames_bring_the_encoder_down(kind):
-    """20 000 random and mutated frames each: no exception, finite signals, and after reset node the encoder answers."""
+    """20 000 random and mutated frames each: no exception, finite signals, and after reset node the encoder
+    answers.
+    """
     bench = EncoderBench(kind=kind)
     bench.network.disconnect()
     slave = bench.encoder.slave
@@ -334,12 +355,15 @@ def test_foreign_eds(tmp_path):
         EncoderBench(eds=path)
 
 
-# -- beside the drive ----------------------------------------------------------------------------------------------
+# -- beside the drive
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("steps", "sign"), [(131072, 1), (8192, 1), (8192, -1), (1000, 1)])
 def test_encoder_and_drive_on_one_shaft_agree(make_bench, steps, sign):
-    """While the axis moves, every 6004h is the drive's 6064h of the same SYNC, within the coarser resolution."""
+    """While the axis moves, every 6004h is the drive's 6064h of the same SYNC, within the coarser
+    resolution.
+    """
     bench = make_bench(DriveConfig.reference())
     mechanics = bench.drive.mechanics
     encoder = CiA406Encoder(

@@ -15,7 +15,8 @@ from fieldbus.canopen.dictionary import entries_of
 from fieldbus.canopen.object_table import STRING, TYPE_NAMES
 from fieldbus.cia406 import OBJECT_NAMES, EncoderType
 
-# The object table of the profile chapter, in its own notation: index, sub-indices, type, access, PDO, default.
+# The object table of the profile chapter, in its own notation: index, sub-indices, type, access, PDO,
+# default.
 COMMON = """
 6000 0 U16 rw - 4 | 6002 0 U32 rw - ? | 6003 0 I32 rw - 0 | 6004 0 I32 ro T 0 | 6008 0 I64 ro T 0 | 6009 0 I64 rw - 0
 600C 0 U32 ro T 0 | 6030 1 I16 ro T 0 | 6031 1 U8 rw - 0 | 6031 2-4 U16 rw - 1 | 6040 1 I16 ro T 0 | 6050 1 I16 ro T 0
@@ -27,16 +28,18 @@ COMMON = """
 100C 0 U16 rw - 0 | 100D 0 U8 rw - 0 | 1010 1-3 U32 rw - 1 | 1011 1-3 U32 rw - 1 | 1014 0 U32 rw - 133 | 1015 0 U16 rw - 0
 1016 1 U32 rw - 0 | 1017 0 U16 rw - 0 | 1018 1-4 U32 ro - ? | 1019 0 U8 rw - 0 | 1020 1-2 U32 rw - 0 | 1029 1 U8 rw - 0
 1200 1 U32 ro - 1541 | 1200 2 U32 ro - 1413
-"""
+"""  # noqa: E501
 CAMS = "".join(
     f"{base + cam:04X} 1 {kind} rw - 0 | "
     for base, kind in ((0x6310, "I32"), (0x6320, "I32"), (0x6330, "U16"))
     for cam in range(8)
 )
 OWN = {
-    "rotary": "1000 0 U32 ro - 131478 | 6001 0 U32 rw - 8192 | 6002 0 U32 rw - 33554432 | 6501 0 U32 ro - 8192 | 6502 0 U16 ro - 4096",
+    "rotary": "1000 0 U32 ro - 131478 | 6001 0 U32 rw - 8192 | 6002 0 U32 rw - 33554432 | 6501 0 U32 ro - "
+    "8192 | 6502 0 U16 ro - 4096",
     "linear": "1000 0 U32 ro - 524694 | 6005 1-4 U32 rw - ?",
-    "multi_sensor": "1000 0 U32 ro - 655766 | 6005 1-4 U32 rw - ? | 6010 1-2 I32 rw - 0 | 6020 1-2 I32 ro T 0 | 650C 1-2 I32 ro - 0 "
+    "multi_sensor": "1000 0 U32 ro - 655766 | 6005 1-4 U32 rw - ? | 6010 1-2 I32 rw - 0 | 6020 1-2 I32 ro T "
+    "0 | 650C 1-2 I32 ro - 0 "
     "| 6030 1-2 I16 ro T 0 | 6300 1-2 U8 ro T 0 | 6310 1-2 I32 rw - 0 | 6401 1-2 I32 rw - ?",
 }
 
@@ -76,7 +79,9 @@ def test_the_command_checks_the_files():
 @pytest.mark.requirement("C402-309")
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_library_reads_what_the_table_says(family):
-    """Every entry of the table is in the imported dictionary with its type, access and mapping flag, and none besides."""
+    """Every entry of the table is in the imported dictionary with its type, access and mapping flag, and none
+    besides.
+    """
     dictionary = canopen.import_od(str(eds_path(family)), 5)
     found = set()
     for row in all_objects(family):
@@ -98,8 +103,11 @@ def test_the_library_reads_what_the_table_says(family):
 
 
 @pytest.mark.requirement(
-    *(f"C406-0{number}" for number in (*range(13, 49),) if number != 21), "C406-021", "C406-001", "C301-132",
-)  # fmt: skip
+    *(f"C406-0{number}" for number in (*range(13, 49),) if number != 21),
+    "C406-021",
+    "C406-001",
+    "C301-132",
+)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_object_of_the_profile_is_there(family):
     """Type, access right, PDO direction and default of each object are those of the profile's table."""
@@ -120,7 +128,9 @@ def test_every_object_of_the_profile_is_there(family):
 @pytest.mark.requirement("C406-009", "C406-010", "C406-011")
 @pytest.mark.parametrize("family", FAMILIES)
 def test_default_pdos(family):
-    """Identifier, validity, transmission type and mapping of the TPDOs; a multi-sensor device sends 6020h:1."""
+    """Identifier, validity, transmission type and mapping of the TPDOs; a multi-sensor device sends
+    6020h:1.
+    """
     entries = entries_of(encoder_dictionary(family), 5)
     position = 0x60200120 if family == "multi_sensor" else 0x60040020
     for record, cob_id, kind, mapping in (

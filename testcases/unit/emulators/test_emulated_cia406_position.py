@@ -1,4 +1,6 @@
-"""Position formation of the encoders: code sequence, scaling, preset, range, what survives a loss of supply."""
+"""Position formation of the encoders: code sequence, scaling, preset, range, what survives a loss of
+supply.
+"""
 
 from __future__ import annotations
 
@@ -35,13 +37,16 @@ def expected(
     return (math.floor(revolutions * units) + offset) % total
 
 
-# -- formula -------------------------------------------------------------------------------------------------------
+# -- formula
+# -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C406-003", "C406-004", "C406-005", "C406-007")
 @given(data=st.data())
 def test_position_is_the_formula_of_the_profile(data):
-    """Any resolution, range, scaling, code sequence, preset and place: 6004h and 600Ch are the calculated numbers."""
+    """Any resolution, range, scaling, code sequence, preset and place: 6004h and 600Ch are the calculated
+    numbers.
+    """
     resolution = data.draw(st.sampled_from([4, 360, 1000, 8192, 65536]))
     turns = data.draw(st.sampled_from([1, 3, 16, 4096]))
     units = data.draw(st.integers(1, resolution))
@@ -107,7 +112,9 @@ def test_values_that_are_refused():
 @pytest.mark.requirement("C406-007")
 @pytest.mark.parametrize(("index", "value"), [(0x6000, 5), (0x6000, 0), (0x6001, 4096), (0x6002, 10_000)])
 def test_another_scaling_makes_the_preset_invalid(index, value):
-    """Writing another value to 6000h, 6001h or 6002h sets the offset to zero; writing the same one does not."""
+    """Writing another value to 6000h, 6001h or 6002h sets the offset to zero; writing the same one does
+    not.
+    """
     bench = EncoderBench()
     bench.put(0x6003, 777)
     bench.put(index, bench.get(index))
@@ -151,7 +158,8 @@ def test_overflow_at_the_end_of_the_range():
     assert bench.position == 0
 
 
-# -- kinds ---------------------------------------------------------------------------------------------------------
+# -- kinds
+# ---------------------------------------------------------------------------------------------------------
 
 ROTARY = {"steps_per_revolution": 1000, "revolutions": 16}
 LINEAR = {"measuring_step_nm": 1000, "length_m": 0.02}
@@ -175,7 +183,8 @@ KINDS = {
 def test_what_each_kind_knows_after_power_on(kind):
     """Absolute encoders show their place at once, incremental ones begin at zero.
 
-    Turns counted by electronics are kept, and are wrong when the shaft was turned by more than half a turn without supply.
+    Turns counted by electronics are kept, and are wrong when the shaft was turned by more than half a turn
+    without supply.
     """
     config, before, same, moved = KINDS[kind]
     bench = EncoderBench(kind=kind, **config)
@@ -194,7 +203,9 @@ def test_what_each_kind_knows_after_power_on(kind):
 
 @pytest.mark.requirement("C406-001", "C406-018")
 def test_ranges_of_linear_encoders():
-    """Behind the end of its scale a length wraps, is counted on, repeats its code, or cannot be read at all."""
+    """Behind the end of its scale a length wraps, is counted on, repeats its code, or cannot be read at
+    all.
+    """
     shown = {}
     for kind in (
         EncoderType.INCREMENTAL_LINEAR,
@@ -216,7 +227,9 @@ def test_ranges_of_linear_encoders():
     back=st.booleans(),
 )
 def test_linear_scaling(step_nm, steps, back):
-    """The position of a linear encoder counts steps of 6005h:1 (0.001 µm), in the measuring direction of bit 3."""
+    """The position of a linear encoder counts steps of 6005h:1 (0.001 µm), in the measuring direction of bit
+    3.
+    """
     bench = EncoderBench(kind=EncoderType.CYCLIC_LINEAR, **LINEAR)
     bench.put(0x6005, step_nm, 1)
     bench.put(0x6000, 4 + 8 * back)
@@ -229,7 +242,9 @@ def test_linear_scaling(step_nm, steps, back):
 
 @pytest.mark.requirement("C406-018", "C406-013")
 def test_refusals_of_linear_encoders():
-    """No position step below the measuring step, no zero steps, no code sequence: a slide has a measuring direction."""
+    """No position step below the measuring step, no zero steps, no code sequence: a slide has a measuring
+    direction.
+    """
     bench = EncoderBench(kind=EncoderType.ABSOLUTE_LINEAR, **LINEAR)
     assert refused(bench, 0x6005, 999, 1) == TOO_LOW
     assert [refused(bench, 0x6005, 0, sub) for sub in (2, 3, 4)] == [TOO_LOW] * 3
@@ -270,7 +285,8 @@ def test_high_precision_position_is_not_folded():
     assert refused(bench, 0x6009, 1 << 62 | 1) == TOO_HIGH
 
 
-# -- memory --------------------------------------------------------------------------------------------------------
+# -- memory
+# --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C406-005")
@@ -289,7 +305,9 @@ def test_preset_is_remembered_at_once():
 
 @pytest.mark.requirement("C406-005", "C406-007", "C301-140", "C301-141")
 def test_offset_belongs_to_its_scaling():
-    """An offset of a scaling that was not saved is dropped with it; one that was saved with it stays; defaults end it."""
+    """An offset of a scaling that was not saved is dropped with it; one that was saved with it stays;
+    defaults end it.
+    """
     bench = EncoderBench()
     bench.count(8192)
     bench.put(0x6001, 4096)
@@ -326,7 +344,8 @@ def test_resets():
     assert counting.position == 3 * 8192
 
 
-# -- mounting and configuration ------------------------------------------------------------------------------------
+# -- mounting and configuration
+# ------------------------------------------------------------------------------------
 
 
 def test_mounting():

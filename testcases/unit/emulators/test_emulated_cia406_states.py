@@ -20,7 +20,8 @@ TPDO1, TPDO2, TPDO3, TPDO4 = 0x187, 0x287, 0x387, 0x487
 TURN = 2 * math.pi
 
 
-# -- cams and work area --------------------------------------------------------------------------------------------
+# -- cams and work area
+# --------------------------------------------------------------------------------------------
 
 
 class CamOracle:
@@ -39,7 +40,9 @@ class CamOracle:
 @pytest.mark.requirement("C406-027", "C406-028", "C406-029", "C406-030", "C406-031", "C406-032", "C406-049")
 @given(data=st.data())
 def test_cams(data):
-    """All eight cams at any places, with hysteresis on leaving, polarity and enable, against a model of the rule."""
+    """All eight cams at any places, with hysteresis on leaving, polarity and enable, against a model of the
+    rule.
+    """
     bench = EncoderBench(steps_per_revolution=1000, revolutions=1)
     place = st.integers(0, 999)
     enable, polarity = data.draw(st.integers(0, 255)), data.draw(st.integers(0, 255))
@@ -91,12 +94,15 @@ def test_work_area():
         assert caught.value.code == AbortCode.MAXIMUM_BELOW_MINIMUM
 
 
-# -- alarms and warnings -------------------------------------------------------------------------------------------
+# -- alarms and warnings
+# -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C406-050", "C406-051", "C406-038", "C301-108", "C301-109")
 def test_alarm_holds_the_position_and_sends_an_emcy():
-    """Position error: EMCY 1000h with register 21h, 6004h keeps its value; with the cause it goes, EMCY 0000h."""
+    """Position error: EMCY 1000h with register 21h, 6004h keeps its value; with the cause it goes, EMCY
+    0000h.
+    """
     bench = EncoderBench()
     bench.count(500)
     bench.encoder.inject_alarms(1)
@@ -109,13 +115,20 @@ def test_alarm_holds_the_position_and_sends_an_emcy():
     bench.run(0.002)
     assert (bench.position, bench.get(0x6503), bench.get(0x1001)) == (900, 0, 0)
     assert bench.emcys == [
-        (0x1000, 0x21), (0xFF0C, 0x21), (0xFF0F, 0x21), (0, 0x21), (0, 0x21), (0, 0),
-    ]  # fmt: skip
+        (0x1000, 0x21),
+        (0xFF0C, 0x21),
+        (0xFF0F, 0x21),
+        (0, 0x21),
+        (0, 0x21),
+        (0, 0),
+    ]
 
 
 @pytest.mark.requirement("C406-050", "C406-038")
 def test_slide_beyond_its_scale_is_a_position_error():
-    """An absolute linear encoder that leaves its scale raises the alarm by itself, keeps the last position, and recovers."""
+    """An absolute linear encoder that leaves its scale raises the alarm by itself, keeps the last position,
+    and recovers.
+    """
     bench = EncoderBench(kind=EncoderType.ABSOLUTE_LINEAR, length_m=0.1, start=0.09)
     bench.encoder.turn_shaft(0.1)
     bench.run(0.2)
@@ -178,7 +191,8 @@ def test_only_supported_bits_can_be_brought_about():
             call(word)
 
 
-# -- faults of the sensor ------------------------------------------------------------------------------------------
+# -- faults of the sensor
+# ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-312")

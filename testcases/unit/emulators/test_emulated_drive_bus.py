@@ -54,7 +54,9 @@ def test_every_readable_object_can_be_read(bench, node):
 
 @pytest.mark.requirement("C402-018", "C402-019", "C402-024")
 def test_the_master_of_the_canopen_library_drives_it(bench, network):
-    """`BaseNode402`, written by others, enables the drive, moves it in profile position and resets a fault."""
+    """`BaseNode402`, written by others, enables the drive, moves it in profile position and resets a
+    fault.
+    """
     node = network.add_node(BaseNode402(1, str(EDS_PATH)))
     with virtual_time(bench.scheduler):
         node.nmt.state = "PRE-OPERATIONAL"
@@ -128,7 +130,9 @@ def test_story_of_a_fault(bench):
 
 @pytest.mark.requirement("C301-020", "C402-077", "C402-050", "C301-026")
 def test_heartbeat_loss_is_a_fault(bench, node):
-    """1016h set, heartbeat gone, 6007h = 1: EMCY 8130h, fault reaction on the ramp, reset only when it is back."""
+    """1016h set, heartbeat gone, 6007h = 1: EMCY 8130h, fault reaction on the ramp, reset only when it is
+    back.
+    """
     node.sdo[0x1016][1].raw = 127 << 16 | 50
     bench.master.produce_heartbeat(20 * MS)
     bench.spin(600)
@@ -232,7 +236,9 @@ def test_reset_communication_keeps_the_application(bench):
 
 @pytest.mark.requirement("C301-140", "C301-141")
 def test_stored_parameters_survive_power_off(bench):
-    """1010h keeps parameters over power-off, 1011h brings the defaults back; refused while the power stage is on."""
+    """1010h keeps parameters over power-off, 1011h brings the defaults back; refused while the power stage is
+    on.
+    """
     bench.write(0x6083, 1_234_000)
     bench.write(0x60FF, 5000)
     bench.write(0x1010, 0x65766173, 1)
@@ -255,7 +261,9 @@ def test_stored_parameters_survive_power_off(bench):
 @pytest.mark.requirement("C406-008")
 @pytest.mark.parametrize(("kind", "keeps"), [("incremental", False), ("absolute", True)])
 def test_position_over_power_off(make_bench, kind, keeps):
-    """A multi-turn encoder keeps position and homing over power-off, even if moved; an incremental one loses both."""
+    """A multi-turn encoder keeps position and homing over power-off, even if moved; an incremental one loses
+    both.
+    """
     bench = make_bench(replace(DriveConfig.reference(), encoder=EncoderConfig(kind=kind)))
     bench.configure({0x6098: 37, 0x607C: -5000})
     bench.enable(6)
@@ -333,7 +341,9 @@ def test_encoder_faults_reach_the_bus(bench):
 
 @pytest.mark.requirement("C402-160")
 def test_overload_and_blocked_motor(make_bench):
-    """Too much torque for too long is fault 2310h; a blocked motor at the torque limit is 7121h if watched."""
+    """Too much torque for too long is fault 2310h; a blocked motor at the torque limit is 7121h if
+    watched.
+    """
     bench = make_bench(replace(DriveConfig.reference(), thermal_time_constant_s=2.0))
     bench.enable(3)
     bench.write(0x60FF, 1_000_000)
@@ -369,7 +379,9 @@ def test_two_runs_are_identical(make_bench):
 
 
 def test_any_eds_can_be_used(make_bench, tmp_path):
-    """A drive with another EDS, here one without touch probe and factor group, works with built-in defaults."""
+    """A drive with another EDS, here one without touch probe and factor group, works with built-in
+    defaults.
+    """
     text = EDS_PATH.read_text(encoding="ascii")
     sections = text.split("\n\n")
     removed = ("[60B", "[608F", "[6091", "[6092", "[60E", "[60C8", "[60C9", "[6079", "[60F4")

@@ -42,7 +42,8 @@ def setpoint(bench, revolutions: float, word: int = 0x1F, wait: float = 0.002) -
     bench.control(word, wait)
 
 
-# -- changing modes -------------------------------------------------------------------------------------------
+# -- changing modes
+# -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -99,7 +100,8 @@ def test_mode_change_in_operation_starts_from_the_actual_values(bench):
     assert bench.state is S.OPERATION_ENABLED
 
 
-# -- profile position -------------------------------------------------------------------------------------------
+# -- profile position
+# -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-091", "C402-033")
@@ -146,7 +148,9 @@ def test_change_immediately(make_bench):
 
 @pytest.mark.requirement("C402-092")
 def test_set_of_setpoints(make_bench):
-    """Bit 5 = 0: the second waits, the third finds the buffer full (bit 12 stays 1), the axis stops in between."""
+    """Bit 5 = 0: the second waits, the third finds the buffer full (bit 12 stays 1), the axis stops in
+    between.
+    """
     bench = position_bench(make_bench)
     samples = bench.observe()
     setpoint(bench, 5.0)
@@ -270,7 +274,9 @@ def test_halt_and_resume_of_a_positioning(make_bench):
 
 @pytest.mark.requirement("C402-162", "C402-163", "C402-140")
 def test_software_limits_clamp_positions_once_homed(make_bench):
-    """607Dh: before homing nothing; afterwards the target is clamped and bit 11 shows it; min > max is refused."""
+    """607Dh: before homing nothing; afterwards the target is clamped and bit 11 shows it; min > max is
+    refused.
+    """
     bench = position_bench(make_bench)
     bench.write(0x607D, -2 * REV, 1)
     bench.write(0x607D, 3 * REV, 2)
@@ -295,7 +301,9 @@ def test_software_limits_clamp_positions_once_homed(make_bench):
 
 @pytest.mark.requirement("C402-166")
 def test_user_units(make_bench):
-    """6092h = 10000: with a 10 mm screw the unit is 1 um, velocities in rpm; gear 2 halves the way of the motor."""
+    """6092h = 10000: with a 10 mm screw the unit is 1 um, velocities in rpm; gear 2 halves the way of the
+    motor.
+    """
     bench = make_bench(DriveConfig())
     bench.write(0x6091, 2, 1)
     bench.run(0.002)
@@ -309,7 +317,9 @@ def test_user_units(make_bench):
 
 @pytest.mark.requirement("C402-165")
 def test_polarity_inverts_demand_and_actual_values(make_bench):
-    """607Eh = E0h: positive targets turn the motor backwards, actual values follow; no change while enabled."""
+    """607Eh = E0h: positive targets turn the motor backwards, actual values follow; no change while
+    enabled.
+    """
     bench = make_bench()
     bench.write(0x607E, 0xE0)
     bench.configure({0x6083: 60_000_000})
@@ -325,12 +335,15 @@ def test_polarity_inverts_demand_and_actual_values(make_bench):
     assert refusal.value.code == 0x08000022
 
 
-# -- profile velocity ---------------------------------------------------------------------------------------------
+# -- profile velocity
+# ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-097", "C402-157", "C402-158", "C402-044", "C402-046")
 def test_profile_velocity(bench):
-    """Ramps of 6083h and 6084h, bit 10 in the velocity window, bit 12 below the threshold; reversal through zero."""
+    """Ramps of 6083h and 6084h, bit 10 in the velocity window, bit 12 below the threshold; reversal through
+    zero.
+    """
     bench.configure({0x6083: 3_000_000, 0x6084: 6_000_000, 0x606D: 2000, 0x606E: 10, 0x606F: 5000, 0x6070: 0})
     bench.enable(3)
     assert bench.status & 0x1000
@@ -379,14 +392,17 @@ def test_speed_limits_in_profile_velocity(bench):
         assert bench.status & 0x800
 
 
-# -- homing -------------------------------------------------------------------------------------------------------
+# -- homing
+# -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-127", "C402-129", "C402-134", "C402-135", "C402-138")
 @pytest.mark.parametrize("method", [35, 37])
 @pytest.mark.parametrize(("option", "expected"), [("profile", -7000), ("vendor", 7000)])
 def test_homing_on_the_present_position(make_bench, method, option, expected):
-    """Methods 35 and 37: no motion; 6064h becomes -607Ch (or +607Ch); bits 13, 12, 10 = 001 before, 011 after."""
+    """Methods 35 and 37: no motion; 6064h becomes -607Ch (or +607Ch); bits 13, 12, 10 = 001 before, 011
+    after.
+    """
     bench = make_bench(replace(DriveConfig.reference(), home_offset=option))
     bench.configure({0x6098: method, 0x607C: 7000})
     bench.drive.mechanics.place(0.0123)
@@ -421,7 +437,8 @@ def test_homing_in_motionless_control_does_not_move_the_axis(make_bench):
     assert max(abs(position - samples[0][1]) for _, position, _ in samples) < 1e-7
 
 
-# -- cyclic modes -------------------------------------------------------------------------------------------------
+# -- cyclic modes
+# -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-101", "C402-102", "C301-035")
@@ -515,7 +532,9 @@ def test_cyclic_position_speed_limit(bench):
 
 @pytest.mark.requirement("C402-100", "C402-256")
 def test_cyclic_position_acceleration_limits(bench):
-    """csp: after a jump 60C5h and 60C6h limit speeding up and slowing down, and the target is met without swinging."""
+    """csp: after a jump 60C5h and 60C6h limit speeding up and slowing down, and the target is met without
+    swinging.
+    """
     bench.configure({0x60C5: 6_000_000, 0x60C6: 3_000_000})
     bench.start_cyclic(8)
     bench.enable_cyclic()
@@ -634,7 +653,9 @@ def test_torque_limits(bench):
 
 @pytest.mark.requirement("C402-104", "C301-049")
 def test_one_missing_setpoint_is_bridged_and_the_second_is_a_fault(bench):
-    """csp: after one missing RPDO the axis goes on with its velocity, the second leads to 6007h: fault 8250h."""
+    """csp: after one missing RPDO the axis goes on with its velocity, the second leads to 6007h: fault
+    8250h.
+    """
     bench.start_cyclic(8)
     bench.enable_cyclic()
     for _ in range(50):

@@ -33,7 +33,9 @@ def assert_torque_limit_stop(samples, bench) -> None:
     [(1, SLOW), (2, QUICK), (3, None), (4, None), (5, SLOW), (6, QUICK), (7, None), (8, None)],
 )
 def test_quick_stop_ramps(bench, ramp_of, option, expected):
-    """605Ah 1..8: the load stops on 6084h, 6085h or the torque limit, then leaves Quick stop active or stays."""
+    """605Ah 1..8: the load stops on 6084h, 6085h or the torque limit, then leaves Quick stop active or
+    stays.
+    """
     bench.write(0x605A, option)
     bench.spin()
     samples = bench.observe()
@@ -130,7 +132,9 @@ def test_disable_voltage_coasts(bench):
 @pytest.mark.requirement("C402-063", "C402-064", "C402-065", "C402-066", "C402-036", "C402-076")
 @pytest.mark.parametrize(("option", "expected"), [(1, SLOW), (2, QUICK), (3, None), (4, None)])
 def test_halt(bench, ramp_of, option, expected):
-    """605Dh: bit 8 stops on the chosen ramp, the drive stays enabled; bit 10 at standstill; release goes on."""
+    """605Dh: bit 8 stops on the chosen ramp, the drive stays enabled; bit 10 at standstill; release goes
+    on.
+    """
     bench.write(0x605D, option)
     bench.spin()
     samples = bench.observe()
@@ -162,7 +166,9 @@ def test_halt_before_enabling(bench):
 @pytest.mark.requirement("C402-014", "C402-015", "C402-067", "C402-068", "C402-069", "C402-070", "C402-071")
 @pytest.mark.parametrize(("option", "expected"), [(0, "coast"), (1, SLOW), (2, QUICK), (3, None), (4, None)])
 def test_fault_reaction(bench, ramp_of, option, expected):
-    """605Eh: a fault in motion stops as chosen in Fault reaction active, then Fault; EMCY, 603Fh and 1001h tell it."""
+    """605Eh: a fault in motion stops as chosen in Fault reaction active, then Fault; EMCY, 603Fh and 1001h
+    tell it.
+    """
     bench.write(0x605E, option)
     bench.spin()
     samples = bench.observe()
@@ -254,7 +260,9 @@ def test_safe_torque_off_as_fault(make_bench):
 
 @pytest.mark.requirement("C402-029", "C402-040")
 def test_loss_of_the_dc_link(make_bench):
-    """DC link lost: fault 3220h from Operation enabled, Switch on disabled without fault from Switched on; bit 4."""
+    """DC link lost: fault 3220h from Operation enabled, Switch on disabled without fault from Switched on;
+    bit 4.
+    """
     bench = make_bench()
     bench.to_state(S.SWITCHED_ON)
     assert bench.status & 0x10
@@ -438,7 +446,9 @@ def test_inputs_follow_the_switches(make_bench):
 @pytest.mark.requirement("C402-161")
 @pytest.mark.parametrize("direction", [1, -1])
 def test_limit_switch_stops_the_axis(make_bench, direction):
-    """Motion into a limit switch: stop with 6085h, bit 11, stays enabled; further in is refused, out is allowed."""
+    """Motion into a limit switch: stop with 6085h, bit 11, stays enabled; further in is refused, out is
+    allowed.
+    """
     bench = make_bench(DriveConfig.reference(position_m=0.4 * direction))
     bench.spin(1200 * direction)
     bench.until(lambda: bench.read(0x60FD) & 3, 2.0)

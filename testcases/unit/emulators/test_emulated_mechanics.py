@@ -111,7 +111,9 @@ def test_breakaway_needs_the_static_friction():
 @pytest.mark.parametrize("dt", [0.0001, 0.00025, 0.001])
 @pytest.mark.parametrize("stiffness", [1e5, 1e7, 1e9])
 def test_end_stop_is_stable_at_any_stiffness(dt: float, stiffness: float):
-    """An axis that runs into a stop bounces at most with its own energy and comes to rest pressed against it."""
+    """An axis that runs into a stop bounces at most with its own energy and comes to rest pressed against
+    it.
+    """
     damping = 0.6 * math.sqrt(stiffness * 100.0)
     mechanics = axis(
         inertia=100.0, upper_stop=0.5, stop_stiffness=stiffness, stop_damping=damping, viscous_friction=1e3

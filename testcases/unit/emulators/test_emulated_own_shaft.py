@@ -1,4 +1,6 @@
-"""A shaft that is moved from outside, turns counted by electronics, lost steps, and how encoders are mounted."""
+"""A shaft that is moved from outside, turns counted by electronics, lost steps, and how encoders are
+mounted.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ SPEEDS = st.integers(-50, 50)
     moments=st.lists(st.integers(0, 40_000), min_size=1, max_size=5),
 )
 def test_shaft_follows_its_profile(profile, moments):
-    """At any moment position and velocity are those of the integrated profile, however seldom somebody looks."""
+    """At any moment position and velocity are those of the integrated profile, however seldom somebody
+    looks.
+    """
     scheduler = VirtualScheduler()
     shaft = DrivenShaft(scheduler, position=1.5)
     shaft.follow([(duration / 1000, float(speed)) for duration, speed in profile])
@@ -45,7 +49,9 @@ def test_shaft_follows_its_profile(profile, moments):
 
 
 def test_repeated_profile():
-    """A repeated profile goes on from the speed and place that it has reached, for as long as nobody stops it."""
+    """A repeated profile goes on from the speed and place that it has reached, for as long as nobody stops
+    it.
+    """
     scheduler = VirtualScheduler()
     shaft = DrivenShaft(scheduler)
     shaft.follow([(1.0, 10.0), (1.0, 0.0)], repeat=True)
@@ -133,7 +139,9 @@ def test_more_than_half_a_turn_is_taken_for_the_shorter_way():
 
 @given(every=st.integers(2, 50), places=st.lists(st.integers(-2000, 2000), min_size=1, max_size=8))
 def test_lost_steps(every, places):
-    """One of `every` steps away from the place where the loss began is missing, and stays missing when it ends."""
+    """One of `every` steps away from the place where the loss began is missing, and stays missing when it
+    ends.
+    """
     encoder: RotaryEncoder = IncrementalEncoder(counts_per_revolution=1000)
     encoder.power_on(0.0)
     encoder.sample(0.123 * TURN)

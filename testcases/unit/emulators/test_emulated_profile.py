@@ -63,7 +63,9 @@ def test_any_state_leads_to_the_target_within_the_limits(
     deceleration: float,
     jerk: float,
 ):
-    """From any position and speed the profile is continuous, keeps speed and acceleration limits and ends exactly."""
+    """From any position and speed the profile is continuous, keeps speed and acceleration limits and ends
+    exactly.
+    """
     profile = PositionProfile(step_s=0.001)
     profile.reset(start, speed)
     profile.move(

@@ -178,7 +178,9 @@ def test_position_is_reached_exactly_and_held_against_a_force():
 
 
 def test_torque_limit_and_anti_windup():
-    """Above the torque limit the acceleration is limited, and the speed arrives without overshoot from windup."""
+    """Above the torque limit the acceleration is limited, and the speed arrives without overshoot from
+    windup.
+    """
     core = build(coulomb_friction=0.0, viscous_friction=0.0)
     core.set_torque_limits(1.0, 1.0)
     core.enable_pulses()
@@ -263,7 +265,9 @@ def test_current_loop_lag():
 
 @pytest.mark.requirement("STP-532")
 def test_brake_closes_with_the_pulses_at_any_speed():
-    """Pulse inhibit closes the brake irrespective of speed, after its closing time; forced open it stays open."""
+    """Pulse inhibit closes the brake irrespective of speed, after its closing time; forced open it stays
+    open.
+    """
     brake = {"torque_Nm": 3.0, "opening_time_s": 0.02, "closing_time_s": 0.03}
     core = build(brake=brake)
     assert core.brake.closed
@@ -299,7 +303,9 @@ def test_forced_open_brake_lets_the_axis_coast():
 
 
 def test_standstill_is_reported_after_the_timeout_when_the_axis_is_driven():
-    """An axis that something keeps turning counts as stopped after the timeout, like a drive that gives up."""
+    """An axis that something keeps turning counts as stopped after the timeout, like a drive that gives
+    up.
+    """
     core = build(tuning=ServoTuning(standstill_timeout_s=0.2))
     core.set_torque_limits(0.1, 0.1)
     core.enable_pulses()

@@ -43,7 +43,8 @@ def fails(run) -> None:
     assert not run.drive.axis.homed
 
 
-# -- switches -----------------------------------------------------------------------------------------------------
+# -- switches
+# -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-136", "C402-135")
@@ -59,7 +60,9 @@ def fails(run) -> None:
     ],
 )
 def test_limit_switch_ends_a_search_with_a_one_sided_switch(make_bench, method, cam, start, stuck):
-    """3 to 6, 19 to 22: the limit switch is reached first, because the home switch is stuck: error, in motion 100, then 101."""
+    """3 to 6, 19 to 22: the limit switch is reached first, because the home switch is stuck: error, in motion
+    100, then 101.
+    """
     bench = make_bench(machine(start_mm=start, home=cam))
     bench.drive.force_input("home", stuck)
     run = home(bench, method)
@@ -151,7 +154,9 @@ def test_swapped_limit_switches_come_back(make_bench):
 
 @pytest.mark.requirement("C402-137")
 def test_a_dead_limit_switch_ends_at_the_end_stop_as_an_error(make_bench):
-    """Method 1 with a limit switch that never comes: the axis is blocked by the stop; error after the detection time."""
+    """Method 1 with a limit switch that never comes: the axis is blocked by the stop; error after the
+    detection time.
+    """
     bench = make_bench(machine(start_mm=-40.0))
     bench.drive.force_input("negative_limit", False)
     run = home(bench, 1)
@@ -199,7 +204,9 @@ def test_index_that_does_not_come(make_bench, method, start):
 @pytest.mark.requirement("C402-139", "C402-311")
 @pytest.mark.parametrize(("filter_s", "home_mm"), [(0.0, CAM[0]), (0.010, CAM[1] + 0.25)])
 def test_bouncing_home_switch(make_bench, filter_s, home_mm):
-    """Method 26: a bounce at the left edge is taken for the right edge without input filter, and not noticed with it."""
+    """Method 26: a bounce at the left edge is taken for the right edge without input filter, and not noticed
+    with it.
+    """
     bench = make_bench(machine(start_mm=-20.0, home=CAM, servo_us=250, input_filter_s=filter_s))
     run = prepare(bench, 26)
     force = bench.drive.force_input
@@ -221,7 +228,8 @@ def test_bouncing_home_switch(make_bench, filter_s, home_mm):
     assert run.home_counts / COUNTS * LEAD_MM == pytest.approx(home_mm, abs=0.5)
 
 
-# -- commands -----------------------------------------------------------------------------------------------------
+# -- commands
+# -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-134", "C402-135")
@@ -247,7 +255,9 @@ def test_interrupted_and_started_again(make_bench):
 
 @pytest.mark.requirement("C402-134", "C402-076", "C402-036")
 def test_halt_and_on(make_bench):
-    """Bit 8 stops per 605Dh without ending the run; its release searches on; bit 4 taken back meanwhile ends it."""
+    """Bit 8 stops per 605Dh without ending the run; its release searches on; bit 4 taken back meanwhile ends
+    it.
+    """
     bench = make_bench(machine(start_mm=-30.0, home=CAM))
     run = prepare(bench, 24)
     run.command(0x1F)
@@ -337,7 +347,8 @@ def test_jerk_limited_homing(make_bench):
     assert homes[0] == homes[1]
 
 
-# -- coordinates --------------------------------------------------------------------------------------------------
+# -- coordinates
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-138")
@@ -399,7 +410,9 @@ def test_polarity_does_not_turn_homing_round(make_bench):
 @settings(deadline=None, max_examples=60)
 @given(data=st.data())
 def test_any_parameters_and_commands_leave_a_working_drive(make_bench_factory, data):
-    """Whatever a controller writes before and during runs: no exception, and a homing run with sound parameters succeeds."""
+    """Whatever a controller writes before and during runs: no exception, and a homing run with sound
+    parameters succeeds.
+    """
     bench = make_bench_factory(
         machine(
             start_mm=data.draw(st.floats(-44.0, 44.0)),
@@ -411,9 +424,19 @@ def test_any_parameters_and_commands_leave_a_working_drive(make_bench_factory, d
         bench, data.draw(st.sampled_from([*range(-4, 0), *range(1, 15), *range(17, 31), 33, 34, 35, 37]))
     )
     numbers = st.sampled_from([0, 1, 1000, 600_000, 0x7FFFFFFF, 0xFFFFFFFF])
-    places = st.sampled_from([
-        (0x6099, 1), (0x6099, 2), (0x609A, 0), (0x607F, 0), (0x60C5, 0), (0x2010, 3), (0x2010, 4), (0x2010, 5), (0x60A4, 1),
-    ])  # fmt: skip
+    places = st.sampled_from(
+        [
+            (0x6099, 1),
+            (0x6099, 2),
+            (0x609A, 0),
+            (0x607F, 0),
+            (0x60C5, 0),
+            (0x2010, 3),
+            (0x2010, 4),
+            (0x2010, 5),
+            (0x60A4, 1),
+        ]
+    )
     for _ in range(data.draw(st.integers(1, 12))):
         match data.draw(st.sampled_from(["write", "word", "input", "index", "method", "profile"])):
             case "write":
@@ -444,7 +467,9 @@ def test_any_parameters_and_commands_leave_a_working_drive(make_bench_factory, d
 
 @pytest.mark.requirement("C402-140")
 def test_software_limits_are_off_during_homing(make_bench):
-    """607Dh does not shorten a search: it leads through positions that the limits forbid, before and after the first homing."""
+    """607Dh does not shorten a search: it leads through positions that the limits forbid, before and after
+    the first homing.
+    """
     bench = make_bench(machine(start_mm=30.0, home=CAM))
     bench.write(0x607D, 100, 2)
     bench.write(0x607D, -100, 1)
@@ -461,7 +486,9 @@ def test_software_limits_are_off_during_homing(make_bench):
 @pytest.mark.requirement("C402-138", "C402-089", "C402-100")
 @pytest.mark.parametrize("method", [1, 9, 34])
 def test_hand_over_to_csp(make_bench, method):
-    """6064h and 6062h jump by the same shift while homing ends; csp takes over with 607Ah = 6064h without any motion."""
+    """6064h and 6062h jump by the same shift while homing ends; csp takes over with 607Ah = 6064h without any
+    motion.
+    """
     bench = make_bench(machine(start_mm=20.0, home=CAM))
     bench.write(0x607C, -7777)
     run = prepare(bench, method)

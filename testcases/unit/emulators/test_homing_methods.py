@@ -1,7 +1,8 @@
-"""Every homing method from every kind of start, against an oracle made of the profile's table, the switches and the index grid.
+"""Every homing method from every kind of start, against an oracle made of the profile's table, the switches
+and the index grid.
 
-The oracle knows the rows of the table in words, the places of the switches and the zero marks, and the true machine. It
-shares nothing with the drive's own description of the methods.
+The oracle knows the rows of the table in words, the places of the switches and the zero marks, and the true
+machine. It shares nothing with the drive's own description of the methods.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ from testcases.unit.emulators.homing_rig import (
     prepare,
 )
 
-# Edges of the named switches in the order of the table's row, each with the direction of motion in which it is seen; by
-# where the load starts. The last one is the home edge. "fast" says that this edge is the first and comes at 6099h:1.
+# Edges of the named switches in the order of the table's row, each with the direction of motion in which it
+# is seen; by where the load starts. The last one is the home edge. "fast" says that this edge is the first
+# and comes at 6099h:1.
 ROWS: dict[int, dict[str, list[str]]] = {
     1: {"off": ["- NLS up", "+ NLS down"], "on": ["+ NLS down"]},
     3: {"off": ["+ HS up", "- HS down"], "on": ["- HS down"]},
@@ -144,7 +146,8 @@ def check(run, method: int, edges: list[str], cam: tuple[float, float], zero_mar
     last = edges[-1]
     direction = 1 if last[0] == "+" else -1
     reference = last.split()[1]
-    # The row speaks of its switch and of limit switches that are reached; those that are left again do not matter.
+    # The row speaks of its switch and of limit switches that are reached; those that are left again do not
+    # matter.
     named = [
         (time, name)
         for time, name in run.edges
@@ -153,7 +156,8 @@ def check(run, method: int, edges: list[str], cam: tuple[float, float], zero_mar
     assert [name for _, name in named][: len(edges)] == edges, run.edges
     # C402-135: running, attained, finished.
     assert run.statuses == [0b000, 0b010, 0b011], [f"{bits:03b}" for bits in run.statuses]
-    # C402-133: fast until the first edge of the switch that is looked for, slow afterwards; never backwards behind the home edge.
+    # C402-133: fast until the first edge of the switch that is looked for, slow afterwards; never backwards
+    # behind the home edge.
     first_s = next(time for time, name in named if name.split()[1] == reference)
     home_s = named[len(edges) - 1][0]
     leaving = len(edges) == 1 and last.endswith("down")
@@ -195,7 +199,9 @@ def marked(cases):
 @pytest.mark.requirement("C402-133", "C402-135", "C402-136", "C402-139")
 @pytest.mark.parametrize(("method", "place"), marked(CASES))
 def test_method_with_switch(make_bench, method, place):
-    """Edges, directions, speeds and home position are those of the row, wherever switch, index and start lie."""
+    """Edges, directions, speeds and home position are those of the row, wherever switch, index and start
+    lie.
+    """
     rng = random.Random(1000 * method + len(place))
     for _ in range(3):
         cam, _, _ = geometry(method, rng)
@@ -208,7 +214,9 @@ def test_method_with_switch(make_bench, method, place):
 @settings(deadline=None, max_examples=40)
 @given(data=st.data())
 def test_narrow_and_wide_cams_anywhere(make_bench_factory, data):
-    """Methods 7 to 14 and 23 to 30 find the same edge on cams that are narrower than the way to brake, from anywhere."""
+    """Methods 7 to 14 and 23 to 30 find the same edge on cams that are narrower than the way to brake, from
+    anywhere.
+    """
     method = data.draw(st.sampled_from([*range(7, 15), *range(23, 31)]))
     low = data.draw(st.floats(-38.0, 25.0))
     cam = (low, low + data.draw(st.floats(0.3, 12.0)))
@@ -256,7 +264,9 @@ def test_method_with_index_alone(make_bench, method, start, zero_mark):
 @pytest.mark.parametrize("retraction", [0, 1000])
 @pytest.mark.parametrize("start", [-40.0, 12.0])
 def test_method_with_hard_stop(make_bench, method, side, index, retraction, start):
-    """-1 to -4: slowly against the stop with the threshold torque; home is there, behind the retraction, or at the next zero mark."""
+    """-1 to -4: slowly against the stop with the threshold torque; home is there, behind the retraction, or
+    at the next zero mark.
+    """
     zero_mark = 777
     bench = make_bench(machine(start_mm=start, limits=False, zero_mark=zero_mark))
     bench.write(0x2010, retraction, 3)
@@ -301,7 +311,9 @@ def test_meaning_of_the_hard_stop_methods_is_configurable(make_bench):
 @pytest.mark.requirement("C402-139")
 @pytest.mark.parametrize("filter_ms", [0.0, 2.0, 7.5])
 def test_an_input_filter_delays_the_edge(make_bench, filter_ms):
-    """Method 21 latches where the input has been active for the filter time: behind the edge by that time at slow speed."""
+    """Method 21 latches where the input has been active for the filter time: behind the edge by that time at
+    slow speed.
+    """
     cam = (-math.inf, 3.0)
     config = machine(start_mm=-2.0, home=cam, servo_us=250, input_filter_s=filter_ms / 1000)
     run = home(make_bench(config), 21)

@@ -30,9 +30,13 @@ class Rig:
         self.analog_in = [AnalogInput(scheduler), AnalogInput(scheduler, 4, 20, wire_break_below=3.6)]
         self.analog_out = [AnalogOutput(), AnalogOutput(substitute=None)]
         self.station = ModbusIoStation(
-            scheduler, digital_inputs=self.inputs, digital_outputs=self.outputs, analog_inputs=self.analog_in,
-            analog_outputs=self.analog_out, **options,
-        )  # fmt: skip
+            scheduler,
+            digital_inputs=self.inputs,
+            digital_outputs=self.outputs,
+            analog_inputs=self.analog_in,
+            analog_outputs=self.analog_out,
+            **options,
+        )
         if transport == "rtu":
             line = SerialLine(scheduler)
             RtuStation(scheduler, line, self.station.server)
@@ -104,7 +108,9 @@ def test_bouncing_is_filtered(scheduler):
 
 
 def test_analog_range_and_smoothing(scheduler):
-    """27648 is the range, overflow and underflow have their own words, a broken wire is an overflow; 63 % after a time constant."""
+    """27648 is the range, overflow and underflow have their own words, a broken wire is an overflow; 63 %
+    after a time constant.
+    """
     channel = AnalogInput(scheduler, 4, 20, wire_break_below=3.6)
     for value, word in (
         (4, 0),
@@ -134,7 +140,9 @@ def test_analog_range_and_smoothing(scheduler):
 
 
 def test_the_watchdog(scheduler):
-    """Without a write for the time the outputs take their substitutes or keep their values; reading does not help."""
+    """Without a write for the time the outputs take their substitutes or keep their values; reading does not
+    help.
+    """
     rig = Rig(scheduler, "tcp", watchdog_ms=100)
     scheduler.run_for(S)
     assert not rig.station.substituted
@@ -166,12 +174,15 @@ def test_what_an_output_does_is_told():
 def test_bad_settings_are_refused(scheduler):
     """Filters, ranges, times and numbers of channels that cannot be say what is allowed."""
     bad = [
-        lambda: DigitalInput(scheduler, filter_ms=-1), lambda: DigitalInput(scheduler, filter_ms=1001),
-        lambda: AnalogInput(scheduler, 5, 5), lambda: AnalogInput(scheduler, smoothing_ms=-1),
-        lambda: AnalogInput(scheduler).set(float("nan")), lambda: AnalogOutput(1, 0),
+        lambda: DigitalInput(scheduler, filter_ms=-1),
+        lambda: DigitalInput(scheduler, filter_ms=1001),
+        lambda: AnalogInput(scheduler, 5, 5),
+        lambda: AnalogInput(scheduler, smoothing_ms=-1),
+        lambda: AnalogInput(scheduler).set(float("nan")),
+        lambda: AnalogOutput(1, 0),
         lambda: ModbusIoStation(scheduler, watchdog_ms=-1),
         lambda: ModbusIoStation(scheduler, digital_outputs=[DigitalOutput()] * 513),
-    ]  # fmt: skip
+    ]
     for make in bad:
         with pytest.raises(ConfigurationError):
             make()

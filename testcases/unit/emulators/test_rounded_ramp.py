@@ -1,4 +1,6 @@
-"""Speed ramps with rounding: times of the ramp-function generator, limits of slope and jerk, from any state to any target."""
+"""Speed ramps with rounding: times of the ramp-function generator, limits of slope and jerk, from any state
+to any target.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,9 @@ def test_zero_is_passed_as_the_end_of_one_ramp_and_the_begin_of_another():
 
 @pytest.mark.parametrize("continuous", [True, False])
 def test_turning_round_in_the_middle(continuous):
-    """Continuous: the slope falls first and the velocity overshoots what it was; else it breaks off at once."""
+    """Continuous: the slope falls first and the velocity overshoots what it was; else it breaks off at
+    once.
+    """
     ramp = RoundedRamp()
     shape = Rounding(100.0, 100.0, 0.2, 0.2, continuous)
     course(ramp, 100.0, shape, 0.5)
@@ -67,16 +71,21 @@ def test_turning_round_in_the_middle(continuous):
 
 SHAPES = st.builds(
     Rounding,
-    st.sampled_from([1.0, 50.0, 900.0]), st.sampled_from([1.0, 80.0, 700.0]), st.sampled_from([0.0, 0.05, 0.5]),
-    st.sampled_from([0.0, 0.05, 0.5]), st.booleans(),
-)  # fmt: skip
+    st.sampled_from([1.0, 50.0, 900.0]),
+    st.sampled_from([1.0, 80.0, 700.0]),
+    st.sampled_from([0.0, 0.05, 0.5]),
+    st.sampled_from([0.0, 0.05, 0.5]),
+    st.booleans(),
+)
 TARGETS = st.sampled_from([0.0, 1e-3, 30.0, -30.0, 300.0, -300.0])
 
 
 @settings(max_examples=100, derandomize=True, deadline=None)
 @given(st.lists(st.tuples(TARGETS, SHAPES, st.sampled_from([1, 7, 90])), min_size=1, max_size=5))
 def test_any_course_keeps_the_limits_and_arrives(orders):
-    """Targets and shapes change at any time: the velocity is steady, never steeper than the steepest slope, and arrives."""
+    """Targets and shapes change at any time: the velocity is steady, never steeper than the steepest slope,
+    and arrives.
+    """
     ramp = RoundedRamp()
     velocity = 0.0
     limit = 0.0

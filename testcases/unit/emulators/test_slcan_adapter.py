@@ -1,4 +1,6 @@
-"""The emulated serial-line adapter: protocol, rubbish on the line, and the device on a real pseudo-terminal."""
+"""The emulated serial-line adapter: protocol, rubbish on the line, and the device on a real
+pseudo-terminal.
+"""
 
 import os
 import time
@@ -72,11 +74,44 @@ def test_frames_go_both_ways(opened, line, frame, answer):
 @pytest.mark.parametrize(
     "line",
     [
-        "t12", "t1239", "t123", "t1231", "t12311", "t1231AAB", "t800112", "t12G0", "t1231 1", "T00000123", "T200000000",
-        "r12381", "R00000123", "x1230", "S9", "SA", "S", "S66", "O1", "C0", "X2", "X", "Z2", "M1234567", "m12345678A", "W2",
-        "Q3", "U7", "F1", "V1", "N1", "\xff", "t\xff230", "s12345", "P1", "t1230" + "0" * 100,
+        "t12",
+        "t1239",
+        "t123",
+        "t1231",
+        "t12311",
+        "t1231AAB",
+        "t800112",
+        "t12G0",
+        "t1231 1",
+        "T00000123",
+        "T200000000",
+        "r12381",
+        "R00000123",
+        "x1230",
+        "S9",
+        "SA",
+        "S",
+        "S66",
+        "O1",
+        "C0",
+        "X2",
+        "X",
+        "Z2",
+        "M1234567",
+        "m12345678A",
+        "W2",
+        "Q3",
+        "U7",
+        "F1",
+        "V1",
+        "N1",
+        "\xff",
+        "t\xff230",
+        "s12345",
+        "P1",
+        "t1230" + "0" * 100,
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_is_answered_with_bell(opened, line):
     """Wrong digits, lengths, identifiers and unknown commands get BELL, send nothing and are counted."""
     assert opened.say(line) == b"\a"
@@ -87,7 +122,9 @@ def test_what_is_wrong_is_answered_with_bell(opened, line):
 
 
 def test_commands_belong_to_a_state_of_the_channel():
-    """What configures is taken while closed only, what sends or asks while open only; open needs a bit rate."""
+    """What configures is taken while closed only, what sends or asks while open only; open needs a bit
+    rate.
+    """
     station = Station()
     configuring = ("S4", "s031C", "X1", "Z0", "W0", "M00000000", "mFFFFFFFF", "U1", "L", "O")
     working = ("C", "F", "t1230")
@@ -121,7 +158,9 @@ def test_bit_rate_by_registers(registers, bitrate):
 
 
 def test_wrong_bit_rate_hears_and_sends_nothing():
-    """At another bit rate nothing is understood: flags tell of bus errors, frames get stuck until the queue is full."""
+    """At another bit rate nothing is understood: flags tell of bus errors, frames get stuck until the queue
+    is full.
+    """
     station = Station(bitrate=1_000_000)
     station.say("S6", "O")
     assert station.hear(CanFrame(0x100)) == b""
@@ -135,7 +174,9 @@ def test_wrong_bit_rate_hears_and_sends_nothing():
 
 
 def test_polling():
-    """Without auto-poll frames wait: P gives one, A gives all and says so, an overflow is flagged once read."""
+    """Without auto-poll frames wait: P gives one, A gives all and says so, an overflow is flagged once
+    read.
+    """
     station = Station()
     assert station.say("P", "X0", "S6", "O", "P", "A") == b"\a\r\r\r\rA\r"
     for number in range(3):
@@ -212,7 +253,9 @@ def test_acceptance_filter(code, mask, single, frame, taken):
 
 @given(data=st.binary(max_size=400), cuts=st.lists(st.integers(0, 400), max_size=8))
 def test_rubbish_never_breaks_the_adapter(data, cuts):
-    """Whatever comes in, in whatever pieces: the answers are the same, nothing wrong is sent, and it still works."""
+    """Whatever comes in, in whatever pieces: the answers are the same, nothing wrong is sent, and it still
+    works.
+    """
     whole, pieces = Station(), Station()
     for station in (whole, pieces):
         station.say("S6", "O")
@@ -258,7 +301,9 @@ COMMANDS = st.sampled_from(
 
 @given(program=st.lists(COMMANDS | st.just("frame"), max_size=60))
 def test_every_command_gets_one_answer(program):
-    """In any order of commands and frames: one answer per command, ended by CR or BELL, and states as the commands say."""
+    """In any order of commands and frames: one answer per command, ended by CR or BELL, and states as the
+    commands say.
+    """
     station = Station()
     for step in program:
         if step == "frame":
@@ -273,12 +318,18 @@ def test_every_command_gets_one_answer(program):
         if answer == b"\a":
             assert station.adapter.state is before
         elif step in ("O", "L", "C"):
-            assert station.adapter.state is {
-                "O": ChannelState.OPEN, "L": ChannelState.LISTENING, "C": ChannelState.CLOSED,
-            }[step]  # fmt: skip
+            assert (
+                station.adapter.state
+                is {
+                    "O": ChannelState.OPEN,
+                    "L": ChannelState.LISTENING,
+                    "C": ChannelState.CLOSED,
+                }[step]
+            )
 
 
-# -- on a pseudo-terminal ---------------------------------------------------------------------------------------
+# -- on a pseudo-terminal
+# ---------------------------------------------------------------------------------------
 
 
 class Desk:
@@ -313,7 +364,9 @@ def desk_for(request, **options):
 
 
 def test_a_serial_program_talks_to_it(request):
-    """With pyserial alone: commands in fragments and several in one write, answers in order, frames in between."""
+    """With pyserial alone: commands in fragments and several in one write, answers in order, frames in
+    between.
+    """
     with desk_for(request) as desk, serial.Serial(desk.device.path, 115200, timeout=0) as port:
         said = bytearray()
 

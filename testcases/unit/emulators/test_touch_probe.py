@@ -33,7 +33,9 @@ def config(**switches: SwitchConfig) -> DriveConfig:
 
 
 def moving(make_bench, rpm: float, configuration: DriveConfig | None = None, *, settle: bool = True):
-    """Return a bench whose motor turns, and the true motion from the start: (time s, position m, velocity m/s)."""
+    """Return a bench whose motor turns, and the true motion from the start: (time s, position m, velocity
+    m/s).
+    """
     bench = make_bench(config() if configuration is None else configuration)
     samples = bench.observe()
     bench.write(0x6083, 1_200_000)  # 1200 rpm/s
@@ -62,7 +64,9 @@ def press(bench, name: str, state: bool | None, at_ns: int) -> None:
 @pytest.mark.parametrize("edge", ["positive", "negative"])
 @pytest.mark.parametrize("rpm", [1500.0, -700.0])
 def test_the_latch_belongs_to_the_instant(make_bench, probe, edge, rpm):
-    """An edge anywhere between two servo instants latches the position of that instant, to the increment, and its time."""
+    """An edge anywhere between two servo instants latches the position of that instant, to the increment, and
+    its time.
+    """
     bench, samples = moving(make_bench, rpm, settle=False)
     shift = 8 * (probe - 1)
     selected = POSITIVE if edge == "positive" else NEGATIVE
@@ -101,7 +105,9 @@ def test_the_latch_belongs_to_the_instant(make_bench, probe, edge, rpm):
     width=st.floats(1e-6, 0.02),
 )
 def test_a_workpiece_edge_is_latched_where_it_is(make_bench_factory, rpm, sign, offset, width):
-    """A cam on the travel, even one narrower than a servo step: both edges are latched at their places, at the time of passing."""
+    """A cam on the travel, even one narrower than a servo step: both edges are latched at their places, at
+    the time of passing.
+    """
     low = sign * offset * 0.02
     low, high = (low, low + width) if sign > 0 else (low - width, low)
     bench, samples = moving(
@@ -123,7 +129,9 @@ def test_a_workpiece_edge_is_latched_where_it_is(make_bench_factory, rpm, sign, 
 @pytest.mark.parametrize("continuous", [False, True])
 @pytest.mark.parametrize("edges", [POSITIVE, NEGATIVE, POSITIVE | NEGATIVE])
 def test_first_event_and_continuous(make_bench, probe, continuous, edges):
-    """First event: value and counter are frozen until the probe is switched off and on; continuous: every edge counts."""
+    """First event: value and counter are frozen until the probe is switched off and on; continuous: every
+    edge counts.
+    """
     bench, _ = moving(make_bench, 300.0)
     shift = 8 * (probe - 1)
     function = ON | edges | (CONTINUOUS if continuous else 0)
@@ -205,7 +213,9 @@ def test_changes_while_on_have_no_effect(make_bench):
 @pytest.mark.parametrize(("bits", "source"), [(0x04, None), (0x08, 5), (0x08, 6)])
 @pytest.mark.parametrize("rpm", [600.0, -600.0])
 def test_index_as_source(make_bench, bits, source, rpm):
-    """The index of the encoder: continuous events one revolution apart, at the mark, 100 ms apart at 600 rpm."""
+    """The index of the encoder: continuous events one revolution apart, at the mark, 100 ms apart at 600
+    rpm.
+    """
     configuration = config()
     mark = 4321
     configuration = replace(configuration, encoder=replace(configuration.encoder, zero_mark_counts=mark))
@@ -258,7 +268,9 @@ def test_manufacturer_bits_mean_nothing_here(make_bench):
 
 @pytest.mark.requirement("C402-144", "C402-258")
 def test_reserved_sources_are_refused(make_bench):
-    """Source 3 in 60B8h and values of 60D0h that the profile does not know: 06090030h, and nothing is switched on."""
+    """Source 3 in 60B8h and values of 60D0h that the profile does not know: 06090030h, and nothing is
+    switched on.
+    """
     bench = make_bench()
     for index, value, sub in (
         (0x60B8, 0x0D, 0),
@@ -346,12 +358,15 @@ def test_reset_and_power_off_switch_the_probes_off(make_bench):
         assert (bench.read(0x60B8), bench.read(0x60B9), bench.read(0x60D5)) == (0, 0, 0)
 
 
-# -- digital outputs ----------------------------------------------------------------------------------------------
+# -- digital outputs
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-169", "C402-270")
 def test_outputs_have_a_mask(make_bench):
-    """An output is on when its bit is set in 60FEh:1 and enabled in 60FEh:2; the trace and the history show it."""
+    """An output is on when its bit is set in 60FEh:1 and enabled in 60FEh:2; the trace and the history show
+    it.
+    """
     bench = make_bench()
     column = [name for name, _ in bench.drive.trace_columns].index("outputs")
     for value, mask, outputs in (

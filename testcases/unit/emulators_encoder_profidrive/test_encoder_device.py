@@ -86,7 +86,9 @@ def test_speed_is_held_at_the_end():
 
 @pytest.mark.requirement("PD-172", "PD-171")
 def test_power_cycle():
-    """An absolute encoder knows its place again, an incremental one begins at 0; nothing is sent without supply."""
+    """An absolute encoder knows its place again, an incremental one begins at 0; nothing is sent without
+    supply.
+    """
     for form, first, second in ((MULTI_TURN, 2048, 3072), (INCREMENTAL, 0, 0)):
         rig = Rig(form, place=math.pi)
         word = 0x2000 if form.absolute else 0
@@ -161,7 +163,9 @@ def test_control_by_plc():
 
 @pytest.mark.requirement("PD-084", "PD-133", "PD-137")
 def test_faults_of_the_device():
-    """An encoder error is a fault of the device, acknowledged by an edge of STW2_ENC.7; a lasting one opens a new situation."""
+    """An encoder error is a fault of the device, acknowledged by an edge of STW2_ENC.7; a lasting one opens a
+    new situation.
+    """
     rig = Rig()
     rig.device.interface.fail(0x1001)
     assert rig()["G1_XIST2"] == 0x1001
@@ -182,7 +186,9 @@ def test_faults_of_the_device():
 
 @pytest.mark.requirement("PD-123", "PD-126", "PD-127", "PD-129", "PD-185")
 def test_sign_of_life():
-    """The encoder follows the controller's counter, shows its own, and reports 0F02h when the counter stands."""
+    """The encoder follows the controller's counter, shows its own, and reports 0F02h when the counter
+    stands.
+    """
     rig = Rig(isochronous=True, tolerance=2)
     rig(cycles=40, sign=True)
     before = rig.got["ZSW2_ENC"] >> 12

@@ -72,7 +72,9 @@ def test_counter_wraps(bits, start, after):
 
 @pytest.mark.requirement("PD-174")
 def test_encoder_profile_formats():
-    """Profile 4.0: Gx_XIST1 left-aligned, so that it wraps with the encoder; 4.1: right-aligned; Gx_XIST2 always right-aligned."""
+    """Profile 4.0: Gx_XIST1 left-aligned, so that it wraps with the encoder; 4.1: right-aligned; Gx_XIST2
+    always right-aligned.
+    """
     encoder = AbsoluteEncoder(turns=4096, counts_per_revolution=8192)
     turns = 4095 + 8191 / 8192
     encoder.power_on(turns * math.tau)
@@ -146,7 +148,9 @@ def test_format_is_checked(wrong, message):
 
 
 def test_encoder_has_to_fit():
-    """An encoder that counts otherwise than the format says is refused, and so are abilities out of their range."""
+    """An encoder that counts otherwise than the format says is refused, and so are abilities out of their
+    range.
+    """
     with pytest.raises(ConfigurationError, match="1000 increments"):
         EncoderInterface(IncrementalEncoder(counts_per_revolution=1000), EncoderFormat(periods=1024))
     with pytest.raises(ConfigurationError, match="reference_marks"):

@@ -1,4 +1,6 @@
-"""The encoder interface Gx: every row of its transition table, every error code, and what holds for any control words."""
+"""The encoder interface Gx: every row of its transition table, every error code, and what holds for any
+control words.
+"""
 
 from __future__ import annotations
 
@@ -228,7 +230,9 @@ ROWS = [
     ids=lambda row: f"{row[0][0]}-{row[1].name}-{row[2].__name__ if row[2] else ''}-{row[3]:04X}",
 )
 def test_transition(row):
-    """From the state, with what happens, the control word leads into the state of the table and shows its bits."""
+    """From the state, with what happens, the control word leads into the state of the table and shows its
+    bits.
+    """
     _, before, happens, word, after, zsw = row
     rig = Rig()
     INTO[before](rig)
@@ -248,7 +252,9 @@ TABLE = {(row[1], row[4]) for row in ROWS} | {
 
 @pytest.mark.requirement("PD-151", "PTO-219", "PD-169")
 def test_parking_shows_nothing_else():
-    """While parking only bit 14 is set and both values are 0, whatever else is requested; it ends in SD1 (PD-151)."""
+    """While parking only bit 14 is set and both values are 0, whatever else is requested; it ends in SD1
+    (PD-151).
+    """
     rig = Rig()
     rig.turn(700)
     rig(ABSOLUTE)
@@ -267,7 +273,9 @@ def test_parking_shows_nothing_else():
 
 @pytest.mark.requirement("PD-168", "PTO-247")
 def test_parking_is_shown_for_100_ms():
-    """The request is taken back after 4 ms; 100 ms after the beginning parking ends, not one cycle earlier."""
+    """The request is taken back after 4 ms; 100 ms after the beginning parking ends, not one cycle
+    earlier.
+    """
     rig = Rig()
     rig(PARK)
     began = rig.now
@@ -286,7 +294,9 @@ def test_parking_goes_before_an_error():
 
 @pytest.mark.requirement("PD-155", "PTO-224", "PD-173", "PD-143", "PD-141", "PD-142")
 def test_reference_mark_search():
-    """The mark is latched where it is, not where the encoder stands at the next cycle, in the format of Gx_XIST1."""
+    """The mark is latched where it is, not where the encoder stands at the next cycle, in the format of
+    Gx_XIST1.
+    """
     rig = Rig()
     rig(SEARCH)
     assert rig.zsw == 0x0001
@@ -384,7 +394,9 @@ def test_new_activation_forgets():
 
 @pytest.mark.requirement("PD-145", "PD-146", "PD-171")
 def test_home_position():
-    """Set makes the absolute value the home position, shift adds it, once per request; Gx_XIST1 goes on as it was."""
+    """Set makes the absolute value the home position, shift adds it, once per request; Gx_XIST1 goes on as it
+    was.
+    """
     rig = Rig()
     rig.turn(700)
     rig.gx.home_steps = 5000
@@ -438,7 +450,9 @@ def test_priority_of_xist2():
 
 @pytest.mark.requirement("PD-150", "PD-170")
 def test_absolute_value_before_communication():
-    """The absolute value can be there before the first control word; afterwards bit 13 follows the request."""
+    """The absolute value can be there before the first control word; afterwards bit 13 follows the
+    request.
+    """
     encoder = AbsoluteEncoder(turns=16, counts_per_revolution=1000)
     encoder.power_on(0.77 * math.tau)
     form = EncoderFormat(periods=1000, shift_xist1=4, shift_xist2=1, revolutions=16)
@@ -460,7 +474,9 @@ HOLDS = {SD4: READ | FUNCTION_1, SD5: SEARCH, SD10: MEASURING, SD11: MEASURE | R
 )
 @pytest.mark.parametrize("code", ENCODER_ERRORS, ids=lambda code: f"{code:04X}h")
 def test_lasting_fault(code):
-    """Every code: it comes where its cause matters, stays through an acknowledgement with the cause, and goes without."""
+    """Every code: it comes where its cause matters, stays through an acknowledgement with the cause, and goes
+    without.
+    """
     rig = Rig()
     if code not in ABORTS:
         rig.turn(150)
@@ -496,7 +512,9 @@ def test_lasting_fault(code):
 @pytest.mark.requirement("PTO-201")
 @pytest.mark.parametrize("code", ENCODER_ERRORS, ids=lambda code: f"{code:04X}h")
 def test_reported_once(code):
-    """An error without a lasting cause is shown until it is acknowledged; a second one meanwhile changes nothing."""
+    """An error without a lasting cause is shown until it is acknowledged; a second one meanwhile changes
+    nothing.
+    """
     rig = Rig()
     rig.gx.report(code)
     rig(0)
@@ -540,7 +558,9 @@ ABORTING = [
 @pytest.mark.requirement("PD-187", *sorted({row[0] for row in ABORTING}))
 @pytest.mark.parametrize("row", ABORTING, ids=lambda row: f"{row[0]}-{row[1].name}-{row[2]:04X}")
 def test_unsupported_or_aborted(row):
-    """With one mark, one probe and nothing else, what is not supported and what contradicts a running function is an error."""
+    """With one mark, one probe and nothing else, what is not supported and what contradicts a running
+    function is an error.
+    """
     _, state, word, code = row
     rig = Rig(incremental=True, measuring=2, home=False, parking=False)
     INTO[state](rig)
@@ -552,7 +572,9 @@ def test_unsupported_or_aborted(row):
 @pytest.mark.requirement("PD-187", "PTO-189", "PTO-191", "PTO-192", "PTO-193", "PTO-194")
 @pytest.mark.parametrize(("state", "code"), [(SD5, 4), (SD4, 5), (SD10, 6), (SD11, 7), (SD1, 0), (SD7, 0)])
 def test_controller_stops(state, code):
-    """A stop of the controller ends what runs with the error of the phase; where nothing runs, nothing happens."""
+    """A stop of the controller ends what runs with the error of the phase; where nothing runs, nothing
+    happens.
+    """
     rig = Rig()
     INTO[state](rig)
     rig.gx.abort()
@@ -574,7 +596,8 @@ def test_zero_mark_monitoring():
     assert rig.xist2 == 0x0002
 
 
-# -- any control word -------------------------------------------------------------------------------------------
+# -- any control word
+# -------------------------------------------------------------------------------------------
 
 WORDS = st.one_of(
     st.integers(0, 0xFFFF),
@@ -606,7 +629,9 @@ def allowed(before, after):
 )
 @given(STEPS)
 def test_any_sequence(steps):
-    """Only transitions of the table; the bits say the state; an error code if and only if bit 15 or 11; Gx_XIST1 continuous."""
+    """Only transitions of the table; the bits say the state; an error code if and only if bit 15 or 11;
+    Gx_XIST1 continuous.
+    """
     rig = Rig(start=0xFFFF_FF00)
     place = home = 0
     for word, way, event, time in steps:

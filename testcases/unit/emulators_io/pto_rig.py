@@ -44,7 +44,9 @@ class Rig:
         )
 
     def __call__(self, stw1=None, *, g1=None, nsoll=None, cycles=1, seconds=None, quiet=False):
-        """Run bus cycles with these words (kept when None); returns the state. `seconds` in place of `cycles`."""
+        """Run bus cycles with these words (kept when None); returns the state. `seconds` in place of
+        `cycles`.
+        """
         self.stw1 = self.stw1 if stw1 is None else stw1
         self.g1 = self.g1 if g1 is None else g1
         self.nsoll = self.nsoll if nsoll is None else nsoll

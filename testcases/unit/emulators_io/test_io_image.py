@@ -42,13 +42,19 @@ class Rig:
             self.scheduler,
             digital_inputs=[DigitalInput(self.scheduler, filter_ms=0.0) for _ in range(18)],
             digital_outputs=[DigitalOutput(lambda on, n=n: self.arrived.append((n, on))) for n in range(17)],
-            analog_inputs=[AnalogInput(self.scheduler, bipolar=True, rng=rng), AnalogInput(self.scheduler, 4, 20, wire_break_below=3.6)],
-            analog_outputs=[AnalogOutput(on_change=lambda v, n=n: self.arrived.append((f"a{n}", v)), rng=rng) for n in range(2)],
+            analog_inputs=[
+                AnalogInput(self.scheduler, bipolar=True, rng=rng),
+                AnalogInput(self.scheduler, 4, 20, wire_break_below=3.6),
+            ],
+            analog_outputs=[
+                AnalogOutput(on_change=lambda v, n=n: self.arrived.append((f"a{n}", v)), rng=rng)
+                for n in range(2)
+            ],
             counters=[CounterInput(lambda: self.count)],
             name="io",
             history=self.history,
             **options,
-        )  # fmt: skip
+        )
         if transport == "rtu":
             line = SerialLine(self.scheduler, format_=SerialFormat(115_200))
             RtuStation(self.scheduler, line, self.station.server)
@@ -90,9 +96,12 @@ def test_the_image_loses_nothing(data):
     """Whatever the numbers of channels: what is packed comes out again."""
     small = st.integers(0, 40)
     image = IoImage(
-        digital_inputs=data.draw(small), digital_outputs=data.draw(small), analog_inputs=data.draw(st.integers(0, 9)),
-        analog_outputs=data.draw(st.integers(0, 9)), counters=data.draw(st.integers(0, 9)),
-    )  # fmt: skip
+        digital_inputs=data.draw(small),
+        digital_outputs=data.draw(small),
+        analog_inputs=data.draw(st.integers(0, 9)),
+        analog_outputs=data.draw(st.integers(0, 9)),
+        counters=data.draw(st.integers(0, 9)),
+    )
     word, long = st.integers(-32768, 32767), st.integers(-(2**31), 2**31 - 1)
     digital = data.draw(st.integers(0, 2**image.digital_inputs - 1))
     analog = data.draw(st.lists(word, min_size=image.analog_inputs, max_size=image.analog_inputs))
@@ -108,7 +117,9 @@ def test_the_image_loses_nothing(data):
 
 
 def test_an_image_with_one_direction():
-    """Without outputs the request reads alone, without inputs it writes alone, without channels there is none."""
+    """Without outputs the request reads alone, without inputs it writes alone, without channels there is
+    none.
+    """
     assert IoImage(digital_inputs=1).request([]).function == 3
     assert IoImage(digital_outputs=1).request([1]).function == 16
     assert IoImage().request([]) is None
@@ -119,7 +130,9 @@ def test_an_image_with_one_direction():
 
 
 def test_stuck_and_broken_channels():
-    """A stuck input or output has its level whatever comes, a broken wire carries none; mended, the present one counts."""
+    """A stuck input or output has its level whatever comes, a broken wire carries none; mended, the present
+    one counts.
+    """
     rig = Rig()
     station = rig.station
     station.stick("input", 0, True)
@@ -152,7 +165,9 @@ def test_a_stuck_input_passes_the_filter_too():
 
 
 def test_analog_channels_break():
-    """Offset, gain, noise from the seeded stream, a value that stands, a broken wire: on inputs and outputs."""
+    """Offset, gain, noise from the seeded stream, a value that stands, a broken wire: on inputs and
+    outputs.
+    """
     rig = Rig()
     station = rig.station
     station.analog_input(0).set(5.0)
@@ -187,7 +202,9 @@ def test_analog_channels_break():
 
 
 def test_swapped_wires():
-    """Two channels of a kind that are swapped show and get each other's signal, until they are swapped back."""
+    """Two channels of a kind that are swapped show and get each other's signal, until they are swapped
+    back.
+    """
     rig = Rig()
     station = rig.station
     station.input(3).set(True)
@@ -236,7 +253,9 @@ def test_a_station_without_supply():
 
 
 def test_the_watchdog_counts_the_image():
-    """Writing the image keeps the outputs alive; without it they take their substitutes, and the log says so."""
+    """Writing the image keeps the outputs alive; without it they take their substitutes, and the log says
+    so.
+    """
     rig = Rig(watchdog_ms=20.0)
     for _ in range(10):
         rig.exchange(0b1, (27648, 0))

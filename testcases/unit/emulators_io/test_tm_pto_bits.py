@@ -1,4 +1,6 @@
-"""TM PTO: every terminal, every bit of the words, the list of error codes, and what is decided where the sources differ."""
+"""TM PTO: every terminal, every bit of the words, the list of error codes, and what is decided where the
+sources differ.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +27,17 @@ def moving(share=1.0, **config):
     return rig
 
 
-# -- terminals -------------------------------------------------------------------------------------------------------
+# -- terminals
+# -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PTO-001")
 @pytest.mark.parametrize("kind", list(SignalType))
 @pytest.mark.parametrize("direction", [1, -1])
 def test_pulse_outputs(kind, direction):
-    """Both terminals carry pulses and direction, up and down, or two tracks, of as many periods as the count says."""
+    """Both terminals carry pulses and direction, up and down, or two tracks, of as many periods as the count
+    says.
+    """
     rig = moving(0.01 * direction, signal_type=kind)
     generator = rig.channel.generator
     edges = {0: 0, 1: 0}
@@ -62,7 +67,9 @@ def test_pulse_outputs(kind, direction):
 
 @pytest.mark.requirement("PTO-002", "PTO-003", "PTO-298")
 def test_enable_and_ready_terminals():
-    """ED follows the state machine; DR low keeps the channel out of S4, a drop leads out, one within the filter does not."""
+    """ED follows the state machine; DR low keeps the channel out of S4, a drop leads out, one within the
+    filter does not.
+    """
     rig = Rig(use_ed=True, use_dr=True, ramp_stop_ms=1, input_delay_ms=0.8)
     levels = []
     for word in SEQUENCE:
@@ -95,7 +102,9 @@ def test_enable_and_ready_terminals():
     ],
 )
 def test_capture_terminals(terminal, level, words, active, shown):
-    """The mode chooses the terminal, the function its edge; the position is in pulses, without fine resolution."""
+    """The mode chooses the terminal, the function its edge; the position is in pulses, without fine
+    resolution.
+    """
     rig = moving(use_rs=True, use_mi=True, input_delay_ms=0.004)
     rig.channel.drive_input(terminal, not level)
     rig()
@@ -112,9 +121,10 @@ def test_capture_terminals(terminal, level, words, active, shown):
     assert rig.got["G1_XIST1"] == rig.count
 
 
-# -- STW1 ------------------------------------------------------------------------------------------------------------
+# -- STW1
+# ------------------------------------------------------------------------------------------------------------
 
-WITHDRAWN = [  # identifiers, bit, state one cycle later, frequency then, share of the ramp, state at the end, ED at the end
+WITHDRAWN = [  # identifiers, bit, state one cycle later, frequency then, share of the ramp, state at the end, ED at the end  # noqa: E501
     (("PTO-045",), 0, S5A, True, 1.0, S2, False),
     (("PTO-047",), 2, S5B, True, 0.5, S1, False),
     (("PTO-048",), 3, S3, False, 0.0, S3, False),
@@ -128,7 +138,9 @@ WITHDRAWN = [  # identifiers, bit, state one cycle later, frequency then, share 
 @pytest.mark.parametrize("share", [0.25, 0.5, 1.0, 2.0])
 @pytest.mark.parametrize("row", WITHDRAWN, ids=lambda row: f"bit{row[1]}")
 def test_a_bit_is_withdrawn(row, share):
-    """At 25, 50, 100 and 200 % of the reference speed: state, ramp time, ED and end state are those of the bit."""
+    """At 25, 50, 100 and 200 % of the reference speed: state, ramp time, ED and end state are those of the
+    bit.
+    """
     _, bit, state, pulses, ramp, end, enabled = row
     rig = Rig(use_ed=True, ramp_stop_ms=2000, quick_stop_ms=1000, maximum_speed=6000.0)
     rig.start(min(0x7FFF, round(MAXIMUM * share)), seconds=2.2)
@@ -174,7 +186,8 @@ def test_bits_without_meaning(bit):
         assert plain.channel.state is other.channel.state
 
 
-# -- STW2, G1_STW ----------------------------------------------------------------------------------------------------
+# -- STW2, G1_STW
+# ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PTO-038")
@@ -247,7 +260,8 @@ def test_error_and_its_acknowledgement():
     assert (rig.got["G1_ZSW"], rig.got["G1_XIST2"]) == (0, 0)
 
 
-# -- ZSW1, NIST_A ----------------------------------------------------------------------------------------------------
+# -- ZSW1, NIST_A
+# ----------------------------------------------------------------------------------------------------
 
 BITS = {
     "PTO-088": 0,
@@ -290,7 +304,9 @@ def test_status_bits():
 @pytest.mark.requirement("PTO-098", "PTO-103", "PTO-288")
 @pytest.mark.parametrize("direction", [1, -1])
 def test_actual_speed(direction):
-    """NIST_A follows the ramp, which is that of the stop, with its sign; bit 10 at the maximum and at rest only."""
+    """NIST_A follows the ramp, which is that of the stop, with its sign; bit 10 at the maximum and at rest
+    only.
+    """
     rig = Rig(ramp_stop_ms=1000, maximum_speed=1500.0)
     rig.start()
     assert rig.zsw1 & 0x0400
@@ -322,7 +338,9 @@ def test_power_on():
 
 @pytest.mark.requirement("PTO-206", "PTO-295")
 def test_bus_interruption_is_a_stop_of_the_controller():
-    """After an interruption longer than the watchdog all is as after a stop; the control word that is still there does not start."""
+    """After an interruption longer than the watchdog all is as after a stop; the control word that is still
+    there does not start.
+    """
     stopped, cut = moving(use_ed=True), moving(use_ed=True)
     stopped.module.stop_controller(True)
     stopped()
@@ -339,7 +357,8 @@ def test_bus_interruption_is_a_stop_of_the_controller():
         rig.start()
 
 
-# -- error codes -----------------------------------------------------------------------------------------------------
+# -- error codes
+# -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PTO-221")
@@ -398,7 +417,9 @@ def test_codes_of_the_module(row):
 
 @pytest.mark.requirement("PTO-252", "PTO-259", "PTO-262", "PTO-263")
 def test_codes_that_the_module_never_uses():
-    """Whatever the control word of the encoder is, in whatever phase: 2, 0Ah, F04h and codes from 1001h on never come."""
+    """Whatever the control word of the encoder is, in whatever phase: 2, 0Ah, F04h and codes from 1001h on
+    never come.
+    """
     seen = set()
     for first in (0x0000, 0x0011, 0x0091, 0x0021, 0x00A1, 0x4000):
         for bit in range(16):
@@ -414,12 +435,15 @@ def test_codes_that_the_module_never_uses():
     assert {4, 6, 8, 0xF01, 0xF02} <= seen
 
 
-# -- what is decided where sources differ ----------------------------------------------------------------------------
+# -- what is decided where sources differ
+# ----------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PTO-135", "PTO-281", "PTO-290")
 def test_two_variants_side_by_side():
-    """The setpoint has 16 bits on the device and 32 in the standard telegram; both run in one module, independently."""
+    """The setpoint has 16 bits on the device and 32 in the standard telegram; both run in one module,
+    independently.
+    """
     device, standard = pto_telegram().setpoint, telegram(3).setpoint
     assert (device.length, standard.length) == (8, 10)
     rig = Rig(ramp_stop_ms=1, other=PtoConfig(standard=True, ramp_stop_ms=1))

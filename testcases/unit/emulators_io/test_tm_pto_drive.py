@@ -104,7 +104,8 @@ def test_configuration_is_checked(wrong):
         PtoConfig(**wrong)
 
 
-# -- states ----------------------------------------------------------------------------------------------------
+# -- states
+# ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -129,7 +130,9 @@ def test_enable_sequence():
 
 @pytest.mark.requirement("PTO-156", "PTO-162", "PTO-161", "PTO-144", "PTO-066")
 def test_other_sequences():
-    """Standard patterns work; ON together with the stops is not enough; several steps at once take a cycle each."""
+    """Standard patterns work; ON together with the stops is not enough; several steps at once take a cycle
+    each.
+    """
     rig = Rig()
     assert [rig(word) for word in (0x0400, 0x047E, 0x047F, 0x047F)] == [S1, S2, S3, S4]
     rig = Rig()
@@ -187,7 +190,9 @@ STOPS = [  # identifier, control word, share of the maximum, time, pulses, end
 )
 @pytest.mark.parametrize("row", STOPS, ids=lambda row: f"{row[0]}-{row[2]}")
 def test_stop_ramps(row):
-    """OFF1 and OFF3 brake linearly within their time, pulse for pulse; ED falls and the state changes at standstill."""
+    """OFF1 and OFF3 brake linearly within their time, pulse for pulse; ED falls and the state changes at
+    standstill.
+    """
     _, word, share, seconds, pulses, end = row
     rig = Rig(use_ed=True)
     rig.start(int(0x4000 * share), seconds=6)
@@ -299,7 +304,8 @@ def test_drive_enable_and_drive_ready():
     assert [ready(word) for word in SEQUENCE] == [S1, S2, S3, S4]
 
 
-# -- pulses ----------------------------------------------------------------------------------------------------
+# -- pulses
+# ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PTO-164", "PTO-067", "PTO-120")
@@ -373,7 +379,9 @@ def test_reversal(pause_ms):
 
 @pytest.mark.requirement("PTO-007")
 def test_pause_after_a_stop():
-    """After a stop without a ramp the other direction waits for what is left of the pause, the same one does not."""
+    """After a stop without a ramp the other direction waits for what is left of the pause, the same one does
+    not.
+    """
     for sign, wait in ((-1, 6), (1, 0)):
         generator = PulseGenerator(pause_ns=10 * MS)
         generator.steer(0, 1000.0, 1e12)
@@ -424,7 +432,9 @@ TARGETS = st.lists(
 @pytest.mark.requirement("PTO-312", "PTO-291")
 @given(TARGETS, st.sampled_from([0, 1, 4, 10]))
 def test_count_is_the_integral(targets, pause_ms):
-    """The count stays within a pulse of the integral of the frequency, whatever is commanded; asking often changes nothing."""
+    """The count stays within a pulse of the integral of the frequency, whatever is commanded; asking often
+    changes nothing.
+    """
     generator = PulseGenerator(pause_ns=pause_ms * MS)
     coarse = PulseGenerator(pause_ns=pause_ms * MS)
     now, integral = 0, 0.0
@@ -451,7 +461,9 @@ def test_count_is_the_integral(targets, pause_ms):
 @pytest.mark.requirement("PTO-292")
 @given(st.floats(200, 20_000), st.sampled_from([5000.0, 1e6]), st.integers(1, 2000), st.booleans())
 def test_time_of_a_count(target, slope, count, back):
-    """The time that is told for a count is the instant at which it is reached, not a nanosecond before it by much."""
+    """The time that is told for a count is the instant at which it is reached, not a nanosecond before it by
+    much.
+    """
     sign = -1 if back else 1
     generator = PulseGenerator()
     generator.steer(0, sign * target, slope)
@@ -465,7 +477,8 @@ def test_time_of_a_count(target, slope, count, back):
     assert abs(probe.count) == count
 
 
-# -- everything at random ------------------------------------------------------------------------------------------
+# -- everything at random
+# ------------------------------------------------------------------------------------------
 
 WORDS = st.sampled_from(
     [*SEQUENCE, RUN, RUN, RUN, 0x045E, 0x045B, 0x045D, 0x0457, 0x044F, 0x041F, 0x005F, 0x04DF, 0]
@@ -480,7 +493,9 @@ WORDS = st.sampled_from(
     )
 )
 def test_any_control_words(steps):
-    """The bits are those of the state in every cycle; pulses in S4 and on the stop ramps only; S1 is left with ON = 0 only."""
+    """The bits are those of the state in every cycle; pulses in S4 and on the stop ramps only; S1 is left
+    with ON = 0 only.
+    """
     rig = Rig(ramp_stop_ms=50, quick_stop_ms=20)
     for word, nsoll, cycles in steps:
         for _ in range(cycles):

@@ -1,4 +1,6 @@
-"""TM PTO: reference mark, measurement, parking, errors, stop of the controller, faults of supply and outputs; the stepper motor."""
+"""TM PTO: reference mark, measurement, parking, errors, stop of the controller, faults of supply and outputs;
+the stepper motor.
+"""
 
 from __future__ import annotations
 
@@ -79,7 +81,9 @@ def test_edge_of_the_reference_switch():
 
 @pytest.mark.requirement("PTO-076", "PTO-077", "PTO-110", "PTO-177", "PTO-178", "PTO-112", "PTO-119")
 def test_measurement():
-    """Rising edge at 500, falling at 650: each function reads its own; the level of MI shows in the mode of measurement only."""
+    """Rising edge at 500, falling at 650: each function reads its own; the level of MI shows in the mode of
+    measurement only.
+    """
     rig = running()
     rig(g1=MEASURE_BOTH)
     assert rig.got["G1_ZSW"] == 0x0003
@@ -144,7 +148,8 @@ def test_bounce():
     assert rig.got["G1_XIST2"] == 1132
 
 
-# -- errors ----------------------------------------------------------------------------------------------------
+# -- errors
+# ----------------------------------------------------------------------------------------------------
 
 
 def idle(_):
@@ -199,7 +204,9 @@ ERRORS = [  # identifiers, phase, G1_STW, code
 @pytest.mark.requirement(*sorted({one for row in ERRORS for one in row[0]}), "PTO-198", "PTO-199", "PTO-203")
 @pytest.mark.parametrize("row", ERRORS, ids=lambda row: f"{row[0][0]}-{row[1].__name__}-{row[2]:04X}")
 def test_error(row):
-    """What is not supported and what contradicts a running function: the code of the list; the pulses go on."""
+    """What is not supported and what contradicts a running function: the code of the list; the pulses go
+    on.
+    """
     _, phase, word, code = row
     rig = running()
     phase(rig)
@@ -217,7 +224,9 @@ def test_error(row):
 
 @pytest.mark.requirement("PTO-200", "PTO-309")
 def test_acknowledging_a_standing_cause():
-    """With the request for an absolute value still there, the same error comes back after the acknowledgement."""
+    """With the request for an absolute value still there, the same error comes back after the
+    acknowledgement.
+    """
     rig = running()
     rig(g1=0x2000)
     rig(g1=0xA000, cycles=3)
@@ -284,7 +293,8 @@ def test_sign_of_life(tolerance, failing):
     assert rig.channel.state is S4
 
 
-# -- stop of the controller, supply, outputs -----------------------------------------------------------------------
+# -- stop of the controller, supply, outputs
+# -----------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -295,7 +305,9 @@ def test_sign_of_life(tolerance, failing):
 )
 @pytest.mark.parametrize("how", ["stop", "bus"])
 def test_controller_is_gone(phase, code, how):
-    """STOP, or no frame for the watchdog's time: S1, no pulses, ED low, functions end with their codes; then the sequence again."""
+    """STOP, or no frame for the watchdog's time: S1, no pulses, ED low, functions end with their codes; then
+    the sequence again.
+    """
     rig = running(use_ed=True)
     phase(rig)
     if how == "stop":
@@ -317,7 +329,9 @@ def test_controller_is_gone(phase, code, how):
 
 @pytest.mark.requirement("PTO-207", "PTO-208", "PTO-202", "PTO-091", "PTO-189", "PTO-305", "PTO-018")
 def test_short_circuit():
-    """An error of an output stops both channels with 1; removed and acknowledged on both ways, they can be enabled again."""
+    """An error of an output stops both channels with 1; removed and acknowledged on both ways, they can be
+    enabled again.
+    """
     rig = running(diagnostics=True)
     rig.module.short_circuit(1, True)
     rig()
@@ -385,7 +399,8 @@ def test_module_fault_and_wrong_frames():
     assert rig.channel.state is S1
 
 
-# -- everything at random --------------------------------------------------------------------------------------------
+# -- everything at random
+# --------------------------------------------------------------------------------------------
 
 WORDS = st.builds(
     lambda functions, command, measure, rest: functions | command << 4 | measure << 7 | rest,
@@ -405,7 +420,9 @@ EVENTS = st.sampled_from([None, None, "RS", "MI", "short", "supply", "stop", "qu
     )
 )
 def test_any_encoder_words(steps):
-    """Never a function bit with parking; an error code exactly with bit 15; bits that the module has not are 0."""
+    """Never a function bit with parking; an error code exactly with bit 15; bits that the module has not are
+    0.
+    """
     rig = Rig(**FAST)
     rig.start(0x4000)
     for word, g1, event, on, cycles in steps:
@@ -431,7 +448,8 @@ def test_any_encoder_words(steps):
                 assert xist2 == 0
 
 
-# -- the motor behind it -----------------------------------------------------------------------------------------------
+# -- the motor behind it
+# -----------------------------------------------------------------------------------------------
 
 
 def with_motor(**config):
@@ -452,7 +470,9 @@ def test_motor_follows():
 
 @pytest.mark.requirement("PTO-293", "PTO-280", "PTO-310")
 def test_overload_loses_steps():
-    """Overloaded, the shaft stops and the pulse counter knows nothing; it is caught again whole periods away, below the start frequency."""
+    """Overloaded, the shaft stops and the pulse counter knows nothing; it is caught again whole periods away,
+    below the start frequency.
+    """
     rig = with_motor()
     motor = rig.channel.motor
     rig.start(0x4000, seconds=1)

@@ -1,4 +1,6 @@
-"""The control unit: telegrams 390 to 394, inputs and outputs, probes with time stamps, sign of life, faults."""
+"""The control unit: telegrams 390 to 394, inputs and outputs, probes with time stamps, sign of life,
+faults.
+"""
 
 from __future__ import annotations
 
@@ -35,11 +37,24 @@ class Rig:
         return answer
 
 
-@pytest.mark.requirement("PD-021", "PD-022", "PD-023", "PD-024", "PD-025", "CFG-238", "CFG-239", "CFG-240",
-                         "CFG-215", "CFG-216", "CFG-217")  # fmt: skip
+@pytest.mark.requirement(
+    "PD-021",
+    "PD-022",
+    "PD-023",
+    "PD-024",
+    "PD-025",
+    "CFG-238",
+    "CFG-239",
+    "CFG-240",
+    "CFG-215",
+    "CFG-216",
+    "CFG-217",
+)
 @pytest.mark.parametrize("number", TELEGRAMS)
 def test_inputs_and_outputs_of_every_telegram(number):
-    """Outputs follow A_DIGITAL, inputs show in E_DIGITAL; the second words where the telegram has them; 2, 6 or 8 probes."""
+    """Outputs follow A_DIGITAL, inputs show in E_DIGITAL; the second words where the telegram has them; 2, 6
+    or 8 probes.
+    """
     rig = Rig(number)
     names = rig.layout.setpoint.names
     rig.unit.set_input(3, True)
@@ -58,7 +73,9 @@ def test_inputs_and_outputs_of_every_telegram(number):
 @pytest.mark.requirement("PD-094", "PD-095")
 @pytest.mark.parametrize("probe", [1, 2])
 def test_time_stamps(probe):
-    """An awaited edge 1.5 ms behind the beginning of the cycle is 6000 ticks of 0.25 us in the next answer, and then 0 again."""
+    """An awaited edge 1.5 ms behind the beginning of the cycle is 6000 ticks of 0.25 us in the next answer,
+    and then 0 again.
+    """
     rig = Rig()
     falling, rising = 1 << (probe - 1), 1 << (probe + 7)
     rig.cycle(MT_STW=falling | rising)
@@ -85,7 +102,9 @@ def test_time_stamps(probe):
 
 @pytest.mark.requirement("PD-093")
 def test_status_word():
-    """Fault, alarm and synchronised time in bits 3, 7 and 8; acknowledged with the edge of bit 7, the ping is the edge of bit 0."""
+    """Fault, alarm and synchronised time in bits 3, 7 and 8; acknowledged with the edge of bit 7, the ping is
+    the edge of bit 0.
+    """
     rig = Rig()
     assert rig.cycle()["CU_ZSW1"] & 0x0FFF == 0
     rig.unit.raise_fault(1000)

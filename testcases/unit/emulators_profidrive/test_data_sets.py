@@ -1,4 +1,6 @@
-"""Drive data sets, alarm class, control taken away, order of the bus cycle, stop times of a pulse module's axis."""
+"""Drive data sets, alarm class, control taken away, order of the bus cycle, stop times of a pulse module's
+axis.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ def with_sets():
 
 @pytest.mark.requirement("PD-082", "PD-083")
 def test_stw2_chooses_the_data_set():
-    """ZSW2 shows the set in force, with bit 11 in the cycle of the change; its ramps are those of the next setpoint."""
+    """ZSW2 shows the set in force, with bit 11 in the cycle of the change; its ramps are those of the next
+    setpoint.
+    """
     rig = with_sets()
     parameters = DriveParameters(rig.drive)
     rig.enable()
@@ -110,7 +114,9 @@ def test_control_that_is_not_there_yet_is_no_fault():
 
 @pytest.mark.requirement("PD-347")
 def test_what_a_telegram_asks_for_acts_in_its_own_bus_cycle():
-    """Telegram, state machine, setpoint channel, send telegram: one cycle does it all, for what it brings itself."""
+    """Telegram, state machine, setpoint channel, send telegram: one cycle does it all, for what it brings
+    itself.
+    """
     rig = Rig(ProfidriveConfig.reference(telegram=3))
     rig.enable()
     answer = rig.cycle(RUN, NSOLL_B=to_n4(0.1), G1_STW=0x4000)
@@ -156,7 +162,9 @@ def test_without_ramp_or_setpoint_the_axis_stays_in_operation(bit):
 
 @pytest.mark.requirement("PD-258")
 def test_parameters_of_the_station():
-    """PNU 61000 is the name; addresses of a network that the drive is not on are zeros; none can be written."""
+    """PNU 61000 is the name; addresses of a network that the drive is not on are zeros; none can be
+    written.
+    """
     parameters = DriveParameters(Rig().drive)
     assert parameters.store.text(61000) == "drive"
     assert [parameters.store.definition(number).elements for number in range(61001, 61005)] == [4, 6, 4, 4]

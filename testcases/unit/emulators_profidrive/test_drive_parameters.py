@@ -189,7 +189,9 @@ def test_a_setting_beyond_the_limits_leaves_the_drive_alone(rig, parameters):
 @pytest.mark.requirement("MC-577")
 @pytest.mark.parametrize(("time_constant_s", "kv", "vtc_ms"), [(0.002, 7.5, 2.0), (0.004, 3.75, 4.0)])
 def test_what_a_commissioning_reads(time_constant_s, kv, vtc_ms):
-    """Gain and time constant that a tuning would find: the largest stable gain of the position loop in 1000/min, ms."""
+    """Gain and time constant that a tuning would find: the largest stable gain of the position loop in
+    1000/min, ms.
+    """
     config = ProfidriveConfig.reference()
     tuning = replace(config.tuning, velocity_time_constant_s=time_constant_s)
     parameters = DriveParameters(Rig(replace(config, tuning=tuning)).drive)

@@ -73,7 +73,9 @@ def test_row(row):
 
 @pytest.mark.requirement("PD-113", "PD-114")
 def test_every_word_in_every_state():
-    """Any combination of the five bits leads only where the table allows, by priority OFF2, OFF3, OFF1, disable."""
+    """Any combination of the five bits leads only where the table allows, by priority OFF2, OFF3, OFF1,
+    disable.
+    """
     allowed = {(before, after) for _, before, _, _, after, _ in ROWS}
     for before in AxisState:
         for bits in itertools.product((0, 1), repeat=5):
@@ -92,9 +94,18 @@ def test_every_word_in_every_state():
 def test_one_transition_a_step():
     """With everything commanded at once the axis goes through every state, one a cycle; ON must be new."""
     machine = GeneralStateMachine()
-    assert [machine.step(word, standstill=True) and machine.state for word in (CONTROLLED, RUN, RUN, READY, RUN, RUN, RUN)] == [
-        S1, S1, S1, S2, S3, S4, S4,
-    ]  # fmt: skip
+    assert [
+        machine.step(word, standstill=True) and machine.state
+        for word in (CONTROLLED, RUN, RUN, READY, RUN, RUN, RUN)
+    ] == [
+        S1,
+        S1,
+        S1,
+        S2,
+        S3,
+        S4,
+        S4,
+    ]
 
 
 @pytest.mark.requirement("PD-115")
@@ -102,7 +113,9 @@ def test_one_transition_a_step():
     ("off", "path"), [(Off.OFF1, [S5A, S2]), (Off.OFF2, [S1, S1]), (Off.OFF3, [S5B, S1])]
 )
 def test_faults_act_as_their_reaction(off, path):
-    """A fault stops as OFF1, OFF2 or OFF3 would, and holds the axis off while the control word still commands ON."""
+    """A fault stops as OFF1, OFF2 or OFF3 would, and holds the axis off while the control word still commands
+    ON.
+    """
     machine = machine_in(S4)
     states = []
     for standstill in (False, True):

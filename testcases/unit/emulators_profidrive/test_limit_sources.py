@@ -1,4 +1,6 @@
-"""Parameters of the PROFIdrive axis about torque limits, standstill and brake, written while it works (STP-528)."""
+"""Parameters of the PROFIdrive axis about torque limits, standstill and brake, written while it works
+(STP-528).
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ def build(telegram=105, **changes):
 
 @pytest.mark.requirement("STP-153", "STP-154", "MC-539", "MC-577")
 def test_limits_from_fixed_values():
-    """p1522 on +100 % and p1523 on -100 % make p2003 the limits; MOMRED then takes its share of p2003, in both directions."""
+    """p1522 on +100 % and p1523 on -100 % make p2003 the limits; MOMRED then takes its share of p2003, in
+    both directions.
+    """
     rig, parameters = build()
     assert [parameters.read("r2902", at) for at in (5, 12)] == [100.0, -100.0]
     assert (parameters.read("p1522"), parameters.read("p1523")) == (OWN_UP, OWN_LOW)
@@ -90,7 +94,9 @@ def test_the_threshold_of_the_utilisation_is_p2194():
 
 @pytest.mark.requirement("STP-528")
 def test_speed_below_which_the_motor_stands():
-    """With little torque the motor is behind its ramp: the stop ends when it is below p1226, earlier with a high one."""
+    """With little torque the motor is behind its ramp: the stop ends when it is below p1226, earlier with a
+    high one.
+    """
     times = {}
     for threshold in (5.0, 400.0):
         rig, parameters = build()
@@ -128,7 +134,9 @@ def test_times_of_the_brake():
 @pytest.mark.requirement("STP-531", "STP-029")
 @pytest.mark.parametrize("telegram", [1, 2, 3, 105])
 def test_a_setpoint_that_waits_is_followed_in_s4(telegram):
-    """Outside of S4 a setpoint means nothing; the drive follows it as soon as it is in S4, without another edge."""
+    """Outside of S4 a setpoint means nothing; the drive follows it as soon as it is in S4, without another
+    edge.
+    """
     rig, _ = build(telegram)
     rig.cycle(READY, count=60, **rig.speed(600.0))
     assert rig.drive.state is AxisState.S2
@@ -142,7 +150,9 @@ def test_a_setpoint_that_waits_is_followed_in_s4(telegram):
 @pytest.mark.parametrize("telegram", [1, 2, 3, 4, 5, 6, 102, 103, 105, 106])
 @pytest.mark.parametrize("supplement", [False, True])
 def test_words_of_every_telegram(telegram, supplement):
-    """MOMRED and MELDW with 10x, torque words with 750 beside each of them; all bring STW1 and the speed setpoint."""
+    """MOMRED and MELDW with 10x, torque words with 750 beside each of them; all bring STW1 and the speed
+    setpoint.
+    """
     rig, _ = build(telegram, torque_telegram=supplement)
     setpoint, actual = rig.drive.telegram.setpoint.names, rig.drive.telegram.actual.names
     assert ("MOMRED" in setpoint, "MELDW" in actual) == (telegram > 100, telegram > 100)
@@ -163,7 +173,9 @@ def test_words_of_every_telegram(telegram, supplement):
 
 @pytest.mark.requirement("STP-017")
 def test_a_drive_that_is_not_ready_does_not_reach_s4():
-    """With MELDW DriveReady = 0 (a fault is present) the enable sequence leads nowhere; ready again, it does."""
+    """With MELDW DriveReady = 0 (a fault is present) the enable sequence leads nowhere; ready again, it
+    does.
+    """
     rig, _ = build(105)
     rig.cycle(READY, count=60)
     rig.drive.raise_fault(7860)

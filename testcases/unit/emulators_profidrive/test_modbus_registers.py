@@ -36,9 +36,21 @@ SETTINGS = [
     pytest.param(40524, 791, 1, 100, -19999, 19999, marks=pytest.mark.requirement("PD-325")),
 ]
 READ_ONLY = [
-    *range(40110, 40120), 40220, 40221, *range(40240, 40246), *range(40260, 40264), 40300, 40301, 40320, *range(40340, 40350),
-    *range(40400, 40410), 40499, 40520, 40521, 40522,
-]  # fmt: skip
+    *range(40110, 40120),
+    40220,
+    40221,
+    *range(40240, 40246),
+    *range(40260, 40264),
+    40300,
+    40301,
+    40320,
+    *range(40340, 40350),
+    *range(40400, 40410),
+    40499,
+    40520,
+    40521,
+    40522,
+]
 
 
 @pytest.fixture
@@ -49,7 +61,9 @@ def rig():
 
 @pytest.mark.parametrize(("register", "number", "sub_index", "scale", "low", "high"), SETTINGS)
 def test_settings(rig, register, number, sub_index, scale, low, high):
-    """A register is its parameter times the scale, both ways, from limit to limit; beyond them exception 04."""
+    """A register is its parameter times the scale, both ways, from limit to limit; beyond them exception
+    04.
+    """
     store = rig.drive.parameters.store
     for raw in (low, (low + high) // 2, high):
         assert rig.write(register, raw) == "done"
@@ -178,7 +192,9 @@ def test_energy(rig):
 
 @pytest.mark.requirement("PD-321", "PD-322", "PD-323")
 def test_faults_alarms_and_the_error_code(rig):
-    """40400 is the present situation, 40408 and 40409 the alarm, 40499 the number of the refusal of the last access."""
+    """40400 is the present situation, 40408 and 40409 the alarm, 40499 the number of the refusal of the last
+    access.
+    """
     rig.enable()
     rig.drive.show_warning(True)
     alarm = rig.drive.drive.faults.warning_number
@@ -220,7 +236,9 @@ def test_the_style_of_the_g220():
 
 @pytest.mark.requirement("PD-291")
 def test_times_of_the_line():
-    """p2024: longest processing, character delay, pause; 0 is what the rate says; what the rate does not allow is refused."""
+    """p2024: longest processing, character delay, pause; 0 is what the rate says; what the rate does not
+    allow is refused.
+    """
     rig = ModbusRig("rtu", format_=SerialFormat(38400), setpoint_monitoring_s=0.0)
     store = rig.drive.parameters.store
 
@@ -276,7 +294,9 @@ def test_defaults_are_fast():
 
 @pytest.mark.requirement("PD-310")
 def test_the_current_limit():
-    """p0640 caps the torque: the rated current gives the rated torque. At the start it is above what the limits need."""
+    """p0640 caps the torque: the rated current gives the rated torque. At the start it is above what the
+    limits need.
+    """
     rig = ModbusRig("tcp", setpoint_monitoring_s=0.0)
     store = rig.drive.parameters.store
     assert rig.read(40321) == [132]  # 6 Nm are 6.6 A
@@ -293,7 +313,9 @@ def test_the_current_limit():
 
 
 def test_several_drives_on_one_line():
-    """Three units on a line are led one after the other; each hears only what is for it, a broadcast reaches all."""
+    """Three units on a line are led one after the other; each hears only what is for it, a broadcast reaches
+    all.
+    """
     scheduler = VirtualScheduler()
     line = SerialLine(scheduler, format_=SerialFormat(115200))
     drives = {}

@@ -156,7 +156,7 @@ def test_the_channel_always_comes_back(writes):
     assert channel.read(40601, 6, now + 20 * MS) == words("0002 2F08 8001 0101 0301 001F")
 
 
-# -------------------------------------------------------------------------------------- objects of a dictionary
+# ------------------------------------------------------------------------------------ objects of a dictionary
 
 
 @pytest.mark.requirement("PD-343")

@@ -73,7 +73,21 @@ def test_a_drive_without_supply_is_a_failed_module(rig, record):
 def test_every_code_has_its_number_and_words():
     """As PROFINET counts them."""
     assert [int(code) for code in RecordError] == [
-        0xA0, 0xA1, 0xA2, 0xA7, 0xA8, 0xA9, 0xB0, 0xB1, 0xB2, 0xB3, 0xB5, 0xB6, 0xB7, 0xB8, 0xB9,
-    ]  # fmt: skip
+        0xA0,
+        0xA1,
+        0xA2,
+        0xA7,
+        0xA8,
+        0xA9,
+        0xB0,
+        0xB1,
+        0xB2,
+        0xB3,
+        0xB5,
+        0xB6,
+        0xB7,
+        0xB8,
+        0xB9,
+    ]
     assert all(code.text for code in RecordError)
     assert str(RecordRefusedError(RecordError.INDEX)) == "B0h: no such record"

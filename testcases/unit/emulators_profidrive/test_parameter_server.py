@@ -111,12 +111,14 @@ def result(server, request):
     return answer.results[0]
 
 
-# ------------------------------------------------------------------------------------------- single parameters
+# ------------------------------------------------------------------------------------------ single parameters
 
 
 @pytest.mark.requirement("PD-199", "PD-200", "PD-202", "PD-203")
 def test_the_bytes_of_reading_and_writing(server):
-    """Header mirrored, format and number in front of the values; a good answer to writing is the header alone."""
+    """Header mirrored, format and number in front of the values; a good answer to writing is the header
+    alone.
+    """
     assert server.request(bytes.fromhex("80 01 01 01 10 01 0064 0000")) == bytes.fromhex(
         "80 01 01 01 06 01 0007"
     )
@@ -380,7 +382,9 @@ def everything(store):
 
 @pytest.mark.parametrize(("request_hex", "error", "sub_index"), REFUSED)
 def test_what_is_refused(server, store, request_hex, error, sub_index):
-    """Each mistake has its number, some with the sub-index; the answer is negative, and nothing has changed."""
+    """Each mistake has its number, some with the sub-index; the answer is negative, and nothing has
+    changed.
+    """
     store.pulses_enabled = lambda: True
     store.switching_on_inhibited = lambda: False
     before = everything(store)
@@ -494,7 +498,7 @@ def test_a_parameter_can_be_taken_away(server, store):
     assert result(server, read(PLAIN)).values == (7,)
 
 
-# ------------------------------------------------------------------------------------------ several parameters
+# ----------------------------------------------------------------------------------------- several parameters
 
 
 @pytest.mark.requirement("PD-202", "PD-203")
@@ -524,7 +528,9 @@ def test_several_parameters_are_answered_each(server, store):
 
 @pytest.mark.requirement("PD-208")
 def test_a_broken_record_writes_nothing(server, store):
-    """When the values of one parameter cannot be told from those of the next, none is written; own mistakes go first."""
+    """When the values of one parameter cannot be told from those of the next, none is written; own mistakes
+    go first.
+    """
     request = Request(
         4, 2, 1, (Address(PLAIN), Address(1)), (Values(Format.WORD, (9,)), Values(Format.WORD, (9,)))
     ).encode()
@@ -549,7 +555,7 @@ def test_an_answer_never_exceeds_240_bytes(server, count):
     assert results[-1] == Values(TypeCode.UNSIGNED16, (7,))
 
 
-# -------------------------------------------------------------------------------------- descriptions and texts
+# ------------------------------------------------------------------------------------- descriptions and texts
 
 
 def test_the_description_of_a_parameter(server):
@@ -629,7 +635,9 @@ def shaped():
 @settings(max_examples=300, derandomize=True, deadline=None)
 @given(st.binary(max_size=300) | shaped())
 def test_any_bytes_are_answered(data):
-    """Whatever comes: one answer of at most 240 bytes, which decodes, mirrors the request and keeps the values legal."""
+    """Whatever comes: one answer of at most 240 bytes, which decodes, mirrors the request and keeps the
+    values legal.
+    """
     store = make_store()
     server = ParameterServer({1: store})
     answer = server.request(data)

@@ -1,4 +1,6 @@
-"""The positioner behind the telegrams 7, 9, 110, 111 and 112 of the drive: state machine, words, faults, exclusiveness."""
+"""The positioner behind the telegrams 7, 9, 110, 111 and 112 of the drive: state machine, words, faults,
+exclusiveness.
+"""
 
 from __future__ import annotations
 
@@ -140,7 +142,9 @@ def test_telegram_7():
 
 @pytest.mark.requirement("PD-020")
 def test_telegram_112():
-    """Physical units in 32 bits: acceleration and deceleration in 1000 LU/s^2, actual velocity in 1000 LU/min."""
+    """Physical units in 32 bits: acceleration and deceleration in 1000 LU/s^2, actual velocity in 1000
+    LU/min.
+    """
     rig = PositionRig(112, max_acceleration=1_000.0)
     rig.enable_axis()
     rig.run(RUN, OVERRIDE=0x4000, MDI_ACC_32=250, MDI_DEC_32=500)
@@ -211,7 +215,9 @@ def test_off1_brakes_with_its_ramp_and_can_be_taken_back():
     ],
 )
 def test_a_refused_task_is_a_warning(signals, number):
-    """WARN_CODE shows it as long as the request stands; there is neither acknowledgement nor motion nor fault."""
+    """WARN_CODE shows it as long as the request stands; there is neither acknowledgement nor motion nor
+    fault.
+    """
     rig = PositionRig()
     rig.enable_axis()
     answer = rig.go(0.3, MDI_VELOCITY=6_000, **signals)
@@ -240,7 +246,9 @@ def test_software_limits():
 
 @pytest.mark.requirement("PD-089", "PD-090", "PD-043")
 def test_limit_cams_are_the_limit_switches():
-    """The axis stops on the switch with F07492 and its quick stop; it can only leave in the other direction."""
+    """The axis stops on the switch with F07492 and its quick stop; it can only leave in the other
+    direction.
+    """
     rig = PositionRig(quick_stop_s=0.1)
     rig.enable_axis()
     setup = POS_STW1.MDI | POS_STW1.SETUP
@@ -275,7 +283,9 @@ def test_a_following_error_is_a_fault():
 
 @pytest.mark.requirement("PD-055", "PD-071", "PD-089")
 def test_homing_on_the_home_switch():
-    """Without a bit for the cam in the telegram the home switch of the machine is the cam; p2604 tells the direction."""
+    """Without a bit for the cam in the telegram the home switch of the machine is the cam; p2604 tells the
+    direction.
+    """
     rig = PositionRig(
         search_negative=True, cam_velocity=6_000.0, mark_velocity=3_000.0, reference_position=1_000
     )

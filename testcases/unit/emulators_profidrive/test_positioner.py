@@ -1,4 +1,6 @@
-"""Basic positioner on the true mechanics: blocks, MDI, set-up, jog, homing, limits, and every bit that tells of them."""
+"""Basic positioner on the true mechanics: blocks, MDI, set-up, jog, homing, limits, and every bit that tells
+of them.
+"""
 
 from __future__ import annotations
 
@@ -33,9 +35,13 @@ class Axis:
 
     def __init__(self, **options):
         self.mechanics = LinearAxisMechanics(
-            lead_screw_m=0.01, motor_inertia_kgm2=2e-4, screw_inertia_kgm2=0.5e-4, load_mass_kg=40.0,
-            coulomb_friction=30.0, viscous_friction=30.0,
-        )  # fmt: skip
+            lead_screw_m=0.01,
+            motor_inertia_kgm2=2e-4,
+            screw_inertia_kgm2=0.5e-4,
+            load_mass_kg=40.0,
+            coulomb_friction=30.0,
+            viscous_friction=30.0,
+        )
         self.core = ServoCore(mechanics=self.mechanics, encoder=IncrementalEncoder(), period_s=STEP_S)
         self.core.set_torque_limits(6.0, 6.0)
         self.positioner = Positioner(self.core, PositionerSettings(**options))
@@ -82,12 +88,14 @@ def rows(**options):
     return {"blocks": tuple(enumerate(options["blocks"], 1))}
 
 
-# --------------------------------------------------------------------------------------------------------- MDI
+# -------------------------------------------------------------------------------------------------------- MDI
 
 
 @pytest.mark.requirement("PD-051", "PD-070", "PD-072", "PD-088", "PD-090")
 def test_mdi_absolute():
-    """The edge starts it, bit 12 acknowledges as long as the edge's bit stands, bit 10 comes with the target."""
+    """The edge starts it, bit 12 acknowledges as long as the edge's bit stands, bit 10 comes with the
+    target.
+    """
     axis = Axis().home()
     assert axis.shows(ZSW1.HOME_POSITION_SET)
     axis.run(CYCLE_S, pos_stw1=MDI, target=50_000)
@@ -193,7 +201,7 @@ def test_acceleration_override():
     assert half.core.precontrol_velocity == pytest.approx(full.core.precontrol_velocity / 2)
 
 
-# ------------------------------------------------------------------------------------- interruption, rejection
+# ------------------------------------------------------------------------------------ interruption, rejection
 
 
 @pytest.mark.requirement("PD-050")
@@ -210,7 +218,9 @@ def test_intermediate_stop():
 
 @pytest.mark.requirement("PD-049")
 def test_rejection():
-    """The axis brakes with the maximum deceleration, the task is gone, and setting the bit again starts nothing."""
+    """The axis brakes with the maximum deceleration, the task is gone, and setting the bit again starts
+    nothing.
+    """
     axis = Axis().home().go(0.3, pos_stw1=MDI, target=300_000, deceleration=0x0400)
     start = axis.position
     axis.run(0.2, stw1=GO & ~STW1.NO_REJECT_TASK)
@@ -225,7 +235,9 @@ def test_rejection():
 
 @pytest.mark.requirement("PD-070")
 def test_the_target_bit_of_an_axis_that_rests():
-    """Some drives show bit 10 whenever the axis stands without a task: after homing, jog, a rejection; others do not."""
+    """Some drives show bit 10 whenever the axis stands without a task: after homing, jog, a rejection; others
+    do not.
+    """
     for option in (False, True):
         axis = Axis(rest_is_reached=option)
         axis.home()
@@ -276,7 +288,7 @@ def test_a_stop_of_the_drive_in_between_is_made_good():
     assert axis.position == pytest.approx(50_000, abs=20)
 
 
-# ------------------------------------------------------------------------------------------------------ blocks
+# ----------------------------------------------------------------------------------------------------- blocks
 
 
 @pytest.mark.requirement("PD-086", "PD-087", "PD-088", "PD-090")
@@ -338,7 +350,7 @@ def test_satzanw(satzanw, mdi_mod, pos_stw1):
     assert Positioner.words_of_satzanw(satzanw, mdi_mod) == pos_stw1
 
 
-# --------------------------------------------------------------------------------------------------------- jog
+# -------------------------------------------------------------------------------------------------------- jog
 
 
 @pytest.mark.requirement("PD-053", "PD-089", "PD-090")
@@ -372,7 +384,7 @@ def test_incremental_jog():
     assert 1_100 < axis.position < 1_900
 
 
-# ------------------------------------------------------------------------------------------------------ homing
+# ----------------------------------------------------------------------------------------------------- homing
 
 
 @pytest.mark.requirement("PD-055", "PD-071", "PD-089", "PD-090")
@@ -407,7 +419,9 @@ def test_homing_on_cam_and_zero_mark(sign, start_on_cam):
 
 @pytest.mark.requirement("PD-055", "PD-071")
 def test_homing_without_cam_and_interrupted():
-    """Without cam the next mark in the search direction; taking the bit away stops, and there is no home position."""
+    """Without cam the next mark in the search direction; taking the bit away stops, and there is no home
+    position.
+    """
     axis = Axis(has_cam=False)
     axis.run(0.5, stw1=READY | STW1.START_HOMING)
     axis.run(0.3, stw1=READY)
@@ -428,7 +442,7 @@ def test_set_reference_point():
     assert axis.position == pytest.approx(10_000, abs=20)
 
 
-# ------------------------------------------------------------------------------------------------------ limits
+# ----------------------------------------------------------------------------------------------------- limits
 
 
 @pytest.mark.requirement("PD-089", "PD-091")
@@ -537,7 +551,9 @@ def test_an_endless_block_cannot_wait_for_its_target():
 
 
 def test_a_rejection_makes_a_stop_in_progress_steeper():
-    """The intermediate stop brakes as the task says, here with 5 % of the maximum; the rejection that follows with all of it."""
+    """The intermediate stop brakes as the task says, here with 5 % of the maximum; the rejection that follows
+    with all of it.
+    """
     axis = Axis().home().go(0.4, pos_stw1=MDI, target=500_000, deceleration=0x4000 // 20)
     axis.run(0.1, stw1=GO & ~STW1.NO_INTERMEDIATE_STOP)
     assert axis.mechanics.velocity > 0.09
@@ -548,17 +564,28 @@ def test_a_rejection_makes_a_stop_in_progress_steeper():
 WORD = st.sampled_from([0, 1, 0x2000, 0x4000, 0x7FFF, -1, -0x8000])
 INT32 = st.sampled_from([0, 1, 20_000, -20_000, 0x7FFF_FFFF, -0x8000_0000])
 ANY = st.tuples(
-    st.sampled_from([READY, GO, GO | STW1.START_HOMING, READY | STW1.JOG_1, READY | STW1.JOG_2, 0]) | st.integers(0, 0xFFFF),
+    st.sampled_from([READY, GO, GO | STW1.START_HOMING, READY | STW1.JOG_1, READY | STW1.JOG_2, 0])
+    | st.integers(0, 0xFFFF),
     st.sampled_from([1, 2, 9, int(MDI), RELATIVE, SETUP | POS_STW1.POSITIVE]) | st.integers(0, 0xFFFF),
-    st.sampled_from([0, int(POS_STW2.SOFTWARE_LIMITS), int(POS_STW2.SET_REFERENCE_POINT)]) | st.integers(0, 0xFFFF),
-    WORD, INT32, INT32, WORD, WORD, st.integers(1, 20), st.booleans(), st.booleans(),
-)  # fmt: skip
+    st.sampled_from([0, int(POS_STW2.SOFTWARE_LIMITS), int(POS_STW2.SET_REFERENCE_POINT)])
+    | st.integers(0, 0xFFFF),
+    WORD,
+    INT32,
+    INT32,
+    WORD,
+    WORD,
+    st.integers(1, 20),
+    st.booleans(),
+    st.booleans(),
+)
 
 
 @settings(max_examples=150, derandomize=True, deadline=None)
 @given(st.lists(ANY, min_size=1, max_size=10))
 def test_any_words_are_lived_with(course):
-    """Whatever comes: finite demands within the maximum velocity; then a rejection ends in standstill and a task works."""
+    """Whatever comes: finite demands within the maximum velocity; then a rejection ends in standstill and a
+    task works.
+    """
     axis = Axis(
         software_limits=(-100_000, 100_000),
         **rows(

@@ -1,4 +1,6 @@
-"""Further functions of the basic positioner in the drive: tracking, passive homing, modulo, blocks that do not move, monitoring, parameters."""
+"""Further functions of the basic positioner in the drive: tracking, passive homing, modulo, blocks that do
+not move, monitoring, parameters.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ def ready(rig):
 
 @pytest.mark.requirement("PD-089", "PD-091")
 def test_tracking_lets_the_demand_follow_the_axis():
-    """The task ends; a push moves the demand too, so that nothing is made good afterwards; tasks wait for its end."""
+    """The task ends; a push moves the demand too, so that nothing is made good afterwards; tasks wait for its
+    end.
+    """
     rig = ready(PositionRig())
     rig.go(0.3, POS_STW1=MDI, MDI_TARPOS=60_000, MDI_VELOCITY=6_000)
     answer = rig.run(GO, 0.5, POS_STW2=POS_STW2.TRACKING)
@@ -57,7 +61,7 @@ def test_without_pulses_the_demand_follows():
     assert not rig.actual["POS_ZSW2"] & POS_ZSW2.TRACKING
 
 
-# ---------------------------------------------------------------------------------------------- passive homing
+# --------------------------------------------------------------------------------------------- passive homing
 
 
 def with_probe(**positioner):
@@ -79,7 +83,9 @@ def with_probe(**positioner):
     [(0, 30_000), (POS_STW2.PROBE_FALLING, 40_000), (POS_STW2.PROBE_2, 50_000)],
 )
 def test_passive_homing_takes_the_place_of_a_probe_edge(bits, edge_um):
-    """The axis goes on with its task; the place of the chosen edge becomes p2599; bit 12 of POS_ZSW1 until then."""
+    """The axis goes on with its task; the place of the chosen edge becomes p2599; bit 12 of POS_ZSW1 until
+    then.
+    """
     rig = with_probe(reference_position=100_000)
     rig.enable_axis()
     rig.run(RUN | STW1.START_HOMING, POS_STW2=POS_STW2.PASSIVE_HOMING | bits)
@@ -95,7 +101,7 @@ def test_passive_homing_takes_the_place_of_a_probe_edge(bits, edge_um):
     assert answer["XIST_A"] - rig.place_um == pytest.approx(100_000 - edge_um, abs=3)
 
 
-# ------------------------------------------------------------------------------------------------------ modulo
+# ----------------------------------------------------------------------------------------------------- modulo
 
 
 @pytest.mark.requirement("PD-092")
@@ -130,7 +136,7 @@ def test_a_target_outside_of_the_modulo_range_is_refused():
     assert answer["WARN_CODE"] == 7471
 
 
-# ------------------------------------------------------------------------------------------------------ blocks
+# ----------------------------------------------------------------------------------------------------- blocks
 
 
 @pytest.mark.requirement("PD-086", "PD-091")
@@ -190,7 +196,7 @@ def test_wrong_parameters_of_blocks_are_refused(task, parameter):
         TraversingBlock(task=task, parameter=parameter)
 
 
-# -------------------------------------------------------------------------------------------------- monitoring
+# ------------------------------------------------------------------------------------------------- monitoring
 
 
 @pytest.mark.parametrize(
@@ -236,12 +242,14 @@ def test_an_axis_that_does_not_get_into_its_window_is_a_fault():
     assert rig.run(GO, 0.2)["FAULT_CODE"] == 7451
 
 
-# -------------------------------------------------------------------------------------------------- parameters
+# ------------------------------------------------------------------------------------------------- parameters
 
 
 @pytest.mark.requirement("PD-040", "PD-239")
 def test_parameters_of_the_positioner_act_at_once():
-    """Maximum acceleration, software limits, jog speed, reference point: in the units of the parameter list."""
+    """Maximum acceleration, software limits, jog speed, reference point: in the units of the parameter
+    list.
+    """
     rig = PositionRig()
     parameters = DriveParameters(rig.drive)
     assert parameters.read("p0930") == 2
@@ -304,12 +312,14 @@ def test_a_speed_axis_has_no_parameters_of_the_positioner():
     assert refused.value.error == 0x00
 
 
-# -------------------------------------------------------------------------------------------------- fixed stop
+# ------------------------------------------------------------------------------------------------- fixed stop
 
 
 @pytest.mark.requirement("PD-082", "PD-091")
 def test_travel_to_a_fixed_stop():
-    """With STW2 bit 8 the axis presses with the clamping torque where it is held up, and the task is done; no fault."""
+    """With STW2 bit 8 the axis presses with the clamping torque where it is held up, and the task is done; no
+    fault.
+    """
     rig = ready(PositionRig(clamping_torque_Nm=1.0))
     rig.run(RUN, POS_STW1=POS_STW1.MDI, MDI_TARPOS=100_000, MDI_VELOCITY=1_800, STW2=0x0100)
     answer = rig.run(GO, 0.5)

@@ -26,7 +26,9 @@ WORDS = {"setpoint": 10, "actual": 10}  # telegram 105
 
 
 class Station:
-    """A drive on a segment with telegram 105 on three PDOs in each direction, and a controller made of frames."""
+    """A drive on a segment with telegram 105 on three PDOs in each direction, and a controller made of
+    frames.
+    """
 
     def __init__(self):
         self.scheduler = VirtualScheduler()
@@ -92,7 +94,9 @@ def station():
 
 @pytest.mark.requirement("PD-338", "PD-340", "PD-341")
 def test_the_telegram_stands_in_words_on_pdos(station):
-    """Ten words in three PDOs enable the axis and set its speed; the answer comes in three PDOs of the same SYNC."""
+    """Ten words in three PDOs enable the axis and set its speed; the answer comes in three PDOs of the same
+    SYNC.
+    """
     station.cycle(0x047E, count=40)
     answer = station.cycle(0x047F, count=100, NSOLL_B=to_n4(0.2))
 
@@ -103,7 +107,9 @@ def test_the_telegram_stands_in_words_on_pdos(station):
 
 @pytest.mark.requirement("PD-030", "PD-127")
 def test_a_telegram_with_a_missing_pdo_is_not_taken_over(station):
-    """One PDO missing makes the whole telegram missing: old setpoints stay, and the sign of life counts a failure."""
+    """One PDO missing makes the whole telegram missing: old setpoints stay, and the sign of life counts a
+    failure.
+    """
     station.cycle(0x047E, count=40)
     station.cycle(0x047F, count=50, NSOLL_B=to_n4(0.2))
     for number in range(3):
@@ -116,7 +122,9 @@ def test_a_telegram_with_a_missing_pdo_is_not_taken_over(station):
 
 
 def test_a_fault_sends_an_emcy_with_its_number_and_its_end(station):
-    """The EMCY has the code of the catalogue and the fault number in its data; acknowledging ends it with 0000h."""
+    """The EMCY has the code of the catalogue and the fault number in its data; acknowledging ends it with
+    0000h.
+    """
     station.cycle(0x047E, count=40)
     station.drive.raise_fault(numbers.OVERVOLTAGE)
     station.cycle(0x047E)
@@ -154,7 +162,9 @@ def test_reset_node_is_a_restart(station):
 
 
 def test_hostile_frames_are_survived(station):
-    """PDOs of wrong lengths never stop the node; when the clock is back, what it missed is acknowledged and work goes on."""
+    """PDOs of wrong lengths never stop the node; when the clock is back, what it missed is acknowledged and
+    work goes on.
+    """
     station.cycle(0x047E, count=40)
     for can_id in (0x200 + NODE, 0x300 + NODE, 0x400 + NODE):
         for length in range(9):
@@ -187,7 +197,9 @@ def test_a_telegram_that_is_too_long_for_the_objects_is_refused():
 
 @pytest.mark.requirement("PD-339")
 def test_the_predefined_connection_set():
-    """Without any mapping: RPDO1 control word, RPDO2 with the speed too, TPDO1 status word, TPDO2 with the speed."""
+    """Without any mapping: RPDO1 control word, RPDO2 with the speed too, TPDO1 status word, TPDO2 with the
+    speed.
+    """
     scheduler = VirtualScheduler()
     segment = CanMedium(scheduler, name="can0")
     config = ProfidriveNodeConfig(node_id=NODE, drive=ProfidriveConfig.reference(telegram=1))

@@ -54,7 +54,9 @@ class Node:
 
 @pytest.mark.requirement("PD-342")
 def test_control_word_and_target_velocity_lead_the_axis():
-    """6040h and 60FFh are STW1 and the setpoint, 6041h is ZSW1, 606Ch the speed; all of them in rpm and the bits of the profile."""
+    """6040h and 60FFh are STW1 and the setpoint, 6041h is ZSW1, 606Ch the speed; all of them in rpm and the
+    bits of the profile.
+    """
     node = Node()
     node.turn(-900)
     assert node.drive.state is AxisState.S4
@@ -73,7 +75,9 @@ def test_control_word_and_target_velocity_lead_the_axis():
 
 @pytest.mark.requirement("PD-342")
 def test_settings_are_parameters():
-    """6072h is p1520, 6083h to 6085h are p1082 by p1120, p1121, p1135, 6094h is p8798 and scales every velocity."""
+    """6072h is p1520, 6083h to 6085h are p1082 by p1120, p1121, p1135, 6094h is p8798 and scales every
+    velocity.
+    """
     node = Node()
     value = node.drive.parameters.store.value
     assert node.read(0x6072) == 3000
@@ -104,7 +108,9 @@ def test_settings_are_parameters():
 
 @pytest.mark.requirement("PD-342")
 def test_what_is_fixed():
-    """The mode is that of the telegram; what can only be one thing takes nothing else; 6504h names the maker."""
+    """The mode is that of the telegram; what can only be one thing takes nothing else; 6504h names the
+    maker.
+    """
     node = Node()
     assert (node.read(0x6060), node.read(0x6061), node.read(0x6502)) == (3, 3, 4)
     assert node.store.read(0x6007, 0) == b"\3\0"

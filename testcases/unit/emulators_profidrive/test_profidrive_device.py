@@ -1,4 +1,6 @@
-"""The axis as a whole: state bits, ramps, setpoint channel, faults and acknowledgement, from the telegrams alone."""
+"""The axis as a whole: state bits, ramps, setpoint channel, faults and acknowledgement, from the telegrams
+alone.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ def reference(**changes):
     return replace(config, settings=replace(config.settings, **settings), **changes)
 
 
-# -- states and their bits -------------------------------------------------------------------------------------------
+# -- states and their bits
+# -------------------------------------------------------------------------------------------
 
 PATTERNS = [
     ("PD-098", [], S2, 0x0001),
@@ -48,7 +51,9 @@ PATTERNS = [
 )
 @pytest.mark.parametrize(("words", "state", "pattern"), [row[1:] for row in PATTERNS])
 def test_every_state_shows_its_pattern(words, state, pattern):
-    """A sequence of control words leads a turning axis into the state of the table, and ZSW1 & 0047h shows it."""
+    """A sequence of control words leads a turning axis into the state of the table, and ZSW1 & 0047h shows
+    it.
+    """
     rig = Rig()
     rig.cycle(READY, count=SYNCHRONISED)
     for word, count in words:
@@ -76,7 +81,9 @@ def test_the_axis_waits_for_control_by_plc():
 
 @pytest.mark.requirement("PD-125", "PD-126", "PD-131")
 def test_s2_waits_for_the_sign_of_life():
-    """Without the controller's counter an isochronous axis stays in S1 and sends none; with it both follow."""
+    """Without the controller's counter an isochronous axis stays in S1 and sends none; with it both
+    follow.
+    """
     rig = Rig()
     rig.sends_sign = False
     assert rig.cycle(READY, count=60)["ZSW1"] & 0x47 == 0x40
@@ -102,7 +109,9 @@ def test_telegram_1_needs_no_sign_of_life():
 
 @pytest.mark.requirement("PD-076")
 def test_a_frame_without_control_by_plc_is_not_taken_over():
-    """With bit 10 = 0 control word and setpoint stay those of before, but the sign of life is followed (PD-077)."""
+    """With bit 10 = 0 control word and setpoint stay those of before, but the sign of life is followed
+    (PD-077).
+    """
     rig = Rig()
     rig.turn(600.0)
 
@@ -143,7 +152,9 @@ def test_a_free_telegram_turns_the_motor():
 
 @pytest.mark.requirement("PD-030")
 def test_a_frame_of_a_wrong_length_is_not_taken_over():
-    """Frames that are too short or too long are counted; the values of before stay, and then F01910 stops the axis."""
+    """Frames that are too short or too long are counted; the values of before stay, and then F01910 stops the
+    axis.
+    """
     rig = Rig(reference(sign_of_life_tolerance=65535))
     rig.turn(600.0)
     for length in (0, 19, 21, 64):
@@ -157,7 +168,8 @@ def test_a_frame_of_a_wrong_length_is_not_taken_over():
     assert rig.drive.state is S5B
 
 
-# -- ramps ------------------------------------------------------------------------------------------------------------
+# -- ramps
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-571", "PD-110", "PD-113", "PD-116")
@@ -166,7 +178,9 @@ def test_a_frame_of_a_wrong_length_is_not_taken_over():
     ("word", "share_s", "end"), [(OFF1, 1.0, S2), (OFF3, 0.5, S1), (OFF1 & ~0x10, 0.5, S2)]
 )
 def test_stops_take_the_time_of_the_ramp(word, share_s, end, rpm):
-    """OFF1 takes p1121 * |n| / p1082, OFF3 and OFF1 without ramp generator p1135 * |n| / p1082; then S2 or S1."""
+    """OFF1 takes p1121 * |n| / p1082, OFF3 and OFF1 without ramp generator p1135 * |n| / p1082; then S2 or
+    S1.
+    """
     rig = Rig()
     rig.turn(rpm)
 
@@ -202,7 +216,9 @@ def test_off2_and_disable_coast(word):
 
 @pytest.mark.requirement("PD-119")
 def test_ramp_generator_of_mode_1():
-    """Mode 1: ramps up with p1120, freezes with bit 5 = 0, ramps down with p1121 on bit 6 = 0 and with p1135 on bit 4 = 0."""
+    """Mode 1: ramps up with p1120, freezes with bit 5 = 0, ramps down with p1121 on bit 6 = 0 and with p1135
+    on bit 4 = 0.
+    """
     rig = Rig(reference(operating_mode=1, ramp_up_s=2.0))
     rig.enable()
     cycles = 100  # 0.4 s
@@ -226,7 +242,9 @@ def test_ramp_generator_of_mode_1():
 
 @pytest.mark.requirement("PD-120")
 def test_reduced_channel_of_mode_3():
-    """Mode 3: the setpoint passes without ramp, bit 5 has no effect, bit 6 = 0 ramps down, bit 4 = 0 is zero at once."""
+    """Mode 3: the setpoint passes without ramp, bit 5 has no effect, bit 6 = 0 ramps down, bit 4 = 0 is zero
+    at once.
+    """
     rig = Rig()
     rig.enable()
     rig.cycle(RUN, count=5, **rig.speed(300.0))
@@ -266,7 +284,8 @@ def test_jogging_starts_from_s2_and_ends_there():
     assert not rig.cycle(ready, count=2)["ZSW1"] & ZSW1.WARNING
 
 
-# -- faults --------------------------------------------------------------------------------------------------------------
+# -- faults
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PD-115", "PD-133")
@@ -275,7 +294,9 @@ def test_jogging_starts_from_s2_and_ends_there():
     [(Off.OFF1, S5A, S2, 1.0), (Off.OFF3, S5B, S1, 0.5), (Off.OFF2, S1, S1, 0.0)],
 )
 def test_a_fault_stops_as_its_reaction_says_and_needs_a_new_on(reaction, braking, end, share_s):
-    """A fault acts as its OFF; after acknowledging with ON still set nothing moves: a new edge of ON is needed."""
+    """A fault acts as its OFF; after acknowledging with ON still set nothing moves: a new edge of ON is
+    needed.
+    """
     rig = Rig()
     rig.turn(900.0)
     rig.drive.raise_fault(numbers.EXTERNAL, value=7, reaction=reaction)
@@ -314,8 +335,11 @@ def test_a_lasting_cause_opens_a_new_situation():
     assert rig.actual["ZSW1"] & ZSW1.FAULT
     buffer = rig.drive.faults.buffer
     assert [buffer.entry(index).number if buffer.entry(index) else 0 for index in (0, 1, 8, 9)] == [
-        numbers.EXTERNAL, 0, numbers.EXTERNAL, numbers.OVERCURRENT,
-    ]  # fmt: skip
+        numbers.EXTERNAL,
+        0,
+        numbers.EXTERNAL,
+        numbers.OVERCURRENT,
+    ]
     assert buffer.counter == 4  # two messages, an acknowledgement, a message
 
     rig.drive.clear_fault_cause(numbers.EXTERNAL)
@@ -326,7 +350,9 @@ def test_a_lasting_cause_opens_a_new_situation():
 @pytest.mark.requirement("PD-127", "PD-128", "PD-129", "PD-350")
 @pytest.mark.parametrize(("tolerance", "wrong"), [(1, 2), (5, 6), (65535, None)])
 def test_sign_of_life_faults_after_the_tolerated_cycles(tolerance, wrong):
-    """The counter that stands still is fault F01912 with OFF1 in the cycle after the tolerated ones; 65535 tolerates all."""
+    """The counter that stands still is fault F01912 with OFF1 in the cycle after the tolerated ones; 65535
+    tolerates all.
+    """
     rig = Rig(reference(sign_of_life_tolerance=tolerance))
     rig.turn(300.0)
     rig.sends_sign = False
@@ -379,12 +405,15 @@ def test_safe_stop_1_brakes_and_then_takes_the_torque():
     assert not rig.drive.faults.present
 
 
-# -- further words ---------------------------------------------------------------------------------------------------------
+# -- further words
+# ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PD-079", "PD-068")
 def test_speed_deviation_counts_after_its_time():
-    """ZSW1.8 is 1 while the deviation is small or has not lasted for the whole time; a blocked shaft ends it."""
+    """ZSW1.8 is 1 while the deviation is small or has not lasted for the whole time; a blocked shaft ends
+    it.
+    """
     rig = Rig(reference(deviation_rpm=90.0, deviation_time_s=0.02))
     rig.turn(600.0)
     assert rig.actual["ZSW1"] & ZSW1.DEVIATION_IN_TOLERANCE
@@ -445,13 +474,16 @@ def test_g1_xist1_counts_with_fine_resolution():
     assert 0 < (rig.actual["G1_XIST1"] - before) % 2**32 < 2**22
 
 
-# -- dynamic servo control ------------------------------------------------------------------------------------------------
+# -- dynamic servo control
+# ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("CTL-031", "PD-195", "PD-196", "PD-041", "PD-042")
 @pytest.mark.parametrize("kpc", [10_000, 50_000])
 def test_dsc_closes_the_position_loop_in_the_drive(kpc):
-    """With a fixed XERR the axis goes that far from where it was: the drive subtracts what it has moved since."""
+    """With a fixed XERR the axis goes that far from where it was: the drive subtracts what it has moved
+    since.
+    """
     config = ProfidriveConfig.reference()
     rig = Rig(replace(config, interpolation=False))
     rig.enable()
@@ -474,9 +506,17 @@ def test_dsc_demand_is_that_of_the_formula():
     per_increment = 2.0 * math.pi / 2**22
     rig.cycle(RUN, KPC=20_000, **rig.speed(300.0))
     sent = drive.channel.sent_angle
-    drive.receive(drive.telegram.setpoint.encode(
-        {"STW1": RUN, "STW2": (rig.sign % 15 + 1) << 12, "NSOLL_B": to_n4(0.1), "XERR": 40_000, "KPC": 20_000}
-    ))  # fmt: skip
+    drive.receive(
+        drive.telegram.setpoint.encode(
+            {
+                "STW1": RUN,
+                "STW2": (rig.sign % 15 + 1) << 12,
+                "NSOLL_B": to_n4(0.1),
+                "XERR": 40_000,
+                "KPC": 20_000,
+            }
+        )
+    )
     drive.cycle()
     for _ in range(4):
         rig.scheduler.run_for(config.servo_period_ns)
@@ -498,7 +538,9 @@ def test_dsc_without_clock_is_refused_with_a_warning():
 
 @pytest.mark.requirement("PD-347", "PD-076")
 def test_what_happens_in_which_order_within_a_cycle():
-    """Telegram, sign of life, state machine, encoder, setpoint channel, and the answer behind all of them: in one cycle."""
+    """Telegram, sign of life, state machine, encoder, setpoint channel, and the answer behind all of them: in
+    one cycle.
+    """
     rig = Rig(ProfidriveConfig.reference(telegram=5))
     rig.cycle(READY, count=SYNCHRONISED)
     drive = rig.drive

@@ -75,7 +75,9 @@ def test_probes_on_the_travel():
 @pytest.mark.requirement("PD-143")
 @pytest.mark.parametrize("late_ns", [0, 100_000, 249_999])
 def test_probe_by_hand(late_ns):
-    """An edge that the load has no part in is latched at its instant, also between two servo steps; its level shows in bit 9."""
+    """An edge that the load has no part in is latched at its instant, also between two servo steps; its level
+    shows in bit 9.
+    """
     rig = Rig()
     rig.turn(600.0)
     speed = rig.speed(600.0)
@@ -108,7 +110,9 @@ def test_parking_does_not_stop_the_drive():
 
 @pytest.mark.requirement("PD-152", "PD-164", "PD-165", "PD-184")
 def test_errors_and_their_acknowledgement():
-    """What the drive does not do is 0F01h; a brought-about error persists until its cause is gone and it is acknowledged."""
+    """What the drive does not do is 0F01h; a brought-about error persists until its cause is gone and it is
+    acknowledged.
+    """
     rig = Rig()
     rig.enable()
     for word in (0x1000, 0x0800, 0x0040):
@@ -129,7 +133,9 @@ def test_errors_and_their_acknowledgement():
 
 @pytest.mark.requirement("PD-172", "PD-147", "PD-190", "PD-191", "PD-192", "PD-193")
 def test_absolute_encoder():
-    """An absolute encoder begins with its value in both words; P979 tells the formats; an incremental one has none: 0008h."""
+    """An absolute encoder begins with its value in both words; P979 tells the formats; an incremental one has
+    none: 0008h.
+    """
     config = ProfidriveConfig.reference(position_m=0.0123)
     absolute = replace(config, encoder=replace(config.encoder, kind="absolute", turns=4096))
     rig = Rig(absolute)

@@ -60,7 +60,9 @@ def test_it_acts_in_its_own_cycle():
 
 @pytest.mark.requirement("PD-280", "PD-292", "MODB-042")
 def test_process_data_that_stay_away(rig):
-    """After p2040 without access the drive stops with OFF3 and F01910; reading keeps it; acknowledging needs data."""
+    """After p2040 without access the drive stops with OFF3 and F01910; reading keeps it; acknowledging needs
+    data.
+    """
     rig.enable()
     rig.keep(0.3, RUN, to_n2(0.5))
     for _ in range(10):
@@ -88,7 +90,9 @@ def test_process_data_that_stay_away(rig):
 
 @pytest.mark.requirement("PD-280", "PD-292")
 def test_the_time_is_that_of_the_map_of_the_configuration_or_of_p2040():
-    """100 ms is the factory value of the map; the configuration or the client may choose another one, 0 switches it off."""
+    """100 ms is the factory value of the map; the configuration or the client may choose another one, 0
+    switches it off.
+    """
     for options, expected_ms in (
         ({}, 100.0),
         ({"setpoint_monitoring_s": 0.5}, 500.0),
@@ -115,7 +119,9 @@ def test_the_line_watches_two_registers_and_tcp_all_of_them():
 
 @pytest.mark.requirement("PD-326", "PD-327", "PD-328", "PD-332", "PD-330")
 def test_parameters_by_data_record_47(rig):
-    """The worked example reads r0002 = 31; a write of p1121 acts; without supply of the drive nothing is answered."""
+    """The worked example reads r0002 = 31; a write of p1121 acts; without supply of the drive nothing is
+    answered.
+    """
     rig.keep(0.05, READY, 0)
     assert rig.write(40601, 1, 0x2F0A, 0x8001, 0x0101, 0x1001, 0x0002, 0x0000) == "done"
     assert rig.read(40601, 3) == [1, 0x2F00, 4]
@@ -132,12 +138,18 @@ def test_parameters_by_data_record_47(rig):
 @pytest.mark.parametrize(
     ("request_", "expected"),
     [
-        (Request(4, 99, 1), "exception 1"), (Request(1, 0, 1), "exception 1"), (Request(23, 99, 1, (0,), 99), "exception 1"),
-        (Request(3, 98, 1), "exception 2"), (Request(3, 120, 2), "exception 2"), (Request(16, 118, 3, (0, 0, 0)), "exception 2"),
-        (Request(16, 600, 123, (0,) * 123), "exception 3"), (Request(6, 109, 1, (0,)), "exception 4"),
-        (Request(6, 321, 1, (65001,)), "exception 4"), (Request(6, 339, 1, (1,)), "exception 4"),
+        (Request(4, 99, 1), "exception 1"),
+        (Request(1, 0, 1), "exception 1"),
+        (Request(23, 99, 1, (0,), 99), "exception 1"),
+        (Request(3, 98, 1), "exception 2"),
+        (Request(3, 120, 2), "exception 2"),
+        (Request(16, 118, 3, (0, 0, 0)), "exception 2"),
+        (Request(16, 600, 123, (0,) * 123), "exception 3"),
+        (Request(6, 109, 1, (0,)), "exception 4"),
+        (Request(6, 321, 1, (65001,)), "exception 4"),
+        (Request(6, 339, 1, (1,)), "exception 4"),
     ],
-)  # fmt: skip
+)
 def test_wrong_requests(rig, request_, expected):
     """Function, address, quantity, execution: 01, 02, 03, 04."""
     assert rig.ask(request_) == expected
@@ -145,7 +157,9 @@ def test_wrong_requests(rig, request_, expected):
 
 @pytest.mark.requirement("PD-289", "PD-290", "MODB-040")
 def test_units():
-    """On the line only its own unit is answered, and a broadcast acts in silence; over TCP every unit is answered."""
+    """On the line only its own unit is answered, and a broadcast acts in silence; over TCP every unit is
+    answered.
+    """
     line, net = ModbusRig("rtu"), ModbusRig("tcp")
     assert line.ask(Request(3, 99, 1), unit=UNIT + 1) is Outcome.TIMEOUT
     assert hasattr(net.ask(Request(3, 99, 1), unit=UNIT + 1), "values")
@@ -225,7 +239,9 @@ def test_telegrams_that_do_not_fit_are_refused():
 
 
 def test_isochronous_only_when_told():
-    """With a telegram of application class 4 the sign of life is not watched unless the configuration wants it."""
+    """With a telegram of application class 4 the sign of life is not watched unless the configuration wants
+    it.
+    """
     for wanted in (None, True):
         config = ProfidriveConfig(telegram=3, settings=FAST, isochronous=wanted)
         rig = ModbusRig("tcp", drive=config)
@@ -269,7 +285,9 @@ def test_boot_time():
     "PD-349", "MODB-026", "MODB-027", "MODB-028", "MODB-029", "MODB-030", "MODB-031", "MODB-043"
 )
 def test_exceptions_silence_and_delay_on_demand(rig):
-    """Every exception code of the standard is answered and understood, for one function or all; silence; late responses."""
+    """Every exception code of the standard is answered and understood, for one function or all; silence; late
+    responses.
+    """
     texts = {
         5: "acknowledge",
         6: "busy",
@@ -322,7 +340,9 @@ def test_errors_of_the_parameter_channel_on_demand(rig):
 
 @pytest.mark.requirement("PD-321", "PD-295")
 def test_faults_and_doors_are_those_of_every_transport(rig):
-    """A fault shows in 40110 bit 3 and 40400, goes with an acknowledgement, and lies of the status word reach the client."""
+    """A fault shows in 40110 bit 3 and 40400, goes with an acknowledgement, and lies of the status word reach
+    the client.
+    """
     rig.enable()
     rig.drive.raise_fault(numbers.OVERCURRENT)
     zsw1, _ = rig.keep(0.1, RUN, 0)

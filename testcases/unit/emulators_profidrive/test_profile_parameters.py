@@ -69,17 +69,42 @@ def test_factory_values(store, number, value):
 
 
 DISPLAYED = {
-    "PD-233": [915, 916], "PD-236": [923], "PD-240": [944], "PD-241": [945, 946], "PD-242": [947, 948, 949],
-    "PD-243": [950], "PD-244": [951], "PD-246": list(range(953, 961)), "PD-247": [964], "PD-248": [965],
-    "PD-249": [967, 968], "PD-252": [974], "PD-253": [975], "PD-254": [978], "PD-255": [979],
-    "PD-256": list(range(980, 990)), "PD-257": list(range(990, 1000)), "PD-259": [2], "PD-260": [20, 21, 22, 26, 27, 31],
-    "PD-281": [2050, 2053], "PD-283": [898, 899, 2139, 2197, 2199], "PD-284": [2122, 2131, 2132],
-}  # fmt: skip
+    "PD-233": [915, 916],
+    "PD-236": [923],
+    "PD-240": [944],
+    "PD-241": [945, 946],
+    "PD-242": [947, 948, 949],
+    "PD-243": [950],
+    "PD-244": [951],
+    "PD-246": list(range(953, 961)),
+    "PD-247": [964],
+    "PD-248": [965],
+    "PD-249": [967, 968],
+    "PD-252": [974],
+    "PD-253": [975],
+    "PD-254": [978],
+    "PD-255": [979],
+    "PD-256": list(range(980, 990)),
+    "PD-257": list(range(990, 1000)),
+    "PD-259": [2],
+    "PD-260": [20, 21, 22, 26, 27, 31],
+    "PD-281": [2050, 2053],
+    "PD-283": [898, 899, 2139, 2197, 2199],
+    "PD-284": [2122, 2131, 2132],
+}
 SET = {
-    "PD-234": [918], "PD-235": [922], "PD-237": [925], "PD-238": [927, 928], "PD-239": [930], "PD-245": [952],
-    "PD-250": [970, 971, 976, 977], "PD-251": [972], "PD-262": [304, 305, 307, 310, 311], "PD-276": [1520, 1521],
+    "PD-234": [918],
+    "PD-235": [922],
+    "PD-237": [925],
+    "PD-238": [927, 928],
+    "PD-239": [930],
+    "PD-245": [952],
+    "PD-250": [970, 971, 976, 977],
+    "PD-251": [972],
+    "PD-262": [304, 305, 307, 310, 311],
+    "PD-276": [1520, 1521],
     "PD-279": [2001, 2002, 2003],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(
@@ -103,7 +128,7 @@ def test_access(store, number, displayed):
         assert store.is_writable(number)
 
 
-# ------------------------------------------------------------------------------------------- lists of parameters
+# ---------------------------------------------------------------------------------------- lists of parameters
 
 
 @pytest.mark.requirement("PD-256")
@@ -134,7 +159,7 @@ def test_the_list_of_changed_parameters(store):
     assert [store.value(990, at) for at in range(2)] == [1120, 0]
 
 
-# --------------------------------------------------------------------------------------- identification, telegram
+# ----------------------------------------------------------------------------------- identification, telegram
 
 
 @pytest.mark.requirement("PD-247", "PD-248", "PD-252", "PD-253", "PD-254")
@@ -186,7 +211,9 @@ def test_a_wrong_identification_is_refused(options, named):
 
 @pytest.mark.requirement("PD-031", "PD-233", "PD-235", "PD-236")
 def test_the_telegram_is_shown_and_locked(store):
-    """Signal numbers of the words, double words twice; PNU 922 can only be read when the bus configuration chose it."""
+    """Signal numbers of the words, double words twice; PNU 922 can only be read when the bus configuration
+    chose it.
+    """
     show_telegram(store, telegram(5))
     assert [store.value(915, at) for at in range(10)] == [1, 7, 7, 3, 9, 25, 25, 26, 26, 0]
     assert [store.value(916, at) for at in range(10)] == [2, 8, 8, 4, 10, 11, 11, 12, 12, 0]
@@ -214,14 +241,16 @@ def test_the_operating_mode_is_changed_in_s1_only(store):
     assert store.value(930) == 1
 
 
-# --------------------------------------------------------------------------------------------- faults, warnings
+# ------------------------------------------------------------------------------------------- faults, warnings
 
 CATALOGUE = {7900: (3, "motor blocked"), 1912: (8, "sign of life"), 30001: (2, "overcurrent")}
 
 
 @pytest.mark.requirement("PD-134", "PD-135", "PD-137", "PD-240", "PD-241", "PD-242", "PD-243", "PD-284")
 def test_the_fault_buffer_in_parameters(store):
-    """Sub-index 0..7 is the present situation, 8..15 the one before; 944 counts messages and acknowledgements."""
+    """Sub-index 0..7 is the present situation, 8..15 the one before; 944 counts messages and
+    acknowledgements.
+    """
     buffer = FaultBuffer()
     connect_faults(store, buffer, CATALOGUE)
     buffer.enter(FaultMessage(7900, value=-5, time_ms=70_000, code=3))
@@ -278,12 +307,14 @@ def test_warnings_as_bits(store):
         connect_warnings(store, range(129), lambda: active)
 
 
-# -------------------------------------------------------------------------------------------- loading and saving
+# ----------------------------------------------------------------------------------------- loading and saving
 
 
 @pytest.mark.requirement("PD-250", "PD-285")
 def test_saving_and_loading(store):
-    """What was saved comes back; what was changed afterwards does not; 1 to p0970 brings the factory settings."""
+    """What was saved comes back; what was changed afterwards does not; 1 to p0970 brings the factory
+    settings.
+    """
     memory = ParameterMemory(store)
     seen = []
     store.writers[1120] = lambda _, value: seen.append(value)
@@ -344,7 +375,7 @@ def test_drive_reset(store):
     assert (store.value(972), len(restarts)) == (0, 2)
 
 
-# ------------------------------------------------------------------------------------------------ hooks and file
+# --------------------------------------------------------------------------------------------- hooks and file
 
 
 def test_computed_values_fit_their_type(store):
@@ -359,7 +390,9 @@ def test_computed_values_fit_their_type(store):
 
 
 def test_factory_values_and_limits_are_those_of_single_precision(store):
-    """A decimal fraction that comes over the bus equals the one of the file: unchanged, and not beyond the limit."""
+    """A decimal fraction that comes over the bus equals the one of the file: unchanged, and not beyond the
+    limit.
+    """
     store.write(10, 1)
     for number, value in ((305, 2.2), (1082, 0.1)):
         single = struct.pack(">f", value)

@@ -1,4 +1,6 @@
-"""Any words, selections and acknowledgements in any order: the axis lives on, and the safety functions keep their promises."""
+"""Any words, selections and acknowledgements in any order: the axis lives on, and the safety functions keep
+their promises.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ STEPS = st.lists(
 @settings(max_examples=40)
 @given(STEPS, FLAG, FLAG)
 def test_any_sequence(steps, external, with_fault):
-    """STO and SBC never leave torque or an open brake; what SS1 selects ends without torque; words stay within 16 bits."""
+    """STO and SBC never leave torque or an open brake; what SS1 selects ends without torque; words stay
+    within 16 bits.
+    """
     config = replace(
         ProfidriveConfig.reference(telegram=4),
         safety_telegram=701,
@@ -47,10 +51,15 @@ def test_any_sequence(steps, external, with_fault):
         brake=BrakeConfig(torque_Nm=5.0),
         encoder2=SecondEncoderConfig(),
         safe_motion=SafeMotionConfig(
-            ss1_external=external, ss2_external=external, ss2_time_s=0.1, sls_limits=(0.05, 0.2), slp_ranges=((-0.1, 0.1),),
-            sbt_torque_Nm=3.0, sbt_time_s=0.05,
+            ss1_external=external,
+            ss2_external=external,
+            ss2_time_s=0.1,
+            sls_limits=(0.05, 0.2),
+            slp_ranges=((-0.1, 0.1),),
+            sbt_torque_Nm=3.0,
+            sbt_time_s=0.05,
         ),
-    )  # fmt: skip
+    )
     rig = Rig(config)
     safety, core = rig.drive.safety, rig.drive.core
     rig.enable()

@@ -1,4 +1,6 @@
-"""Safety functions of the axis as its telegrams show them: safe stops, standstill, speed, direction, position, brake."""
+"""Safety functions of the axis as its telegrams show them: safe stops, standstill, speed, direction,
+position, brake.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ OPEN_BRAKE = 0x1000
 
 
 def build(number=105, *, channel=701, safety=None, brake=0.0, **safe_motion):
-    """Return the reference axis (10 mm per revolution, 0.5 s on OFF3 from 3000 rpm) with a safety information channel."""
+    """Return the reference axis (10 mm per revolution, 0.5 s on OFF3 from 3000 rpm) with a safety information
+    channel.
+    """
     config = ProfidriveConfig.reference(telegram=number)
     return Rig(
         replace(
@@ -45,12 +49,15 @@ def time_to_standstill(rig, rpm, **signals):
     return cycles * CYCLE_S
 
 
-# -- safe stopping -------------------------------------------------------------------------------------------------------
+# -- safe stopping
+# -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("CFG-443", "CFG-471", "CFG-472", "CFG-439")
 def test_safe_torque_off_coasts_and_shows_bit_0():
-    """STO takes the pulses at once without a fault: friction alone brakes. Bit 0 is 1 as long as it is in force."""
+    """STO takes the pulses at once without a fault: friction alone brakes. Bit 0 is 1 as long as it is in
+    force.
+    """
     rig = build()
     rig.turn(1500.0)
     assert rig.actual["S_ZSW1B"] == 0
@@ -67,7 +74,9 @@ def test_safe_torque_off_coasts_and_shows_bit_0():
 
 @pytest.mark.requirement("CFG-444", "CFG-473", "CFG-474")
 def test_safe_stop_1_brakes_on_the_off3_ramp_and_ends_in_safe_torque_off():
-    """From 1500 of 3000 rpm half of p1135 passes; bit 1 all the time, bit 0 from standstill on; no start afterwards."""
+    """From 1500 of 3000 rpm half of p1135 passes; bit 1 all the time, bit 0 from standstill on; no start
+    afterwards.
+    """
     rig = build(safety=SafetyConfig(ss1_time_s=1.0))
     rig.turn(1500.0)
     rig.drive.safety.set_ss1(True)
@@ -100,7 +109,9 @@ def test_taking_the_enable_away_disturbs_safe_stop_1():
 
 @pytest.mark.requirement("CFG-445", "CFG-477", "CFG-478", "CFG-481", "CFG-482", "CFG-442")
 def test_safe_stop_2_brakes_and_stays_under_control():
-    """SS2 brakes on the OFF3 ramp; then the standstill is monitored in operation, and after its end setpoints act again."""
+    """SS2 brakes on the OFF3 ramp; then the standstill is monitored in operation, and after its end setpoints
+    act again.
+    """
     rig = build(ss2_time_s=1.0)
     rig.turn(1500.0)
     rig.drive.safety.set_ss2(True)
@@ -125,7 +136,9 @@ def test_safe_stop_2_brakes_and_stays_under_control():
 
 @pytest.mark.requirement("CFG-445", "CFG-481")
 def test_a_drive_that_is_moved_at_monitored_standstill_trips():
-    """A force that shifts the load by more than the tolerance after SS2 leads to SS1, then STO, and a safety message."""
+    """A force that shifts the load by more than the tolerance after SS2 leads to SS1, then STO, and a safety
+    message.
+    """
     rig = build(sos_tolerance=0.0005, safety=SafetyConfig(ss1_time_s=0.2))
     rig.turn(300.0)
     rig.drive.safety.set_ss2(True)
@@ -158,7 +171,9 @@ def test_a_safe_stop_2_without_effect_takes_the_torque():
 @pytest.mark.requirement("CFG-452", "CFG-453", "CFG-475", "CFG-476")
 @pytest.mark.parametrize("halted", [True, False])
 def test_safe_stop_1_external_leaves_the_braking_to_the_controller(halted):
-    """SS1E with a delay of 2 s: nothing happens at first; STO at 2.0 s, at standstill or while the axis still turns."""
+    """SS1E with a delay of 2 s: nothing happens at first; STO at 2.0 s, at standstill or while the axis still
+    turns.
+    """
     rig = build(safety=SafetyConfig(ss1_time_s=2.0), ss1_external=True)
     rig.turn(1500.0)
     rig.drive.safety.set_ss1(True)
@@ -242,14 +257,17 @@ def test_selected_safe_brake_control_is_an_off2():
     assert rig.actual["S_ZSW1B"] == STO
 
 
-# -- safe motion monitoring ------------------------------------------------------------------------------------------------
+# -- safe motion monitoring
+# ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
     "CFG-457", "CFG-458", "CFG-459", "CFG-463", "CFG-485", "CFG-486", "CFG-487", "CFG-488"
 )
 def test_safely_limited_speed_with_a_controller_that_reacts():
-    """Level 1 of 250 mm/s with 80 %: S_V_LIMIT_B is 1200 rpm of 3000, 1999 999Ah, 200 mm/s; at that speed nothing trips."""
+    """Level 1 of 250 mm/s with 80 %: S_V_LIMIT_B is 1200 rpm of 3000, 1999 999Ah, 200 mm/s; at that speed
+    nothing trips.
+    """
     rig = build(sls_limits=(0.25,), sls_factor=0.8, sls_delay_s=0.2)
     rig.turn(2400.0)
     assert rig.actual["S_V_LIMIT_B"] == 0x4000_0000  # p1082
@@ -269,7 +287,9 @@ def test_safely_limited_speed_with_a_controller_that_reacts():
 @pytest.mark.requirement("CFG-464", "CFG-611")
 @pytest.mark.parametrize("reaction", ["sto", "ss1", "ss2"])
 def test_safely_limited_speed_with_a_controller_that_does_not_react(reaction):
-    """Above 250 mm/s (1500 rpm) after the delay the drive stops by itself, as configured, and waits for a safe acknowledgement."""
+    """Above 250 mm/s (1500 rpm) after the delay the drive stops by itself, as configured, and waits for a
+    safe acknowledgement.
+    """
     rig = build(sls_delay_s=0.1, sls_reaction=reaction, safety=SafetyConfig(ss1_time_s=1.0))
     rig.turn(1600.0)
     rig.drive.safety.set_sls(1)
@@ -293,7 +313,9 @@ def test_safely_limited_speed_with_a_controller_that_does_not_react(reaction):
 
 @pytest.mark.requirement("CFG-460")
 def test_the_limit_of_a_rotary_axis_is_that_of_its_motor():
-    """Levels 1 to 4 are told in bits 9 and 10; with gear 10:1 a limit of 900 degrees/s is 1500 rpm of the motor."""
+    """Levels 1 to 4 are told in bits 9 and 10; with gear 10:1 a limit of 900 degrees/s is 1500 rpm of the
+    motor.
+    """
     from emulators.drive.machine import RotaryAxisConfig
 
     config = replace(
@@ -324,7 +346,9 @@ def test_the_limit_of_a_rotary_axis_is_that_of_its_motor():
 )
 @pytest.mark.parametrize(("direction", "bit"), [(1, 0x1000), (-1, 0x2000)])
 def test_safe_direction(direction, bit):
-    """Only the selected direction is permitted: motion against it, still there after the delay, is stopped by the drive."""
+    """Only the selected direction is permitted: motion against it, still there after the delay, is stopped by
+    the drive.
+    """
     good, bad = build(sdi_delay_s=0.1), build(sdi_delay_s=0.1)
     for rig, rpm in ((good, 300.0 * direction), (bad, -300.0 * direction)):
         rig.turn(rpm)
@@ -373,7 +397,8 @@ def test_messages_do_not_outlive_the_supply_but_selections_do():
     assert not rig.drive.faults.warnings
 
 
-# -- safe brake test -------------------------------------------------------------------------------------------------------
+# -- safe brake test
+# -------------------------------------------------------------------------------------------------------
 
 SELECT, START, NEGATIVE = 0x0001, 0x0002, 0x0008
 
@@ -382,7 +407,9 @@ SELECT, START, NEGATIVE = 0x0001, 0x0002, 0x0008
 @pytest.mark.parametrize("direction", [0, NEGATIVE])
 @pytest.mark.parametrize("strong", [True, False])
 def test_the_brake_is_tested(strong, direction):
-    """The drive pulls with 3 Nm at the closed brake: one of 5 Nm holds and is good, one of 1 Nm slips and is not."""
+    """The drive pulls with 3 Nm at the closed brake: one of 5 Nm holds and is good, one of 1 Nm slips and is
+    not.
+    """
     rig = build(brake=5.0 if strong else 1.0, sbt_torque_Nm=3.0, sbt_time_s=0.4)
     rig.enable()
     place = rig.drive.mechanics.position
@@ -412,7 +439,9 @@ def test_the_brake_is_tested(strong, direction):
 
 @pytest.mark.requirement("CFG-455")
 def test_a_brake_test_needs_an_axis_at_rest():
-    """In motion, or without operation, it does not begin; deselected or switched off it ends without a result."""
+    """In motion, or without operation, it does not begin; deselected or switched off it ends without a
+    result.
+    """
     rig = build(brake=5.0, sbt_torque_Nm=3.0)
     rig.turn(300.0)
     assert rig.cycle(RUN, S_STW3B=SELECT | START, count=3, **rig.speed(300.0))["S_ZSW3B"] == 0x0001
@@ -427,7 +456,8 @@ def test_a_brake_test_needs_an_axis_at_rest():
     assert not [event for event in rig.history.events if event.kind == "drive.brake_test"]
 
 
-# -- telegrams and configuration -----------------------------------------------------------------------------------------------
+# -- telegrams and configuration
+# -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PD-028", "CFG-241")
@@ -459,10 +489,18 @@ def test_refusals():
     with pytest.raises(TelegramError, match="701 does not supplement telegram 81"):
         telegram(81).with_supplement(701)
     for wrong in (
-        {"sls_limits": ()}, {"sls_limits": (1.0,) * 5}, {"sls_limits": (0.0,)}, {"sls_factor": 0.0}, {"sls_factor": 1.1},
-        {"slp_ranges": ((1.0, 1.0),)}, {"slp_ranges": ((0.0, 1.0),) * 3}, {"sls_reaction": "off"}, {"ss2_time_s": 0.0},
-        {"sos_delay_s": -1.0}, {"sdi_tolerance": math.inf},
-    ):  # fmt: skip
+        {"sls_limits": ()},
+        {"sls_limits": (1.0,) * 5},
+        {"sls_limits": (0.0,)},
+        {"sls_factor": 0.0},
+        {"sls_factor": 1.1},
+        {"slp_ranges": ((1.0, 1.0),)},
+        {"slp_ranges": ((0.0, 1.0),) * 3},
+        {"sls_reaction": "off"},
+        {"ss2_time_s": 0.0},
+        {"sos_delay_s": -1.0},
+        {"sdi_tolerance": math.inf},
+    ):
         with pytest.raises(ConfigurationError, match=next(iter(wrong))):
             SafeMotionConfig(**wrong)
     drive = build().drive

@@ -1,4 +1,6 @@
-"""Drive parameters through SDO (PD-343), read and written by the `canopen` library; kept by 1010h and p0971."""
+"""Drive parameters through SDO (PD-343), read and written by the `canopen` library; kept by 1010h and
+p0971.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,9 @@ def node():
 
 @pytest.mark.requirement("PD-343", "PD-270")
 def test_a_parameter_is_an_object(node):
-    """Index 2000h + number, sub-index = element: p1121 is 2461h, a REAL32; what is written acts on the drive."""
+    """Index 2000h + number, sub-index = element: p1121 is 2461h, a REAL32; what is written acts on the
+    drive.
+    """
     assert struct.unpack("<f", node.sdo.upload(P1121, 0)) == (1.0,)
     node.sdo.download(P1121, 0, struct.pack("<f", 0.5))
     assert node.settings.ramp_down_s == 0.5

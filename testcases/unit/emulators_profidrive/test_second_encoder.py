@@ -70,7 +70,9 @@ def test_a_rotary_one_with_its_own_gear_and_direction(mounting, ratio):
 
 @pytest.mark.requirement("PD-147", "PD-170", "PD-169", "CFG-304")
 def test_an_absolute_one_knows_its_place():
-    """An absolute scale shows place + offset in steps * 2^9 in G2_XIST2, and again after a loss of supply elsewhere."""
+    """An absolute scale shows place + offset in steps * 2^9 in G2_XIST2, and again after a loss of supply
+    elsewhere.
+    """
     rig = build(form=replace(SCALE, revolutions=1), offset=1.0)
     for rpm in (300.0, -200.0):
         rig.turn(rpm)
@@ -99,7 +101,9 @@ def test_p979_tells_both():
 
 @pytest.mark.requirement("PD-141", "PD-142", "PD-143", "PD-153", "PD-154", "PD-155")
 def test_its_own_reference_mark():
-    """The zero mark of a wheel on the load is found by G2 alone, to the increment, and shown in its format."""
+    """The zero mark of a wheel on the load is found by G2 alone, to the increment, and shown in its
+    format.
+    """
     rig = build(form=WHEEL, ratio=math.tau / 0.05, zero_mark=1000)
     rig.turn(600.0)
     rig.cycle(RUN, G2_STW=SEARCH, count=300, **rig.speed(600.0))
@@ -113,12 +117,15 @@ def test_its_own_reference_mark():
 @pytest.mark.requirement("PD-143", "PD-157", "PD-158", "PD-159", "PD-173")
 @pytest.mark.parametrize("mounting", ["load", "motor"])
 def test_probes_are_latched_by_both(mounting):
-    """One edge of a probe is latched in the increments of each encoder, where it was and not where the cycle is."""
+    """One edge of a probe is latched in the increments of each encoder, where it was and not where the cycle
+    is.
+    """
     edge = 0.0123
     rig = build(
-        form=SCALE if mounting == "load" else WHEEL, mounting=mounting,
+        form=SCALE if mounting == "load" else WHEEL,
+        mounting=mounting,
         switches={"probe1": SwitchConfig(low=edge, high=0.02)},
-    )  # fmt: skip
+    )
     rig.enable()
     command = MEASURE | 0x11
     for _ in range(400):
@@ -149,7 +156,9 @@ def test_parking_one_leaves_the_other():
 
 @pytest.mark.requirement("PD-149", "PD-152", "PD-164", "PD-165", "CFG-319")
 def test_its_errors_do_not_stop_the_axis():
-    """Every code is shown in G2_XIST2 until it is acknowledged; the axis goes on turning, G1 knows nothing of it."""
+    """Every code is shown in G2_XIST2 until it is acknowledged; the axis goes on turning, G1 knows nothing of
+    it.
+    """
     rig = build(form=replace(SCALE, revolutions=1))
     rig.turn(300.0)
     second = rig.drive.second
@@ -240,7 +249,9 @@ def test_without_one_it_is_parked():
 
 @pytest.mark.requirement("PD-197")
 def test_dynamic_servo_control_with_the_second_encoder():
-    """XERR in increments of encoder 2 (p1192 = 2) is converted with p1193: the load goes as far as it says."""
+    """XERR in increments of encoder 2 (p1192 = 2) is converted with p1193: the load goes as far as it
+    says.
+    """
     rig = build(106)
     settings = rig.drive.settings
     settings.dsc_encoder = 2

@@ -1,4 +1,6 @@
-"""Setpoint channel of the speed axis: rounding, speed limits, inversion, motor potentiometer; over the parameters."""
+"""Setpoint channel of the speed axis: rounding, speed limits, inversion, motor potentiometer; over the
+parameters.
+"""
 
 from __future__ import annotations
 
@@ -104,7 +106,9 @@ def test_bit_11_turns_the_setpoint_round_if_p1113_says_so(rig, parameters):
 
 @pytest.mark.requirement("PD-057", "PD-058")
 def test_motor_potentiometer(rig, parameters):
-    """p1035, p1036: bits 13 and 14 raise and lower, p1082 within p1047; what it has reached stays, and is added."""
+    """p1035, p1036: bits 13 and 14 raise and lower, p1082 within p1047; what it has reached stays, and is
+    added.
+    """
     rig.enable()
     rig.cycle(RUN | STW1.BIT_13, count=250)
     assert rig.drive.core.speed_rpm == pytest.approx(0, abs=1)

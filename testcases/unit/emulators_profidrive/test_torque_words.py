@@ -1,4 +1,6 @@
-"""Torque and messages in the telegrams: reduction, telegram 750, utilisation, fixed stop, MELDW, ZSW2, acknowledgement."""
+"""Torque and messages in the telegrams: reduction, telegram 750, utilisation, fixed stop, MELDW, ZSW2,
+acknowledgement.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,8 @@ def build(telegram=105, *, torque_telegram=False, blocked_s=0.0, **settings):
     )
 
 
-# -- torque ----------------------------------------------------------------------------------------------------------
+# -- torque
+# ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-574", "PD-037", "STP-155")
@@ -52,7 +55,9 @@ def test_reduction_is_evaluated_with_p1544(evaluation):
 
 @pytest.mark.requirement("PD-027", "PD-038", "CFG-407")
 def test_telegram_750_counts_in_p2003():
-    """With p2003 = 40 Nm 1000h of M_ADD1 is 10 Nm: limits and actual torque have the same measure, in both directions."""
+    """With p2003 = 40 Nm 1000h of M_ADD1 is 10 Nm: limits and actual torque have the same measure, in both
+    directions.
+    """
     rig = build(torque_telegram=True, reference_torque_Nm=40.0, torque_limits_Nm=(100.0, 100.0))
     rig.enable()
     rig.drive.mechanics.jam(True)
@@ -102,7 +107,9 @@ def test_a_limit_of_nothing_is_utilised():
 @pytest.mark.requirement("MC-575", "STP-535", "PD-082", "PD-083", "STP-172")
 @pytest.mark.parametrize("announced", [True, False])
 def test_travel_to_a_fixed_stop(announced):
-    """A motor that is blocked at its torque limit trips with F07900 after a second, unless STW2 bit 8 has announced it."""
+    """A motor that is blocked at its torque limit trips with F07900 after a second, unless STW2 bit 8 has
+    announced it.
+    """
     rig = build(blocked_s=1.0)
     rig.turn(60.0)
     here = rig.drive.mechanics.position
@@ -128,17 +135,27 @@ def test_travel_to_a_fixed_stop(announced):
     assert off["ZSW2"] & (ZSW2.TRAVEL_TO_FIXED_STOP | ZSW2.PULSES_ENABLED) == 0
 
 
-# -- MELDW -----------------------------------------------------------------------------------------------------------------
+# -- MELDW
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PD-085")
 @pytest.mark.parametrize(
     ("rpm", "rests"),
-    [(0.0, RESTING), (4.0, RESTING), (6.0, MELDW.SPEED_BELOW_THRESHOLD_2),
-     (890.0, MELDW.SPEED_BELOW_THRESHOLD_2), (-890.0, MELDW.SPEED_BELOW_THRESHOLD_2), (910.0, 0), (-2000.0, 0)],
-)  # fmt: skip
+    [
+        (0.0, RESTING),
+        (4.0, RESTING),
+        (6.0, MELDW.SPEED_BELOW_THRESHOLD_2),
+        (890.0, MELDW.SPEED_BELOW_THRESHOLD_2),
+        (-890.0, MELDW.SPEED_BELOW_THRESHOLD_2),
+        (910.0, 0),
+        (-2000.0, 0),
+    ],
+)
 def test_every_bit_of_meldw_at_constant_speed(rpm, rests):
-    """Bits 2 and 3 are the speed thresholds 5 and 900 rpm; all others show a healthy axis in operation, the reserved ones 0."""
+    """Bits 2 and 3 are the speed thresholds 5 and 900 rpm; all others show a healthy axis in operation, the
+    reserved ones 0.
+    """
     rig = build()
     rig.turn(rpm)
     assert rig.actual["MELDW"] == RUNNING | LIGHT | RAMPED | rests
@@ -156,7 +173,9 @@ def test_meldw_of_an_axis_that_is_off():
 
 @pytest.mark.requirement("PD-085")
 def test_bit_0_falls_while_the_ramp_runs():
-    """With the full ramp-function generator bit 0 is 0 until the speed is reached; the deviation stays in tolerance."""
+    """With the full ramp-function generator bit 0 is 0 until the speed is reached; the deviation stays in
+    tolerance.
+    """
     rig = build(operating_mode=1, ramp_up_s=1.0)
     rig.enable()
     rig.cycle(RUN, count=50, **rig.speed(1500.0))
@@ -197,7 +216,8 @@ def test_bit_5_watches_a_signal_of_choice(signal, threshold, rpm):
         DriveSettings(variable_signal="power")
 
 
-# -- ZSW1 and ZSW2 -----------------------------------------------------------------------------------------------------------
+# -- ZSW1 and ZSW2
+# -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PD-077", "PD-069")
@@ -224,7 +244,9 @@ def test_bits_without_a_meaning_do_nothing():
 
 @pytest.mark.requirement("PD-083", "PD-082")
 def test_parking_the_axis():
-    """STW2 bit 7 parks the axis without pulses: its encoder too, and it cannot be switched on; in operation it does nothing."""
+    """STW2 bit 7 parks the axis without pulses: its encoder too, and it cannot be switched on; in operation
+    it does nothing.
+    """
     rig = build()
     rig.enable()
     rig.cycle(RUN, STW2=PARK, count=5)
@@ -241,12 +263,15 @@ def test_parking_the_axis():
     assert rig.actual["G1_ZSW"] == 0
 
 
-# -- faults ------------------------------------------------------------------------------------------------------------------
+# -- faults
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PD-139", "PD-063")
 def test_when_a_fault_can_be_acknowledged():
-    """Immediately, only without pulses, or never before the next power-on; what cannot be stays with ZSW1 bit 3."""
+    """Immediately, only without pulses, or never before the next power-on; what cannot be stays with ZSW1 bit
+    3.
+    """
     rig = build()
     rig.turn(300.0)
     drive = rig.drive
@@ -275,10 +300,14 @@ def test_every_fault_has_a_class_of_diagnosis():
     """The log of a fault tells its class, one of the twenty of the profile."""
     assert len(Diagnosis) == 20
     for number, expected in (
-        (numbers.OVERVOLTAGE, "DC link overvoltage"), (numbers.SIGN_OF_LIFE, "bus"), (numbers.SAFE_STOP, "safety"),
-        (numbers.ENCODER_SIGNAL, "encoder value"), (numbers.PHASE_LOSS, "mains"), (numbers.MOTOR_OVERLOAD, "motor overload"),
+        (numbers.OVERVOLTAGE, "DC link overvoltage"),
+        (numbers.SIGN_OF_LIFE, "bus"),
+        (numbers.SAFE_STOP, "safety"),
+        (numbers.ENCODER_SIGNAL, "encoder value"),
+        (numbers.PHASE_LOSS, "mains"),
+        (numbers.MOTOR_OVERLOAD, "motor overload"),
         (4711, "other"),
-    ):  # fmt: skip
+    ):
         rig = build()
         rig.cycle(READY, count=2)
         rig.drive.raise_fault(number)

@@ -1,7 +1,8 @@
 """A slow and plain model of a CAN bus: every node reads every bit, and nothing is computed ahead.
 
-The oracle of the virtual segment. It shares no code with it: frames are lists of bits that are made here, and a node is a generator
-that yields the bit it sends and is given the bit that it reads (0 dominant, 1 recessive). Time is counted in bits.
+The oracle of the virtual segment. It shares no code with it: frames are lists of bits that are made here, and
+a node is a generator that yields the bit it sends and is given the bit that it reads (0 dominant, 1
+recessive). Time is counted in bits.
 """
 
 ACTIVE, PASSIVE, BUS_OFF = "ERROR_ACTIVE", "ERROR_PASSIVE", "BUS_OFF"
@@ -24,7 +25,9 @@ def number(value, width):
 
 
 def plain_bits(frame):
-    """Return the bits of a frame from SOF to CRC without stuff bits, and how many belong to the arbitration field."""
+    """Return the bits of a frame from SOF to CRC without stuff bits, and how many belong to the arbitration
+    field.
+    """
     if frame.extended:
         head = [
             0,
@@ -164,7 +167,9 @@ class Node:
         return False
 
     def _between(self):
-        """Intermission and suspension; returns False for idle, True for a SOF, "join" for one that the node joins."""
+        """Intermission and suspension; returns False for idle, True for a SOF, "join" for one that the node
+        joins.
+        """
         if self._overloads_left:
             self._overloads_left -= 1
             raise OverloadError

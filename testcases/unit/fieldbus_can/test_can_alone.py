@@ -1,4 +1,6 @@
-"""A node without a partner repeats its frame some ten thousand times a second: the short way of doing that changes nothing."""
+"""A node without a partner repeats its frame some ten thousand times a second: the short way of doing that
+changes nothing.
+"""
 
 import random
 from collections import Counter
@@ -11,7 +13,9 @@ STEPS = 60
 
 
 def disturbed(seed):
-    """Return all that can be seen of a segment on which nodes come, go, send and recover at random instants."""
+    """Return all that can be seen of a segment on which nodes come, go, send and recover at random
+    instants.
+    """
     draw = random.Random(seed)
     scheduler = VirtualScheduler()
     history = History(scheduler)
@@ -65,7 +69,9 @@ def disturbed(seed):
 
 
 def test_the_short_way_of_repeating_is_the_long_one(monkeypatch):
-    """Log, events, counters and what is heard are equal, whatever comes between two attempts of a lone node."""
+    """Log, events, counters and what is heard are equal, whatever comes between two attempts of a lone
+    node.
+    """
     asked = Counter()
     whether = CanMedium._only_repeats
 

@@ -23,7 +23,9 @@ RATES = [1_000_000, 800_000, 500_000, 250_000, 125_000, 50_000, 20_000, 10_000]
 
 
 def bus_of(traffic, bitrate, *, offsets=None):
-    """Return a segment on which every frame of `traffic` has a node of its own, one more that listens, and its requests."""
+    """Return a segment on which every frame of `traffic` has a node of its own, one more that listens, and
+    its requests.
+    """
     scheduler = VirtualScheduler()
     medium = CanMedium(scheduler, bitrate=bitrate)
     medium.attach("listener", lambda frame, time_ns: None)
@@ -46,7 +48,9 @@ def test_planned_load_of_the_example():
 @pytest.mark.requirement("CANP-069")
 @pytest.mark.parametrize("bitrate", RATES)
 def test_measured_load_is_the_calculated_one(bitrate):
-    """Over a common period of all frames the measured load is the sum of exact frame bits over the time, to the bit."""
+    """Over a common period of all frames the measured load is the sum of exact frame bits over the time, to
+    the bit.
+    """
     bit = S // bitrate
     traffic = [
         PeriodicFrame(CanFrame(0x80), 1000 * bit),
@@ -65,7 +69,9 @@ def test_measured_load_is_the_calculated_one(bitrate):
 
 @pytest.mark.requirement("CANP-032")
 def test_response_times_worked_out_by_hand():
-    """The highest waits for the longest other frame, the lowest for all others; a bus that is too full has no answer."""
+    """The highest waits for the longest other frame, the lowest for all others; a bus that is too full has no
+    answer.
+    """
     top, middle, low = (PeriodicFrame(CanFrame(can_id, bytes(8)), 2 * MS) for can_id in (0x10, 0x20, 0x30))
     longest = 135 * US
     assert worst_case_time_ns(top.frame, 1_000_000) == longest
@@ -92,7 +98,9 @@ def test_response_times_worked_out_by_hand():
     )
 )
 def test_no_frame_takes_longer_than_its_worst_case(shapes):
-    """Whatever the phases: from request to the end of the intermission no frame takes longer than was calculated."""
+    """Whatever the phases: from request to the end of the intermission no frame takes longer than was
+    calculated.
+    """
     traffic = [
         PeriodicFrame(CanFrame(0x100 + number, bytes([number]) * length), period * MS)
         for number, (length, period, _) in enumerate(shapes)
@@ -111,7 +119,9 @@ def test_no_frame_takes_longer_than_its_worst_case(shapes):
 
 @pytest.mark.requirement("CANP-070")
 def test_jitter_of_sync_is_that_of_the_frame_in_progress():
-    """SYNC comes 0 to one longest frame late; minimum, maximum and deviation are told, per node and from the log alike."""
+    """SYNC comes 0 to one longest frame late; minimum, maximum and deviation are told, per node and from the
+    log alike.
+    """
     sync = PeriodicFrame(CanFrame(0x80), 1 * MS)
     other = PeriodicFrame(CanFrame(0x701, b"\x00" * 8), 1 * MS + 7 * US)
     scheduler, medium = bus_of([sync, other], 1_000_000)
@@ -142,12 +152,20 @@ def test_jitter_of_sync_is_that_of_the_frame_in_progress():
 @pytest.mark.parametrize(
     ("bitrate", "length", "bit_ns", "sample"),
     [
-        (1_000_000, 25, 1_000, 0.75), (800_000, 50, 1_250, 0.80), (500_000, 100, 2_000, 0.875), (250_000, 250, 4_000, 0.875),
-        (125_000, 500, 8_000, 0.875), (50_000, 1000, 20_000, 0.875), (20_000, 2500, 50_000, 0.875), (10_000, 5000, 100_000, 0.875),
+        (1_000_000, 25, 1_000, 0.75),
+        (800_000, 50, 1_250, 0.80),
+        (500_000, 100, 2_000, 0.875),
+        (250_000, 250, 4_000, 0.875),
+        (125_000, 500, 8_000, 0.875),
+        (50_000, 1000, 20_000, 0.875),
+        (20_000, 2500, 50_000, 0.875),
+        (10_000, 5000, 100_000, 0.875),
     ],
-)  # fmt: skip
+)
 def test_every_rate_of_cia_301_through_the_whole_chain(tmp_path, bitrate, length, bit_ns, sample):
-    """Base, extended and remote frames: segment, python-can in and out, log, file and back, with the bit time of the rate."""
+    """Base, extended and remote frames: segment, python-can in and out, log, file and back, with the bit time
+    of the rate.
+    """
     timing = BIT_TIMING[bitrate]
     assert (timing.bus_length_m, timing.sample_point) == (length, sample)
     assert timing.sample_point_range == ((0.75, 0.90) if bitrate >= 800_000 else (0.85, 0.90))
@@ -155,9 +173,12 @@ def test_every_rate_of_cia_301_through_the_whole_chain(tmp_path, bitrate, length
     scheduler = VirtualScheduler()
     medium = CanMedium(scheduler, bitrate=bitrate, name=f"rate{bitrate}")
     frames = [
-        CanFrame(0x123, bytes(range(8))), CanFrame(0x1234567, b"\x00" * 3, extended=True), CanFrame(0x7FF, remote=True, dlc=8),
-        CanFrame(0x1FFFFFFF, extended=True, remote=True, dlc=0), CanFrame(0x000),
-    ]  # fmt: skip
+        CanFrame(0x123, bytes(range(8))),
+        CanFrame(0x1234567, b"\x00" * 3, extended=True),
+        CanFrame(0x7FF, remote=True, dlc=8),
+        CanFrame(0x1FFFFFFF, extended=True, remote=True, dlc=0),
+        CanFrame(0x000),
+    ]
     with (
         can.Bus(interface="hil", channel=medium, bitrate=bitrate) as sender,
         can.Bus(interface="hil", channel=medium) as receiver,
@@ -167,17 +188,23 @@ def test_every_rate_of_cia_301_through_the_whole_chain(tmp_path, bitrate, length
             start = scheduler.now
             sender.send(
                 can.Message(
-                    arbitration_id=frame.can_id, data=None if frame.remote else frame.data, dlc=frame.dlc,
-                    is_extended_id=frame.extended, is_remote_frame=frame.remote,
+                    arbitration_id=frame.can_id,
+                    data=None if frame.remote else frame.data,
+                    dlc=frame.dlc,
+                    is_extended_id=frame.extended,
+                    is_remote_frame=frame.remote,
                 )
-            )  # fmt: skip
+            )
             message = receiver.recv(1.0)
             end = start + (frame_bits(frame) - 3) * bit_ns
             assert scheduler.now == end
             assert message.timestamp == end / S
             assert (message.arbitration_id, message.is_extended_id, message.is_remote_frame, message.dlc) == (
-                frame.can_id, frame.extended, frame.remote, frame.dlc,
-            )  # fmt: skip
+                frame.can_id,
+                frame.extended,
+                frame.remote,
+                frame.dlc,
+            )
             scheduler.run_for(3 * bit_ns)
     assert [entry[2] for entry in medium.log] == frames
     for suffix in (".log", ".asc", ".blf"):

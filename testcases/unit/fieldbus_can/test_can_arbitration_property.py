@@ -149,7 +149,9 @@ def replacement(sender):
 
 @given(sends=programmes(), kinds=st.lists(st.sampled_from([*RESULTS, "replace"]), max_size=30))
 def test_faulty_traffic_is_conserved_and_repeatable(sends, kinds):
-    """Whatever hooks do, each good frame on the wire is accounted for, nothing overlaps, and a second run is equal."""
+    """Whatever hooks do, each good frame on the wire is accounted for, nothing overlaps, and a second run is
+    equal.
+    """
 
     def once():
         scheduler = VirtualScheduler()

@@ -114,13 +114,40 @@ def scenarios(draw):
 
 
 @pytest.mark.requirement(
-    "CANP-005", "CANP-006", "CANP-007", "CANP-010", "CANP-011", "CANP-013", "CANP-027", "CANP-033", "CANP-034", "CANP-035",
-    "CANP-036", "CANP-037", "CANP-038", "CANP-039", "CANP-040", "CANP-041", "CANP-042", "CANP-043", "CANP-044",
-    "CANP-045", "CANP-046", "CANP-047", "CANP-048", "CANP-049", "CANP-050", "CANP-051", "CANP-052", "CANP-053",
-)  # fmt: skip
+    "CANP-005",
+    "CANP-006",
+    "CANP-007",
+    "CANP-010",
+    "CANP-011",
+    "CANP-013",
+    "CANP-027",
+    "CANP-033",
+    "CANP-034",
+    "CANP-035",
+    "CANP-036",
+    "CANP-037",
+    "CANP-038",
+    "CANP-039",
+    "CANP-040",
+    "CANP-041",
+    "CANP-042",
+    "CANP-043",
+    "CANP-044",
+    "CANP-045",
+    "CANP-046",
+    "CANP-047",
+    "CANP-048",
+    "CANP-049",
+    "CANP-050",
+    "CANP-051",
+    "CANP-052",
+    "CANP-053",
+)
 @given(scenarios())
 def test_segment_is_what_the_bitwise_model_says(scenario):
-    """Whatever bits are wrong, and for whom: end times, receivers, counters and states are those of the plain model."""
+    """Whatever bits are wrong, and for whom: end times, receivers, counters and states are those of the plain
+    model.
+    """
     nodes, flips = scenario
     try:
         _, segment, _ = compare(lambda: [bit_oracle.Node(**node) for node in nodes], flips)
@@ -141,10 +168,31 @@ STATES = {
 
 
 @pytest.mark.requirement(
-    "CANP-005", "CANP-006", "CANP-007", "CANP-013", "CANP-033", "CANP-034", "CANP-035", "CANP-036", "CANP-037", "CANP-038",
-    "CANP-039", "CANP-040", "CANP-041", "CANP-042", "CANP-043", "CANP-044", "CANP-045", "CANP-047", "CANP-048",
-    "CANP-049", "CANP-051", "CANP-052", "CANP-053", "CANP-054",
-)  # fmt: skip
+    "CANP-005",
+    "CANP-006",
+    "CANP-007",
+    "CANP-013",
+    "CANP-033",
+    "CANP-034",
+    "CANP-035",
+    "CANP-036",
+    "CANP-037",
+    "CANP-038",
+    "CANP-039",
+    "CANP-040",
+    "CANP-041",
+    "CANP-042",
+    "CANP-043",
+    "CANP-044",
+    "CANP-045",
+    "CANP-047",
+    "CANP-048",
+    "CANP-049",
+    "CANP-051",
+    "CANP-052",
+    "CANP-053",
+    "CANP-054",
+)
 @pytest.mark.parametrize("states", STATES.values(), ids=STATES)
 @pytest.mark.parametrize(
     "who",
@@ -169,7 +217,9 @@ def test_every_bit_of_a_frame_may_be_wrong(states, who):
 @pytest.mark.parametrize("who", [None, frozenset("a"), frozenset("b")], ids=["all", "sender", "receiver"])
 @pytest.mark.parametrize("states", [((0, 0), (0, 0)), ((120, 0), (0, 120))], ids=["active", "near passive"])
 def test_every_second_error_within_an_error_frame(states, who):
-    """A second wrong bit in flag or delimiter, wherever it is: bit error of the flag, dominant bits behind it."""
+    """A second wrong bit in flag or delimiter, wherever it is: bit error of the flag, dominant bits behind
+    it.
+    """
     for place in range(30):
         compare(
             lambda: [
@@ -183,7 +233,9 @@ def test_every_second_error_within_an_error_frame(states, who):
 @pytest.mark.requirement("CANP-010")
 @pytest.mark.parametrize("dlc", range(9, 16))
 def test_dlc_above_8_is_passed_on_bit_by_bit_as_well(dlc):
-    """A DLC of 9 to 15 means 8 bytes, and the receiver is told the DLC as it was sent, whichever way the frame took."""
+    """A DLC of 9 to 15 means 8 bytes, and the receiver is told the DLC as it was sent, whichever way the
+    frame took.
+    """
     frame = CanFrame(0x123, bytes(range(8)), dlc=dlc)
     for flips in ({}, {40: None}):
         _, segment, _ = compare(lambda: [bit_oracle.Node("a", [(0, frame)]), bit_oracle.Node("b")], flips)

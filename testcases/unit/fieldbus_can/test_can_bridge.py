@@ -24,9 +24,13 @@ class Bridge:
         self.history = History(self.scheduler)
         self.names = (f"{name} A", f"{name} B")
         self.segment = LiveSegment.open(
-            self.scheduler, interface="virtual", channel=self.names[0], bridge={"channel": self.names[1]},
-            name="bridge", history=self.history,
-        )  # fmt: skip
+            self.scheduler,
+            interface="virtual",
+            channel=self.names[0],
+            bridge={"channel": self.names[1]},
+            name="bridge",
+            history=self.history,
+        )
         self.a, self.b = (can.Bus(interface="virtual", channel=channel) for channel in self.names)
 
     def heard(self, bus, count, *, pump=True):
@@ -59,7 +63,9 @@ def message(can_id, data=b""):
 
 
 def test_frames_pass_in_both_directions(bridge):
-    """What one side sends reaches the other once, does not come back, and is logged under the name of its side."""
+    """What one side sends reaches the other once, does not come back, and is logged under the name of its
+    side.
+    """
     bridge.a.send(message(0x605))
     bridge.b.send(message(0x585))
     assert bridge.heard(bridge.b, 1) == [0x605]
@@ -69,7 +75,9 @@ def test_frames_pass_in_both_directions(bridge):
 
 
 def test_frames_pass_while_time_stands_still(bridge):
-    """Without a fault nobody has to run the scheduler: controller and drive do not notice that the test is busy."""
+    """Without a fault nobody has to run the scheduler: controller and drive do not notice that the test is
+    busy.
+    """
     for number in range(50):
         bridge.a.send(message(0x100 + number))
     assert bridge.heard(bridge.b, 50, pump=False) == list(range(0x100, 0x132))
@@ -195,7 +203,9 @@ def test_a_bridge_that_cannot_be_opened_leaves_nothing_open(request):
     before = set(threading.enumerate())
     with pytest.raises(BusError, match="can0: nonsense far cannot be opened"):
         LiveSegment.open(
-            RealtimeScheduler(), interface="virtual", channel=request.node.name,
+            RealtimeScheduler(),
+            interface="virtual",
+            channel=request.node.name,
             bridge={"interface": "nonsense", "channel": "far"},
-        )  # fmt: skip
+        )
     assert set(threading.enumerate()) <= before

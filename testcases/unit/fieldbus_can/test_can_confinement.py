@@ -87,7 +87,7 @@ def first_difference(wires):
     return next(index for index, (one, other) in enumerate(zip(*wires, strict=False)) if one != other)
 
 
-# ------------------------------------------------------------------------------------------------- acknowledge
+# ------------------------------------------------------------------------------------------------ acknowledge
 
 
 @pytest.mark.requirement("CANP-037", "CANP-046", "CANP-056", "CANP-079")
@@ -111,7 +111,9 @@ def test_lone_node_becomes_passive_and_stays_so():
 
 @pytest.mark.requirement("CANP-008", "CANP-030", "CANP-038", "CANP-042")
 def test_times_of_unacknowledged_attempts():
-    """An attempt lasts to the ACK slot plus flag 6 and delimiter 8; then 3 bits, and 8 more when error-passive."""
+    """An attempt lasts to the ACK slot plus flag 6 and delimiter 8; then 3 bits, and 8 more when
+    error-passive.
+    """
     bench = Bench("a")
     bench.ports["a"].send(FRAME)
     bench.run(20_000)
@@ -191,7 +193,8 @@ def test_one_corrupted_attempt():
     assert (a.tec, a.rec) == (8, 0)
     assert [(port.tec, port.rec) for port in (b, c)] == [(0, 1), (0, 1)]
     stuffed_region = LENGTH - 3 - 10
-    # The sender's flag is dominant in the CRC delimiter, a form error for the receivers, whose flags end one bit later.
+    # The sender's flag is dominant in the CRC delimiter, a form error for the receivers, whose flags end one
+    # bit later.
     flags = 7
     assert bench.log_times() == [stuffed_region + flags + 8]
     bench.run(500)
@@ -219,7 +222,9 @@ def test_other_senders_compete_after_an_error_frame():
 
 @pytest.mark.requirement("CANP-045", "CANP-053", "CANP-054", "CANP-057", "CANP-079")
 def test_32_failures_in_a_row_lead_to_bus_off():
-    """16 failed transmissions make the sender error-passive, 32 bus-off, with the states told as they change."""
+    """16 failed transmissions make the sender error-passive, 32 bus-off, with the states told as they
+    change.
+    """
     bench = Bench("a", "b", auto_recovery=False)
     a, b = bench.ports.values()
     changes = []
@@ -256,7 +261,9 @@ def test_receiver_becomes_passive_by_the_errors_of_others():
 
 @pytest.mark.requirement("CANP-008", "CANP-042")
 def test_passive_sender_suspends_unless_it_becomes_receiver():
-    """An error-passive sender waits 8 bits after its own frame; another node's frame comes first, whatever its rank."""
+    """An error-passive sender waits 8 bits after its own frame; another node's frame comes first, whatever
+    its rank.
+    """
     bench = Bench("a", "b")
     a, b = bench.ports.values()
     a.set_error_counters(tec=200)
@@ -389,7 +396,8 @@ def test_recovery_under_traffic_counts_recessive_sequences(gaps):
 
     bench.scheduler.after(100 * US, send)
     assert bench.scheduler.run_until(lambda: port.state is ACTIVE, 1000 * MS)
-    # The model: recessive from time 0 to the first frame, later from the ACK delimiter (8 bits before the end of EOF).
+    # The model: recessive from time 0 to the first frame, later from the ACK delimiter (8 bits before the end
+    # of EOF).
     missing, since, recovered = 128, 0, None
     for end in bench.log_times():
         start = end - (LENGTH - 3)
@@ -403,7 +411,9 @@ def test_recovery_under_traffic_counts_recessive_sequences(gaps):
 
 @pytest.mark.requirement("CANP-055")
 def test_recovery_between_error_frames_counts_recessive_sequences():
-    """The delimiter of an error frame with the intermission is one sequence of 11 bits, with the suspension no more."""
+    """The delimiter of an error frame with the intermission is one sequence of 11 bits, with the suspension
+    no more.
+    """
     bench = Bench("a", "b")
     port = bench.ports["a"]
     port.set_error_counters(tec=256)
@@ -430,7 +440,9 @@ def test_identical_frames_of_two_nodes_both_succeed():
 
 @pytest.mark.requirement("CANP-029", "CANP-037")
 def test_identical_frames_need_a_third_node_for_the_acknowledge():
-    """A transmitter does not acknowledge: two of the same frame alone on the bus both miss the acknowledge."""
+    """A transmitter does not acknowledge: two of the same frame alone on the bus both miss the
+    acknowledge.
+    """
     bench = Bench("a", "b")
     for port in bench.ports.values():
         port.send(FRAME)
@@ -441,7 +453,9 @@ def test_identical_frames_need_a_third_node_for_the_acknowledge():
 
 @pytest.mark.requirement("CANP-029", "CANP-043", "CANP-045")
 def test_same_identifier_with_different_data_destroys_both():
-    """Two nodes with one identifier and different content destroy each other's frames as long as they are error-active."""
+    """Two nodes with one identifier and different content destroy each other's frames as long as they are
+    error-active.
+    """
     bench = Bench("a", "b", "c", auto_recovery=False)
     a, b, c = bench.ports.values()
     one, other = CanFrame(0x181, b"\x00\x00"), CanFrame(0x181, b"\x00\x01")
@@ -453,8 +467,8 @@ def test_same_identifier_with_different_data_destroys_both():
     length_of_flags = bench.log_times()[0] - (difference + 1) - 8
     assert 6 <= length_of_flags <= 12
     bench.run(10_000)
-    # 16 times both destroy the frame. Then both are error-passive: the one that sends recessive gives up with a flag
-    # that nobody sees, and the other gets through.
+    # 16 times both destroy the frame. Then both are error-passive: the one that sends recessive gives up with
+    # a flag that nobody sees, and the other gets through.
     assert bench.errors()[:17] == ["BIT_ERROR"] * 16 + [""]
     assert bench.received["c"][0] == one
     assert bench.received["c"] == [one, other]
@@ -478,7 +492,9 @@ def test_collision_of_different_lengths():
 @pytest.mark.requirement("CANP-029", "CANP-038")
 @given(st.binary(min_size=8, max_size=8), st.binary(min_size=8, max_size=8))
 def test_length_of_the_error_frame_of_two_colliding_nodes(one, other):
-    """Alone on the bus: the loser's flag, then that of the other from the first recessive bit it cannot send."""
+    """Alone on the bus: the loser's flag, then that of the other from the first recessive bit it cannot
+    send.
+    """
     assume(one != other)
     bench = Bench("a", "b")
     frames = [CanFrame(0x181, data) for data in (one, other)]
@@ -494,13 +510,15 @@ def test_length_of_the_error_frame_of_two_colliding_nodes(one, other):
     assert bench.log_times()[0] == max(at + 1 + 6, noticed + 1 + 6) + 8
 
 
-# ------------------------------------------------------------------------------------------------- broken-off frames
+# ------------------------------------------------------------------------------------------ broken-off frames
 
 
 @pytest.mark.requirement("CANP-034", "CANP-038", "CANP-043")
 @pytest.mark.parametrize("leave", ["offline", "detach"])
 def test_sender_that_disappears_leaves_a_torn_frame(leave):
-    """A node that loses power in the middle of its frame makes a stuff error for the others, and no delivery."""
+    """A node that loses power in the middle of its frame makes a stuff error for the others, and no
+    delivery.
+    """
     bench = Bench("a", "b", "c")
     bench.ports["a"].send(FRAME)
     bench.run(50)
@@ -547,7 +565,9 @@ def test_sender_that_disappears_before_its_frame_starts():
 
 
 def test_power_cycle_within_an_error_frame():
-    """A node that restarts while its failed attempt still ends neither repeats the frame nor counts the error."""
+    """A node that restarts while its failed attempt still ends neither repeats the frame nor counts the
+    error.
+    """
     bench = Bench("a", "b")
     bench.corrupt("a", 1)
     bench.ports["a"].send(FRAME)
@@ -617,7 +637,9 @@ def test_bus_error_listener():
     )
 )
 def test_any_disturbance_leaves_a_working_segment(steps):
-    """After any mixture of sends and faults the segment works; a second run, and one with an idle hook, is the same."""
+    """After any mixture of sends and faults the segment works; a second run, and one with an idle hook, is
+    the same.
+    """
 
     def once(*, idle_hook=False):
         bench = Bench("a", "b", "c")

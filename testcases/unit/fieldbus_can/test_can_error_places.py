@@ -63,38 +63,69 @@ BIT, STUFF, FORM, CRC, ACK = ErrorCode.BIT, ErrorCode.STUFF, ErrorCode.FORM, Err
     [
         # A dominant flag in the CRC delimiter is a form error for the receivers: 1 + 6 bits of flags.
         pytest.param(
-            BitError("crc", -1, SENDER), (LAST, "a", BIT, "crc"), LAST + 7 + 8, [(8, 0), (0, 1), (0, 1)],
-            marks=pytest.mark.requirement("CANP-033", "CANP-038"), id="bit error of the sender in the CRC",
+            BitError("crc", -1, SENDER),
+            (LAST, "a", BIT, "crc"),
+            LAST + 7 + 8,
+            [(8, 0), (0, 1), (0, 1)],
+            marks=pytest.mark.requirement("CANP-033", "CANP-038"),
+            id="bit error of the sender in the CRC",
         ),
         pytest.param(
-            BitError("crc_delimiter", 0, ALL), (LAST + 1, "a", FORM, "crc_delimiter"), LAST + 1 + 6 + 8,
-            [(8, 0), (0, 1), (0, 1)], marks=pytest.mark.requirement("CANP-036"), id="form error in the CRC delimiter",
+            BitError("crc_delimiter", 0, ALL),
+            (LAST + 1, "a", FORM, "crc_delimiter"),
+            LAST + 1 + 6 + 8,
+            [(8, 0), (0, 1), (0, 1)],
+            marks=pytest.mark.requirement("CANP-036"),
+            id="form error in the CRC delimiter",
         ),
-        # Nobody has sent an error flag before: that of the sender takes the ACK delimiter, the others' come one bit later.
+        # Nobody has sent an error flag before: that of the sender takes the ACK delimiter, the others' come
+        # one bit later.
         pytest.param(
-            BitError("ack_slot", 0, SENDER), (LAST + 2, "a", ACK, "ack_slot"), LAST + 2 + 7 + 8,
-            [(8, 0), (0, 1), (0, 1)], marks=pytest.mark.requirement("CANP-006", "CANP-037"), id="missing acknowledge",
+            BitError("ack_slot", 0, SENDER),
+            (LAST + 2, "a", ACK, "ack_slot"),
+            LAST + 2 + 7 + 8,
+            [(8, 0), (0, 1), (0, 1)],
+            marks=pytest.mark.requirement("CANP-006", "CANP-037"),
+            id="missing acknowledge",
         ),
-        # Two receivers read another CRC than was sent: flags after the ACK delimiter, and nobody has acknowledged.
+        # Two receivers read another CRC than was sent: flags after the ACK delimiter, and nobody has
+        # acknowledged.
         pytest.param(
-            BitError("data", 3, BOTH), (LAST + 2, "a", ACK, "ack_slot"), LAST + 2 + 7 + 8,
-            [(8, 0), (0, 1), (0, 1)], marks=pytest.mark.requirement("CANP-006"), id="no good receiver",
+            BitError("data", 3, BOTH),
+            (LAST + 2, "a", ACK, "ack_slot"),
+            LAST + 2 + 7 + 8,
+            [(8, 0), (0, 1), (0, 1)],
+            marks=pytest.mark.requirement("CANP-006"),
+            id="no good receiver",
         ),
-        # One receiver finds the CRC wrong and was the first to tell: the sender's flag follows one bit later (REC +1 +8).
+        # One receiver finds the CRC wrong and was the first to tell: the sender's flag follows one bit later
+        # (REC +1 +8).
         pytest.param(
-            BitError("data", 3, ONE), (LAST + 3, "b", CRC, "ack_delimiter"), LAST + 3 + 7 + 8,
-            [(8, 0), (0, 9), (0, 1)], marks=pytest.mark.requirement("CANP-005", "CANP-035", "CANP-044"), id="CRC error",
+            BitError("data", 3, ONE),
+            (LAST + 3, "b", CRC, "ack_delimiter"),
+            LAST + 3 + 7 + 8,
+            [(8, 0), (0, 9), (0, 1)],
+            marks=pytest.mark.requirement("CANP-005", "CANP-035", "CANP-044"),
+            id="CRC error",
         ),
         pytest.param(
-            BitError("ack_delimiter", 0, ALL), (LAST + 3, "a", FORM, "ack_delimiter"), LAST + 3 + 6 + 8,
-            [(8, 0), (0, 1), (0, 1)], marks=pytest.mark.requirement("CANP-036"), id="form error in the ACK delimiter",
+            BitError("ack_delimiter", 0, ALL),
+            (LAST + 3, "a", FORM, "ack_delimiter"),
+            LAST + 3 + 6 + 8,
+            [(8, 0), (0, 1), (0, 1)],
+            marks=pytest.mark.requirement("CANP-036"),
+            id="form error in the ACK delimiter",
         ),
         pytest.param(
-            BitError("eof", 2, ONE), (LAST + 6, "b", FORM, "eof"), LAST + 6 + 7 + 8, [(8, 0), (0, 9), (0, 1)],
-            marks=pytest.mark.requirement("CANP-007", "CANP-036", "CANP-044"), id="form error in EOF",
+            BitError("eof", 2, ONE),
+            (LAST + 6, "b", FORM, "eof"),
+            LAST + 6 + 7 + 8,
+            [(8, 0), (0, 9), (0, 1)],
+            marks=pytest.mark.requirement("CANP-007", "CANP-036", "CANP-044"),
+            id="form error in EOF",
         ),
     ],
-)  # fmt: skip
+)
 def test_kind_time_and_counters_follow_from_the_place(error, told, end, counters):
     """The error that is found first, where its error frame ends, and TEC and REC of sender and receivers."""
     bench = first_attempt(error)
@@ -109,7 +140,9 @@ def test_kind_time_and_counters_follow_from_the_place(error, told, end, counters
 
 @pytest.mark.requirement("CANP-007", "CANP-013")
 def test_frame_hit_in_its_last_bit_is_received_twice():
-    """A dominant last bit of EOF is an error for the sender only: the receivers have the frame, and get it again."""
+    """A dominant last bit of EOF is an error for the sender only: the receivers have the frame, and get it
+    again.
+    """
     bench = first_attempt(BitError("eof", 6))
     bench.scheduler.run_for(MS)
     assert bench.received == {"a": [], "b": [FRAME] * 2, "c": [FRAME] * 2}
@@ -119,7 +152,9 @@ def test_frame_hit_in_its_last_bit_is_received_twice():
 
 @pytest.mark.requirement("CANP-033", "CANP-047")
 def test_recessive_stuff_bit_read_dominant_in_arbitration_is_excused():
-    """That is a stuff error of the sender which does not count; behind the arbitration field it is a bit error that does."""
+    """That is a stuff error of the sender which does not count; behind the arbitration field it is a bit
+    error that does.
+    """
     frame = CanFrame(0x003, b"\x00")
     stuff = sorted(image_of(frame).stuff)
     assert stuff[0] < image_of(frame).arbitration_end < stuff[2]
@@ -135,7 +170,9 @@ def test_recessive_stuff_bit_read_dominant_in_arbitration_is_excused():
 
 @pytest.mark.requirement("CANP-034", "CANP-043", "CANP-044")
 def test_stuff_error_of_one_receiver():
-    """The receiver that finds it first counts 9, the others 1, because it reads their flags behind its own."""
+    """The receiver that finds it first counts 9, the others 1, because it reads their flags behind its
+    own.
+    """
     frame = CanFrame(
         0x0F8
     )  # the stuff bit after the last five equal bits of the identifier, read wrongly by b
@@ -178,7 +215,9 @@ def test_dominant_third_bit_of_the_intermission_is_a_start_of_frame():
 @pytest.mark.requirement("CANP-041")
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_slow_receiver_asks_for_overload_frames(count):
-    """Each costs 14 bits behind a frame, or 15 with the answer of the others; at most two, and nothing is counted."""
+    """Each costs 14 bits behind a frame, or 15 with the answer of the others; at most two, and nothing is
+    counted.
+    """
     bench = Bench()
     bench.ports["b"].set_overload_frames(count)
     for _ in range(2):
@@ -194,7 +233,9 @@ def test_slow_receiver_asks_for_overload_frames(count):
 
 @pytest.mark.requirement("CANP-050", "CANP-054")
 def test_bus_stuck_dominant():
-    """The sender counts 8 for the error and 8 for every 8 dominant bits behind its flag, up to bus-off; receivers stop at 255."""
+    """The sender counts 8 for the error and 8 for every 8 dominant bits behind its flag, up to bus-off;
+    receivers stop at 255.
+    """
     bench = Bench()
     a, b, _ = bench.ports.values()
     a.send(FRAME)
@@ -224,7 +265,9 @@ def test_bus_stuck_dominant():
 
 @pytest.mark.requirement("CANP-054", "CANP-057")
 def test_bus_stuck_recessive():
-    """Whoever sends reads recessive at SOF: 8 for the error and 8 for each of the flags, until it is passive, then bus-off."""
+    """Whoever sends reads recessive at SOF: 8 for the error and 8 for each of the flags, until it is passive,
+    then bus-off.
+    """
     bench = Bench()
     a, b, _ = bench.ports.values()
     bench.medium.hold_level(1)
@@ -241,7 +284,9 @@ def test_bus_stuck_recessive():
 @pytest.mark.requirement("CANP-068")
 @pytest.mark.parametrize("rate", [500_000, 250_000])
 def test_node_with_a_wrong_bit_rate(rate):
-    """It destroys frames of the others until it is error-passive, then it is silent and they get through; nobody hears it."""
+    """It destroys frames of the others until it is error-passive, then it is silent and they get through;
+    nobody hears it.
+    """
     bench = Bench()
     a, _, c = bench.ports.values()
     c.set_bitrate(rate)
@@ -264,7 +309,9 @@ def test_node_with_a_wrong_bit_rate(rate):
 
 @pytest.mark.requirement("CANP-068")
 def test_slightly_wrong_bit_rate_takes_the_healthy_sender_to_bus_off():
-    """A node that is slow enough to send longer flags than the others is not told apart: it stays active, the sender pays."""
+    """A node that is slow enough to send longer flags than the others is not told apart: it stays active, the
+    sender pays.
+    """
     bench = Bench()
     a, _, c = bench.ports.values()
     c.set_bitrate(800_000)
@@ -277,7 +324,9 @@ def test_slightly_wrong_bit_rate_takes_the_healthy_sender_to_bus_off():
 
 @pytest.mark.requirement("CANP-030")
 def test_one_shot_frames_are_not_repeated():
-    """A one-shot frame that loses the arbitration or meets an error is given up, and the log of events says why."""
+    """A one-shot frame that loses the arbitration or meets an error is given up, and the log of events says
+    why.
+    """
     bench = Bench(one_shot=True)
     bench.ports["a"].send(CanFrame(0x100))
     bench.ports["b"].send(CanFrame(0x200))
@@ -293,7 +342,9 @@ def test_one_shot_frames_are_not_repeated():
 
 @pytest.mark.requirement("CANP-006", "CANP-039", "CANP-059")
 def test_receivers_that_do_not_acknowledge():
-    """They receive nothing while the sender is error-active; its passive flag no longer disturbs them, and they get every attempt."""
+    """They receive nothing while the sender is error-active; its passive flag no longer disturbs them, and
+    they get every attempt.
+    """
     bench = Bench()
     for name in "bc":
         bench.ports[name].set_acknowledge(False)
@@ -311,7 +362,9 @@ def test_receivers_that_do_not_acknowledge():
 
 
 def test_receive_delay_keeps_the_order():
-    """Frames are handed over later, in their order, also when the delay is taken back; the other nodes are not concerned."""
+    """Frames are handed over later, in their order, also when the delay is taken back; the other nodes are
+    not concerned.
+    """
     bench = Bench()
     times = []
     late = bench.medium.attach(
@@ -343,15 +396,27 @@ def test_bit_errors_are_checked(field, bit, text):
 @pytest.mark.requirement("CANP-001", "CANP-002", "CANP-003", "CANP-005", "CANP-006", "CANP-007", "CANP-008")
 @pytest.mark.parametrize("extended", [False, True])
 def test_fields_of_a_frame_have_their_lengths(extended):
-    """Every field has as many bits as the table of frame formats says, each bit once, in the order of the wire."""
+    """Every field has as many bits as the table of frame formats says, each bit once, in the order of the
+    wire.
+    """
     frame = CanFrame(0x12345 if extended else 0x123, b"\xff\x00\xff", extended=extended)
     image = image_of(frame)
     lengths = {name: len(image.places[name]) for name in FIELDS}
     stuff = lengths.pop("stuff")
     common = {
-        "sof": 1, "id": 11, "ide": 1, "rtr": 1, "dlc": 4, "data": 24, "crc": 15, "crc_delimiter": 1, "ack_slot": 1,
-        "ack_delimiter": 1, "eof": 7, "intermission": 3,
-    }  # fmt: skip
+        "sof": 1,
+        "id": 11,
+        "ide": 1,
+        "rtr": 1,
+        "dlc": 4,
+        "data": 24,
+        "crc": 15,
+        "crc_delimiter": 1,
+        "ack_slot": 1,
+        "ack_delimiter": 1,
+        "eof": 7,
+        "intermission": 3,
+    }
     own = (
         {"srr": 1, "id_extension": 18, "reserved": 2}
         if extended

@@ -21,13 +21,21 @@ def attributes(data):
 
 
 def test_a_rule_as_the_kernel_reads_it():
-    """Filter, operation, checksum, hop limit and interfaces have the numbers and layouts of linux/can/gw.h."""
+    """Filter, operation, checksum, hop limit and interfaces have the numbers and layouts of
+    linux/can/gw.h.
+    """
     index = struct.pack("=I", socket.if_nametoindex("lo"))
     rule = GatewayRule(
-        "lo", "lo", 0x185, 0x7FF, inverted=True, hops=3, identity=7,
+        "lo",
+        "lo",
+        0x185,
+        0x7FF,
+        inverted=True,
+        hops=3,
+        identity=7,
         modifications=(Modification("SET", can_id=0x123, extended=True, length=2, data=b"\x01\x02"),),
         checksum=XorChecksum(0, -2, -1, 0xFF),
-    )  # fmt: skip
+    )
     assert attributes(rule.attributes()) == [
         (4, struct.pack("=IB3x8sB", 0x8000_0123, 2, b"\x01\x02" + bytes(6), 7)),
         (5, struct.pack("=bbbB", 0, -2, -1, 0xFF)),
@@ -73,7 +81,9 @@ class Kernel:
     ],
 )
 def test_what_the_kernel_refuses_has_a_reason(monkeypatch, code, reason):
-    """The missing right and the missing module are named; a refused rule is not remembered as one that exists."""
+    """The missing right and the missing module are named; a refused rule is not remembered as one that
+    exists.
+    """
     monkeypatch.setattr(
         Gateway, "__init__", lambda self: self.__dict__.update(_socket=Kernel(code), _sequence=0, _rules=[])
     )

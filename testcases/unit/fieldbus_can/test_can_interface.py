@@ -181,7 +181,7 @@ def test_two_programs_talk(medium):
         assert one.recv(1.0).arbitration_id == 0x20
 
 
-# ------------------------------------------------------------------------------------------------- periodic messages
+# ------------------------------------------------------------------------------------------ periodic messages
 
 
 def test_periodic_message_keeps_simulated_time(scheduler, node, bus):
@@ -260,7 +260,9 @@ def test_periodic_message_is_checked(bus):
 
 
 def test_time_out_is_checked(bus, node):
-    """A time-out that is no number is refused; an infinite one waits for what comes, a negative one not at all."""
+    """A time-out that is no number is refused; an infinite one waits for what comes, a negative one not at
+    all.
+    """
     with pytest.raises(ValueError, match="timeout nan s is not a number of seconds"):
         bus.recv(math.nan)
     assert bus.recv(-math.inf) is None
@@ -280,7 +282,7 @@ def test_periodic_message_outlives_a_full_queue(scheduler, medium):
         assert len(frames) > 1000
 
 
-# ------------------------------------------------------------------------------------------------- state and errors
+# ------------------------------------------------------------------------------------------- state and errors
 
 
 def test_state_follows_the_error_counters(scheduler, medium, node, bus):
@@ -416,10 +418,16 @@ def test_bus_keeps_the_segment_alive_but_the_registry_does_not(scheduler):
 @pytest.mark.parametrize(
     ("field", "bit", "kind", "place"),
     [
-        ("id", 2, 0x01, 0x02), ("reserved", 0, 0x01, 0x09), ("dlc", 0, 0x01, 0x0B), ("data", 5, 0x01, 0x0A), ("crc", 1, 0x01, 0x08),
-        ("crc_delimiter", 0, 0x02, 0x18), ("ack_delimiter", 0, 0x02, 0x1B), ("eof", 0, 0x02, 0x1A),
+        ("id", 2, 0x01, 0x02),
+        ("reserved", 0, 0x01, 0x09),
+        ("dlc", 0, 0x01, 0x0B),
+        ("data", 5, 0x01, 0x0A),
+        ("crc", 1, 0x01, 0x08),
+        ("crc_delimiter", 0, 0x02, 0x18),
+        ("ack_delimiter", 0, 0x02, 0x1B),
+        ("eof", 0, 0x02, 0x1A),
     ],
-)  # fmt: skip
+)
 def test_error_frames_tell_kind_and_place_as_socketcan_does(medium, node, field, bit, kind, place):
     """An error while sending carries CAN_ERR_PROT_TX, the kind, the place in the frame and the counters."""
     with can.Bus(interface="hil", channel=medium, error_frames=True) as bus:

@@ -56,7 +56,9 @@ def message(can_id, data=b"", **options):
 
 
 def test_frames_from_outside(bench):
-    """What a foreign node sends arrives with the time of its arrival, and is in the log as sent by the bus."""
+    """What a foreign node sends arrives with the time of its arrival, and is in the log as sent by the
+    bus.
+    """
     before = time.monotonic_ns() - bench.scheduler.origin_ns
     bench.foreign.send(message(0x181, b"123"))
     bench.until(1)
@@ -183,7 +185,9 @@ def test_hooks_on_sent_frames(bench):
 
 
 def test_corruption_is_refused(bench):
-    """Hardware makes the bits: a hook that wants them wrong is told so, and the capability set says it before."""
+    """Hardware makes the bits: a hook that wants them wrong is told so, and the capability set says it
+    before.
+    """
     assert "corrupt" not in bench.segment.hook_kinds
     bench.segment.add_hook(lambda frame, sender, time_ns: HookResult.corrupt())
     with pytest.raises(UnsupportedFaultError, match="live0 is a live bus"):
@@ -237,7 +241,9 @@ def test_fd_messages_are_counted_and_told_once(bench):
 
 
 def test_echo_of_own_frames_is_taken_out():
-    """On a bus that gives own frames back they are recognised, once each; equal frames of others are not lost."""
+    """On a bus that gives own frames back they are recognised, once each; equal frames of others are not
+    lost.
+    """
     scheduler = RealtimeScheduler()
     foreign = can.Bus(interface="virtual", channel="echo")
     received = []
@@ -255,7 +261,9 @@ def test_echo_of_own_frames_is_taken_out():
 
 
 def test_frames_of_other_programs_on_this_machine_count(bench):
-    """SocketCAN marks what another program of the same machine sends as not received; it is taken all the same."""
+    """SocketCAN marks what another program of the same machine sends as not received; it is taken all the
+    same.
+    """
     local = message(0x100)
     local.is_rx = False
     bench.segment.sides[0].bus.queue.put(local)
@@ -388,7 +396,9 @@ class GarbledBus(FailingBus):
     ],
 )
 def test_what_the_driver_cannot_read_is_counted(error, flushed):
-    """Rubbish on the line of an adapter is no failure of the bus: it is counted, told once, and the next frame arrives."""
+    """Rubbish on the line of an adapter is no failure of the bus: it is counted, told once, and the next
+    frame arrives.
+    """
     bus = GarbledBus(error)
     bus.frames.append(message(0x123))
     scheduler = RealtimeScheduler()

@@ -40,7 +40,9 @@ def sent(medium: CanMedium, *frames: CanFrame) -> list[int]:
 
 
 def test_frames_go_to_their_mailbox_at_the_end_of_eof(medium: CanMedium) -> None:
-    """A data frame with a mailbox is given to it at its end; one without is not handed over, but on the bus all the same."""
+    """A data frame with a mailbox is given to it at its end; one without is not handed over, but on the bus
+    all the same.
+    """
     node = Node(medium, "node", 0x181)
     ends = sent(medium, CanFrame(0x181, b"\1"), CanFrame(0x182, b"\2"))
     assert len(ends) == 2
@@ -69,7 +71,9 @@ def test_a_changed_table_holds_for_the_next_frame(medium: CanMedium) -> None:
 
 
 def test_a_taker_can_take_others_off_the_bus(medium: CanMedium) -> None:
-    """A node that is switched off while a frame is handed over to the nodes before it does not get this frame."""
+    """A node that is switched off while a frame is handed over to the nodes before it does not get this
+    frame.
+    """
     first, second, third = (Node(medium, name) for name in ("first", "second", "third"))
     first.port.accept({0x181: lambda _frame, _time_ns: setattr(second.port, "online", False)})
     for node in (second, third):

@@ -52,7 +52,9 @@ def test_medium_and_port_keep_the_protocols(medium):
 @pytest.mark.requirement("CANP-015", "CANP-077", "CANP-079")
 @pytest.mark.parametrize("bitrate", [1_000_000, 500_000, 125_000, 83_333, 10_000])
 def test_frame_takes_its_exact_time(scheduler, bitrate):
-    """The others receive at the end of EOF, and the next frame ends one frame length after the intermission."""
+    """The others receive at the end of EOF, and the next frame ends one frame length after the
+    intermission.
+    """
     medium = CanMedium(scheduler, bitrate=bitrate)
     a, b = Node(medium, "a"), Node(medium, "b")
     first, second = CanFrame(0x181, b"\x00\x01\x02\x03"), CanFrame(0x182, bytes(8))
@@ -316,7 +318,9 @@ def test_bad_frames_are_refused_at_the_sender(medium):
 
 
 def test_failing_receiver_leaves_the_segment_intact(scheduler, medium):
-    """An exception in a receive callback reaches the caller of the scheduler; the traffic can go on after it."""
+    """An exception in a receive callback reaches the caller of the scheduler; the traffic can go on after
+    it.
+    """
     a = Node(medium, "a")
 
     def fail(frame, time_ns):
@@ -333,12 +337,14 @@ def test_failing_receiver_leaves_the_segment_intact(scheduler, medium):
     assert good.received == []
 
 
-# ------------------------------------------------------------------------------------------------- load, log, names
+# ------------------------------------------------------------------------------------------- load, log, names
 
 
 @pytest.mark.requirement("CANP-079")
 def test_sync_waits_for_the_frame_in_progress(scheduler, medium):
-    """On a bus full of low-ranking frames a SYNC is late by the rest of one frame, and by every part of it."""
+    """On a bus full of low-ranking frames a SYNC is late by the rest of one frame, and by every part of
+    it.
+    """
     a, b = Node(medium, "a"), Node(medium, "b")
     background = CanFrame(0x7F0, bytes(8))
     length = frame_bits(background)

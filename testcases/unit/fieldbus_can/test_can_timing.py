@@ -119,7 +119,9 @@ def test_length_equals_a_count_bit_by_bit(frame):
 @pytest.mark.requirement("CANP-014")
 @given(frames())
 def test_wire_bits_are_the_stuffed_string(frame):
-    """The bit string has no six equal bits in a row, and is the unstuffed one when the stuff bits are taken out."""
+    """The bit string has no six equal bits in a row, and is the unstuffed one when the stuff bits are taken
+    out.
+    """
     wire = wire_bits(frame)
     assert wire == reference_wire(frame)
     assert all(len(set(wire[start : start + 6])) > 1 for start in range(len(wire) - 5))
@@ -149,7 +151,9 @@ def test_reference_checksum_has_the_published_check_value():
     ],
 )
 def test_table_of_bounds(length, shortest, longest, shortest_extended, longest_extended):
-    """The bounds of the table are those of the formula, and thousands of frames of each length keep within them."""
+    """The bounds of the table are those of the formula, and thousands of frames of each length keep within
+    them.
+    """
     assert worst_case_bits(length) == longest
     assert worst_case_bits(length, extended=True) == longest_extended
     seen = {
@@ -186,7 +190,9 @@ def test_dlc_above_8_means_8_bytes(dlc):
 @pytest.mark.requirement("CANP-027", "CANP-028")
 @given(frames(), frames())
 def test_rank_is_the_first_differing_bit_of_the_arbitration_field(one, other):
-    """Whoever sends the dominant bit at the first difference of the arbitration fields ranks higher; equal fields tie."""
+    """Whoever sends the dominant bit at the first difference of the arbitration fields ranks higher; equal
+    fields tie.
+    """
     first = [
         *arbitration_field(one),
         *([] if one.extended else [0]),
@@ -204,7 +210,9 @@ def test_rank_is_the_first_differing_bit_of_the_arbitration_field(one, other):
 
 @pytest.mark.requirement("CANP-028")
 def test_data_beats_remote_and_standard_beats_extended():
-    """With the same 11 leading bits the order is: standard data, standard remote, extended data, extended remote."""
+    """With the same 11 leading bits the order is: standard data, standard remote, extended data, extended
+    remote.
+    """
     frames = [
         CanFrame(0x123),
         CanFrame(0x123, remote=True),
@@ -252,7 +260,9 @@ def test_cache_is_bounded():
 
 @given(can_id=st.integers(0, 0x7FF), payloads=st.lists(st.binary(max_size=8), max_size=5))
 def test_a_frame_maker_makes_what_a_frame_is(can_id, payloads):
-    """Frames of one identifier that are made in a row are as long on the wire as any, and kept while the data stay."""
+    """Frames of one identifier that are made in a row are as long on the wire as any, and kept while the data
+    stay.
+    """
     maker = FrameMaker(can_id)
     for payload in payloads:
         frame = maker.make(payload)

@@ -1,4 +1,6 @@
-"""Nodes taken into service: checks, configuration where it differs, start, supervision, and what goes wrong."""
+"""Nodes taken into service: checks, configuration where it differs, start, supervision, and what goes
+wrong.
+"""
 
 from __future__ import annotations
 
@@ -120,14 +122,22 @@ def net(kit):
 
 @pytest.mark.requirement("C301-015", "C301-016", "C301-146", "C301-052")
 def test_boot_from_the_factory(net):
-    """A node with default values is checked, configured, stored and started, in this order; its user is told."""
+    """A node with default values is checked, configured, stored and started, in this order; its user is
+    told.
+    """
     net.start()
     assert net.node.in_service
     assert net.slave.nmt_state is NmtState.OPERATIONAL
     assert net.user.told == ["restarted", "in service"]
     assert [data["step"] for data in net.events("node.boot")] == [
-        "waiting", "device type", "identity", "verification", "configuration", "storing", "starting",
-    ]  # fmt: skip
+        "waiting",
+        "device type",
+        "identity",
+        "verification",
+        "configuration",
+        "storing",
+        "starting",
+    ]
     assert net.node.identity == {
         "vendor_id": 0x1234,
         "product_code": 0x5678,
@@ -164,7 +174,9 @@ PREPARE = (Parameter(0x6040, 0, 0, 2),)
 
 
 def test_node_is_prepared_before_anything_is_written(kit):
-    """A node that has started anew gets what makes it safe first, and in Pre-operational; also if nothing else differs."""
+    """A node that has started anew gets what makes it safe first, and in Pre-operational; also if nothing
+    else differs.
+    """
     net = Net(kit, prepare=PREPARE)
     net.start()
     assert net.written()[0] == (0x6040, 0)
@@ -183,7 +195,9 @@ def test_node_is_prepared_before_anything_is_written(kit):
 
 @pytest.mark.parametrize("changed", [False, True])
 def test_node_that_has_not_started_anew_is_prepared_only_if_it_differs(kit, changed):
-    """A node whose heartbeat was missing is not touched; if its parameters have changed it is prepared before they are put right."""
+    """A node whose heartbeat was missing is not touched; if its parameters have changed it is prepared before
+    they are put right.
+    """
     net = Net(kit, prepare=PREPARE)
     net.start()
     net.run(60)
@@ -218,7 +232,9 @@ def test_equal_entries_are_not_written(net):
 
 @pytest.mark.requirement("C301-140", "C301-148")
 def test_stored_configuration_is_recognised_by_its_date(net):
-    """A node that comes back with the configuration it has stored shows it by 1020h: nothing else is compared."""
+    """A node that comes back with the configuration it has stored shows it by 1020h: nothing else is
+    compared.
+    """
     net.start()
     net.slave.power_off()
     net.run(200)
@@ -234,7 +250,9 @@ def test_stored_configuration_is_recognised_by_its_date(net):
 
 @pytest.mark.requirement("C301-148")
 def test_one_changed_parameter_is_put_right(net):
-    """A parameter that somebody has changed is found, because 1020h is 0 then, and is the only one to be written."""
+    """A parameter that somebody has changed is found, because 1020h is 0 then, and is the only one to be
+    written.
+    """
     net.start()
     net.slave.store.assign(net.slave.store.entry(0x6083, 0), 77)
     assert net.slave.get(0x1020, 1) == 0
@@ -260,7 +278,9 @@ def test_date_and_time_both_count(net, sub):
 
 
 def test_node_without_1020h(net):
-    """A node that has no 1020h is compared entry by entry every time, and stores only if something was written."""
+    """A node that has no 1020h is compared entry by entry every time, and stores only if something was
+    written.
+    """
     for sub in (1, 2):
         del net.slave.store.entries[0x102000 | sub]
     net.start()
@@ -293,7 +313,9 @@ def test_remote_requests_make_no_difference(net):
 
 
 def test_node_that_can_show_nothing(kit):
-    """A node without PDOs and without supervision counts as in service a second after the command to start."""
+    """A node without PDOs and without supervision counts as in service a second after the command to
+    start.
+    """
     net = Net(kit, pdos=(), parameters=(), heartbeat_timeout_ms=0)
     net.start()
     assert net.node.boot_state is BootState.STARTING
@@ -439,12 +461,15 @@ def test_reset_in_the_middle_of_a_boot(net):
     assert net.user.told == ["restarted", "restarted", "in service"]
 
 
-# -- supervision -----------------------------------------------------------------------------------------------------
+# -- supervision
+# -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-023", "C301-026", "C301-027")
 def test_lost_heartbeat_and_return(net):
-    """A lost heartbeat takes the node out of service; when it is back the node is verified in place, nothing written."""
+    """A lost heartbeat takes the node out of service; when it is back the node is verified in place, nothing
+    written.
+    """
     net.start()
     net.run(100)
     net.heard.clear()
@@ -494,7 +519,9 @@ def test_pdos_do_not_make_up_for_the_heartbeat(net):
 
 
 def test_node_that_lost_its_parameters_unseen(kit):
-    """A node that was off while nobody heard its boot-up, and sends nothing any more, is found and configured again."""
+    """A node that was off while nobody heard its boot-up, and sends nothing any more, is found and configured
+    again.
+    """
     net = Net(kit, store=False)
     net.start()
     net.slave.power_off()
@@ -651,7 +678,9 @@ def test_view_of_a_node(net):
 
 @pytest.mark.parametrize("seed", range(12))
 def test_noise_never_wedges_a_node(kit, seed):
-    """Foreign frames on every identifier of the node, at any time, raise nothing; after a reset the node is taken in."""
+    """Foreign frames on every identifier of the node, at any time, raise nothing; after a reset the node is
+    taken in.
+    """
     guarding = {"guard_time_ms": 20, "heartbeat_timeout_ms": 0, "parameters": PARAMETERS[1:]}
     net = Net(kit, **(guarding if seed % 3 == 0 else {}))
     stream = random.Random(seed)

@@ -15,7 +15,9 @@ def emcys(bench):
 @pytest.mark.requirement("C301-125")
 @pytest.mark.parametrize("can_id", [0x085, 0x185, 0x285, 0x585, 0x705])
 def test_another_node_with_an_own_identifier(bench, can_id):
-    """A frame of another node with an identifier that this one sends is 8150h, once, and over a second after the last."""
+    """A frame of another node with an identifier that this one sends is 8150h, once, and over a second after
+    the last.
+    """
     bench.nmt(NmtCommand.START)
     bench.run(5)
     bench.take()
@@ -34,7 +36,9 @@ def test_another_node_with_an_own_identifier(bench, can_id):
 
 @pytest.mark.requirement("C301-125")
 def test_identifiers_of_others_do_not_collide(bench):
-    """What other nodes send, and requests to this one, are no collisions; nor is an identifier that has moved away."""
+    """What other nodes send, and requests to this one, are no collisions; nor is an identifier that has moved
+    away.
+    """
     bench.nmt(NmtCommand.START)
     bench.write(0x1014, 0, 0x80000085, 4)
     bench.write(0x1014, 0, 0xA5, 4)
@@ -77,7 +81,9 @@ def test_collision_ends_with_a_reset(bench):
     ],
 )
 def test_emcy_codes_on_the_bus(bench, codes, register):
-    """Every group of error codes is sent with the bits of its group in 1001h, has words, and ends with 0000h."""
+    """Every group of error codes is sent with the bits of its group in 1001h, has words, and ends with
+    0000h.
+    """
     decoder = FrameDecoder({5: "drive1"})
     for code in codes:
         bench.received.clear()

@@ -31,17 +31,40 @@ def decoder(kit):
         (0x080, "07", "SYNC 7"),
         (0x085, "11 86 21 00 00 00 00 00", "EMCY drive1 8611h following error, register 21h"),
         (0x085, "00 00 00 00 00 00 00 00", "EMCY drive1 0000h error reset or no error, register 00h"),
-        (0x085, "80 FF 81 01 02 00 00 00", "EMCY drive1 FF80h manufacturer-specific, register 81h, data 01 02 00 00 00"),
-        (0x086, "30 81 11 00 00 00 00 00", "EMCY node 6 8130h life guarding or heartbeat error, register 11h"),
+        (
+            0x085,
+            "80 FF 81 01 02 00 00 00",
+            "EMCY drive1 FF80h manufacturer-specific, register 81h, data 01 02 00 00 00",
+        ),
+        (
+            0x086,
+            "30 81 11 00 00 00 00 00",
+            "EMCY node 6 8130h life guarding or heartbeat error, register 11h",
+        ),
         (0x705, "00", "boot-up drive1"),
         (0x705, "05", "heartbeat drive1 Operational"),
         (0x709, "FF", "heartbeat node 9 Pre-operational, toggle"),
         (0x205, "0F 00", "RPDO1 drive1: Controlword 000Fh (enable operation)"),
-        (0x305, "0F 00 40 77 1B 00 09", "RPDO2 drive1: Controlword 000Fh (enable operation), Target velocity 1800000, Modes of operation 9 (csv)"),
-        (0x305, "0F 00 FE FF FF FF FF", "RPDO2 drive1: Controlword 000Fh (enable operation), Target velocity -2, Modes of operation -1"),
+        (
+            0x305,
+            "0F 00 40 77 1B 00 09",
+            (
+                "RPDO2 drive1: Controlword 000Fh (enable operation), Target velocity 1800000, Modes of "
+                "operation 9 (csv)"
+            ),
+        ),
+        (
+            0x305,
+            "0F 00 FE FF FF FF FF",
+            "RPDO2 drive1: Controlword 000Fh (enable operation), Target velocity -2, Modes of operation -1",
+        ),
         (0x305, "0F 00", "RPDO2 drive1: Controlword 000Fh (enable operation), too short"),
         (0x205, "0F 00 55", "RPDO1 drive1: Controlword 000Fh (enable operation), 1 byte more"),
-        (0x285, "37 06 FF FF FF FF", "TPDO2 drive1: Statusword 0637h (Operation enabled), Position actual value -1"),
+        (
+            0x285,
+            "37 06 FF FF FF FF",
+            "TPDO2 drive1: Statusword 0637h (Operation enabled), Position actual value -1",
+        ),
         (0x605, "23 83 60 00 E8 03 00 00", "SDO drive1 write 6083h Profile acceleration = 1000"),
         (0x585, "80 41 60 00 02 00 01 06", "SDO drive1 abort 06010002h read-only (6041h Statusword)"),
         (0x605, "40 08 10 00 00 00 00 00", "SDO drive1 read 1008h Device name"),
@@ -52,7 +75,7 @@ def decoder(kit):
         (0x605, "40 00", "SDO drive1 malformed 40 00"),
         (0x100, "00 00 00 00 00 00", "TIME"),
     ],
-)  # fmt: skip
+)
 def test_single_frames(decoder, can_id, data, text):
     """Each service is named with its node, its objects and its values."""
     assert decoder.decode(frame(can_id, data)) == text
@@ -72,7 +95,9 @@ def test_remote_frames(decoder):
 
 @pytest.mark.requirement("C301-164")
 def test_mapping_is_learned_from_sdo(bench, decoder):
-    """A remapping seen on the bus is in force for the frames that follow it, and only when the node has confirmed it."""
+    """A remapping seen on the bus is in force for the frames that follow it, and only when the node has
+    confirmed it.
+    """
     bench.map_pdo(2, [0x60640020, 0x60770010], 1, transmit=True, cob_id=0x400002A5)
     assert bench.write(0x1800, 1, 0x40000186, 4) != 0  # refused: still valid under 185h
     bench.nmt(NmtCommand.START)
@@ -117,7 +142,9 @@ def test_mapping_can_be_told(kit):
 
 
 def test_node_without_dictionary():
-    """Without a dictionary PDOs are named by the predefined identifiers once the node is known, values in hexadecimal."""
+    """Without a dictionary PDOs are named by the predefined identifiers once the node is known, values in
+    hexadecimal.
+    """
     decoder = FrameDecoder({7: "axis"})
     assert decoder.decode(frame(0x187, "37 02")) == "TPDO1 axis: 37 02"
     decoder.set_mapping(7, {(0x1A00, 0): 2, (0x1A00, 1): 0x60410010, (0x1A00, 2): 0x30000108})

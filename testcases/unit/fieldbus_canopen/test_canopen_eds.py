@@ -19,7 +19,7 @@ from fieldbus.errors import ConfigurationError
 
 SERVO = Path(str(files("emulators.drive.cia402"))) / "servo.eds"
 
-HEAD = "[DeviceInfo]\nVendorName=x\n\n[1000]\nParameterName=Device type\nDataType=0x0007\nAccessType=ro\nDefaultValue=0\n"
+HEAD = "[DeviceInfo]\nVendorName=x\n\n[1000]\nParameterName=Device type\nDataType=0x0007\nAccessType=ro\nDefaultValue=0\n"  # noqa: E501
 
 
 @pytest.fixture
@@ -49,7 +49,8 @@ def variable(section="2000", **keys):
     )
 
 
-# -- what is understood ---------------------------------------------------------------------------------------
+# -- what is understood
+# ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["servo", "test drive"])
@@ -174,7 +175,7 @@ def test_case_and_layout(load):
     text = (
         "\r\n; comment\r\n[ 20aB ]  ; object\r\n  parametername = Record\r\nOBJECTTYPE=9\r\nsubnumber=2\r\n"
         "[20ABSUB0]\r\nParameterName=Count\r\nDataType=5\r\nAccessType=RO\r\nDefaultValue=1\r\n"
-        "# comment\r\n[20absub01]\r\nParameterName=Member\r\nDataType=0X0006\r\nACCESSTYPE=Rw\r\ndefaultvalue=0xfF\r\n"
+        "# comment\r\n[20absub01]\r\nParameterName=Member\r\nDataType=0X0006\r\nACCESSTYPE=Rw\r\ndefaultvalue=0xfF\r\n"  # noqa: E501
     )
     entries = load(text)
     assert (entries[0x20AB00].default, entries[0x20AB01].default) == (1, 255)
@@ -237,7 +238,8 @@ def test_device_information(load, tmp_path):
     assert device.LSS_supported is False
 
 
-# -- what is refused, with section and key --------------------------------------------------------------------
+# -- what is refused, with section and key
+# --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -319,7 +321,8 @@ def test_any_change_of_a_file_is_read_or_refused(tmp_path_factory, place, what):
     assert "changed.eds" in refusal(path, "changed.eds")
 
 
-# -- what a device writes of itself ---------------------------------------------------------------------------
+# -- what a device writes of itself
+# ---------------------------------------------------------------------------
 
 FIELDS = (
     "name",
@@ -354,7 +357,9 @@ def assert_same(first, second, *, node_id=5):
 @pytest.mark.parametrize("reader", [canopen.import_od, load_dictionary])
 @pytest.mark.parametrize("name", ["servo", "test drive"])
 def test_eds_of_a_device_reads_back_the_same(kit, tmp_path, reader, name):
-    """The EDS that a device writes gives the same entries again, with the library's reader as with ours, for any node-ID."""
+    """The EDS that a device writes gives the same entries again, with the library's reader as with ours, for
+    any node-ID.
+    """
     od = load_dictionary(SERVO) if name == "servo" else kit.dictionary()
     slave = slave_of(od)
     path = tmp_path / "drive1.eds"
@@ -370,10 +375,19 @@ def test_dcf_of_a_device_brings_its_configuration(kit, tmp_path, reader):
     """The DCF has node-ID, bit rate and present values; a device made of it begins with them."""
     slave = slave_of(kit.dictionary(), bitrate=500_000)
     values = {
-        (0x2000, 0): 4, (0x2001, 0): "axis one", (0x2004, 0): 1, (0x2006, 0): -5, (0x2007, 0): -(1 << 60),
-        (0x2008, 0): 0.25, (0x200B, 0): b"\x01\xff", (0x607D, 1): -100, (0x6083, 0): 77, (0x1017, 0): 250,
-        (0x1400, 1): 0x80000225, (0x1600, 0): 0,
-    }  # fmt: skip
+        (0x2000, 0): 4,
+        (0x2001, 0): "axis one",
+        (0x2004, 0): 1,
+        (0x2006, 0): -5,
+        (0x2007, 0): -(1 << 60),
+        (0x2008, 0): 0.25,
+        (0x200B, 0): b"\x01\xff",
+        (0x607D, 1): -100,
+        (0x6083, 0): 77,
+        (0x1017, 0): 250,
+        (0x1400, 1): 0x80000225,
+        (0x1600, 0): 0,
+    }
     for (index, sub), value in values.items():
         slave.values[index << 8 | sub] = value
     path = tmp_path / "drive1.dcf"
@@ -408,7 +422,9 @@ def test_dcf_configures_a_device_over_the_bus(kit, tmp_path):
 
 
 def test_commands_and_states_are_no_configuration(kit):
-    """1010h, 1011h, the error history and read-only values have no ParameterValue: writing them back would act, or fail."""
+    """1010h, 1011h, the error history and read-only values have no ParameterValue: writing them back would
+    act, or fail.
+    """
     text = device_eds(slave_of(kit.dictionary()), dcf=True)
     sections = {part.partition("]")[0]: part for part in text.split("\n[")}
     for section in ("1001", "1003sub0", "1010sub1", "1011sub1", "6041", "1018sub1", "1008"):
@@ -423,7 +439,9 @@ def test_commands_and_states_are_no_configuration(kit):
     octets=st.binary(max_size=20),
 )
 def test_any_value_survives_a_dcf(kit, tmp_path_factory, text, real, number, octets):
-    """Every value of the DCF reads back as it was; a text that a line cannot carry is refused with its object."""
+    """Every value of the DCF reads back as it was; a text that a line cannot carry is refused with its
+    object.
+    """
     slave = slave_of(kit.dictionary())
     slave.values.update({0x200100: text, 0x200800: real, 0x200700: number, 0x200B00: octets})
     path = tmp_path_factory.getbasetemp() / "any.dcf"

@@ -121,7 +121,9 @@ def test_emcy_switched_off(bench):
 
 @pytest.mark.requirement("C301-012", "C301-143")
 def test_identifier_of_the_emcy(bench):
-    """1014h moves the EMCY; a valid identifier changes only by way of invalid, and restricted ones are refused."""
+    """1014h moves the EMCY; a valid identifier changes only by way of invalid, and restricted ones are
+    refused.
+    """
     assert bench.write(0x1014, 0, 0xA5, 4) == AbortCode.DEVICE_STATE
     assert bench.write(0x1014, 0, 0x800000A5, 4) == 0
     assert bench.write(0x1014, 0, 0x585, 4) == AbortCode.VALUE

@@ -50,7 +50,9 @@ def test_new_heartbeat_time_restarts_the_timer(bench):
 
 @pytest.mark.requirement("C301-024", "C301-028")
 def test_node_guarding_answers_with_state_and_toggle(bench):
-    """A remote request is answered with the state; bit 7 is 0 at first and alternates; reset starts it anew."""
+    """A remote request is answered with the state; bit 7 is 0 at first and alternates; reset starts it
+    anew.
+    """
     answers = [bench.ask(OWN, remote=True, dlc=1)[0].data[0] for _ in range(3)]
     assert answers == [0x7F, 0xFF, 0x7F]
     bench.nmt(NmtCommand.RESET_COMMUNICATION)
@@ -92,7 +94,9 @@ def test_life_guarding(bench):
 )
 @pytest.mark.parametrize("overdue", [False, True], ids=["in-time", "overdue"])
 def test_life_guarding_ends_when_guarding_does(bench, change, overdue):
-    """A master that goes over to heartbeat, or switches guarding off, is not missed; if it was, it is no longer."""
+    """A master that goes over to heartbeat, or switches guarding off, is not missed; if it was, it is no
+    longer.
+    """
     bench.write(0x100C, 0, 20, 2)
     bench.write(0x100D, 0, 3, 1)
     bench.ask(OWN, remote=True, dlc=1)
@@ -109,7 +113,9 @@ def test_life_guarding_ends_when_guarding_does(bench, change, overdue):
 
 @pytest.mark.requirement("C301-025", "C301-026", "C301-123")
 def test_heartbeat_consumer(bench):
-    """Monitoring starts with the first heartbeat; a missing one gives EMCY 8130h and tells the device; the next resolves it."""
+    """Monitoring starts with the first heartbeat; a missing one gives EMCY 8130h and tells the device; the
+    next resolves it.
+    """
     reasons = []
     bench.slave.on_communication_error.append(reasons.append)
     assert watch(bench) == 0
@@ -164,7 +170,9 @@ def test_unused_consumer_entries(bench):
 
 @pytest.mark.requirement("C301-025", "C301-090")
 def test_two_entries_for_one_node(bench):
-    """A second entry for a node that is watched already is refused with 06040043h; the entry itself may change."""
+    """A second entry for a node that is watched already is refused with 06040043h; the entry itself may
+    change.
+    """
     assert watch(bench, sub=1) == 0
     assert watch(bench, sub=2, time_ms=70) == AbortCode.PARAMETER
     assert watch(bench, sub=1, time_ms=70) == 0
@@ -173,7 +181,9 @@ def test_two_entries_for_one_node(bench):
 
 @pytest.mark.requirement("C301-027")
 def test_remote_state_change_is_no_timeout(bench):
-    """Boot-up and state changes of a watched node are reported as such; after a boot-up monitoring waits again."""
+    """Boot-up and state changes of a watched node are reported as such; after a boot-up monitoring waits
+    again.
+    """
     changes, reasons = [], []
     bench.slave.error_control.on_remote_state.append(lambda node, state: changes.append((node, state)))
     bench.slave.on_communication_error.append(reasons.append)
@@ -225,7 +235,9 @@ def test_error_behaviour_to_pre_operational_only_from_operational(bench):
 
 @pytest.mark.requirement("C301-113", "C301-124", "CANP-058")
 def test_bus_off_is_a_communication_error(bench):
-    """When the CAN controller goes bus-off the device is told and 1029h acts; coming back sends EMCY 8140h."""
+    """When the CAN controller goes bus-off the device is told and 1029h acts; coming back sends EMCY
+    8140h.
+    """
     reasons = []
     bench.slave.on_communication_error.append(reasons.append)
     bench.nmt(NmtCommand.START)
@@ -255,7 +267,9 @@ def test_error_passive_is_reported(bench):
 
 @pytest.mark.requirement("CANP-058", "C301-121")
 def test_overrun_is_reported_when_there_is_room_again(bench):
-    """Frames that did not fit the transmit queue are told by EMCY 8110h a little later, once, and it ends at once."""
+    """Frames that did not fit the transmit queue are told by EMCY 8110h a little later, once, and it ends at
+    once.
+    """
     port = next(port for port in bench.segment.ports if port.name == "drive1")
     port.tx_buffers = 2
     bench.take()
@@ -268,7 +282,9 @@ def test_overrun_is_reported_when_there_is_room_again(bench):
 
 
 def test_two_missing_nodes_are_one_error(bench):
-    """A second missing node tells the device again but is no second EMCY; the error ends when both are back."""
+    """A second missing node tells the device again but is no second EMCY; the error ends when both are
+    back.
+    """
     reasons = []
     bench.slave.on_communication_error.append(reasons.append)
     watch(bench, 127, 50, sub=1)

@@ -20,14 +20,35 @@ FRAMES = 20_000
 
 SERVICES = (0x000, 0x080, 0x100, 0x205, 0x305, 0x405, 0x505, 0x605, 0x6C0, 0x705, 0x77F, 0x7E5)
 SEEDS = (
-    "40 00 10 00 00 00 00 00", "23 83 60 00 01 02 03 04", "21 01 20 00 14 00 00 00", "00 61 62 63 64 65 66 67",
-    "11 61 62 63 64 65 66 67", "A4 02 20 00 7F 00 00 00", "A3 00 00 00 00 00 00 00", "A2 05 7F 00 00 00 00 00",
-    "A1 00 00 00 00 00 00 00", "C6 02 20 00 64 00 00 00", "01 11 22 33 44 55 66 77", "82 11 22 33 44 55 66 77",
-    "C1 34 12 00 00 00 00 00", "80 00 10 00 00 00 00 08", "60 00 00 00 00 00 00 00", "70 00 00 00 00 00 00 00",
-    "23 00 14 01 05 02 00 80", "2F 00 16 00 00 00 00 00", "23 00 16 01 10 00 40 60", "2F 00 16 00 01 00 00 00",
-    "2F 00 18 02 01 00 00 00", "23 05 10 00 80 00 00 40", "23 06 10 00 64 00 00 00", "2B 17 10 00 05 00 00 00",
-    "23 16 10 01 05 00 7F 00", "23 10 10 01 73 61 76 65", "23 11 10 01 6C 6F 61 64", "2F 19 10 00 05 00 00 00",
-)  # fmt: skip
+    "40 00 10 00 00 00 00 00",
+    "23 83 60 00 01 02 03 04",
+    "21 01 20 00 14 00 00 00",
+    "00 61 62 63 64 65 66 67",
+    "11 61 62 63 64 65 66 67",
+    "A4 02 20 00 7F 00 00 00",
+    "A3 00 00 00 00 00 00 00",
+    "A2 05 7F 00 00 00 00 00",
+    "A1 00 00 00 00 00 00 00",
+    "C6 02 20 00 64 00 00 00",
+    "01 11 22 33 44 55 66 77",
+    "82 11 22 33 44 55 66 77",
+    "C1 34 12 00 00 00 00 00",
+    "80 00 10 00 00 00 00 08",
+    "60 00 00 00 00 00 00 00",
+    "70 00 00 00 00 00 00 00",
+    "23 00 14 01 05 02 00 80",
+    "2F 00 16 00 00 00 00 00",
+    "23 00 16 01 10 00 40 60",
+    "2F 00 16 00 01 00 00 00",
+    "2F 00 18 02 01 00 00 00",
+    "23 05 10 00 80 00 00 40",
+    "23 06 10 00 64 00 00 00",
+    "2B 17 10 00 05 00 00 00",
+    "23 16 10 01 05 00 7F 00",
+    "23 10 10 01 73 61 76 65",
+    "23 11 10 01 6C 6F 61 64",
+    "2F 19 10 00 05 00 00 00",
+)
 
 
 class Wire:
@@ -113,7 +134,9 @@ def mutated(generator: random.Random) -> CanFrame:
 @pytest.mark.requirement("C301-072")
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_random_and_mutated_frames(kit, seed):
-    """Thousands of random and mutated frames, with time passing between them, do not raise; an SDO is answered afterwards."""
+    """Thousands of random and mutated frames, with time passing between them, do not raise; an SDO is
+    answered afterwards.
+    """
     segment, slave = loose_slave(kit)
     generator = random.Random(seed)
     for _ in range(FRAMES):
@@ -131,7 +154,9 @@ def test_random_and_mutated_frames(kit, seed):
 @given(requests=st.lists(st.binary(min_size=0, max_size=8), max_size=40))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_sdo_server_takes_any_bytes(kit, requests):
-    """Any sequence of requests gives answers of eight bytes each, and then a correct answer to a correct request."""
+    """Any sequence of requests gives answers of eight bytes each, and then a correct answer to a correct
+    request.
+    """
     server = SdoServer(shared_store(kit))
     for request in requests:
         assert all(len(answer) == 8 for answer in server.request(request))
@@ -157,7 +182,9 @@ def shared_store(kit) -> ObjectStore:
 )
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_block_download_survives_any_losses(kit, content, blocks, losses):
-    """Whatever segments are lost on the way, a client that repeats what was not acknowledged gets everything across."""
+    """Whatever segments are lost on the way, a client that repeats what was not acknowledged gets everything
+    across.
+    """
     store = shared_store(kit)
     server = SdoServer(store, block_size=blocks)
     assert server.request(b"\xc6\x02\x20\x00" + len(content).to_bytes(4, "little"))[0][4] == blocks
@@ -170,7 +197,8 @@ def test_block_download_survives_any_losses(kit, content, blocks, losses):
             last = number == len(batch)
             mark = 0x80 if done + number == len(pieces) else 0
             sent += 1
-            # The segment that ends a block is never lost here: the server waits for it, and the client times out.
+            # The segment that ends a block is never lost here: the server waits for it, and the client times
+            # out.
             if sent in losses and not last:
                 continue
             for answer in server.request(bytes((number | mark,)) + piece.ljust(7, b"\0")):
@@ -190,7 +218,9 @@ def test_block_download_survives_any_losses(kit, content, blocks, losses):
 @given(data=st.data())
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_every_entry_survives_any_download(kit, data):
-    """Any value of any length to any entry is either stored as one of its type or refused with an abort code."""
+    """Any value of any length to any entry is either stored as one of its type or refused with an abort
+    code.
+    """
     store = shared_store(kit)
     entry = data.draw(st.sampled_from(list(store.entries.values())))
     content = data.draw(st.binary(max_size=12))

@@ -53,7 +53,8 @@ def anonymous(kit):
     return bench
 
 
-# -- states and identity --------------------------------------------------------------------------------------
+# -- states and identity
+# --------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-011", "C301-153", "C301-162")
@@ -124,7 +125,8 @@ def test_selective_configuration_by_the_library(bench, network, kit):
     other = CanopenSlave(bench.scheduler, bench.segment, od, 6, name="drive2")
     other.power_on()
     network.lss.RESPONSE_TIMEOUT = 0.01
-    # The library's method waits after each of its first three messages only if they are answered: send those alone.
+    # The library's method waits after each of its first three messages only if they are answered: send those
+    # alone.
     for part in range(3):
         bench.send(MASTER, (bytes((0x40 + part,)) + number(IDENTITY[part])).ljust(8, b"\0"))
     bench.run()
@@ -161,7 +163,9 @@ def test_switch_selective_by_the_library(bench, network):
     ],
 )
 def test_identify_in_ranges(bench, ranges, found):
-    """4Fh is answered if vendor and product agree and revision and serial number lie in the ranges, ends included."""
+    """4Fh is answered if vendor and product agree and revision and serial number lie in the ranges, ends
+    included.
+    """
     answers = [lss(bench, 0x46 + step, number(value)) for step, value in enumerate(ranges)]
     assert answers == [*[[]] * 5, [b"\x4f" + bytes(7)] if found else []]
 
@@ -173,7 +177,8 @@ def test_identify_unconfigured(bench, anonymous):
     assert lss(anonymous, 0x4C) == [b"\x50" + bytes(7)]
 
 
-# -- node-ID --------------------------------------------------------------------------------------------------
+# -- node-ID
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-155")
@@ -187,7 +192,9 @@ def test_configure_node_id(bench, wanted, error):
 
 @pytest.mark.requirement("C301-155", "C301-163")
 def test_new_node_id_comes_with_reset_communication(bench):
-    """A configured node keeps its node-ID until reset communication; then all its identifiers are those of the new one."""
+    """A configured node keeps its node-ID until reset communication; then all its identifiers are those of
+    the new one.
+    """
     assert bench.write(0x1017, 0, 50, 2) == 0
     configuration(bench)
     lss(bench, 0x11, b"\x09")
@@ -315,7 +322,9 @@ def test_node_id_taken_away(bench):
 
 
 def test_stored_identifiers_follow_the_node_id(bench):
-    """Stored COB-IDs that are those of the predefined set follow a later node-ID; one that was chosen stays."""
+    """Stored COB-IDs that are those of the predefined set follow a later node-ID; one that was chosen
+    stays.
+    """
     assert bench.write(0x1014, 0, 0x800000A5, 4) == 0
     assert bench.write(0x1014, 0, 0xA5, 4) == 0
     assert bench.write(0x1010, 1, 0x65766173, 4) == 0
@@ -336,13 +345,16 @@ def test_device_without_lss(kit):
     assert lss(bench, 0x5E) == []
 
 
-# -- bit timing -----------------------------------------------------------------------------------------------
+# -- bit timing
+# -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-156")
 @pytest.mark.parametrize("supported", [(), (250_000, 1_000_000)])
 def test_configure_bit_timing(kit, supported):
-    """Index 0 to 8 but 5 of table 0 are bit rates; what the EDS does not list, 5, 9 and other tables are refused."""
+    """Index 0 to 8 but 5 of table 0 are bit rates; what the EDS does not list, 5, 9 and other tables are
+    refused.
+    """
     od = kit.dictionary()
     od.device_information.allowed_baudrates = set(supported)
     bench = kit.Bench(od)
@@ -392,7 +404,9 @@ def test_activate_bit_timing(kit):
 
 @pytest.mark.requirement("C301-157")
 def test_other_bit_rate_on_the_segment(kit):
-    """After the change the node works at the other bit rate: a master at the old one does not reach it, one at the new one does."""
+    """After the change the node works at the other bit rate: a master at the old one does not reach it, one
+    at the new one does.
+    """
     od = kit.dictionary()
     od.device_information.allowed_baudrates = set()
     bench = kit.Bench(od)
@@ -423,7 +437,9 @@ def test_activate_without_a_configured_bit_rate_does_nothing(bench):
 
 @pytest.mark.requirement("C301-157")
 def test_power_off_during_the_switch_delay(kit):
-    """A power cycle while the bit rate changes leaves a node that works, with the bit rate that it came with."""
+    """A power cycle while the bit rate changes leaves a node that works, with the bit rate that it came
+    with.
+    """
     od = kit.dictionary()
     od.device_information.allowed_baudrates = set()
     bench = kit.Bench(od, bitrate=1_000_000)
@@ -444,7 +460,8 @@ def test_power_off_during_the_switch_delay(kit):
     assert bench.read(0x1000) == 0x20192
 
 
-# -- fastscan -------------------------------------------------------------------------------------------------
+# -- fastscan
+# -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-161")
@@ -461,8 +478,10 @@ def test_fastscan_by_the_library_names_all_nodes(kit):
     scheduler = VirtualScheduler()
     segment = CanMedium(scheduler)
     rng = random.Random(7)
-    identities = {tuple(rng.choice((0, 1, 0x80000000, 0xFFFFFFFF, rng.getrandbits(32))) for _ in range(4))
-                  for _ in range(5)}  # fmt: skip
+    identities = {
+        tuple(rng.choice((0, 1, 0x80000000, 0xFFFFFFFF, rng.getrandbits(32))) for _ in range(4))
+        for _ in range(5)
+    }
     slaves = {}
     for place, identity in enumerate(sorted(identities)):
         od = kit.dictionary()

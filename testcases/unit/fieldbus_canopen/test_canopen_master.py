@@ -48,7 +48,9 @@ def test_nmt_frame(line):
 
 @pytest.mark.parametrize(("command", "node"), [(0, 5), (3, 5), (0x83, 0), (1, -1), (1, 128), (2, 300)])
 def test_nmt_command_that_does_not_exist_is_refused(line, command, node):
-    """A command or node-ID that NMT does not have is a mistake of the caller, named with what there is; nothing is sent."""
+    """A command or node-ID that NMT does not have is a mistake of the caller, named with what there is;
+    nothing is sent.
+    """
     with pytest.raises(ConfigurationError, match=r"NMT (command: .* 01h START|node: .* 1\.\.127)"):
         line.master.nmt(command, node)
     line.run(1)
@@ -100,7 +102,9 @@ def test_own_heartbeat(line):
 
 @pytest.mark.requirement("C301-026", "C301-027")
 def test_watched_heartbeat(line):
-    """Monitoring starts with the first heartbeat, a loss is told once, the first heartbeat after it tells the state again."""
+    """Monitoring starts with the first heartbeat, a loss is told once, the first heartbeat after it tells the
+    state again.
+    """
     events: list[object] = []
     end = line.master.watch_heartbeat(5, 20 * MS, lambda: events.append("lost"), events.append)
     line.run(100)
@@ -176,7 +180,9 @@ def test_bootup_callback(line):
 
 
 def test_subscriptions(line):
-    """Several callbacks on one identifier are called in order; removing one leaves the others; remote frames do not count."""
+    """Several callbacks on one identifier are called in order; removing one leaves the others; remote frames
+    do not count.
+    """
     seen = []
     first = line.master.subscribe(0x185, lambda data, _time: seen.append(("first", data)))
     line.master.subscribe(0x185, lambda data, _time: seen.append(("second", data)))
@@ -219,7 +225,9 @@ def test_remote_frames_can_be_sent(bench):
 
 @pytest.mark.requirement("C301-019", "C301-035", "C301-036")
 def test_one_cycle_between_master_and_slave(bench):
-    """What is sampled at SYNC k is with the master in the same cycle; what it sends then is effective at SYNC k + 1."""
+    """What is sampled at SYNC k is with the master in the same cycle; what it sends then is effective at SYNC
+    k + 1.
+    """
     master = CanopenMaster(bench.scheduler, bench.segment)
     slave = bench.slave
     effective, sampled = [], []

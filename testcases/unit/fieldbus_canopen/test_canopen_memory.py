@@ -50,14 +50,21 @@ def test_saved_values_survive_the_process(start, kit, path):
         sdo[0x6083].raw = 4712
     get = start().slave.get
     assert [get(0x6083), get(0x607D, 1), get(0x2001), get(0x200B), get(0x2007), get(0x1017)] == [
-        4711, -77, "name of the axis", b"\x00\xff\x10", -(1 << 63), 100,
-    ]  # fmt: skip
+        4711,
+        -77,
+        "name of the axis",
+        b"\x00\xff\x10",
+        -(1 << 63),
+        100,
+    ]
     assert math.isclose(get(0x2008), 0.1, rel_tol=1e-6)
 
 
 @pytest.mark.requirement("C301-140", "C301-141")
 def test_groups_and_restore_over_processes(start):
-    """Saving and restoring act on their group in the file too; a restore ordered before the end is carried out at the next start."""
+    """Saving and restoring act on their group in the file too; a restore ordered before the end is carried
+    out at the next start.
+    """
     bench = start()
     bench.write(0x6083, 0, 7, 4)
     bench.write(0x1017, 0, 500, 2)

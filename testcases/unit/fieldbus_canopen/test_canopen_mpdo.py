@@ -61,7 +61,9 @@ def test_destination_mode_writes_the_object_that_the_frame_names(bench, node, ta
 
 @pytest.mark.requirement("C301-051")
 def test_destination_mode_takes_the_length_of_the_object(bench):
-    """An object of two bytes takes two of the four; its limits hold, and a refused value is no error of the PDO."""
+    """An object of two bytes takes two of the four; its limits hold, and a refused value is no error of the
+    PDO.
+    """
     multiplex(bench, 0x1400, DAM)
     bench.send(0x205, frame(0x85, 0x6040, 0, 0xABCD0006))
     bench.send(0x205, frame(0x85, 0x2000, 0, 9))
@@ -73,7 +75,9 @@ def test_destination_mode_takes_the_length_of_the_object(bench):
 @pytest.mark.requirement("C301-128")
 @pytest.mark.parametrize("place", [(0x4711, 0), (0x6040, 1), (0x6041, 0), (0x6083 + 0x100, 0), (0x2007, 0)])
 def test_destination_that_is_not_there(bench, place):
-    """A destination that does not exist, is read-only or longer than four bytes is reported by 8230h, once until one is found."""
+    """A destination that does not exist, is read-only or longer than four bytes is reported by 8230h, once
+    until one is found.
+    """
     multiplex(bench, 0x1400, DAM)
     for _ in range(3):
         bench.send(0x205, frame(0x85, *place, 1))
@@ -138,7 +142,9 @@ def listed(kit, tmp_path):
 
 @pytest.mark.requirement("C301-051")
 def test_producer_in_source_mode_sends_what_has_changed(listed):
-    """Objects of the scanner list are sent with the own node-ID when they change, whoever changes them, and no others."""
+    """Objects of the scanner list are sent with the own node-ID when they change, whoever changes them, and
+    no others.
+    """
     bench = listed
     assert bench.write(0x1FA0, 1, 0x01606400, 4) == 0
     assert bench.write(0x1FA0, 2, 0x01604000, 4) == 0
@@ -159,7 +165,9 @@ def test_producer_in_source_mode_sends_what_has_changed(listed):
 
 @pytest.mark.requirement("C301-051")
 def test_consumer_in_source_mode_follows_its_dispatcher_list(listed):
-    """A source frame is stored where the dispatcher list says for this node, index and sub-index; others are ignored."""
+    """A source frame is stored where the dispatcher list says for this node, index and sub-index; others are
+    ignored.
+    """
     bench = listed
     # Two sub-indices of 3000h from 2 on, of node 9, go to 607Dh from 1 on.
     with_block = 2 << 56 | 0x607D << 40 | 1 << 32 | 0x3000 << 16 | 2 << 8 | 9
@@ -169,9 +177,14 @@ def test_consumer_in_source_mode_follows_its_dispatcher_list(listed):
         bench.slave.store.entries[0x607D00 | sub].maps_receive = True
     multiplex(bench, 0x1400, SAM)
     for head, index, sub, value in (
-        (9, 0x3000, 2, 11), (9, 0x3000, 3, 22), (9, 0x3000, 4, 33), (9, 0x3000, 1, 44), (8, 0x3000, 2, 55),
-        (9, 0x3001, 0, 6), (0x89, 0x3001, 0, 7),
-    ):  # fmt: skip
+        (9, 0x3000, 2, 11),
+        (9, 0x3000, 3, 22),
+        (9, 0x3000, 4, 33),
+        (9, 0x3000, 1, 44),
+        (8, 0x3000, 2, 55),
+        (9, 0x3001, 0, 6),
+        (0x89, 0x3001, 0, 7),
+    ):
         bench.send(0x205, frame(head, index, sub, value))
     bench.run()
     assert [bench.slave.get(0x607D, 1), bench.slave.get(0x607D, 2), bench.slave.get(0x6040)] == [11, 22, 6]

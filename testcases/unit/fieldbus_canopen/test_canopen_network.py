@@ -31,7 +31,8 @@ def node(network, kit):
     return network.add_node(kit.NODE, kit.dictionary(kit.NODE))
 
 
-# -- SDO ------------------------------------------------------------------------------------------------------
+# -- SDO
+# ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-057", "C301-060")
@@ -71,7 +72,9 @@ def test_64_bit_number_by_the_library(node):
 @pytest.mark.parametrize("count", [1, 7, 8, 888, 889, 890, 3000])
 @pytest.mark.parametrize("crc", [True, False])
 def test_block_transfer_by_the_library(bench, node, count, crc):
-    """Block transfers with the library's client, with and without CRC, around the borders of segment and block."""
+    """Block transfers with the library's client, with and without CRC, around the borders of segment and
+    block.
+    """
     content = bytes((7 * number + 3) & 0xFF for number in range(count))
     with node.sdo.open(0x2002, 0, "wb", size=count, block_transfer=True, request_crc_support=crc) as stream:
         stream.write(content)
@@ -168,12 +171,15 @@ def test_waiting_in_a_callback_is_refused(bench, node):
     assert node.sdo[0x1001].raw == 0x21
 
 
-# -- NMT, EMCY, PDO, SYNC -------------------------------------------------------------------------------------
+# -- NMT, EMCY, PDO, SYNC
+# -------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-016", "C301-022")
 def test_wait_for_bootup(bench, node):
-    """`wait_for_bootup` returns with the boot-up after a reset, and gives up in simulated time without one."""
+    """`wait_for_bootup` returns with the boot-up after a reset, and gives up in simulated time without
+    one.
+    """
     bench.slave.boot_time_ns = 2 * S
     node.nmt.state = "RESET"
     before = bench.scheduler.now
@@ -255,7 +261,9 @@ def remap(node) -> None:
 
 @pytest.mark.requirement("C301-006", "C301-035", "C301-039", "C301-052")
 def test_pdo_configuration_and_traffic_by_the_library(bench, network, node):
-    """The library reads and writes PDO mappings, sends RPDOs periodically, and waits for TPDOs driven by its SYNC."""
+    """The library reads and writes PDO mappings, sends RPDOs periodically, and waits for TPDOs driven by its
+    SYNC.
+    """
     remap(node)
     node.nmt.state = "OPERATIONAL"
     network.sync.start(0.01)
@@ -346,7 +354,9 @@ def test_time_producer_and_lss_use_the_bench_time(bench, network):
 
 
 def test_malformed_frames_are_counted(bench, network, node):
-    """Frames too short for the library are counted and harm nothing; errors of the user's own code are his."""
+    """Frames too short for the library are counted and harm nothing; errors of the user's own code are
+    his.
+    """
     for can_id, data in ((0x085, "11 86"), (0x705, ""), (0x000, "01")):
         bench.send(can_id, data)
     bench.run()
@@ -374,11 +384,14 @@ def test_disconnected_network(bench, network):
         network.nmt.state = "OPERATIONAL"
 
 
-# -- virtual time ---------------------------------------------------------------------------------------------
+# -- virtual time
+# ---------------------------------------------------------------------------------------------
 
 
 def test_virtual_time_shows_the_scheduler(bench):
-    """Inside the context the library's modules see the scheduler's time; sleeping lets it pass; after it all is back."""
+    """Inside the context the library's modules see the scheduler's time; sleeping lets it pass; after it all
+    is back.
+    """
     import canopen.emcy
     import canopen.nmt
 
@@ -468,7 +481,9 @@ class MiniDrive:
 
 @pytest.mark.parametrize("cyclic", [False, True])
 def test_p402_commissions_a_drive_in_virtual_time(bench, network, kit, cyclic):
-    """The library's CiA 402 master takes a drive to Operation enabled and back, with event-driven or cyclic PDOs."""
+    """The library's CiA 402 master takes a drive to Operation enabled and back, with event-driven or cyclic
+    PDOs.
+    """
     drive = MiniDrive(bench)
     node = BaseNode402(kit.NODE, kit.dictionary(kit.NODE))
     network.add_node(node)
@@ -528,7 +543,9 @@ def test_real_time(kit):
 
 
 def test_p402_in_real_time(kit):
-    """On a realtime scheduler the library's polling loops run the scheduler inside `virtual_time`, in one thread."""
+    """On a realtime scheduler the library's polling loops run the scheduler inside `virtual_time`, in one
+    thread.
+    """
     scheduler = RealtimeScheduler()
     segment = CanMedium(scheduler, name="p402 in real time")
     slave = CanopenSlave(scheduler, segment, kit.dictionary(), kit.NODE, name="drive1")
@@ -560,7 +577,9 @@ def test_nmt_command_to_all(bench, network, node):
 
 
 def test_library_over_python_can(kit):
-    """The library with its own network, threads and python-can's notifier talks to the slave over the hil interface."""
+    """The library with its own network, threads and python-can's notifier talks to the slave over the hil
+    interface.
+    """
     scheduler = RealtimeScheduler()
     segment = CanMedium(scheduler, name="canopen-over-python-can")
     slave = CanopenSlave(scheduler, segment, kit.dictionary(), kit.NODE, name="drive1", boot_time_ns=50 * MS)

@@ -159,7 +159,9 @@ def test_event_driven_tpdos_are_sent_on_entering_operational(bench):
 
 @pytest.mark.requirement("C301-019")
 def test_leaving_operational_drops_a_waiting_rpdo(bench):
-    """A synchronous RPDO that waits for its SYNC has no effect after Operational was left and entered again."""
+    """A synchronous RPDO that waits for its SYNC has no effect after Operational was left and entered
+    again.
+    """
     bench.nmt(NmtCommand.START)
     bench.send(0x305, "0F 00 10 27 00 00 09")
     bench.run()

@@ -1,4 +1,6 @@
-"""Communication objects and abort codes row by row, with the unmodified `canopen` library as client where it can."""
+"""Communication objects and abort codes row by row, with the unmodified `canopen` library as client where it
+can.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +23,16 @@ def node(bench, kit):
         yield network.add_node(kit.NODE, kit.dictionary(kit.NODE))
 
 
-# -- identifiers and objects ----------------------------------------------------------------------------------
+# -- identifiers and objects
+# ----------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-005", "C301-006", "C301-007", "C301-008", "C301-151")
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 def test_predefined_identifiers_of_the_pdos(bench, kit, number):
-    """PDO 1 to 4 listen and send on 200h, 300h, 400h, 500h and 180h, 280h, 380h, 480h plus the node-ID, when made valid."""
+    """PDO 1 to 4 listen and send on 200h, 300h, 400h, 500h and 180h, 280h, 380h, 480h plus the node-ID, when
+    made valid.
+    """
     transmit, receive = 0x080 + 0x100 * number + kit.NODE, 0x100 + 0x100 * number + kit.NODE
     assert bench.slave.get(0x1400 + number - 1, 1) & 0x7FF == receive
     assert bench.slave.get(0x1800 + number - 1, 1) & 0x7FF == transmit
@@ -45,7 +50,9 @@ def test_predefined_identifiers_of_the_pdos(bench, kit, number):
 
 @pytest.mark.requirement("C301-151")
 def test_eight_pdos_in_each_direction(bench):
-    """The emulated device has eight PDOs each way; the last one works as the first does, the ninth does not exist."""
+    """The emulated device has eight PDOs each way; the last one works as the first does, the ninth does not
+    exist.
+    """
     assert (len(bench.slave.pdos.receive), len(bench.slave.pdos.transmit)) == (8, 8)
     bench.map_pdo(8, [0x60830020], 255, transmit=False, cob_id=0x3A0)
     bench.nmt(NmtCommand.START)
@@ -113,16 +120,31 @@ def test_error_behaviour_is_kept(node, behaviour):
     assert node.sdo[0x1029][1].raw == behaviour
 
 
-# -- abort codes ----------------------------------------------------------------------------------------------
+# -- abort codes
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
-    "C301-077", "C301-078", "C301-083", "C301-084", "C301-090", "C301-091", "C301-092", "C301-101", "C301-102",
-    "C301-103", "C301-104", "C301-105", "C301-106", "C301-107",
-)  # fmt: skip
+    "C301-077",
+    "C301-078",
+    "C301-083",
+    "C301-084",
+    "C301-090",
+    "C301-091",
+    "C301-092",
+    "C301-101",
+    "C301-102",
+    "C301-103",
+    "C301-104",
+    "C301-105",
+    "C301-106",
+    "C301-107",
+)
 @pytest.mark.parametrize("code", list(AbortCode))
 def test_every_abort_code_reaches_the_client(bench, node, code):
-    """Whatever code the device gives for a read or a write, the library's client is told exactly that, and nothing is stored."""
+    """Whatever code the device gives for a read or a write, the library's client is told exactly that, and
+    nothing is stored.
+    """
 
     def refuse(*_value):
         raise SdoAbort(code)
@@ -153,7 +175,9 @@ def test_entry_without_any_access(kit):
 
 @pytest.mark.requirement("C301-091")
 def test_pdo_whose_mapping_forbids_itself(kit):
-    """A PDO with a default mapping that its own dictionary does not allow cannot be made valid: 06040047h, until remapped."""
+    """A PDO with a default mapping that its own dictionary does not allow cannot be made valid: 06040047h,
+    until remapped.
+    """
     od = kit.dictionary()
     od[0x1602][0].default = 1
     od[0x1602][1].default = 0x60410010  # read-only, so that nothing may write it
@@ -169,7 +193,9 @@ def test_pdo_whose_mapping_forbids_itself(kit):
 
 @pytest.mark.requirement("C301-012", "C301-101", "C301-150")
 def test_identifiers_of_a_second_sdo_server(bench):
-    """A second server takes no restricted identifier, none that a server has already, and no other one while it is valid."""
+    """A second server takes no restricted identifier, none that a server has already, and no other one while
+    it is valid.
+    """
     for can_id in (0x000 + 1, 0x07F, 0x101, 0x180, 0x581, 0x5FF, 0x601, 0x67F, 0x6E0, 0x701, 0x780, 0x7FF):
         assert bench.write(0x1201, 1, can_id, 4) == AbortCode.VALUE, f"{can_id:03X}"
     assert bench.write(0x1201, 1, 0x20000690, 4) == AbortCode.VALUE
@@ -180,7 +206,8 @@ def test_identifiers_of_a_second_sdo_server(bench):
     assert bench.write(0x1201, 1, 0x6C1, 4) == 0
 
 
-# -- long transfers -------------------------------------------------------------------------------------------
+# -- long transfers
+# -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -188,7 +215,9 @@ def test_identifiers_of_a_second_sdo_server(bench):
 )
 @pytest.mark.parametrize("block", [False, True])
 def test_domain_of_100_kilobytes(bench, node, block):
-    """100 000 bytes travel in both directions through the library's client, in segments and in blocks with CRC."""
+    """100 000 bytes travel in both directions through the library's client, in segments and in blocks with
+    CRC.
+    """
     content = random.Random(3).randbytes(100_000)
     node.sdo.RESPONSE_TIMEOUT = 5.0
     with node.sdo.open(0x2002, 0, "wb", size=len(content), block_transfer=block) as stream:
@@ -215,7 +244,8 @@ class Memory:
 
 
 def upload_in_blocks(server, lost, sizes):
-    """Fetch an object as a client does whose segments with the numbers in `lost` (counted over all) do not arrive.
+    """Fetch an object as a client does whose segments with the numbers in `lost` (counted over all) do not
+    arrive.
 
     Returns the content, or the abort code.
     """
@@ -254,7 +284,9 @@ def upload_in_blocks(server, lost, sizes):
 @pytest.mark.requirement("C301-066", "C301-067", "C301-068", "C301-070")
 @given(content=st.binary(min_size=1, max_size=400), lost=st.sets(st.integers(1, 60)), data=st.data())
 def test_block_upload_survives_any_losses(content, lost, data):
-    """Whichever segments are lost, and whatever block sizes the client asks for, the upload ends in the very bytes."""
+    """Whichever segments are lost, and whatever block sizes the client asks for, the upload ends in the very
+    bytes.
+    """
 
     def sizes():
         while True:

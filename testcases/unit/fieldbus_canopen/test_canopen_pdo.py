@@ -25,7 +25,8 @@ def codes(bench) -> list[str]:
     return [data[1::-1].hex() for data in bench.take(EMCY)]
 
 
-# -- RPDO -----------------------------------------------------------------------------------------------------
+# -- RPDO
+# -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-005", "C301-043", "C301-044")
@@ -45,7 +46,9 @@ def test_event_driven_rpdo_is_effective_at_once(bench, kind):
 @pytest.mark.requirement("C301-035", "C301-038", "C301-039")
 @pytest.mark.parametrize("kind", [0, 1, 240])
 def test_synchronous_rpdo_is_effective_with_the_next_sync(bench, kind):
-    """A synchronous RPDO waits for the next SYNC; a later one overwrites it; a SYNC without one repeats nothing."""
+    """A synchronous RPDO waits for the next SYNC; a later one overwrites it; a SYNC without one repeats
+    nothing.
+    """
     seen = []
     bench.write(0x1401, 2, kind, 1)
     bench.slave.on_write(0x60FF, 0, seen.append)
@@ -63,7 +66,9 @@ def test_synchronous_rpdo_is_effective_with_the_next_sync(bench, kind):
 
 @pytest.mark.requirement("C301-035")
 def test_synchronous_window(bench):
-    """With 1007h an RPDO that comes after the window is discarded; one within it counts, and one before any SYNC."""
+    """With 1007h an RPDO that comes after the window is discarded; one within it counts, and one before any
+    SYNC.
+    """
     bench.write(0x1007, 0, 2000, 4)
     bench.nmt(NmtCommand.START)
     bench.run(10)
@@ -119,7 +124,9 @@ def test_long_rpdo(bench):
 
 @pytest.mark.requirement("C301-049", "C301-130")
 def test_rpdo_timeout(bench):
-    """The deadline of an RPDO runs from its first reception; missing it gives EMCY 8250h and tells the device."""
+    """The deadline of an RPDO runs from its first reception; missing it gives EMCY 8250h and tells the
+    device.
+    """
     reasons = []
     bench.slave.on_communication_error.append(reasons.append)
     bench.write(0x1400, 5, 20, 2)
@@ -144,7 +151,9 @@ def test_rpdo_timeout(bench):
 @pytest.mark.requirement("C301-109")
 @pytest.mark.parametrize("remedy", ["no deadline", "invalid", "comes again", "reset"])
 def test_end_of_an_rpdo_timeout(bench, remedy):
-    """The error of an overdue RPDO ends when it comes, is no longer watched, no longer valid, or with a reset."""
+    """The error of an overdue RPDO ends when it comes, is no longer watched, no longer valid, or with a
+    reset.
+    """
     bench.write(0x1400, 5, 20, 2)
     bench.nmt(NmtCommand.START)
     bench.send(0x205, "0F 00")
@@ -216,7 +225,9 @@ def test_rpdo_deadline_ends_with_operational(bench):
 
 @pytest.mark.requirement("C301-076")
 def test_limits_hold_for_pdos(bench):
-    """A value outside the limits of the EDS is not taken from a PDO either; the other objects of the PDO are."""
+    """A value outside the limits of the EDS is not taken from a PDO either; the other objects of the PDO
+    are.
+    """
     bench.map_pdo(3, [0x20000010, 0x60400010], 255, transmit=False, cob_id=0x405)
     bench.nmt(NmtCommand.START)
     bench.send(0x405, "09 00 0F 00")
@@ -262,7 +273,8 @@ def test_rpdo_with_a_29_bit_identifier(bench):
     assert bench.slave.get(0x6040) == 0x0F
 
 
-# -- TPDO -----------------------------------------------------------------------------------------------------
+# -- TPDO
+# -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-039")
@@ -338,7 +350,9 @@ def test_changes_of_one_instant_make_one_tpdo(bench):
 
 
 def test_direct_writes_need_a_word(bench):
-    """After a direct write to `values` the TPDO is sent on `notify_change` or `trigger_tpdos`, if it changed."""
+    """After a direct write to `values` the TPDO is sent on `notify_change` or `trigger_tpdos`, if it
+    changed.
+    """
     bench.nmt(NmtCommand.START)
     bench.take()
     bench.slave.values[0x604100] = 1
@@ -373,7 +387,9 @@ def test_values_written_by_the_bus_are_changes_too(bench):
 
 @pytest.mark.requirement("C301-047")
 def test_inhibit_time(bench):
-    """Transmissions keep the inhibit time; changes within it are sent once, with the last value, at its end."""
+    """Transmissions keep the inhibit time; changes within it are sent once, with the last value, at its
+    end.
+    """
     bench.write(0x1800, 1, 0xC0000185, 4)
     bench.write(0x1800, 3, 100, 2)
     bench.write(0x1800, 1, 0x40000185, 4)
@@ -402,7 +418,9 @@ def test_inhibit_time_does_not_hold_synchronous_tpdos(bench):
 
 @pytest.mark.requirement("C301-048")
 def test_event_timer(bench):
-    """The event timer sends after n ms without another transmission; each transmission restarts it; 0 is off."""
+    """The event timer sends after n ms without another transmission; each transmission restarts it; 0 is
+    off.
+    """
     bench.write(0x1800, 5, 20, 2)
     bench.nmt(NmtCommand.START)
     bench.received.clear()
@@ -450,7 +468,9 @@ def test_sync_start_value(bench):
 
 @pytest.mark.requirement("C301-041", "C301-042", "C301-055")
 def test_remote_requests(bench):
-    """Type 253 samples on request, type 252 gives what the last SYNC sampled; neither is sent by SYNC or change."""
+    """Type 253 samples on request, type 252 gives what the last SYNC sampled; neither is sent by SYNC or
+    change.
+    """
     for kind, expected in ((253, 7), (252, 5)):
         bench.map_pdo(3, [0x60640020], kind, transmit=True, cob_id=TPDO3)
         bench.nmt(NmtCommand.START)
@@ -531,7 +551,9 @@ def test_callbacks_count_whenever_they_are_registered(bench):
 
 
 def test_pdos_are_built_once_for_all_callbacks(bench, monkeypatch):
-    """However many callbacks a device registers before it is Operational, its PDOs are built once for them."""
+    """However many callbacks a device registers before it is Operational, its PDOs are built once for
+    them.
+    """
     built = []
     original = pdo_engine.sampler
     monkeypatch.setattr(pdo_engine, "sampler", lambda *args: built.append(args) or original(*args))

@@ -100,7 +100,9 @@ def test_reserved_sub_index_4(bench):
     ],
 )
 def test_entries_of_an_rpdo(bench, entry, abort):
-    """An RPDO takes existing, writable, mappable objects with their length; anything else has its abort code."""
+    """An RPDO takes existing, writable, mappable objects with their length; anything else has its abort
+    code.
+    """
     prepare(bench)
     assert bench.write(0x1600, 1, entry, 4) == abort
 
@@ -141,7 +143,9 @@ def test_count_changes_only_while_invalid(bench):
 
 @pytest.mark.requirement("C301-052", "C301-089")
 def test_more_than_64_bits(bench):
-    """More than 64 bits are refused with 06040042h when the number is written, and nothing is in force then."""
+    """More than 64 bits are refused with 06040042h when the number is written, and nothing is in force
+    then.
+    """
     prepare(bench)
     for sub in range(1, 4):
         assert bench.write(0x1600, sub, 0x60830020, 4) == 0
@@ -171,7 +175,9 @@ def test_count_over_an_empty_entry(bench):
 
 @pytest.mark.requirement("C301-052")
 def test_remapping_in_operational(bench):
-    """A PDO remapped and moved in the prescribed order works under its new identifier and no longer under the old."""
+    """A PDO remapped and moved in the prescribed order works under its new identifier and no longer under the
+    old.
+    """
     bench.nmt(NmtCommand.START)
     bench.map_pdo(1, [0x60600008, 0x60FF0020], 255, transmit=False, cob_id=0x225)
     bench.map_pdo(1, [0x60640020], 255, transmit=True, cob_id=0x400001A5)
@@ -256,7 +262,9 @@ def test_eight_pdos_in_each_direction(bench):
 
 
 def test_defaults_that_the_dictionary_forbids(kit):
-    """A default mapping against the dictionary's own rules leaves that PDO silent and is listed; the rest works."""
+    """A default mapping against the dictionary's own rules leaves that PDO silent and is listed; the rest
+    works.
+    """
     od = kit.dictionary()
     od[0x1A00][1].default = 0x50000010
     bench = kit.Bench(od)

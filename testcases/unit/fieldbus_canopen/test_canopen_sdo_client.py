@@ -58,8 +58,20 @@ def content(size: int) -> bytes:
     return random.Random(size).randbytes(size)
 
 
-@pytest.mark.requirement("C301-057", "C301-058", "C301-059", "C301-060", "C301-061", "C301-063", "C301-064",
-                         "C301-065", "C301-066", "C301-067", "C301-068", "C301-069")  # fmt: skip
+@pytest.mark.requirement(
+    "C301-057",
+    "C301-058",
+    "C301-059",
+    "C301-060",
+    "C301-061",
+    "C301-063",
+    "C301-064",
+    "C301-065",
+    "C301-066",
+    "C301-067",
+    "C301-068",
+    "C301-069",
+)
 @pytest.mark.parametrize("block", [False, True])
 @pytest.mark.parametrize("size", SIZES)
 def test_there_and_back(net, size, block):
@@ -170,7 +182,9 @@ def test_one_request_at_a_time_per_server(kit):
 
 
 def test_answers_of_others_are_ignored(net):
-    """Answers to somebody else's requests, late ones, and frames of a wrong length do not disturb a transfer."""
+    """Answers to somebody else's requests, late ones, and frames of a wrong length do not disturb a
+    transfer.
+    """
     net.slaves[5].sdo_response_delay_ns = 20 * MS
     job = net.master.sdo(5).upload(0x1018, 1)
     net.run(2)
@@ -190,7 +204,9 @@ def test_answers_of_others_are_ignored(net):
 
 
 def test_cancelled_job(net):
-    """A job that is given up tells the server if it was under way, calls nobody, and lets the next one run."""
+    """A job that is given up tells the server if it was under way, calls nobody, and lets the next one
+    run.
+    """
     called = []
     sdo = net.master.sdo(5)
     net.slaves[5].sdo_response_delay_ns = 20 * MS
@@ -215,7 +231,9 @@ def test_cancelled_job(net):
     [("80 02 20 00 20 00 00 08", AbortCode.CANNOT_STORE), ("A2 7E 7F 00 00 00 00 00", AbortCode.SEQUENCE)],
 )
 def test_refused_block_is_not_sent_to_its_end(kit, answer, code):
-    """A block that the server refuses, or acknowledges wrongly, in the middle ends there: no further segment goes out."""
+    """A block that the server refuses, or acknowledges wrongly, in the middle ends there: no further segment
+    goes out.
+    """
     net = Net(kit)
     job = net.master.sdo(5).download(0x2002, 0, content(800))
     net.run(1)
@@ -277,7 +295,9 @@ def test_lost_segment_of_a_block_is_repeated(net, direction, which):
 
 @pytest.mark.parametrize("size", [3, 20, 64, 500])
 def test_server_of_the_canopen_library(kit, size):
-    """The server of the `canopen` library is served too; what it lacks of the block protocol is done without."""
+    """The server of the `canopen` library is served too; what it lacks of the block protocol is done
+    without.
+    """
     net = Net(kit)
     with PumpedNetwork(net.segment, name="library") as network:
         node = network.create_node(9, kit.dictionary(9))
@@ -305,7 +325,9 @@ def test_transfers_leave_sync_alone(net, period_ms):
 
 
 def test_transfers_let_error_control_through(kit):
-    """Clients and servers that answer without delay do not keep a heartbeat, of less priority, from the bus."""
+    """Clients and servers that answer without delay do not keep a heartbeat, of less priority, from the
+    bus.
+    """
     net = Net(kit, 5, 6)
     for node in (5, 6):
         for n in range(300):
@@ -334,7 +356,8 @@ def test_bad_arguments(net):
         net.master.sdo(5).download(0x1017, 0, 100)
 
 
-# -- the transfer alone: bytes in, bytes out -------------------------------------------------------------------------
+# -- the transfer alone: bytes in, bytes out
+# -------------------------------------------------------------------------
 
 
 def play(transfer: SdoTransfer, *answers: str) -> list[str]:
@@ -366,7 +389,9 @@ def play(transfer: SdoTransfer, *answers: str) -> list[str]:
     ],
 )  # fmt: skip
 def test_server_that_breaks_the_protocol(transfer, answers, code):
-    """What a server does wrong is answered with the abort code that the standard has for it, and ends the transfer."""
+    """What a server does wrong is answered with the abort code that the standard has for it, and ends the
+    transfer.
+    """
     sent = play(transfer, *answers)
     assert transfer.done
     assert transfer.abort_code == code
@@ -379,10 +404,13 @@ def test_server_that_breaks_the_protocol(transfer, answers, code):
     [
         (["42 01 20 00 01 02 03 04"], "01 02 03 04"),  # size not given: all four bytes
         (["4B 01 20 00 01 02 03 04"], "01 02"),
-        (["40 01 20 00 00 00 00 00", "00 01 02 03 04 05 06 07", "1B 08 09 00 00 00 00 00"], "01 02 03 04 05 06 07 08 09"),
+        (
+            ["40 01 20 00 00 00 00 00", "00 01 02 03 04 05 06 07", "1B 08 09 00 00 00 00 00"],
+            "01 02 03 04 05 06 07 08 09",
+        ),
         (["41 01 20 00 00 00 00 00", "0F 00 00 00 00 00 00 00"], ""),  # an empty string
     ],
-)  # fmt: skip
+)
 def test_answers_of_every_form(answers, content):
     """Uploads of given and of unknown size, and of nothing."""
     transfer = SdoUpload(0x2001, 0)
@@ -430,7 +458,9 @@ def test_frames_of_a_download(net):
     st.lists(st.one_of(st.binary(min_size=8, max_size=8), st.binary(max_size=9)), max_size=30),
 )
 def test_any_answer_is_survived(direction, block, answers):
-    """Whatever a server sends, the client does not raise, sends eight bytes each, and says nothing after the end."""
+    """Whatever a server sends, the client does not raise, sends eight bytes each, and says nothing after the
+    end.
+    """
     transfer = (
         SdoUpload(0x2001, 0, block=block)
         if direction == "up"

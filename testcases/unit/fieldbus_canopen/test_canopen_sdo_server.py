@@ -126,7 +126,9 @@ def test_command_without_meaning_is_aborted(bench, command):
 
 @pytest.mark.requirement("C301-072", "C301-078")
 def test_silent_client_times_out(kit):
-    """A transfer whose client falls silent is aborted with 05040000h after the time-out, in simulated time."""
+    """A transfer whose client falls silent is aborted with 05040000h after the time-out, in simulated
+    time.
+    """
     bench = kit.Bench(sdo_timeout_ns=50 * MS)
     bench.slave.power_on()
     bench.run()
@@ -169,7 +171,9 @@ def test_frames_of_another_length_are_ignored(bench, length):
 
 @pytest.mark.requirement("C301-013", "C301-087", "C301-096")
 def test_unknown_object_and_sub_index(bench):
-    """An object outside the dictionary gives 06020000h, an unknown sub-index 06090011h, also of a plain variable."""
+    """An object outside the dictionary gives 06020000h, an unknown sub-index 06090011h, also of a plain
+    variable.
+    """
     assert -bench.read(0x5000) == AbortCode.NO_OBJECT
     assert bench.write(0x5000, 0, 0, 4) == AbortCode.NO_OBJECT
     assert -bench.read(0x1018, 9) == AbortCode.NO_SUB_INDEX
@@ -197,7 +201,9 @@ def test_read_only_is_refused_at_initiation(bench, command):
 @pytest.mark.requirement("C301-074", "C301-093")
 @pytest.mark.parametrize(("index", "count"), [(0x6040, 1), (0x6040, 4), (0x6083, 2), (0x6060, 2)])
 def test_expedited_length_must_match(bench, index, count):
-    """An expedited download of another length than the object's is refused with 06070010h and changes nothing."""
+    """An expedited download of another length than the object's is refused with 06070010h and changes
+    nothing.
+    """
     before = bench.slave.get(index)
     assert bench.write(index, 0, 0x0101, count) == AbortCode.LENGTH
     assert bench.slave.get(index) == before
@@ -237,7 +243,9 @@ def test_domain_larger_than_memory(bench):
 
 @pytest.mark.requirement("C301-076", "C301-098", "C301-099")
 def test_limits_of_the_eds(bench):
-    """A value above the high limit gives 06090031h, below the low limit 06090032h; the limits themselves pass."""
+    """A value above the high limit gives 06090031h, below the low limit 06090032h; the limits themselves
+    pass.
+    """
     assert bench.write(0x2000, 0, 9, 2) == AbortCode.VALUE_HIGH
     assert bench.write(0x2000, 0, 0, 2) == AbortCode.VALUE_LOW
     assert bench.slave.get(0x2000) == 3
@@ -290,7 +298,9 @@ def test_read_callback_gives_the_value(bench):
 
 
 def test_device_values_outside_the_type_are_held_at_its_end(bench):
-    """A device value too large for its type is uploaded as the largest one, not as garbage or an exception."""
+    """A device value too large for its type is uploaded as the largest one, not as garbage or an
+    exception.
+    """
     bench.slave.set(0x6077, 0, 40_000)
     assert bench.read(0x6077) == 32_767
     bench.slave.set(0x6064, 0, -12.4)
@@ -299,7 +309,8 @@ def test_device_values_outside_the_type_are_held_at_its_end(bench):
     assert bench.read(0x6064) == 0
 
 
-# -- block transfers ------------------------------------------------------------------------------------------
+# -- block transfers
+# ------------------------------------------------------------------------------------------
 
 
 def send_block(bench, segments: list[bytes], *, last: bool, skip: tuple[int, ...] = ()) -> list[bytes]:
@@ -338,7 +349,9 @@ def test_block_download_in_several_blocks(bench):
 
 @pytest.mark.requirement("C301-069", "C301-082")
 def test_block_download_with_wrong_crc(bench):
-    """A wrong CRC aborts with 05040004h and stores nothing; without CRC support the field is not looked at."""
+    """A wrong CRC aborts with 05040004h and stores nothing; without CRC support the field is not looked
+    at.
+    """
     content = b"some content of a domain"
     for command, good in ((0xC6, False), (0xC2, True)):
         bench.sdo(size(command, 0x2002, len(content)))
@@ -354,7 +367,9 @@ def test_block_download_with_wrong_crc(bench):
 
 @pytest.mark.requirement("C301-070")
 def test_lost_segment_is_asked_for_again(bench):
-    """After a gap the server acknowledges the last segment in order and takes the rest when it is repeated."""
+    """After a gap the server acknowledges the last segment in order and takes the rest when it is
+    repeated.
+    """
     content = bytes(range(70))
     segments = parts(content)
     bench.sdo(size(0xC6, 0x2002, len(content)))
@@ -418,7 +433,9 @@ def receive_block(bench, request: bytes) -> list[bytes]:
 
 @pytest.mark.requirement("C301-066", "C301-067", "C301-068", "C301-069")
 def test_block_upload(bench):
-    """A domain is uploaded in blocks of the client's size, with CRC and the number of unused bytes at the end."""
+    """A domain is uploaded in blocks of the client's size, with CRC and the number of unused bytes at the
+    end.
+    """
     content = bytes(range(100))
     bench.slave.set(0x2002, 0, content)
     assert bench.sdo(head(0xA4, 0x2002) + b"\x08\0\0\0") == size(0xC6, 0x2002, 100)
@@ -439,7 +456,9 @@ def test_block_upload(bench):
 
 @pytest.mark.requirement("C301-070")
 def test_block_upload_repeats_what_was_lost(bench):
-    """The server goes on behind the last segment that the client has acknowledged, with the new block size."""
+    """The server goes on behind the last segment that the client has acknowledged, with the new block
+    size.
+    """
     content = bytes(range(70))
     bench.slave.set(0x2002, 0, content)
     bench.sdo(head(0xA4, 0x2002) + b"\x05\0\0\0")
@@ -451,7 +470,9 @@ def test_block_upload_repeats_what_was_lost(bench):
 
 @pytest.mark.requirement("C301-066", "C301-080", "C301-081")
 def test_block_upload_refuses_invalid_numbers(bench):
-    """Block sizes 0 and above 127 abort with 05040002h, an acknowledge beyond what was sent with 05040003h."""
+    """Block sizes 0 and above 127 abort with 05040002h, an acknowledge beyond what was sent with
+    05040003h.
+    """
     bench.slave.set(0x2002, 0, bytes(100))
     for blocks in (0, 128, 255):
         assert abort_of(bench.sdo(head(0xA4, 0x2002) + bytes((blocks, 0, 0, 0)))) == AbortCode.BLOCK_SIZE
@@ -482,7 +503,9 @@ def test_block_upload_of_nothing(bench):
 
 
 def test_second_server_channel(bench):
-    """A second SDO server listens on the identifiers of 1201h once they are valid, with a transfer of its own."""
+    """A second SDO server listens on the identifiers of 1201h once they are valid, with a transfer of its
+    own.
+    """
     assert bench.write(0x1201, 1, 0x6C0, 4) == 0
     assert bench.write(0x1201, 2, 0x6D0, 4) == 0
     bench.sdo(head(0x40, 0x1008) + bytes(4))

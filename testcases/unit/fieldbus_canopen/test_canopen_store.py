@@ -39,8 +39,11 @@ def test_identifier_without_default(kit):
     bench = kit.Bench(od)
     slave = bench.slave
     assert [slave.get(0x1014), slave.get(0x1005), slave.get(0x1800, 1), slave.get(0x1404, 1)] == [
-        0x85, 0x80, 0x40000185, 0x80000000,
-    ]  # fmt: skip
+        0x85,
+        0x80,
+        0x40000185,
+        0x80000000,
+    ]
 
 
 def test_parameter_values_of_a_dcf_win(kit):
@@ -108,7 +111,8 @@ def test_strings_keep_any_byte(bench):
     assert bench.sdo(b"\x40\x01\x20\x00\0\0\0\0")[4:] == content
 
 
-# -- 1010h and 1011h ------------------------------------------------------------------------------------------
+# -- 1010h and 1011h
+# ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-140", "C301-141")
@@ -174,7 +178,9 @@ def test_restore_takes_effect_with_reset_node(bench):
 
 @pytest.mark.requirement("C301-141")
 def test_restore_communication_takes_effect_with_reset_communication(bench):
-    """1011h:2 gives the communication defaults after reset communication and leaves the application's values."""
+    """1011h:2 gives the communication defaults after reset communication and leaves the application's
+    values.
+    """
     bench.write(0x6083, 0, 77, 4)
     bench.write(0x1017, 0, 500, 2)
     bench.write(0x1010, 1, SAVE, 4)
@@ -249,7 +255,8 @@ def test_verify_configuration_is_reset_by_a_change(bench):
     assert (bench.read(0x1020, 1), bench.read(0x1020, 2)) == (0, 0)
 
 
-# -- EDS files ------------------------------------------------------------------------------------------------
+# -- EDS files
+# ------------------------------------------------------------------------------------------------
 
 
 def test_load_dictionary(kit, tmp_path):

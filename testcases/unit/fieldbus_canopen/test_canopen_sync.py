@@ -59,7 +59,9 @@ def test_identifier_of_sync(bench):
 
 @pytest.mark.requirement("C301-034", "C301-129")
 def test_unexpected_length_is_reported_once_and_used(bench):
-    """A SYNC with data where none is expected gives one EMCY 8240h, and is used all the same; a good one ends it."""
+    """A SYNC with data where none is expected gives one EMCY 8240h, and is used all the same; a good one ends
+    it.
+    """
     bench.nmt(NmtCommand.START)
     bench.take()
     for data in ("01", "02", "", "03"):

@@ -71,7 +71,9 @@ def test_reserved_bits_of_the_milliseconds_do_not_count(bench):
 
 @pytest.mark.requirement("C301-004", "C301-142")
 def test_producer(bench):
-    """A producer (bit 30) sends its clock in six bytes, in Pre-operational and Operational only, and only once it is set."""
+    """A producer (bit 30) sends its clock in six bytes, in Pre-operational and Operational only, and only
+    once it is set.
+    """
     time = bench.slave.time
     assert bench.write(0x1012, 0, 0x40000123, 4) == AbortCode.VALUE
     assert bench.write(0x1012, 0, 0x40000080, 4) == 0
@@ -92,7 +94,9 @@ def test_producer(bench):
 
 @pytest.mark.requirement("C301-012", "C301-142")
 def test_identifier_of_time(bench):
-    """Restricted identifiers are refused; the identifier changes only while the node neither sends nor takes TIME."""
+    """Restricted identifiers are refused; the identifier changes only while the node neither sends nor takes
+    TIME.
+    """
     for can_id in (0x000, 0x07F, 0x101, 0x180, 0x600 + 1, 0x701, 0x7FF):
         assert bench.write(0x1012, 0, 0x80000000 | can_id, 4) == AbortCode.VALUE
     assert bench.write(0x1012, 0, 0x80000100, 4) == 0

@@ -112,12 +112,19 @@ def test_modes_and_6502h():
 def test_bit_numbers():
     """The named bits have the numbers of the profile."""
     assert [Controlword.FAULT_RESET, Controlword.HALT, Controlword.NEW_SETPOINT, Controlword.RELATIVE] == [
-        0x80, 0x100, 0x10, 0x40,
-    ]  # fmt: skip
+        0x80,
+        0x100,
+        0x10,
+        0x40,
+    ]
     assert [
-        Statusword.VOLTAGE_ENABLED, Statusword.WARNING, Statusword.REMOTE, Statusword.TARGET_REACHED,
-        Statusword.INTERNAL_LIMIT, Statusword.FOLLOWING_ERROR,
-    ] == [0x10, 0x80, 0x200, 0x400, 0x800, 0x2000]  # fmt: skip
+        Statusword.VOLTAGE_ENABLED,
+        Statusword.WARNING,
+        Statusword.REMOTE,
+        Statusword.TARGET_REACHED,
+        Statusword.INTERNAL_LIMIT,
+        Statusword.FOLLOWING_ERROR,
+    ] == [0x10, 0x80, 0x200, 0x400, 0x800, 0x2000]
 
 
 @pytest.mark.requirement("C402-306", "C301-123", "C301-130")

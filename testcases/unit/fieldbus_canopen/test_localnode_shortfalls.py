@@ -122,7 +122,9 @@ def test_07_block_transfer(bench, node):
 
 @pytest.mark.requirement("C301-072", "C301-075", "C301-079")
 def test_08_unknown_commands_and_short_frames(bench):
-    """8: an unknown command is aborted with 05040001h, a short frame is ignored, and the next request is served."""
+    """8: an unknown command is aborted with 05040001h, a short frame is ignored, and the next request is
+    served.
+    """
     answer = bench.sdo("E0 00 10 00 00 00 00 00")
     assert answer[0] == 0x80
     assert int.from_bytes(answer[4:], "little") == AbortCode.COMMAND
@@ -195,7 +197,9 @@ def test_12_emcy_identifier_register_and_history(bench, node):
 
 @pytest.mark.requirement("C301-004", "C301-026", "C301-140", "C301-141", "C301-155")
 def test_13_heartbeat_consumer_store_restore_time_and_lss(bench, node):
-    """13: 1016h watches a heartbeat; 1010h stores and 1011h restores; TIME sets the clock; LSS gives the node-ID."""
+    """13: 1016h watches a heartbeat; 1010h stores and 1011h restores; TIME sets the clock; LSS gives the
+    node-ID.
+    """
     reasons = []
     bench.slave.on_communication_error.append(reasons.append)
     node.sdo[0x1016][1].raw = 127 << 16 | 50
@@ -236,10 +240,12 @@ def test_14_no_threads_and_no_wall_clock(bench, node):
 
 
 def test_15_p402_needs_no_wall_clock_but_a_known_nmt_state(bench, kit):
-    """15: p402 works in virtual time once it knows the NMT state; its check of that state remains the library's.
+    """15: p402 works in virtual time once it knows the NMT state; its check of that state remains the
+    library's.
 
-    The check is a substring test with the second state as its message: it refuses a node that the library believes to be
-    initialising, because it has not heard its boot-up. Having heard it, or having commanded a state, is the remedy.
+    The check is a substring test with the second state as its message: it refuses a node that the library
+    believes to be initialising, because it has not heard its boot-up. Having heard it, or having commanded a
+    state, is the remedy.
     """
     with PumpedNetwork(bench.segment, name="p402") as network, virtual_time(bench.scheduler):
         drive = BaseNode402(kit.NODE, kit.dictionary(kit.NODE))
@@ -262,7 +268,9 @@ def test_15_p402_needs_no_wall_clock_but_a_known_nmt_state(bench, kit):
 
 @pytest.mark.requirement("C301-073")
 def test_16_concurrent_clients(bench, node):
-    """16: requests of two clients that interleave are each answered with their own object, and two channels keep two transfers."""
+    """16: requests of two clients that interleave are each answered with their own object, and two channels
+    keep two transfers.
+    """
     bench.received.clear()
     requests = [(0x1000, 0), (0x6083, 0), (0x1018, 1), (0x1018, 2)] * 5
     for index, sub in requests:

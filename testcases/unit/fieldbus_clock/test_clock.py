@@ -18,7 +18,9 @@ def scheduler(request) -> Scheduler:
 
 
 def unit_grid(scheduler: Scheduler) -> int:
-    """Return an instant on the grid of `UNIT`, far enough ahead that a busy machine has entered its events by then."""
+    """Return an instant on the grid of `UNIT`, far enough ahead that a busy machine has entered its events by
+    then.
+    """
     return (scheduler.now // UNIT + 12) * UNIT
 
 
@@ -61,7 +63,9 @@ class TestContract:
         assert fired == ["c", "e", "a", "d", "b"]
 
     def test_an_urgent_event_entered_in_a_callback_overtakes_the_rest_of_the_instant(self, scheduler):
-        """A callback can enter an event of the same instant, which takes its place among those that are left."""
+        """A callback can enter an event of the same instant, which takes its place among those that are
+        left.
+        """
         base = unit_grid(scheduler)
         fired = []
 
@@ -124,7 +128,9 @@ class TestContract:
         assert len(fired) == 3
 
     def test_periodic_events_keep_their_order_at_every_common_instant(self, scheduler):
-        """Two periodic events of the same priority meet in the order of their entering, whatever their periods."""
+        """Two periodic events of the same priority meet in the order of their entering, whatever their
+        periods.
+        """
         fired = []
         fast = scheduler.every(UNIT, lambda: fired.append(("fast", fast.due_ns - UNIT)))
         slow = scheduler.every(4 * UNIT, lambda: fired.append(("slow", slow.due_ns - 4 * UNIT)))

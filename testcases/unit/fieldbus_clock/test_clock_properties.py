@@ -136,7 +136,9 @@ def execute(scheduler, program):
 
 @given(programs)
 def test_fires_like_the_reference(program):
-    """Any interleaving of at, after, every and cancel, from in- and outside of callbacks, fires like the reference."""
+    """Any interleaving of at, after, every and cancel, from in- and outside of callbacks, fires like the
+    reference.
+    """
     log = execute(VirtualScheduler(), program)
     assert log == execute(ReferenceScheduler(), program)
     times = [time for _, time in log]

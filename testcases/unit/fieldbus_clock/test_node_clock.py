@@ -34,7 +34,9 @@ def test_without_drift_it_is_the_bench(bench, clock):
 
 @pytest.mark.parametrize("ppm", [100_000.0, 200.0, 0.1, -0.1, -200.0, -100_000.0])
 def test_a_delay_is_one_of_the_nodes_time(bench, clock, ppm):
-    """What is entered for a time of the node fires in the first nanosecond in which its clock shows that time."""
+    """What is entered for a time of the node fires in the first nanosecond in which its clock shows that
+    time.
+    """
     bench.run_for(7 * MS + 1)
     clock.drift(ppm)
     seen = []
@@ -90,7 +92,9 @@ def test_frames_are_heard_by_the_nodes_clock(bench, clock):
 
 
 def test_jitter_is_late_bounded_and_repeatable(bench, clock):
-    """Cycles begin up to the given time late, each by its own, from the stream; the grid stays, and so does what was cancelled."""
+    """Cycles begin up to the given time late, each by its own, from the stream; the grid stays, and so does
+    what was cancelled.
+    """
 
     def lateness():
         scheduler = VirtualScheduler()

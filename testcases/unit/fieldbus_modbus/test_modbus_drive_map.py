@@ -52,7 +52,7 @@ class Rig:
         file = load_map(name)
         self.map = DriveMap(
             self.scheduler, self.drive, file, telegram=telegram(1), channel=self.drive.channel, **options
-        )  # fmt: skip
+        )
         self.server = ModbusServer(
             self.map.registers, functions=set(file.functions) - {43}, limits=file.limits
         )
@@ -81,7 +81,9 @@ def festo():
 
 @pytest.mark.requirement("PD-286", "PD-295", "PD-296", "PD-299", "PD-300", "MODB-034")
 def test_process_data_words(g120):
-    """40100 on is the telegram to the drive, address 0063h on the wire; 40110 on the one from it, read-only."""
+    """40100 on is the telegram to the drive, address 0063h on the wire; 40110 on the one from it,
+    read-only.
+    """
     assert g120.server.respond(bytes.fromhex("10 0063 0002 04 047f 1000")) == bytes.fromhex("10 0063 0002")
     assert g120.drive.received == [bytes.fromhex("047f 1000")]
     assert g120.write(40101, 0x2000) == "done"
@@ -93,7 +95,9 @@ def test_process_data_words(g120):
 
 @pytest.mark.requirement("PD-287", "PD-288", "PD-334", "PD-335", "PD-336")
 def test_what_there_is_not(g120):
-    """Registers between the blocks do not exist, other functions neither, 123 registers are too many to write."""
+    """Registers between the blocks do not exist, other functions neither, 123 registers are too many to
+    write.
+    """
     assert g120.read(40099) == g120.read(40120) == g120.read(40723) == "exception 2"
     assert g120.read(40119, 2) == "exception 2"
     assert g120.server.respond(Request(4, 99, 1).encode()) == b"\x84\x01"
@@ -113,7 +117,9 @@ def test_the_example_of_ds47(g120):
 
 @pytest.mark.requirement("PD-206", "PD-326")
 def test_ds47_in_two_steps_and_one_at_a_time(g120):
-    """Values written with control 0 wait for control 1; while a request is carried out another one is refused."""
+    """Values written with control 0 wait for control 1; while a request is carried out another one is
+    refused.
+    """
     assert g120.write(40601, 0, 0x2F0A, 0x8101, 0x0101, 0x1001, 0x0002, 0x0000) == "done"
     g120.scheduler.run_for(S)
     assert g120.read(40601) == [0]
@@ -134,7 +140,9 @@ def test_wrong_headers_of_ds47(g120, header, code):
 
 @pytest.mark.requirement("PD-311", "PD-323", "PD-337")
 def test_parameters_by_register(g120):
-    """A register is its parameter times the scale, both ways; a refusal is exception 04 with the error in 40499."""
+    """A register is its parameter times the scale, both ways; a refusal is exception 04 with the error in
+    40499.
+    """
     assert g120.read(40322) == [round(g120.drive.value(1120) * 100)]
     assert g120.write(40322, 150) == "done"
     assert g120.drive.value(1120) == pytest.approx(1.5)
@@ -142,11 +150,13 @@ def test_parameters_by_register(g120):
     assert g120.write(40322, 65001) == "exception 4"
     assert g120.read(40499) == [0]
     broken = load_map("sinamics_g120").model_copy(
-        update={"block": tuple(
-            block.model_copy(update={"parameter": 4999}) if block.register_ == 40322 else block
-            for block in load_map("sinamics_g120").block
-        )}
-    )  # fmt: skip
+        update={
+            "block": tuple(
+                block.model_copy(update={"parameter": 4999}) if block.register_ == 40322 else block
+                for block in load_map("sinamics_g120").block
+            )
+        }
+    )
     map_ = DriveMap(g120.scheduler, g120.drive, broken, telegram=telegram(1), channel=g120.drive.channel)
     server = ModbusServer(map_.registers)
     map_.error_code = 0x7F
@@ -158,13 +168,19 @@ def test_parameters_by_register(g120):
 def test_values_that_do_not_fit_saturate(g120):
     """A value beyond 16 bits is shown as the largest number of the register."""
     map_ = DriveMap(
-        g120.scheduler, g120.drive,
-        load_map("sinamics_g120").model_copy(update={"block": tuple(
-            block.model_copy(update={"scale": 1e9}) for block in load_map("sinamics_g120").block
-            if block.register_ == 40322
-        )}),
+        g120.scheduler,
+        g120.drive,
+        load_map("sinamics_g120").model_copy(
+            update={
+                "block": tuple(
+                    block.model_copy(update={"scale": 1e9})
+                    for block in load_map("sinamics_g120").block
+                    if block.register_ == 40322
+                )
+            }
+        ),
         telegram=telegram(1),
-    )  # fmt: skip
+    )
     assert ModbusServer(map_.registers).respond(Request(3, 321, 1).encode()) == b"\x03\x02\xff\xff"
 
 
@@ -199,7 +215,9 @@ def test_which_registers_keep_the_process_data(options, counting):
     ),
 )
 def test_any_words_at_any_register(name, orders):
-    """Whatever is written anywhere, every request is answered, and afterwards a plain request of DS47 or the mailbox is."""
+    """Whatever is written anywhere, every request is answered, and afterwards a plain request of DS47 or the
+    mailbox is.
+    """
     rig = Rig(name)
     for address, words, quantity in orders:
         if words:
@@ -219,7 +237,9 @@ def test_any_words_at_any_register(name, orders):
 
 
 def test_festo_words(festo):
-    """Words stand in the registers as they are, double words with the low word first, as telegram 111 shows."""
+    """Words stand in the registers as they are, double words with the low word first, as telegram 111
+    shows.
+    """
     assert festo.write(0, 0x047F, 0x1000) == "done"
     assert festo.drive.received == [bytes.fromhex("047f 1000")]
     assert festo.read(100, 3) == [0x0237, 0x1000, 0]
@@ -276,10 +296,16 @@ def test_festo_mailbox(festo):
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("name = 3", "name"), ("name = 'x'", "block"), ("name = 'x'\n[[block]]\nregister = 1\nhook = 'no'", "hook"),
-     ("name = 'x'\n[[block]]\nregister = 1\nwrong = 1", "wrong"), ("name = 'x'\nfirst = 2\n[[block]]\nregister = 1", "2 or more"),
-     ("name = 'x'\n[[block]]\nregister = 1\nhook = 'ds47'\nparameter = 1", "not both"), ("name =", "TOML")],
-)  # fmt: skip
+    [
+        ("name = 3", "name"),
+        ("name = 'x'", "block"),
+        ("name = 'x'\n[[block]]\nregister = 1\nhook = 'no'", "hook"),
+        ("name = 'x'\n[[block]]\nregister = 1\nwrong = 1", "wrong"),
+        ("name = 'x'\nfirst = 2\n[[block]]\nregister = 1", "2 or more"),
+        ("name = 'x'\n[[block]]\nregister = 1\nhook = 'ds47'\nparameter = 1", "not both"),
+        ("name =", "TOML"),
+    ],
+)
 def test_bad_files_say_where(tmp_path, text, said):
     """The message names the file and the key."""
     path = tmp_path / "bad.toml"

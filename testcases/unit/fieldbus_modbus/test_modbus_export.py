@@ -85,10 +85,15 @@ def test_a_connection_from_handshake_to_end(tmp_path):
 
 
 def test_what_was_refused_reset_or_dropped(tmp_path):
-    """A refused connection is reset at once; what a fault drops is not there; a log may begin in the middle."""
+    """A refused connection is reset at once; what a fault drops is not there; a log may begin in the
+    middle.
+    """
     assert [row[4] for row in tcp(write_tcp_capture(run(listening=False).log, tmp_path / "a.pcap"))] == [
-        SYN, RST | ACK, SYN, RST | ACK,
-    ]  # fmt: skip
+        SYN,
+        RST | ACK,
+        SYN,
+        RST | ACK,
+    ]
     dropped = run(lambda sender, _data, _now: Change(drop=True) if sender == "server" else None)
     rows = tcp(write_tcp_capture(dropped.log, tmp_path / "b.pcap"))
     assert not [row for row in rows if row[0] == 502 and row[5]]

@@ -93,12 +93,22 @@ def test_frames_of_tcp_come_in_any_segments(server):
 @pytest.mark.requirement("MODB-036", "MODB-037")
 @pytest.mark.parametrize(
     ("header", "good"),
-    [("0001 0000 0006", True), ("0001 0001 0006", False), ("0001 0100 0006", False), ("0001 0000 0001", False),
-     ("0001 0000 0000", False), ("0001 0000 0002", True), ("0001 0000 00fe", True), ("0001 0000 00ff", False),
-     ("0001 0000 ffff", False)],
-)  # fmt: skip
+    [
+        ("0001 0000 0006", True),
+        ("0001 0001 0006", False),
+        ("0001 0100 0006", False),
+        ("0001 0000 0001", False),
+        ("0001 0000 0000", False),
+        ("0001 0000 0002", True),
+        ("0001 0000 00fe", True),
+        ("0001 0000 00ff", False),
+        ("0001 0000 ffff", False),
+    ],
+)
 def test_wrong_headers_break_the_connection(header, good):
-    """Protocol other than 0, length up to 1 or beyond 254: dropped, the frames before it are served, no wedge."""
+    """Protocol other than 0, length up to 1 or beyond 254: dropped, the frames before it are served, no
+    wedge.
+    """
     before = tcp_frame(9, 5, b"\x03")
     head = bytes.fromhex(header)
     splitter = TcpSplitter()
@@ -113,7 +123,9 @@ def test_wrong_headers_break_the_connection(header, good):
 
 @pytest.mark.requirement("MODB-036", "MODB-040")
 def test_units_over_tcp_are_mirrored(registers):
-    """A server with a unit answers that one, 0 and 255; one without answers all; unit and transaction are mirrored."""
+    """A server with a unit answers that one, 0 and 255; one without answers all; unit and transaction are
+    mirrored.
+    """
     pdu = READ.encode()
     face = TcpFace(ModbusServer(registers, unit=5))
     for unit in (0, 5, 255):
@@ -132,34 +144,46 @@ def test_units_over_tcp_are_mirrored(registers):
 requests = st.one_of(
     st.builds(
         lambda function, at, quantity: Request(function, address=at, quantity=quantity),
-        st.sampled_from((1, 2)), st.integers(0, 65535), st.integers(1, 2000),
+        st.sampled_from((1, 2)),
+        st.integers(0, 65535),
+        st.integers(1, 2000),
     ),
     st.builds(
         lambda function, at, quantity: Request(function, address=at, quantity=quantity),
-        st.sampled_from((3, 4)), st.integers(0, 65535), st.integers(1, 125),
+        st.sampled_from((3, 4)),
+        st.integers(0, 65535),
+        st.integers(1, 125),
     ),
     st.builds(lambda at, bit: Request(5, at, 1, (bit,)), st.integers(0, 65535), st.integers(0, 1)),
     st.builds(lambda at, word: Request(6, at, 1, (word,)), st.integers(0, 65535), st.integers(0, 65535)),
     st.builds(
         lambda at, bits: Request(15, at, len(bits), tuple(bits)),
-        st.integers(0, 65535), st.lists(st.integers(0, 1), min_size=1, max_size=1968),
+        st.integers(0, 65535),
+        st.lists(st.integers(0, 1), min_size=1, max_size=1968),
     ),
     st.builds(
         lambda at, words: Request(16, at, len(words), tuple(words)),
-        st.integers(0, 65535), st.lists(st.integers(0, 65535), min_size=1, max_size=123),
+        st.integers(0, 65535),
+        st.lists(st.integers(0, 65535), min_size=1, max_size=123),
     ),
     st.builds(
         lambda at, one, two: Request(22, at, 1, and_mask=one, or_mask=two),
-        st.integers(0, 65535), st.integers(0, 65535), st.integers(0, 65535),
+        st.integers(0, 65535),
+        st.integers(0, 65535),
+        st.integers(0, 65535),
     ),
     st.builds(
         lambda at, count, to, words: Request(23, at, count, tuple(words), to),
-        st.integers(0, 65535), st.integers(1, 125), st.integers(0, 65535),
+        st.integers(0, 65535),
+        st.integers(1, 125),
+        st.integers(0, 65535),
         st.lists(st.integers(0, 65535), min_size=1, max_size=121),
     ),
     st.builds(lambda word: Request(8, code=0, data=word.to_bytes(2, "big")), st.integers(0, 65535)),
-    st.builds(lambda code, first: Request(43, code=code, object_id=first), st.integers(1, 4), st.integers(0, 255)),
-)  # fmt: skip
+    st.builds(
+        lambda code, first: Request(43, code=code, object_id=first), st.integers(1, 4), st.integers(0, 255)
+    ),
+)
 
 
 @pytest.mark.requirement("MODB-012", "MODB-013", "MODB-017", "MODB-018", "MODB-020")
@@ -200,7 +224,9 @@ def test_any_bytes_as_a_response_are_judged(request_, data):
 @example(b"\x03\x00\x0a\x00\x01")
 @given(st.one_of(st.binary(max_size=300), requests.map(lambda one: one.encode())))
 def test_any_bytes_at_the_server(data):
-    """Every PDU gets a response of its own function with at most 253 bytes, or an exception; then reading works."""
+    """Every PDU gets a response of its own function with at most 253 bytes, or an exception; then reading
+    works.
+    """
     server = ModbusServer(new_map(), identification=IDENTIFICATION)
     answer = server.respond(data, serial=True)
     if answer is None:

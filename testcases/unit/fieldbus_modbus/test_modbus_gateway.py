@@ -42,9 +42,12 @@ class Plant:
 
     def client(self, outstanding=16):
         return TcpClient(
-            self.scheduler, lambda handler: self.link.connect("client", handler), outstanding=outstanding, retries=0,
+            self.scheduler,
+            lambda handler: self.link.connect("client", handler),
+            outstanding=outstanding,
+            retries=0,
             timeout_ns=20 * S,
-        )  # fmt: skip
+        )
 
     def ask(self, request, unit):
         job = self.client().submit(request, unit)
@@ -57,7 +60,9 @@ class Plant:
 
 @pytest.mark.requirement("MODB-039", "MODB-040")
 def test_each_unit_is_reached_from_several_connections():
-    """Requests of two connections to two units come back to whom they belong, one after the other on the line."""
+    """Requests of two connections to two units come back to whom they belong, one after the other on the
+    line.
+    """
     plant = Plant()
     clients = [plant.client(), plant.client()]
     jobs = [
@@ -78,7 +83,9 @@ def test_each_unit_is_reached_from_several_connections():
 
 @pytest.mark.requirement("MODB-022", "MODB-023", "MODB-030", "MODB-031")
 def test_what_the_gateway_and_what_the_units_refuse():
-    """0B for a unit that does not answer, 0A for one that there cannot be and for a line that is away; the units' own codes."""
+    """0B for a unit that does not answer, 0A for one that there cannot be and for a line that is away; the
+    units' own codes.
+    """
     plant = Plant()
     assert plant.ask(Request(3, 0, 1), 9) == "exception 11"
     assert plant.ask(Request(3, 0, 1), 248) == "exception 10"
@@ -107,7 +114,9 @@ def test_more_requests_than_it_keeps():
 
 @pytest.mark.requirement("MODB-007", "MODB-024", "MODB-035", "MODB-037")
 def test_broadcasts_nonsense_and_connections_that_end():
-    """A broadcast reaches all in silence; no requests are 01 and 03; a wrong header ends the connection; nobody misses an end."""
+    """A broadcast reaches all in silence; no requests are 01 and 03; a wrong header ends the connection;
+    nobody misses an end.
+    """
     plant = Plant()
     assert plant.ask(Request(16, 5, 1, (77,)), 0) is None
     assert [registers.get(Area.HOLDING_REGISTERS, 5) for registers in plant.units.values()] == [77, 77]

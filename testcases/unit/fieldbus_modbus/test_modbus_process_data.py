@@ -26,7 +26,9 @@ def test_a_sinamics_has_its_telegram_at_40100_and_40110():
 
 
 def test_a_festo_drive_takes_and_gives_in_one_request():
-    """Function 23: outputs at 0, inputs at 100, the low word of NSOLL_B and XIST first, as in the time-out at 400."""
+    """Function 23: outputs at 0, inputs at 100, the low word of NSOLL_B and XIST first, as in the time-out at
+    400.
+    """
     found = of("festo")
     assert found.combined
     assert found.exchange(FRAME) == Request(23, 100, 9, (0x0102, 0x0506, 0x0304, 0x0708, 0x090A), 0)
@@ -37,7 +39,7 @@ def test_a_festo_drive_takes_and_gives_in_one_request():
 @pytest.mark.parametrize(("number", "words", "hook"), [(106, 11, "setpoints"), (4, 14, "actual_values")])
 def test_a_telegram_that_does_not_fit_is_refused(number, words, hook):
     """The message has the telegram, its words, and what the map has."""
-    message = f"telegram {number}: '{words} words of {hook}' is not allowed; allowed: at most 10 in the map SINAMICS"
+    message = f"telegram {number}: '{words} words of {hook}' is not allowed; allowed: at most 10 in the map SINAMICS"  # noqa: E501
     with pytest.raises(ConfigurationError, match=message):
         of("sinamics_g120", number)
 

@@ -1,4 +1,6 @@
-"""The server on real sockets and on a pseudo-terminal, with pymodbus as the client; our client over real sockets."""
+"""The server on real sockets and on a pseudo-terminal, with pymodbus as the client; our client over real
+sockets.
+"""
 
 import socket
 import struct
@@ -123,7 +125,9 @@ def test_pieces_and_wrong_headers_on_a_socket(device):
 
 
 def test_a_reset_and_a_peer_that_never_reads(device):
-    """A connection that is reset, and one that sends requests but takes no responses, end; the server goes on."""
+    """A connection that is reset, and one that sends requests but takes no responses, end; the server goes
+    on.
+    """
     with connect(device) as gone:
         gone.sendall(READ)
         gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
@@ -162,7 +166,9 @@ def test_the_server_is_for_this_machine_only(device):
 
 @pytest.mark.requirement("MODB-039")
 def test_our_client_over_real_sockets():
-    """The client that runs on the virtual link runs on sockets: requests, several under way, a refused connection."""
+    """The client that runs on the virtual link runs on sockets: requests, several under way, a refused
+    connection.
+    """
     scheduler = RealtimeScheduler()
     network = SocketNetwork(scheduler)
     try:

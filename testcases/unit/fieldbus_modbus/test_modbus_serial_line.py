@@ -1,4 +1,6 @@
-"""The serial line in simulated time: character times, pauses, collisions, parity, and master and stations on it."""
+"""The serial line in simulated time: character times, pauses, collisions, parity, and master and stations on
+it.
+"""
 
 import pytest
 
@@ -66,8 +68,14 @@ def rig():
 @pytest.mark.requirement("MODB-001")
 @pytest.mark.parametrize(
     ("parity", "stop", "bits"),
-    [(Parity.EVEN, None, 11), (Parity.ODD, None, 11), (Parity.NONE, None, 11), (Parity.NONE, 1, 10), (Parity.EVEN, 2, 12)],
-)  # fmt: skip
+    [
+        (Parity.EVEN, None, 11),
+        (Parity.ODD, None, 11),
+        (Parity.NONE, None, 11),
+        (Parity.NONE, 1, 10),
+        (Parity.EVEN, 2, 12),
+    ],
+)
 def test_characters(parity, stop, bits):
     """11 bits with parity or two stop bits, 10 with 8N1."""
     assert SerialFormat(parity=parity, stop_bits=stop).bits == bits
@@ -76,9 +84,14 @@ def test_characters(parity, stop, bits):
 @pytest.mark.requirement("MODB-002", "MODB-003")
 @pytest.mark.parametrize(
     ("baud", "char", "t35", "t15"),
-    [(4800, 2.292, 8.021, 3.438), (9600, 1.146, 4.010, 1.719), (19200, 0.573, 2.005, 0.859), (38400, None, 1.75, 0.75),
-     (115200, None, 1.75, 0.75)],
-)  # fmt: skip
+    [
+        (4800, 2.292, 8.021, 3.438),
+        (9600, 1.146, 4.010, 1.719),
+        (19200, 0.573, 2.005, 0.859),
+        (38400, None, 1.75, 0.75),
+        (115200, None, 1.75, 0.75),
+    ],
+)
 def test_pauses_of_the_rates(baud, char, t35, t15):
     """The table of the specification, in milliseconds."""
     rate = SerialFormat(baud)
@@ -108,11 +121,21 @@ def test_times_of_an_exchange(rig):
 @pytest.mark.parametrize("at", range(1, 8))
 @pytest.mark.parametrize(
     ("characters", "lenient", "answered"),
-    [(1.4, False, True), (1.6, False, False), (3.4, False, False), (3.6, False, False), (1.4, True, True), (1.6, True, True),
-     (3.4, True, True), (3.6, True, False)],
-)  # fmt: skip
+    [
+        (1.4, False, True),
+        (1.6, False, False),
+        (3.4, False, False),
+        (3.6, False, False),
+        (1.4, True, True),
+        (1.6, True, True),
+        (3.4, True, True),
+        (3.6, True, False),
+    ],
+)
 def test_pauses_within_a_frame(characters, lenient, answered, at):
-    """Up to t1.5 a pause at any byte is accepted, beyond it the frame is discarded or accepted as configured; t3.5 cuts."""
+    """Up to t1.5 a pause at any byte is accepted, beyond it the frame is discarded or accepted as configured;
+    t3.5 cuts.
+    """
     rig = Rig(lenient=lenient)
     port = rig.port()
     port.send(rtu_frame(5, READ.encode()), {at: rig.line.format.duration_ns(characters)})
@@ -167,7 +190,9 @@ def test_wrong_parity_is_not_answered(rig):
 @pytest.mark.requirement("MODB-010")
 @pytest.mark.parametrize("offset", [0.0, 0.5, 3.2, 7.9])
 def test_collisions_corrupt_both(rig, offset):
-    """Two talkers at the same time: neither frame is understood, the log says so; then the line works again."""
+    """Two talkers at the same time: neither frame is understood, the log says so; then the line works
+    again.
+    """
     one, two = rig.port(), rig.line.attach("second", Listener())
     frame = rtu_frame(5, READ.encode())
     one.send(frame)
@@ -221,7 +246,7 @@ def test_a_station_that_leaves_while_it_listens_comes_back(rig):
     assert len(rig.listener.heard) == 1
 
 
-# -------------------------------------------------------------------------------------------------- the master
+# ------------------------------------------------------------------------------------------------- the master
 
 
 @pytest.mark.requirement("MODB-009", "MODB-010")
@@ -258,7 +283,9 @@ def test_a_broadcast_has_its_pause(rig):
 
 @pytest.mark.requirement("MODB-009", "MODB-008")
 def test_silence_ends_with_a_time_out_and_retries(rig):
-    """An absent unit is asked as often as configured, then the result is a time-out; the next request is served."""
+    """An absent unit is asked as often as configured, then the result is a time-out; the next request is
+    served.
+    """
     master = rig.master(timeout_ns=50 * MS, retries=2)
     result = rig.ask(master, READ, unit=9)
     assert (result.outcome, result.tries) == (Outcome.TIMEOUT, 3)

@@ -114,7 +114,9 @@ def test_unknown_addresses_are_refused(server, function, make):
 
 @pytest.mark.requirement("MODB-022", "MODB-032")
 def test_unknown_functions_are_refused(server):
-    """Every other function code is exception 01, whatever comes behind it; also those with the exception bit."""
+    """Every other function code is exception 01, whatever comes behind it; also those with the exception
+    bit.
+    """
     for function in range(256):
         if function not in Function._value2member_map_:
             assert server.respond(bytes((function, 1, 2, 3))) == refused(function, 1)
@@ -124,7 +126,9 @@ def test_unknown_functions_are_refused(server):
 
 @pytest.mark.requirement("MODB-032")
 def test_the_order_of_the_checks(server, registers):
-    """Function before quantity before address before execution: with everything wrong, the first one is told."""
+    """Function before quantity before address before execution: with everything wrong, the first one is
+    told.
+    """
     registers.add(Area.HOLDING_REGISTERS, Block(5000, 1, writable=False))
     few = ModbusServer(registers, functions=(16,))
     assert few.respond(pdu(3, 60000, 0)) == refused(3, 1)
@@ -145,11 +149,35 @@ def test_a_coil_is_on_or_off(server, registers, value):
 @pytest.mark.requirement("MODB-024")
 @pytest.mark.parametrize(
     "text",
-    ["03", "0300", "03000a00", "03000a000100", "06000a00", "06000a000100", "05000aff0000", "16000a00000000ff",
-     "16000a0000", "0f000a000901ff", "0f000a000802ffff", "0f000a000801", "10000a00020400010002ff", "10000a000203000100",
-     "10000a0002040001", "10000a0002", "17000a0001000a00010300010000", "17000a0001000a00010200", "17000a0001", "0800",
-     "080001", "0800010000ff", "2b0e01", "2b0e010000", "2b0e0500", "2b0e0000"],
-)  # fmt: skip
+    [
+        "03",
+        "0300",
+        "03000a00",
+        "03000a000100",
+        "06000a00",
+        "06000a000100",
+        "05000aff0000",
+        "16000a00000000ff",
+        "16000a0000",
+        "0f000a000901ff",
+        "0f000a000802ffff",
+        "0f000a000801",
+        "10000a00020400010002ff",
+        "10000a000203000100",
+        "10000a0002040001",
+        "10000a0002",
+        "17000a0001000a00010300010000",
+        "17000a0001000a00010200",
+        "17000a0001",
+        "0800",
+        "080001",
+        "0800010000ff",
+        "2b0e01",
+        "2b0e010000",
+        "2b0e0500",
+        "2b0e0000",
+    ],
+)
 def test_wrong_lengths_and_byte_counts_are_refused(server, text):
     """A request that is too short, too long, or whose byte count does not fit is exception 03."""
     data = bytes.fromhex(text)
@@ -189,7 +217,7 @@ def test_writing_comes_before_reading(server, registers):
     assert registers.get(Area.HOLDING_REGISTERS, 14) == 0x63
 
 
-# --------------------------------------------------------------------------------------------------- function 08
+# ------------------------------------------------------------------------------------------------ function 08
 
 
 def diagnose(server, code, data=0):
@@ -241,7 +269,7 @@ def test_listen_only_ends_with_a_restart(server, registers):
     assert server.restarts == 2
 
 
-# ------------------------------------------------------------------------------------------------ function 43/14
+# --------------------------------------------------------------------------------------------- function 43/14
 
 
 @pytest.mark.requirement("MODB-021")
@@ -271,7 +299,7 @@ def test_identification_that_does_not_fit_goes_on(registers):
     assert second[4:7] == bytes((0, 0, 2))
 
 
-# ----------------------------------------------------------------------------------------------- broadcast, map
+# --------------------------------------------------------------------------------------------- broadcast, map
 
 
 @pytest.mark.requirement("MODB-035")
@@ -301,7 +329,9 @@ def test_broadcasts_are_carried_out_in_silence(server, registers):
 
 @pytest.mark.requirement("MODB-025", "PD-337")
 def test_read_only_and_limits_are_refused_as_configured(registers):
-    """Writing what is read-only or out of its limits is exception 04, or the one configured; nothing is stored."""
+    """Writing what is read-only or out of its limits is exception 04, or the one configured; nothing is
+    stored.
+    """
     for code in (ExceptionCode.SERVER_DEVICE_FAILURE, ExceptionCode.ILLEGAL_DATA_ADDRESS):
         limited = RegisterMap(refused=code)
         limited.add(Area.HOLDING_REGISTERS, Block(0, 1, writable=False))
@@ -329,7 +359,9 @@ def test_partial_writes_keep_what_is_valid():
 
 @pytest.mark.requirement("MODB-025", "MODB-027")
 def test_hooks_supply_and_refuse():
-    """A read hook gives the values, a write hook sees them before they are stored, either may refuse with a code."""
+    """A read hook gives the values, a write hook sees them before they are stored, either may refuse with a
+    code.
+    """
     seen = []
 
     def read(offset, count):
@@ -365,17 +397,30 @@ def test_word_order_of_long_values():
 
 
 def test_bad_configuration_says_what_is_allowed(registers):
-    """Overlapping blocks, addresses, limits, units, functions and identifications that cannot be are refused."""
+    """Overlapping blocks, addresses, limits, units, functions and identifications that cannot be are
+    refused.
+    """
     with pytest.raises(ConfigurationError, match="leaves free"):
         registers.add(Area.COILS, Block(LAST, 2))
     with pytest.raises(ConfigurationError, match="leaves free"):
         registers.add(Area.COILS, Block(START - 1, 2))
-    for options in ({"start": 65536, "count": 1}, {"start": 65535, "count": 2}, {"start": 0, "count": 0},
-                    {"start": 0, "count": 1, "minimum": -1, "maximum": 40000}):  # fmt: skip
+    for options in (
+        {"start": 65536, "count": 1},
+        {"start": 65535, "count": 2},
+        {"start": 0, "count": 0},
+        {"start": 0, "count": 1, "minimum": -1, "maximum": 40000},
+    ):
         with pytest.raises(ConfigurationError):
             Block(**options)
-    for options in ({"unit": 0}, {"unit": 248}, {"functions": (7,)}, {"limits": {16: 124}}, {"limits": {99: 1}},
-                    {"identification": {0: b"a"}}, {"identification": {0: b"", 1: b"", 2: b"", 0x40: b""}}):  # fmt: skip
+    for options in (
+        {"unit": 0},
+        {"unit": 248},
+        {"functions": (7,)},
+        {"limits": {16: 124}},
+        {"limits": {99: 1}},
+        {"identification": {0: b"a"}},
+        {"identification": {0: b"", 1: b"", 2: b"", 0x40: b""}},
+    ):
         with pytest.raises(ConfigurationError):
             ModbusServer(registers, **options)
     assert ModbusServer(registers, limits={16: 122}).respond(

@@ -73,7 +73,9 @@ def rig():
 @pytest.mark.requirement("MODB-038", "MODB-044")
 @pytest.mark.parametrize("size", [1, 3, 7, 1460])
 def test_segments_do_not_matter(size):
-    """Two frames in one segment, one in three, every byte for itself: two responses in order, with their numbers."""
+    """Two frames in one segment, one in three, every byte for itself: two responses in order, with their
+    numbers.
+    """
     rig = Rig(segment_size=size)
     peer = rig.peer()
     peer.end.send(tcp_frame(1, 1, READ.encode()) + tcp_frame(2, 1, READ.encode()))
@@ -181,7 +183,9 @@ def test_numbers_come_again_late():
     ids=["number", "unit", "function", "content", "protocol", "length 256", "length 1", "half a frame"],
 )
 def test_wrong_responses(rig, change, outcome):
-    """A wrong number, unit, function, content, header or a part: the result says so, and a retry is served."""
+    """A wrong number, unit, function, content, header or a part: the result says so, and a retry is
+    served.
+    """
     client = rig.client(timeout_ns=500 * MS, retries=0)
     rig.link.add_hook(
         lambda name, data, now: Change(data=change(data)) if name == "server" and now < S else None
@@ -238,7 +242,9 @@ def test_order_survives_a_cut(rig):
 
 
 def test_no_server_is_an_outcome(rig):
-    """Without a server, and behind a cut cable, a request is lost after its tries; later the server is there."""
+    """Without a server, and behind a cut cable, a request is lost after its tries; later the server is
+    there.
+    """
     client = rig.client(retries=2, timeout_ns=500 * MS)
     rig.link.listen(None)
     result = rig.ask(client, READ)

@@ -13,8 +13,9 @@ from fieldbus.profidrive import from_n2, from_n4, to_kpc, to_n2, to_n4, torque_f
 
 @pytest.mark.requirement("PD-033", "PTO-040", "PTO-042", "PTO-043", "CFG-245")
 @pytest.mark.parametrize(
-    ("fraction", "word"), [(1.0, 0x4000), (-1.0, -0x4000), (0.0, 0), (0.5, 0x2000), (-2.0, -0x8000), (0x7FFF / 0x4000, 0x7FFF)]
-)  # fmt: skip
+    ("fraction", "word"),
+    [(1.0, 0x4000), (-1.0, -0x4000), (0.0, 0), (0.5, 0x2000), (-2.0, -0x8000), (0x7FFF / 0x4000, 0x7FFF)],
+)
 def test_n2(fraction, word):
     """4000h is 100 %; the ends are -200 % and just below +200 %."""
     assert to_n2(fraction) == word

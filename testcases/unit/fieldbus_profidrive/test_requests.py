@@ -39,9 +39,12 @@ def test_worked_example_of_reading():
 def test_worked_example_of_writing():
     """A write answers with the header alone; bytes are filled up to an even length."""
     request = Request(
-        0x80, RequestId.WRITE, 1, (Address(1121, 0, 1), Address(922, 0, 1)),
+        0x80,
+        RequestId.WRITE,
+        1,
+        (Address(1121, 0, 1), Address(922, 0, 1)),
         (Values(TypeCode.FLOAT32, (1.5,)), Values(TypeCode.UNSIGNED8, (3,))),
-    )  # fmt: skip
+    )
     data = request.encode()
     assert data.hex(" ", 2) == "8002 0102 1001 0461 0000 1001 039a 0000 0801 3fc0 0000 0501 0300"
     assert decode_request(data) == request
@@ -85,13 +88,20 @@ def test_a_mixed_answer():
 
 
 CODES = {
-    TypeCode.INTEGER8: st.integers(-128, 127), TypeCode.INTEGER16: st.integers(-(1 << 15), (1 << 15) - 1),
-    TypeCode.INTEGER32: st.integers(-(1 << 31), (1 << 31) - 1), TypeCode.UNSIGNED8: st.integers(0, 255),
-    TypeCode.UNSIGNED16: st.integers(0, 65535), TypeCode.UNSIGNED32: st.integers(0, (1 << 32) - 1),
-    TypeCode.FLOAT32: st.floats(width=32, allow_nan=False), TypeCode.N2: st.integers(-(1 << 15), (1 << 15) - 1),
-    TypeCode.N4: st.integers(-(1 << 31), (1 << 31) - 1), Format.WORD: st.integers(0, 65535), Format.BYTE: st.integers(0, 255),
-    Format.DOUBLE_WORD: st.integers(0, (1 << 32) - 1), TypeCode.UNSIGNED64: st.integers(0, (1 << 64) - 1),
-}  # fmt: skip
+    TypeCode.INTEGER8: st.integers(-128, 127),
+    TypeCode.INTEGER16: st.integers(-(1 << 15), (1 << 15) - 1),
+    TypeCode.INTEGER32: st.integers(-(1 << 31), (1 << 31) - 1),
+    TypeCode.UNSIGNED8: st.integers(0, 255),
+    TypeCode.UNSIGNED16: st.integers(0, 65535),
+    TypeCode.UNSIGNED32: st.integers(0, (1 << 32) - 1),
+    TypeCode.FLOAT32: st.floats(width=32, allow_nan=False),
+    TypeCode.N2: st.integers(-(1 << 15), (1 << 15) - 1),
+    TypeCode.N4: st.integers(-(1 << 31), (1 << 31) - 1),
+    Format.WORD: st.integers(0, 65535),
+    Format.BYTE: st.integers(0, 255),
+    Format.DOUBLE_WORD: st.integers(0, (1 << 32) - 1),
+    TypeCode.UNSIGNED64: st.integers(0, (1 << 64) - 1),
+}
 
 
 @st.composite
@@ -102,9 +112,12 @@ def blocks(draw):
 
 @pytest.mark.requirement("PD-044", "PD-199", "PD-200", "PD-201", "PD-204")
 @given(
-    reference=st.integers(1, 255), drive_object=st.integers(0, 255), content=st.lists(blocks(), min_size=1, max_size=3),
-    number=st.integers(0, 65535), sub_index=st.integers(0, 65535),
-)  # fmt: skip
+    reference=st.integers(1, 255),
+    drive_object=st.integers(0, 255),
+    content=st.lists(blocks(), min_size=1, max_size=3),
+    number=st.integers(0, 65535),
+    sub_index=st.integers(0, 65535),
+)
 def test_what_is_encoded_is_decoded(reference, drive_object, content, number, sub_index):
     """Requests and answers of every format come back as they were."""
     addresses = tuple(Address(number, sub_index, len(entry.values)) for entry in content)
@@ -127,7 +140,9 @@ def outcome(decode, data):
 @pytest.mark.requirement("PD-208")
 @given(st.binary(max_size=80))
 def test_any_bytes(data):
-    """Any bytes are a request that encodes to the same bytes (but for filling), or are refused with an error number."""
+    """Any bytes are a request that encodes to the same bytes (but for filling), or are refused with an error
+    number.
+    """
     refused, request = outcome(decode_request, data)
     assert refused in (0x17, 0x18) or len(request.addresses) == data[3]
     refused, answer = outcome(decode_answer, data)

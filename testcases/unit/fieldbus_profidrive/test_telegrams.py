@@ -55,8 +55,18 @@ WORDS = {
     ),
     111: (
         [("STW1", W), ("POS_STW1", W), ("POS_STW2", W), ("STW2", W), ("OVERRIDE", W), *MDI, ("FREE", W)],
-        [("ZSW1", W), ("POS_ZSW1", W), ("POS_ZSW2", W), ("ZSW2", W), ("MELDW", W), ("XIST_A", D), ("NIST_B", D),
-         ("FAULT_CODE", W), ("WARN_CODE", W), ("FREE", W)],
+        [
+            ("ZSW1", W),
+            ("POS_ZSW1", W),
+            ("POS_ZSW2", W),
+            ("ZSW2", W),
+            ("MELDW", W),
+            ("XIST_A", D),
+            ("NIST_B", D),
+            ("FAULT_CODE", W),
+            ("WARN_CODE", W),
+            ("FREE", W),
+        ],
     ),
     81: ([("STW2_ENC", W), ("G1_STW", W)], [("ZSW2_ENC", W), *ENCODER_1]),
     82: ([("STW2_ENC", W), ("G1_STW", W)], [("ZSW2_ENC", W), *ENCODER_1, ("NIST_A", W)]),
@@ -64,21 +74,54 @@ WORDS = {
     390: ([("CU_STW1", W), ("A_DIGITAL", W)], [("CU_ZSW1", W), ("E_DIGITAL", W)]),
     391: (
         [("CU_STW1", W), ("A_DIGITAL", W), ("MT_STW", W)],
-        [("CU_ZSW1", W), ("E_DIGITAL", W), ("MT_ZSW", W), ("MT1_ZS_F", W), ("MT1_ZS_S", W), ("MT2_ZS_F", W), ("MT2_ZS_S", W)],
+        [
+            ("CU_ZSW1", W),
+            ("E_DIGITAL", W),
+            ("MT_ZSW", W),
+            ("MT1_ZS_F", W),
+            ("MT1_ZS_S", W),
+            ("MT2_ZS_F", W),
+            ("MT2_ZS_S", W),
+        ],
     ),
     394: (
         [("CU_STW1", W), ("A_DIGITAL", W), ("A_DIGITAL_1", W)],
         [("CU_ZSW1", W), ("E_DIGITAL", W), ("E_DIGITAL_1", W)],
     ),
     750: ([("M_ADD1", W), ("M_LIMIT_POS", W), ("M_LIMIT_NEG", W)], [("M_ACT", W)]),
-}  # fmt: skip
+}
 
 COUNTS = {
-    1: (2, 2), 2: (4, 4), 3: (5, 9), 4: (6, 14), 5: (9, 9), 6: (10, 14), 7: (2, 2), 9: (10, 5), 20: (2, 6), 81: (2, 6),
-    82: (2, 7), 83: (2, 8), 84: (2, 10), 102: (6, 10), 103: (7, 15), 105: (10, 10), 106: (11, 15), 110: (12, 7),
-    111: (12, 12), 112: (17, 12), 390: (2, 2), 391: (3, 7), 392: (3, 15), 393: (4, 21), 394: (3, 3), 395: (4, 25),
-    700: (0, 3), 701: (2, 5), 750: (3, 1),
-}  # fmt: skip
+    1: (2, 2),
+    2: (4, 4),
+    3: (5, 9),
+    4: (6, 14),
+    5: (9, 9),
+    6: (10, 14),
+    7: (2, 2),
+    9: (10, 5),
+    20: (2, 6),
+    81: (2, 6),
+    82: (2, 7),
+    83: (2, 8),
+    84: (2, 10),
+    102: (6, 10),
+    103: (7, 15),
+    105: (10, 10),
+    106: (11, 15),
+    110: (12, 7),
+    111: (12, 12),
+    112: (17, 12),
+    390: (2, 2),
+    391: (3, 7),
+    392: (3, 15),
+    393: (4, 21),
+    394: (3, 3),
+    395: (4, 25),
+    700: (0, 3),
+    701: (2, 5),
+    750: (3, 1),
+}
 """Words out and in as the tables state them."""
 
 
@@ -105,9 +148,29 @@ def test_every_telegram_is_in_the_tables():
     assert set(NUMBERS) == set(COUNTS)
 
 
-@pytest.mark.requirement("CFG-204", "CFG-205", "CFG-206", "CFG-207", "CFG-208", "CFG-209", "CFG-210", "CFG-211", "CFG-212",
-                         "CFG-213", "CFG-214", "CFG-218", "CFG-219", "PTO-030", "PTO-031", "PTO-032", "PTO-033", "PTO-034",
-                         "PTO-035", "PTO-036", "PD-348")  # fmt: skip
+@pytest.mark.requirement(
+    "CFG-204",
+    "CFG-205",
+    "CFG-206",
+    "CFG-207",
+    "CFG-208",
+    "CFG-209",
+    "CFG-210",
+    "CFG-211",
+    "CFG-212",
+    "CFG-213",
+    "CFG-214",
+    "CFG-218",
+    "CFG-219",
+    "PTO-030",
+    "PTO-031",
+    "PTO-032",
+    "PTO-033",
+    "PTO-034",
+    "PTO-035",
+    "PTO-036",
+    "PD-348",
+)
 @pytest.mark.parametrize("number", WORDS)
 @given(data=st.data())
 def test_every_word_stands_where_the_table_says(number, data):
@@ -135,7 +198,9 @@ def test_every_word_stands_where_the_table_says(number, data):
 @pytest.mark.requirement("PD-030")
 @given(number=st.sampled_from(NUMBERS), data=st.binary(max_size=60))
 def test_a_frame_of_another_length_is_refused(number, data):
-    """A frame is decoded if and only if it has the length of the telegram; a trace shows it in either case."""
+    """A frame is decoded if and only if it has the length of the telegram; a trace shows it in either
+    case.
+    """
     layout = telegram(number).actual
     if len(data) == layout.length:
         layout.decode(data)

@@ -1,4 +1,6 @@
-"""Benches on which every kind of fault of the catalogue can be seen, and what has to go on there for it to be seen."""
+"""Benches on which every kind of fault of the catalogue can be seen, and what has to go on there for it to be
+seen.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +80,8 @@ class Situation:
     before: str = "moving"
     """`moving`, `standing` (enabled), `disabled`, `violated` (a safety limit)."""
     meanwhile: str = ""
-    """What is done while the fault acts: disable, enable, push, press, crowd; or SDO requests, hexadecimal."""
+    """What is done while the fault acts: disable, enable, push, press, crowd; or SDO requests, hexadecimal.
+    """
     acts_s: float = 0.15
     """How long it acts."""
     velocity: float = 100.0
@@ -86,9 +89,13 @@ class Situation:
 
 
 DEFAULTS = {
-    "safety.": "profidrive", "telegram.": "profidrive", "modbus.": "tcp", "io.": "analog", "terminal.": "analog",
+    "safety.": "profidrive",
+    "telegram.": "profidrive",
+    "modbus.": "tcp",
+    "io.": "analog",
+    "terminal.": "analog",
     "pto.": "stepper",
-}  # fmt: skip
+}
 SITUATIONS = {
     "can.transmit_overrun": Situation(meanwhile="crowd"),
     "drive.brake_slip": Situation("hanging", "disabled"),
@@ -179,7 +186,9 @@ class Stage:
             port.send(CanFrame(0x710 + number))
 
     def recover(self) -> str:
-        """Do what an operator does when the cause is gone, and move by 5 mm; returns what goes wrong then, or nothing."""
+        """Do what an operator does when the cause is gone, and move by 5 mm; returns what goes wrong then, or
+        nothing.
+        """
         bench, axis = self.bench, self.axis
         drive = bench.drive()
         if self.situation.meanwhile == "press":

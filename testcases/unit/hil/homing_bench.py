@@ -1,4 +1,6 @@
-"""A bench for homing: cam, zero marks and switches at given places, and what an active homing made of them."""
+"""A bench for homing: cam, zero marks and switches at given places, and what an active homing made of
+them.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ def toml(value):
 def homing_bench(
     name="profidrive", *, variables=None, drive=None, switches=None, mechanics=None, axis=None, tables=""
 ):
-    """Return an embedded bench with other values; the cam lies from 100 to 120 mm, zero marks at 3 mm and every 10 mm."""
+    """Return an embedded bench with other values; the cam lies from 100 to 120 mm, zero marks at 3 mm and
+    every 10 mm.
+    """
     text = read(name)[1]
     head, _, rest = text.partition("[drive.drive1.switches]")
     text = head + rest[rest.index("[axis.axis1]") :]

@@ -1,4 +1,6 @@
-"""An absolute encoder that has been moved beyond its measuring range, after its supply or that of the controller has been off."""
+"""An absolute encoder that has been moved beyond its measuring range, after its supply or that of the
+controller has been off.
+"""
 
 from __future__ import annotations
 

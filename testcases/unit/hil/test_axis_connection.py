@@ -1,4 +1,6 @@
-"""How drives and encoders are connected to an axis: kinds of drives, with and without the clock of the bus, directions."""
+"""How drives and encoders are connected to an axis: kinds of drives, with and without the clock of the bus,
+directions.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ def test_kind_of_drive(name, kind):
 @pytest.mark.requirement("CFG-182", "CFG-192", "CFG-286")
 @pytest.mark.parametrize("isochronous", [True, False])
 def test_with_and_without_the_clock_of_the_bus(isochronous):
-    """Without sign of life, cyclically, the axis works too; its actual value is that of the encoder at the drive."""
+    """Without sign of life, cyclically, the axis works too; its actual value is that of the encoder at the
+    drive.
+    """
     with bench(profidrive={"sign_of_life": isochronous}) as machine:
         axis = enabled(machine)
         start = axis.var("ActualPosition"), machine.drive().mechanics.position
@@ -61,7 +65,9 @@ def test_with_and_without_the_clock_of_the_bus(isochronous):
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("inverse", [False, True])
 def test_direction_of_an_external_encoder(turned, inverse):
-    """While the axis moves in positive direction a G1_XIST1 that falls asks for the inversion, one that rises does not."""
+    """While the axis moves in positive direction a G1_XIST1 that falls asks for the inversion, one that rises
+    does not.
+    """
     text = WHEEL.format(reversed=str(turned).lower(), inverse=str(inverse).lower())
     with Bench(parse(read("reference")[1] + text, "bench.toml"), seed=1) as machine:
         axis = machine.axis()

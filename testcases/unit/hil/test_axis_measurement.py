@@ -9,7 +9,9 @@ from hil._commands._axis_measurement import AXES, STATES, RunningAxes, axis_cycl
 
 @pytest.mark.parametrize("state", STATES)
 def test_axes_are_in_the_state(state):
-    """Enabled, homed, and at a standstill, at constant velocity, or travelling to and fro between two positions."""
+    """Enabled, homed, and at a standstill, at constant velocity, or travelling to and fro between two
+    positions.
+    """
     running = RunningAxes(state, 2)
     places = []
     for _ in range(200):
@@ -31,6 +33,9 @@ def test_figures():
     """One figure for each state and one for several axes, in microseconds."""
     figures = axis_cycles(cycles=40, rounds=1)
     assert [figure.name for figure in figures] == [
-        "axis_cycle_standstill", "axis_cycle_velocity", "axis_cycle_positioning", f"axis_cycle_{AXES}axes_positioning",
-    ]  # fmt: skip
+        "axis_cycle_standstill",
+        "axis_cycle_velocity",
+        "axis_cycle_positioning",
+        f"axis_cycle_{AXES}axes_positioning",
+    ]
     assert all(0.5 < figure.value < 5000.0 and figure.unit == "us/axis" for figure in figures)

@@ -1,4 +1,6 @@
-"""Several encoders and a backlash between motor and load, on a bench: the scale measures the load behind the play."""
+"""Several encoders and a backlash between motor and load, on a bench: the scale measures the load behind the
+play.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +80,9 @@ def compensated(number):
 
 @pytest.mark.requirement("CFG-545", "CFG-558")
 def test_load_encoder_in_control():
-    """Position control drives the motor through the play: the load is right after a reversal, without any compensation."""
+    """Position control drives the motor through the play: the load is right after a reversal, without any
+    compensation.
+    """
     with machine('["scale"]', SCALE) as bench:
         axis = enabled(bench)
         move(bench, 10.0)
@@ -96,7 +100,9 @@ def test_load_encoder_in_control():
 
 @pytest.mark.requirement("CFG-546", "CFG-318")
 def test_each_encoder_for_itself():
-    """Two encoders on the motor, the compensation of one of them is active: the other one shows the motor as it is."""
+    """Two encoders on the motor, the compensation of one of them is active: the other one shows the motor as
+    it is.
+    """
     with machine('["drive1", "shaft"]', SHAFT, **compensated(1)) as bench:
         axis = enabled(bench)
         move(bench, 10.0)
@@ -121,7 +127,9 @@ class TestMotorAndScale:
 
     @pytest.mark.requirement("CFG-570")
     def test_motor_encoder_follows_the_scale(self, bench):
-        """While the scale is in control the position of the motor encoder is that of the load, in every cycle of a reversal."""
+        """While the scale is in control the position of the motor encoder is that of the load, in every cycle
+        of a reversal.
+        """
         axis = bench.axis()
         assert bench.run_until(axis.set_sensor(2, mode=1).done, 1.0)
         bench.run_for(0.5)
@@ -137,7 +145,9 @@ class TestMotorAndScale:
 
     @pytest.mark.requirement("CFG-571", "CFG-321", "CFG-573")
     def test_from_scale_to_motor(self, bench):
-        """Mode 0 back to the motor encoder: after the play has been passed once both agree, and the axis stays homed."""
+        """Mode 0 back to the motor encoder: after the play has been passed once both agree, and the axis
+        stays homed.
+        """
         axis = bench.axis()
         assert bench.run_until(axis.set_sensor(2, mode=0).done, 1.0)
         move(bench, 10.0)
@@ -150,7 +160,9 @@ class TestMotorAndScale:
 
     @pytest.mark.requirement("CFG-573")
     def test_from_motor_to_scale(self, bench):
-        """Mode 0 to the scale while the motor has only begun to pass the play: up to the size apart, and equal afterwards."""
+        """Mode 0 to the scale while the motor has only begun to pass the play: up to the size apart, and
+        equal afterwards.
+        """
         axis = bench.axis()
         move(bench, 10.0)
         job = axis.move_relative(-5.0, Velocity=1.0)
@@ -168,7 +180,8 @@ class TestMotorAndScale:
         assert shown(axis, 1) - shown(axis, 2) == pytest.approx(before, abs=0.02)
 
 
-# -- play of the machine -------------------------------------------------------------------------------------------------
+# -- play of the machine
+# -------------------------------------------------------------------------------------------------
 
 RIGID_SCALE = SCALE.replace(f"backlash_mm = {SIZE}\n", "")
 
@@ -222,7 +235,9 @@ def test_compensation_takes_the_play_of_the_machine_back():
 @pytest.mark.requirement("MON-038", "MON-040")
 @pytest.mark.parametrize(("play", "alarm"), [(0.2, 0), (6.0, 521)])
 def test_an_encoder_at_the_load_sees_play_grow(play, alarm):
-    """At a reversal the load stands until the motor has passed the play: a following error, which is beyond what is permitted if it is long."""
+    """At a reversal the load stands until the motor has passed the play: a following error, which is beyond
+    what is permitted if it is long.
+    """
     with machine(
         '["scale"]', RIGID_SCALE, **{"FollowingError.MinValue": 2.0, "FollowingError.MaxValue": 2.0}
     ) as bench:
@@ -240,7 +255,9 @@ def test_an_encoder_at_the_load_sees_play_grow(play, alarm):
 
 @pytest.mark.requirement("MON-018")
 def test_play_can_keep_a_position_from_being_reached():
-    """The motor hunts for a load in a wide play that comes to rest on no flank: the window is not reached in time, alarm 541."""
+    """The motor hunts for a load in a wide play that comes to rest on no flank: the window is not reached in
+    time, alarm 541.
+    """
     window = {
         "PositioningMonitoring.Window": 0.005,
         "PositioningMonitoring.ToleranceTime": 0.3,

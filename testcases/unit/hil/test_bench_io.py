@@ -1,4 +1,6 @@
-"""I/O stations, analog drives and stepper drives of a bench file: wiring, messages, faults, record, campaigns."""
+"""I/O stations, analog drives and stepper drives of a bench file: wiring, messages, faults, record,
+campaigns.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,8 @@ def travelling(bench, velocity=300.0):
     return axis, power
 
 
-# -- stop modes ------------------------------------------------------------------------------------------------------
+# -- stop modes
+# ------------------------------------------------------------------------------------------------------
 
 CASES = [
     pytest.param(
@@ -63,7 +66,9 @@ def files():
 @pytest.mark.requirement("STP-297", "STP-330", "STP-332", "STP-377", "STP-398")
 @pytest.mark.parametrize(("name", "case"), CASES)
 def test_stop_modes(name, case, files):
-    """Every stop from every phase passes on an analog drive and on a stepper motor, with all always-on checkers."""
+    """Every stop from every phase passes on an analog drive and on a stepper motor, with all always-on
+    checkers.
+    """
     result = execute_case(case, files[name], CaseSettings(seed=1)).result
     assert result.verdict is Verdict.PASSED, result.message
 
@@ -79,7 +84,8 @@ def test_same_seed_same_trace(name):
     assert len(digests) == 1
 
 
-# -- stations --------------------------------------------------------------------------------------------------------
+# -- stations
+# --------------------------------------------------------------------------------------------------------
 
 
 def test_a_station_is_part_of_the_bench():
@@ -108,7 +114,9 @@ def test_a_station_is_part_of_the_bench():
 
 
 def test_switches_of_any_drive_at_a_station():
-    """Switches and encoder of a CiA 402 drive can be wired to a station, and its axis may take the switches from there."""
+    """Switches and encoder of a CiA 402 drive can be wired to a station, and its axis may take the switches
+    from there.
+    """
     text = (
         read("reference")[1].replace('drive = "drive1"\n', 'drive = "drive1"\ninputs = "io"\n')
         + STATION_AT_A_SERVO
@@ -131,7 +139,9 @@ def test_switches_of_any_drive_at_a_station():
 
 @pytest.mark.requirement("TA-020", "DIA-024", "DIA-063", "VAR-083")
 def test_a_station_with_switches_fails():
-    """401 with reaction 4 and X13: an axis in operation cannot read its switches; a disabled one does not mind."""
+    """401 with reaction 4 and X13: an axis in operation cannot read its switches; a disabled one does not
+    mind.
+    """
     text = (
         read("reference")[1].replace('drive = "drive1"\n', 'drive = "drive1"\ninputs = "io"\n')
         + STATION_AT_A_SERVO
@@ -158,7 +168,9 @@ def test_a_station_with_switches_fails():
 
 
 def test_two_stations_on_a_serial_line():
-    """Stations share a line under different units; the exchange of a cycle takes as long as the line needs."""
+    """Stations share a line under different units; the exchange of a cycle takes as long as the line
+    needs.
+    """
     text = (
         ANALOG.replace('kind = "modbus_tcp"', 'kind = "modbus_rtu"\nbaud = 115200')
         .replace("cycle_ms = 4", "cycle_ms = 24")
@@ -177,7 +189,8 @@ def test_two_stations_on_a_serial_line():
         assert axis.var("ErrorDetail.Number") == 0
 
 
-# -- faults ----------------------------------------------------------------------------------------------------------
+# -- faults
+# ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -220,7 +233,9 @@ def test_faults_of_a_station_and_what_the_axis_says(kind, parameters, number):
     ],
 )
 def test_faults_that_an_axis_lives_with(kind, parameters):
-    """A small drift is controlled away, a stuck ready signal is not seen while the drive is ready; afterwards all is right."""
+    """A small drift is controlled away, a stuck ready signal is not seen while the drive is ready; afterwards
+    all is right.
+    """
     with load_bench("analog").build(seed=1) as bench:
         axis, _ = travelling(bench)
         Injector(bench).inject(kind, duration_s=0.3, **parameters)
@@ -264,7 +279,9 @@ def test_outputs_that_are_stuck():
     ],
 )
 def test_faults_of_a_pulse_module(kind, parameters, numbers):
-    """Each fault of the module raises its alarms; when it is over the axis can be acknowledged and works again."""
+    """Each fault of the module raises its alarms; when it is over the axis can be acknowledged and works
+    again.
+    """
     with load_bench("stepper").build(seed=1) as bench:
         axis, power = travelling(bench)
         faults = Injector(bench)
@@ -280,7 +297,9 @@ def test_faults_of_a_pulse_module(kind, parameters, numbers):
 @pytest.mark.requirement("PTO-280", "PTO-310")
 @pytest.mark.parametrize(("kind", "parameters"), [("pto.step_loss", {"periods": 10}), ("mechanics.jam", {})])
 def test_lost_steps_are_seen_in_the_record_only(kind, parameters):
-    """No alarm; the record has the increments that are lost, and the position of the load beside that of the axis."""
+    """No alarm; the record has the increments that are lost, and the position of the load beside that of the
+    axis.
+    """
     with load_bench("stepper").build(seed=1) as bench:
         axis, _ = travelling(bench, 100.0)
         Injector(bench).inject(kind, **parameters)
@@ -296,7 +315,9 @@ def test_lost_steps_are_seen_in_the_record_only(kind, parameters):
 
 
 def test_faults_where_there_is_nothing_to_break():
-    """A bench without stations, a drive without pulses, a channel that does not exist: refused with the reason."""
+    """A bench without stations, a drive without pulses, a channel that does not exist: refused with the
+    reason.
+    """
     with load_bench("reference").build(seed=1) as bench:
         faults = Injector(bench)
         with pytest.raises(UnsupportedFaultError, match="no I/O station"):
@@ -307,31 +328,69 @@ def test_faults_where_there_is_nothing_to_break():
         Injector(bench).inject("io.stuck", channel="output", number=1)
 
 
-# -- messages --------------------------------------------------------------------------------------------------------
+# -- messages
+# --------------------------------------------------------------------------------------------------------
 
 WRONG = [
-    (ANALOG.replace('segment = "net0"\ndigital', 'segment = "net1"\ndigital'), "'net1' is not a segment on Modbus; there are: net0"),
-    (ANALOG.replace('"drive1.home"]', '"drive1.door"]'), "station.io.digital_inputs[3]: 'drive1.door' is no terminal for it"),
+    (
+        ANALOG.replace('segment = "net0"\ndigital', 'segment = "net1"\ndigital'),
+        "'net1' is not a segment on Modbus; there are: net0",
+    ),
+    (
+        ANALOG.replace('"drive1.home"]', '"drive1.door"]'),
+        "station.io.digital_inputs[3]: 'drive1.door' is no terminal for it",
+    ),
     (ANALOG.replace('"drive1.home"]', '"drive2.home"]'), "'drive2' is not a drive; there are: drive1"),
-    (ANALOG.replace('"drive1.home"]', '"drive1.ready"]'), "'drive1.ready' is wired to station.io.digital_inputs[0] already"),
-    (ANALOG.replace('analog_outputs = ["drive1.setpoint"]', 'analog_outputs = [""]'), "its setpoint is wired to no station"),
-    (ANALOG.replace('counters = ["drive1.encoder"]', "counters = []"), "a positioning axis needs the encoder"),
-    (ANALOG.replace("off3_ramp_s = 0.5", "off3_ramp_s = 0.5\nnode_id = 5"), 'node_id: a drive with profile = "analog" has none'),
+    (
+        ANALOG.replace('"drive1.home"]', '"drive1.ready"]'),
+        "'drive1.ready' is wired to station.io.digital_inputs[0] already",
+    ),
+    (
+        ANALOG.replace('analog_outputs = ["drive1.setpoint"]', 'analog_outputs = [""]'),
+        "its setpoint is wired to no station",
+    ),
+    (
+        ANALOG.replace('counters = ["drive1.encoder"]', "counters = []"),
+        "a positioning axis needs the encoder",
+    ),
+    (
+        ANALOG.replace("off3_ramp_s = 0.5", "off3_ramp_s = 0.5\nnode_id = 5"),
+        'node_id: a drive with profile = "analog" has none',
+    ),
     (ANALOG.replace("off3_ramp_s = 0.5", 'off3_ramp_s = 0.5\nencoder = "absolute"'), "allowed: incremental"),
     (ANALOG.replace("[station.io]", "[station.net0]"), "a segment has this name already"),
     (ANALOG.replace("[station.io]", '[station."i.o"]'), "has no dot"),
     (ANALOG.replace('kind = "virtual"', 'kind = "live"'), "stations are emulated on virtual benches"),
-    (ANALOG.replace('type = "positioning"', 'type = "positioning"\ninputs = "oi"'), "'oi' is not a station; there are: io"),
-    (ANALOG + '\n[segment.net1]\nkind = "modbus_tcp"\n[station.b]\nsegment = "net1"\ndigital_outputs = ["drive1.enable"]\n',
-     "wired to station.io.digital_outputs[0] already"),
-    (STEPPER.replace("node_id = 5", "node_id = 5\ntelegram = 105"), 'telegram: a drive with profile = "tm_pto" has none'),
-    (STEPPER.replace("increments_per_revolution = 2000", "increments_per_revolution = 2001"), "stepper increments: 2001"),
-    (STEPPER.replace("increments_per_revolution = 2000", "increments_per_revolution = 10000"), "maximum_speed: 3000.0"),
+    (
+        ANALOG.replace('type = "positioning"', 'type = "positioning"\ninputs = "oi"'),
+        "'oi' is not a station; there are: io",
+    ),
+    (
+        ANALOG + '\n[segment.net1]\nkind = "modbus_tcp"\n[station.b]\nsegment = "net1"\ndigital_outputs = '
+        '["drive1.enable"]\n',
+        "wired to station.io.digital_outputs[0] already",
+    ),
+    (
+        STEPPER.replace("node_id = 5", "node_id = 5\ntelegram = 105"),
+        'telegram: a drive with profile = "tm_pto" has none',
+    ),
+    (
+        STEPPER.replace("increments_per_revolution = 2000", "increments_per_revolution = 2001"),
+        "stepper increments: 2001",
+    ),
+    (
+        STEPPER.replace("increments_per_revolution = 2000", "increments_per_revolution = 10000"),
+        "maximum_speed: 3000.0",
+    ),
     (read("reference")[1] + "\n[drive.drive1.tm_pto]\nuse_ed = false\n", 'set profile = "tm_pto"'),
-    (read("reference")[1].replace('drive = "drive1"\n', 'drive = "drive1"\ninputs = "io"\n')
-     + STATION_AT_A_SERVO.replace("drive1.negative_limit", "").replace("drive1.positive_limit", "").replace("drive1.home", ""),
-     "no switch of 'drive1' is wired to station.io"),
-]  # fmt: skip
+    (
+        read("reference")[1].replace('drive = "drive1"\n', 'drive = "drive1"\ninputs = "io"\n')
+        + STATION_AT_A_SERVO.replace("drive1.negative_limit", "")
+        .replace("drive1.positive_limit", "")
+        .replace("drive1.home", ""),
+        "no switch of 'drive1' is wired to station.io",
+    ),
+]
 
 
 @pytest.mark.parametrize(("text", "message"), WRONG, ids=[message[:40] for _, message in WRONG])

@@ -50,7 +50,8 @@ def kinds(machine, source="drive1"):
     return [event.kind for event in machine.history.events if event.source == source]
 
 
-# -- the same motion ------------------------------------------------------------------------------------------------------
+# -- the same motion
+# ------------------------------------------------------------------------------------------------------
 
 
 @cache
@@ -78,13 +79,17 @@ def test_the_axis_moves_over_tcp_as_it_does_on_can():
 
 
 def test_the_axis_reaches_its_target_over_a_line():
-    """With the cycle and the gain that the line allows the target is reached to 20 um within 0.3 s of the end of the job."""
+    """With the cycle and the gain that the line allows the target is reached to 20 um within 0.3 s of the end
+    of the job.
+    """
     assert travel("profidrive_rtu")[-1][1] == pytest.approx(120.0, abs=0.02)
 
 
 @pytest.mark.parametrize("name", BENCHES)
 def test_the_stated_delay_is_that_of_the_machine(name):
-    """At constant velocity the following error over the transport delay is none: what the axis assumes is what happens."""
+    """At constant velocity the following error over the transport delay is none: what the axis assumes is
+    what happens.
+    """
     with bench(name) as machine:
         axis = moving(machine)
         machine.run_for(0.5)
@@ -115,7 +120,9 @@ def test_telegrams_and_maps_may_be_combined(telegram, registers):
 
 
 def test_a_line_with_function_23_needs_one_request():
-    """Where the map allows it, one request on the line does both, and the delay is stated as half a cycle more."""
+    """Where the map allows it, one request on the line does both, and the delay is stated as half a cycle
+    more.
+    """
     with bench("profidrive_rtu", replace={'"sinamics_g120"': '"festo"', **NO_SWITCHES}) as machine:
         axis = moving(machine)
         machine.run_for(0.5)
@@ -127,7 +134,9 @@ def test_a_line_with_function_23_needs_one_request():
 
 @pytest.mark.requirement("MODB-010", "MODB-011")
 def test_several_drives_share_a_line():
-    """Two drives with their units on one line; each answers for itself, and the line is as busy as both need."""
+    """Two drives with their units on one line; each answers for itself, and the line is as busy as both
+    need.
+    """
     text = read("profidrive_rtu")[1].replace("cycle_ms = 24", "cycle_ms = 48")
     head, axis = text.split("[axis.axis1]")
     drive = head[head.index("[drive.drive1]") :]
@@ -147,7 +156,8 @@ def test_several_drives_share_a_line():
         assert load.values[-1] == pytest.approx(100.0 * characters * 11 / 115_200 / 0.048)
 
 
-# -- answers that do not come ---------------------------------------------------------------------------------------------
+# -- answers that do not come
+# ---------------------------------------------------------------------------------------------
 
 
 def lose(machine, number, sender="drive1"):
@@ -178,7 +188,9 @@ def test_two_lost_answers_are_two_missing_cycles(name):
 
 @pytest.mark.parametrize("name", BENCHES)
 def test_silence_is_a_lost_link_and_its_end_a_link(name):
-    """A drive that does not answer is alarm 431 after the grace cycles; when it answers again the link is up."""
+    """A drive that does not answer is alarm 431 after the grace cycles; when it answers again the link is
+    up.
+    """
     with bench(name) as machine:
         axis = moving(machine)
         end = lose(machine, 10_000)
@@ -193,7 +205,9 @@ def test_silence_is_a_lost_link_and_its_end_a_link(name):
 @pytest.mark.requirement("MODB-025", "MODB-026", "MODB-027", "MODB-028", "MODB-030", "MODB-031")
 @pytest.mark.parametrize("code", [4, 5, 6, 7, 10, 11])
 def test_an_exception_is_a_missing_cycle(code):
-    """Exceptions that may pass (busy, acknowledge, a gateway without its target) cost cycles, and are told with their name."""
+    """Exceptions that may pass (busy, acknowledge, a gateway without its target) cost cycles, and are told
+    with their name.
+    """
     with bench() as machine:
         axis = moving(machine)
         left = [2]
@@ -219,7 +233,9 @@ def test_an_exception_is_a_missing_cycle(code):
 
 @pytest.mark.requirement("MODB-041")
 def test_a_late_answer_is_discarded():
-    """An answer behind its time-out is none: the cycle is missing, and the next one has the values of the next request."""
+    """An answer behind its time-out is none: the cycle is missing, and the next one has the values of the
+    next request.
+    """
     with bench() as machine:
         axis = moving(machine)
         once = [True]
@@ -238,7 +254,9 @@ def test_a_late_answer_is_discarded():
 
 @pytest.mark.requirement("MODB-042", "PD-292")
 def test_a_cut_cable_is_noticed_by_both_sides():
-    """Nobody is told of a cut cable: the axis misses its answers, the drive its process data (F01910), and brakes."""
+    """Nobody is told of a cut cable: the axis misses its answers, the drive its process data (F01910), and
+    brakes.
+    """
     changes = {"off1_ramp_s = 1.0": "off1_ramp_s = 1.0\nprofidrive = { sign_of_life = false }"}
     with bench(replace=changes) as machine:
         axis = moving(machine)
@@ -269,7 +287,9 @@ def test_a_connection_that_is_reset_is_made_anew():
 @pytest.mark.requirement("PD-081")
 @pytest.mark.parametrize("name", BENCHES)
 def test_a_drive_that_was_off_is_known_by_its_words(name):
-    """A drive that has not had a telegram yet does not request control: the reference of an incremental encoder is lost."""
+    """A drive that has not had a telegram yet does not request control: the reference of an incremental
+    encoder is lost.
+    """
     with bench(name) as machine:
         axis = moving(machine)
         restarts = axis.port.encoder_restarts
@@ -289,7 +309,9 @@ def test_a_drive_that_was_off_is_known_by_its_words(name):
 
 @pytest.mark.requirement("PD-129", "PD-132")
 def test_a_counter_that_stands_still_loses_the_link():
-    """The sign of life of the telegram is watched on Modbus too: answers with an old counter are no signs of life."""
+    """The sign of life of the telegram is watched on Modbus too: answers with an old counter are no signs of
+    life.
+    """
     with bench() as machine:
         axis = enabled(machine)
         machine.drive().drive.words.freeze_sign_of_life(True)
@@ -323,7 +345,8 @@ def test_the_time_out_is_written_where_the_map_has_it():
         assert machine.drive().drive.settings.setpoint_monitoring_s == 0.25
 
 
-# -- parameters -----------------------------------------------------------------------------------------------------------
+# -- parameters
+# -----------------------------------------------------------------------------------------------------------
 
 
 def ask(machine, number, index=0, within_s=4.0):
@@ -338,7 +361,9 @@ def ask(machine, number, index=0, within_s=4.0):
 @pytest.mark.requirement("PD-326", "PD-327", "PD-328")
 @pytest.mark.parametrize("name", BENCHES)
 def test_parameters_are_read_while_the_axis_moves(name):
-    """Data record 47 in registers brings reference speed, telegram and ramp times; no cycle is missed, and no sign of life."""
+    """Data record 47 in registers brings reference speed, telegram and ramp times; no cycle is missed, and no
+    sign of life.
+    """
     with bench(name) as machine:
         axis = moving(machine)
         assert axis.port.has_parameters
@@ -376,7 +401,8 @@ def test_a_map_without_a_channel_has_no_parameters():
         assert not machine.axis().port.has_parameters
 
 
-# -- start ------------------------------------------------------------------------------------------------------------------
+# -- start
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", BENCHES)
@@ -391,7 +417,9 @@ def test_a_drive_that_does_not_answer_ends_the_start(name, monkeypatch):
 
 @pytest.mark.requirement("MODB-023")
 def test_a_drive_with_another_map_ends_the_start_at_once(tmp_path):
-    """Exception 02 to the first question: the drive is another one than the map says; asking again would change nothing."""
+    """Exception 02 to the first question: the drive is another one than the map says; asking again would
+    change nothing.
+    """
     from fieldbus.modbus import process_data
     from fieldbus.modbus.map_file import load_map
     from fieldbus.profidrive import telegram
@@ -400,7 +428,7 @@ def test_a_drive_with_another_map_ends_the_start_at_once(tmp_path):
     own = tmp_path / "own.toml"
     maps = read("profidrive_tcp")[1].replace('map = "sinamics_g120"', 'map = "own.toml"')
     maps = maps.replace(*next(iter(NO_SWITCHES.items())))
-    text = 'name = "own"\nfunctions = [3, 16]\n[[block]]\nregister = 0\ncount = 10\nhook = "setpoints"\n[[block]]\nregister = 20\ncount = 10\nhook = "actual_values"\n'
+    text = 'name = "own"\nfunctions = [3, 16]\n[[block]]\nregister = 0\ncount = 10\nhook = "setpoints"\n[[block]]\nregister = 20\ncount = 10\nhook = "actual_values"\n'  # noqa: E501
     (tmp_path / "bench.toml").write_text(maps)
     own.write_text(text)
     config = load_bench(tmp_path / "bench.toml").config
@@ -433,12 +461,15 @@ def test_an_optional_drive_may_be_missing(monkeypatch):
         assert machine.run_until(lambda: machine.axis().port.link_ok, 2.0)
 
 
-# -- evidence -----------------------------------------------------------------------------------------------------------------
+# -- evidence
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", BENCHES)
 def test_the_trace_has_the_frames_and_repeats(name, tmp_path):
-    """Requests and answers are in the trace, in words with the signals of the telegram; a second run is the same byte for byte."""
+    """Requests and answers are in the trace, in words with the signals of the telegram; a second run is the
+    same byte for byte.
+    """
 
     def run():
         with bench(name) as machine:
@@ -465,7 +496,9 @@ def test_the_trace_has_the_frames_and_repeats(name, tmp_path):
 
 
 def test_a_failed_case_leaves_its_requests_as_text(tmp_path):
-    """The evidence of a case has a line for every request and response, and no candump log of a bus that is none."""
+    """The evidence of a case has a line for every request and response, and no candump log of a bus that is
+    none.
+    """
     from hil.campaign import write_evidence
 
     case = next(case for case in stop_modes.CAMPAIGN.cases if case.identifier == "stop-modes/halt/standstill")

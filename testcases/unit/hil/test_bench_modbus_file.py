@@ -23,31 +23,94 @@ def check(name, changes):
 @pytest.mark.parametrize(
     ("name", "changes", "message"),
     [
-        ("profidrive_tcp", {"telegram = 105": "telegram = 103"}, r"drive\.drive1\.map: telegram 103: '15 words of actual_values'"),
+        (
+            "profidrive_tcp",
+            {"telegram = 105": "telegram = 103"},
+            r"drive\.drive1\.map: telegram 103: '15 words of actual_values'",
+        ),
         ("profidrive_tcp", {'"sinamics_g120"': '"nobodys"'}, "drive.drive1.map: register map: 'nobodys'"),
-        ("profidrive_tcp", {'profile = "profidrive"\ntelegram = 105\n': ""}, 'profile: "cia402" is not spoken on'),
-        ("profidrive_tcp", {'map = "': 'node_id = 5\nmap = "'}, 'node_id: a drive on a segment of kind = "modbus_tcp" has none'),
-        ("profidrive_tcp", {'map = "': 'heartbeat_ms = 0\nmap = "'}, "heartbeat_ms: a drive on a segment of kind"),
-        ("profidrive_tcp", {'map = "': 'port = 502\nmap = "'}, "port: only a drive on a live network has one"),
-        ("profidrive_tcp", {"latency_us = 100": "bitrate = 500_000"}, 'bitrate: a segment of kind = "modbus_tcp" has none'),
+        (
+            "profidrive_tcp",
+            {'profile = "profidrive"\ntelegram = 105\n': ""},
+            'profile: "cia402" is not spoken on',
+        ),
+        (
+            "profidrive_tcp",
+            {'map = "': 'node_id = 5\nmap = "'},
+            'node_id: a drive on a segment of kind = "modbus_tcp" has none',
+        ),
+        (
+            "profidrive_tcp",
+            {'map = "': 'heartbeat_ms = 0\nmap = "'},
+            "heartbeat_ms: a drive on a segment of kind",
+        ),
+        (
+            "profidrive_tcp",
+            {'map = "': 'port = 502\nmap = "'},
+            "port: only a drive on a live network has one",
+        ),
+        (
+            "profidrive_tcp",
+            {"latency_us = 100": "bitrate = 500_000"},
+            'bitrate: a segment of kind = "modbus_tcp" has none',
+        ),
         ("profidrive_tcp", {"latency_us = 100": "baud = 9600"}, 'it is of kind = "modbus_rtu"'),
-        ("profidrive_tcp", {"latency_us = 100": 'host = "10.0.0.1"'}, 'host: a virtual bench has no such place; set bench.kind = "live"'),
-        ("profidrive_tcp", {'kind = "modbus_tcp"': 'kind = "modbus_ascii"'}, "allowed: 'can', 'modbus_tcp' or 'modbus_rtu'"),
-        ("profidrive_tcp", {"[axis.axis1.variables]": '[axis.axis1.variables]\n"PositionControl.EnableDSC" = true'}, "needs the clock of the bus"),
-        ("profidrive_tcp", {"off1_ramp_s = 1.0": "off1_ramp_s = 1.0\nprofidrive = { torque_telegram = true }"}, "telegram 105 with 750"),
+        (
+            "profidrive_tcp",
+            {"latency_us = 100": 'host = "10.0.0.1"'},
+            'host: a virtual bench has no such place; set bench.kind = "live"',
+        ),
+        (
+            "profidrive_tcp",
+            {'kind = "modbus_tcp"': 'kind = "modbus_ascii"'},
+            "allowed: 'can', 'modbus_tcp' or 'modbus_rtu'",
+        ),
+        (
+            "profidrive_tcp",
+            {"[axis.axis1.variables]": '[axis.axis1.variables]\n"PositionControl.EnableDSC" = true'},
+            "needs the clock of the bus",
+        ),
+        (
+            "profidrive_tcp",
+            {"off1_ramp_s = 1.0": "off1_ramp_s = 1.0\nprofidrive = { torque_telegram = true }"},
+            "telegram 105 with 750",
+        ),
         ("profidrive_rtu", {"unit = 5": "unit = 0"}, "unit: 0 is not allowed; allowed: 1..247"),
         ("profidrive_rtu", {"unit = 5": "unit = 248"}, "unit: 248 is not allowed; allowed: 1..247"),
-        ("profidrive_rtu", {"115_200": "19_200"}, r"baud: at 19200 the requests of every bus cycle take \d+\.\d ms, longer than bench.cycle_ms = 24"),
+        (
+            "profidrive_rtu",
+            {"115_200": "19_200"},
+            (
+                r"baud: at 19200 the requests of every bus cycle take \d+\.\d ms, longer than "
+                r"bench.cycle_ms = 24"
+            ),
+        ),
         ("profidrive_rtu", {"115_200": "115_200\nlatency_us = 5"}, "latency_us: a segment of kind"),
         ("reference", {"node_id = 5": ""}, "drive.drive1.node_id: the key is missing"),
-        ("reference", {"node_id = 5": "node_id = 5\nunit = 7"}, 'unit: a drive on a segment of kind = "can" has none'),
+        (
+            "reference",
+            {"node_id = 5": "node_id = 5\nunit = 7"},
+            'unit: a drive on a segment of kind = "can" has none',
+        ),
         ("reference", {"node_id = 5": 'node_id = 5\nmap = "festo"'}, "map: a drive on a segment"),
-        ("profidrive_tcp", {**LIVE, '"net0"\nmap': '"net0"\ndevice = "physical"\nmap'}, "port: the key is missing; it is a physical drive"),
-        ("profidrive_rtu", {'"virtual"': '"live"', "unit = 5": 'unit = 5\ndevice = "physical"'}, "path: the key is missing; drive.drive1 is a physical drive"),
-        ("profidrive_rtu", {'"virtual"': '"live"', "115_200": '115_200\npath = "/dev/ttyS9"'}, "it comes with a pseudo-terminal of its own"),
+        (
+            "profidrive_tcp",
+            {**LIVE, '"net0"\nmap': '"net0"\ndevice = "physical"\nmap'},
+            "port: the key is missing; it is a physical drive",
+        ),
+        (
+            "profidrive_rtu",
+            {'"virtual"': '"live"', "unit = 5": 'unit = 5\ndevice = "physical"'},
+            "path: the key is missing; drive.drive1 is a physical drive",
+        ),
+        (
+            "profidrive_rtu",
+            {'"virtual"': '"live"', "115_200": '115_200\npath = "/dev/ttyS9"'},
+            "it comes with a pseudo-terminal of its own",
+        ),
         ("profidrive_tcp", {'"virtual"': '"live"'}, "latency_us: a live network has its own"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_are_named(name, changes, message):
     """The message has the key, the value and what is allowed."""
     if "latency_us: a live" in message:
@@ -67,7 +130,9 @@ def two(name, **second):
 
 
 def test_a_unit_is_taken_once_on_a_line():
-    """Two drives of a line have two units; over TCP, where every drive has a connection of its own, they may be equal."""
+    """Two drives of a line have two units; over TCP, where every drive has a connection of its own, they may
+    be equal.
+    """
     with pytest.raises(BenchFileError, match=r"drive\.drive2\.unit: 5 is already taken by drive\.drive1"):
         parse(two("profidrive_rtu"), "own.toml")
     assert parse(two("profidrive_rtu", unit=6), "own.toml").drive["drive2"].unit == 6

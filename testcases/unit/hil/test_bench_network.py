@@ -1,4 +1,6 @@
-"""The drives of a bench as nodes: identity, start-up, optional drives, guarding, and a drive that comes back."""
+"""The drives of a bench as nodes: identity, start-up, optional drives, guarding, and a drive that comes
+back.
+"""
 
 from __future__ import annotations
 
@@ -65,12 +67,15 @@ def enable(bench, *names: str) -> None:
     assert bench.run_until(lambda: all(job.status() for job in jobs), 2.0)
 
 
-# -- start -----------------------------------------------------------------------------------------------------------
+# -- start
+# -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-146")
 def test_drives_of_a_bench_are_nodes():
-    """After the start every drive is in service; the network shows identity, what was written, and no failure."""
+    """After the start every drive is in service; the network shows identity, what was written, and no
+    failure.
+    """
     with two_axes(first="vendor_id = 0") as bench:
         assert [node.name for node in bench.network().nodes.values()] == ["drive1", "drive2"]
         for name in ("drive1", "drive2"):
@@ -102,7 +107,9 @@ def test_drives_start_side_by_side(monkeypatch):
 
 @pytest.mark.parametrize("key", ["vendor_id", "product_code", "revision", "serial"])
 def test_another_drive_than_in_the_bench_file_blocks(key):
-    """A drive with another identity than the bench file expects blocks the bench; the message says what differs."""
+    """A drive with another identity than the bench file expects blocks the bench; the message says what
+    differs.
+    """
     with pytest.raises(
         BlockedError, match=r"drive2 \(node 6\) is another device: .*1018h:\d\) FFFFFFF0h is expected"
     ):
@@ -158,7 +165,8 @@ def test_optional_drive_may_be_missing(monkeypatch):
         assert bench.run_until(bench.axis("axis2").move_relative(10.0).done, 3.0)
 
 
-# -- two segments ----------------------------------------------------------------------------------------------------
+# -- two segments
+# ----------------------------------------------------------------------------------------------------
 
 TWO_SEGMENTS = (
     TWO_AXES.format(first="", second="")
@@ -169,7 +177,9 @@ TWO_SEGMENTS = (
 
 @pytest.mark.parametrize("place", ["fault", "trigger"])
 def test_messages_are_those_of_a_node_on_the_segment(place):
-    """A message without a drive is one of the first drive on the segment; a drive of another segment is refused."""
+    """A message without a drive is one of the first drive on the segment; a drive of another segment is
+    refused.
+    """
     with BenchFile("two.toml", TWO_SEGMENTS).build() as bench:
         faults = Injector(bench)
 
@@ -191,7 +201,9 @@ def test_messages_are_those_of_a_node_on_the_segment(place):
 
 
 def test_state_of_a_component_that_there_is_not():
-    """A trigger on the state of an unknown component would never come: refused, with the names that there are."""
+    """A trigger on the state of an unknown component would never come: refused, with the names that there
+    are.
+    """
     with (
         two_axes() as bench,
         pytest.raises(
@@ -214,7 +226,8 @@ def test_frames_of_equal_node_ids_are_told_apart_by_their_segment():
             bench.decode(heartbeat, segment="can9")
 
 
-# -- supervision -----------------------------------------------------------------------------------------------------
+# -- supervision
+# -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-024", "C301-030")
@@ -253,7 +266,8 @@ def test_emcys_of_a_drive_are_collected():
         assert not bench.node("drive1").emcys
 
 
-# -- a drive comes back ------------------------------------------------------------------------------------------------
+# -- a drive comes back
+# ------------------------------------------------------------------------------------------------
 
 
 def story(*, power_loss: bool, forgets: bool = True):
@@ -282,7 +296,8 @@ def story(*, power_loss: bool, forgets: bool = True):
 @pytest.mark.requirement("C301-015", "C301-022")
 @pytest.mark.parametrize("forgets", [True, False])
 def test_drive_comes_back_while_the_other_axis_moves(forgets):
-    """A drive loses its supply, with or without its stored parameters, and is taken in again in the running cycle.
+    """A drive loses its supply, with or without its stored parameters, and is taken in again in the running
+    cycle.
 
     The other axis' motion is the same byte for byte as without all that. The alarm of the axis waits for its
     acknowledgement; then the axis is enabled and moves.
@@ -318,7 +333,9 @@ def test_drive_comes_back_while_the_other_axis_moves(forgets):
 
 
 def test_drive_that_comes_back_as_another_one_stays_out():
-    """A drive that was exchanged for another device while it was off is not started; its axis keeps the alarm."""
+    """A drive that was exchanged for another device while it was off is not started; its axis keeps the
+    alarm.
+    """
     with two_axes(second="serial = 1") as bench:
         enable(bench, "axis1", "axis2")
         drive = bench.drive("drive2")
@@ -338,7 +355,9 @@ def test_drive_that_comes_back_as_another_one_stays_out():
 
 @pytest.mark.requirement("C301-113", "C301-027")
 def test_cut_cable():
-    """A drive that was cut off, with its own reaction to the missing controller, is taken in again when connected."""
+    """A drive that was cut off, with its own reaction to the missing controller, is taken in again when
+    connected.
+    """
     with two_axes() as bench:
         enable(bench, "axis1", "axis2")
         drive = bench.drive("drive2")
@@ -386,7 +405,9 @@ def test_old_actual_values_do_not_count():
 
 
 def test_quick_reset_is_noticed():
-    """A drive that resets and is back within the grace cycles is noticed by its boot-up: alarm, not a silent restart."""
+    """A drive that resets and is back within the grace cycles is noticed by its boot-up: alarm, not a silent
+    restart.
+    """
     with two_axes() as bench:
         enable(bench, "axis1", "axis2")
         bench.drive("drive2").power_off()
@@ -422,7 +443,9 @@ def test_controller_cut_off():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_supply_that_comes_and_goes(seed):
-    """However often and whenever a drive loses its supply, also in the middle of its boot, it is in service in the end."""
+    """However often and whenever a drive loses its supply, also in the middle of its boot, it is in service
+    in the end.
+    """
     stream = random.Random(seed)
     with two_axes(second="store_parameters = false" if seed % 2 else "") as bench:
         enable(bench, "axis1")

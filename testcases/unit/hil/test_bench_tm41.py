@@ -1,4 +1,6 @@
-"""An encoder-signal output in the bench file: the signal follows the setpoint of its axis, and an encoder input reads it."""
+"""An encoder-signal output in the bench file: the signal follows the setpoint of its axis, and an encoder
+input reads it.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ drive = "signal"
 
 @pytest.mark.requirement("CFG-409", "CFG-410", "CFG-415")
 def test_the_signal_follows_the_setpoint():
-    """An ordinary axis moves; the count follows its setpoint with a constant delay, without an error that grows with the speed."""
+    """An ordinary axis moves; the count follows its setpoint with a constant delay, without an error that
+    grows with the speed.
+    """
     with Bench(parse(BENCH, "bench.toml"), seed=1) as bench:
         axis = bench.axis()
         power = axis.power()
@@ -85,7 +89,9 @@ ADDED = [
     ("row", "variables"), list(zip(WRONG, ADDED, strict=True)), ids=[one[1] for one in WRONG]
 )
 def test_settings_that_do_not_fit(row, variables):
-    """Following-error monitoring, hardware limits and backlash compensation are off, precontrol is 100 %, and there is no time constant; else it is told."""
+    """Following-error monitoring, hardware limits and backlash compensation are off, precontrol is 100 %, and
+    there is no time constant; else it is told.
+    """
     text, message = row
     with pytest.raises(BenchFileError, match="CFG-413") as caught:
         parse(BENCH.replace(text, variables), "bench.toml")
@@ -95,8 +101,10 @@ def test_settings_that_do_not_fit(row, variables):
 def test_what_it_has_not():
     """No machine, no terminals of a drive, and no more edges than the tracks can carry."""
     for change, message in (
-        ("node_id = 9", "node_id = 9\noff3_ramp_s = 0.2"), ("node_id = 9", "node_id = 9\n[drive.signal.switches]\nhome_mm = 1.0\n"),
-        ('counters = ["signal.encoder"]', 'digital_inputs = ["signal.home"]'), ("= 4096\n\n[station", "= 65536\n\n[station"),
-    ):  # fmt: skip
+        ("node_id = 9", "node_id = 9\noff3_ramp_s = 0.2"),
+        ("node_id = 9", "node_id = 9\n[drive.signal.switches]\nhome_mm = 1.0\n"),
+        ('counters = ["signal.encoder"]', 'digital_inputs = ["signal.home"]'),
+        ("= 4096\n\n[station", "= 65536\n\n[station"),
+    ):
         with pytest.raises(BenchFileError):
             parse(BENCH.replace(change, message), "bench.toml")

@@ -1,4 +1,6 @@
-"""MC_TorqueLimiting on a CiA 402 drive: 6072h by SDO, bit 11 of the status word (section 8.3 of the instruction specification)."""
+"""MC_TorqueLimiting on a CiA 402 drive: 6072h by SDO, bit 11 of the status word (section 8.3 of the
+instruction specification).
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ def limit(machine):
 
 @pytest.mark.requirement("MC-585", "MC-544", "MC-549", "MC-113")
 def test_limit_in_the_drive():
-    """0.5 of 2 Nm are 250 thousandths; the input counts while Enable is TRUE; the drive's own value comes back."""
+    """0.5 of 2 Nm are 250 thousandths; the input counts while Enable is TRUE; the drive's own value comes
+    back.
+    """
     with bench() as machine:
         axis = enabled(machine)
         own = limit(machine)
@@ -77,7 +81,9 @@ def test_in_limitation_is_bit_11():
 
 @pytest.mark.requirement("MC-585", "MC-553", "MC-546", "MC-602")
 def test_fixed_stop():
-    """Travel to the stop at 100 mm with 0.5 Nm: clamped, the job aborted, the drive presses with its limit; away again."""
+    """Travel to the stop at 100 mm with 0.5 Nm: clamped, the job aborted, the drive presses with its limit;
+    away again.
+    """
     with bench(stop=True) as machine:
         axis = enabled(machine)
         limiting = axis.torque_limiting(0.5, mode=1)

@@ -1,4 +1,6 @@
-"""A node whose clock runs fast, slow or unevenly: what its partners see of it on the bus, and what its motion makes of it."""
+"""A node whose clock runs fast, slow or unevenly: what its partners see of it on the bus, and what its motion
+makes of it.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ def sent(bench, name, since_s):
 
 
 def test_heartbeats_come_by_the_clock_of_the_drive(bench):
-    """Two per cent early while the fault acts, in the old distance afterwards, and the axis goes on all the time."""
+    """Two per cent early while the fault acts, in the old distance afterwards, and the axis goes on all the
+    time.
+    """
     period = 0.1
     begin = bench.now_s
     fault = Injector(bench).inject("drive.clock_drift", drift_ppm=FAST)
@@ -55,7 +59,9 @@ def test_heartbeats_come_by_the_clock_of_the_drive(bench):
 
 @pytest.mark.parametrize("ppm", [FAST, -FAST])
 def test_a_ramp_of_the_drive_takes_its_own_time(ppm):
-    """Quick stop from 300 mm/s at the 0.5 s per 500 mm/s of OFF3: by the clock of the drive, seen by that of the bench."""
+    """Quick stop from 300 mm/s at the 0.5 s per 500 mm/s of OFF3: by the clock of the drive, seen by that of
+    the bench.
+    """
     times = []
     for drift in (0.0, ppm):
         with load_bench("reference").build(seed=5) as bench:
@@ -76,7 +82,9 @@ def test_a_ramp_of_the_drive_takes_its_own_time(ppm):
 
 
 def test_the_grid_of_the_drive_slides_along_that_of_the_bus(bench):
-    """Control cycles of the drive lie at another phase of SYNC in every cycle, and stand still again at the end, apart from before."""
+    """Control cycles of the drive lie at another phase of SYNC in every cycle, and stand still again at the
+    end, apart from before.
+    """
     drive = bench.drive()
     cycles = []
     sample = drive.core.step
@@ -97,7 +105,9 @@ def test_the_grid_of_the_drive_slides_along_that_of_the_bus(bench):
 
 
 def test_what_the_drive_measures_is_in_its_own_time():
-    """A drive that is two per cent fast regulates the speed that it measures: by the clock of the others it is two per cent more."""
+    """A drive that is two per cent fast regulates the speed that it measures: by the clock of the others it
+    is two per cent more.
+    """
     with load_bench("speed").build(seed=5) as bench:
         axis = bench.axis()
         assert bench.run_until(axis.power().status, 2.0)

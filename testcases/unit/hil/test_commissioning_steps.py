@@ -1,4 +1,6 @@
-"""Steps of the commissioning sequence that take a bench of their own: absolute encoders, further axes (§6.1)."""
+"""Steps of the commissioning sequence that take a bench of their own: absolute encoders, further axes
+(§6.1).
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ def released(machine, panel):
 
 @pytest.mark.requirement("COM-021", "COM-022", "COM-073")
 def test_further_axes():
-    """A panel per axis, one after the other and both at once: each moves its own axis, and neither opens that of the other."""
+    """A panel per axis, one after the other and both at once: each moves its own axis, and neither opens that
+    of the other.
+    """
     text = load_bench("reference").text
     variables = text[text.index("[axis.axis1.variables]") :].replace("axis1", "axis2")
     with BenchFile("two.toml", text + SECOND + variables).build(seed=0) as machine:
@@ -73,7 +77,9 @@ def test_further_axes():
 @pytest.mark.requirement("COM-013", "HOM-154")
 @pytest.mark.parametrize(("offset", "right"), [(1000.0, True), (200.0, False)])
 def test_an_absolute_encoder_at_both_ends_of_the_travel(offset, right):
-    """Power off and on at the start and at the end: the position is right, unless the zero of the encoder lies between the two."""
+    """Power off and on at the start and at the end: the position is right, unless the zero of the encoder
+    lies between the two.
+    """
     text = load_bench("reference").text.replace('drive = "drive1"', 'drive = "drive1"\nencoders = ["scale"]')
     text = "\n".join(
         line for line in text.splitlines() if not line.startswith('"Sensor[1].')

@@ -1,4 +1,6 @@
-"""Counters that overflow on the way, in every format that comes from a bus: the position goes on, to the increment."""
+"""Counters that overflow on the way, in every format that comes from a bus: the position goes on, to the
+increment.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ def encoder_bench(device, *, speed, profile="", variables=TURNING):
 
 
 def travelled(bench, way, *, length=360.0):
-    """Return how far the object has come while the shaft made its way, and the way of the shaft, from rest to rest."""
+    """Return how far the object has come while the shaft made its way, and the way of the shaft, from rest to
+    rest.
+    """
     encoder = bench.external_encoder("ext1")
     shaft = bench.encoder("enc1").shaft
 
@@ -57,7 +61,9 @@ def travelled(bench, way, *, length=360.0):
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize("kind", CIA406)
 def test_cia406(kind, direction):
-    """Ranges of 1000 and 3000 steps, passed many times: the way is that of the shaft, but for the increment at either end."""
+    """Ranges of 1000 and 3000 steps, passed many times: the way is that of the shaft, but for the increment
+    at either end.
+    """
     bench = encoder_bench(f'type = "{kind}"\n{CIA406[kind]}', speed=direction * SPEED)
     found, wanted = travelled(bench, degrees)
     assert abs(wanted) > 16 * 360.0
@@ -70,9 +76,10 @@ def test_cia406(kind, direction):
 def test_cia406_linear(kind):
     """A slide of 2 m/s over a code that repeats every 97 mm, or counts: the way is that of the slide."""
     bench = encoder_bench(
-        f'type = "{kind}"\nlength_mm = 97.0', speed=2000.0,
+        f'type = "{kind}"\nlength_mm = 97.0',
+        speed=2000.0,
         variables='"Sensor.System" = 0\n"Modulo.Enable" = true\n"Modulo.Length" = 250.0\n',
-    )  # fmt: skip
+    )
     found, wanted = travelled(bench, lambda way: way * 1000.0, length=250.0)
     assert wanted > 2000.0
     assert found == pytest.approx(wanted, abs=0.002)
@@ -89,9 +96,11 @@ def test_profidrive_encoders(kind, direction):
         f"[encoder.enc1.profidrive]\ntelegram = {telegram}\nfine_xist1_bits = 4\ncounter_bits = {bits}\n"
     )
     bench = encoder_bench(
-        f'profile = "profidrive"\n{PROFIDRIVE[kind]}', speed=direction * SPEED, profile=profile,
+        f'profile = "profidrive"\n{PROFIDRIVE[kind]}',
+        speed=direction * SPEED,
+        profile=profile,
         variables=TURNING + '"Sensor.Parameter.BehaviorGx_XIST1" = 0\n',
-    )  # fmt: skip
+    )
     assert bench.external_encoder("ext1").feedback.scale.bits == bits
     found, wanted = travelled(bench, degrees)
     assert found == pytest.approx(wanted, abs=2 * 360.0 / 2500)
@@ -107,7 +116,9 @@ DRIVES = {
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize("name", DRIVES)
 def test_the_counter_of_a_drive(name, direction):
-    """6064h and G1_XIST1 over the end of their 32 bits while the axis moves in position control: nothing jumps, the target is met."""
+    """6064h and G1_XIST1 over the end of their 32 bits while the axis moves in position control: nothing
+    jumps, the target is met.
+    """
     embedded, telegram, fine = DRIVES[name]
     text = read(embedded)[1]
     if telegram:

@@ -45,7 +45,9 @@ def machine():
 
 @pytest.mark.requirement("CFG-258", "CFG-255", "CFG-256", "CFG-289", "CFG-405")
 def test_one_block_for_axis_torque_and_encoder():
-    """A structure, an element of an array and one within a structure: each holds the words of its own telegram."""
+    """A structure, an element of an array and one within a structure: each holds the words of its own
+    telegram.
+    """
     block = DataBlock("DB1", DECLARED)
     assert list(block) == ["slide", "encoders[0]", "encoders[1]", "encoders[2]", "machine.torque", "spare"]
     with machine() as bench:
@@ -84,18 +86,60 @@ def test_one_block_for_axis_torque_and_encoder():
 @pytest.mark.parametrize(
     ("declared", "attributes", "message"),
     [
-        pytest.param({"a": "PD_TEL3_IN"}, {}, "PD_TEL3_IN.* is not allowed; allowed: PD_TELx with Input and Output",
-                     marks=pytest.mark.requirement("CFG-257"), id="input alone"),
-        pytest.param({"a": {"b": "Array[0..1] of PD_TEL3_OUT"}}, {}, "PD_TEL3_OUT", marks=pytest.mark.requirement("CFG-257"), id="output alone"),
-        pytest.param({"a": "INT"}, {}, "PD_TELx", marks=pytest.mark.requirement("CFG-255"), id="something else"),
-        pytest.param({"a": "PD_TEL77"}, {}, "there is no telegram 77", marks=pytest.mark.requirement("CFG-255"), id="no telegram"),
-        pytest.param({"a": "Array[3..1] of PD_TEL3"}, {}, "elements", marks=pytest.mark.requirement("CFG-258"), id="empty array"),
-        pytest.param({"a": "PD_TEL3"}, {"only_in_load_memory": True}, "only_in_load_memory", marks=pytest.mark.requirement("CFG-259"), id="load memory"),
-        pytest.param({"a": "PD_TEL3"}, {"write_protected": True}, "write_protected", marks=pytest.mark.requirement("CFG-259"), id="write-protected"),
-        pytest.param({"a": "PD_TEL3"}, {"optimized": True, "technology_version": 3.0}, "optimized",
-                     marks=pytest.mark.requirement("CFG-259"), id="optimized below 4.0"),
+        pytest.param(
+            {"a": "PD_TEL3_IN"},
+            {},
+            "PD_TEL3_IN.* is not allowed; allowed: PD_TELx with Input and Output",
+            marks=pytest.mark.requirement("CFG-257"),
+            id="input alone",
+        ),
+        pytest.param(
+            {"a": {"b": "Array[0..1] of PD_TEL3_OUT"}},
+            {},
+            "PD_TEL3_OUT",
+            marks=pytest.mark.requirement("CFG-257"),
+            id="output alone",
+        ),
+        pytest.param(
+            {"a": "INT"}, {}, "PD_TELx", marks=pytest.mark.requirement("CFG-255"), id="something else"
+        ),
+        pytest.param(
+            {"a": "PD_TEL77"},
+            {},
+            "there is no telegram 77",
+            marks=pytest.mark.requirement("CFG-255"),
+            id="no telegram",
+        ),
+        pytest.param(
+            {"a": "Array[3..1] of PD_TEL3"},
+            {},
+            "elements",
+            marks=pytest.mark.requirement("CFG-258"),
+            id="empty array",
+        ),
+        pytest.param(
+            {"a": "PD_TEL3"},
+            {"only_in_load_memory": True},
+            "only_in_load_memory",
+            marks=pytest.mark.requirement("CFG-259"),
+            id="load memory",
+        ),
+        pytest.param(
+            {"a": "PD_TEL3"},
+            {"write_protected": True},
+            "write_protected",
+            marks=pytest.mark.requirement("CFG-259"),
+            id="write-protected",
+        ),
+        pytest.param(
+            {"a": "PD_TEL3"},
+            {"optimized": True, "technology_version": 3.0},
+            "optimized",
+            marks=pytest.mark.requirement("CFG-259"),
+            id="optimized below 4.0",
+        ),
     ],
-)  # fmt: skip
+)
 def test_refused(declared, attributes, message):
     """What a block cannot be is said with the reason."""
     with pytest.raises(ConfigurationError, match=message):

@@ -1,4 +1,6 @@
-"""What goes over the wire between an axis and its PROFIdrive drive, and what a test sees of drive and encoder (section 11)."""
+"""What goes over the wire between an axis and its PROFIdrive drive, and what a test sees of drive and encoder
+(section 11).
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ def distinct(values):
 
 @pytest.mark.requirement("STP-044", "STP-533")
 def test_everything_goes_through_the_telegram():
-    """From enabling over motion to the quick stop the bus has SYNC, process data and heartbeats, and nothing else."""
+    """From enabling over motion to the quick stop the bus has SYNC, process data and heartbeats, and nothing
+    else.
+    """
     with bench() as machine:
         machine.run_for(0.1)
         since = machine.now_s
@@ -61,7 +65,9 @@ def test_everything_goes_through_the_telegram():
 
 @pytest.mark.requirement("STP-533")
 def test_words_of_a_quick_stop_with_their_times():
-    """STW1, NSET, STW2 and ZSW1, NACT, ZSW2 of every cycle with time stamps: 047F, 047B, 0478, 047E, and the ramp of the drive."""
+    """STW1, NSET, STW2 and ZSW1, NACT, ZSW2 of every cycle with time stamps: 047F, 047B, 0478, 047E, and the
+    ramp of the drive.
+    """
     with bench() as machine:
         axis = enabled(machine)
         axis.move_velocity(300.0, Acceleration=2000.0, Jerk=0.0)
@@ -93,7 +99,9 @@ def test_words_of_a_quick_stop_with_their_times():
 @pytest.mark.requirement("STP-537")
 @pytest.mark.parametrize(("reaction", "path"), [(Off.OFF1, "S5A"), (Off.OFF2, "S1"), (Off.OFF3, "S5B")])
 def test_the_reaction_of_a_fault_can_be_chosen(reaction, path):
-    """ZSW1.3 with the stop that was chosen; acknowledged by STW1.7, which MC_Reset sends, the buffer is empty."""
+    """ZSW1.3 with the stop that was chosen; acknowledged by STW1.7, which MC_Reset sends, the buffer is
+    empty.
+    """
     with bench() as machine:
         axis = enabled(machine)
         axis.move_velocity(300.0, Acceleration=2000.0, Jerk=0.0)
@@ -115,7 +123,9 @@ def test_the_reaction_of_a_fault_can_be_chosen(reaction, path):
 
 @pytest.mark.requirement("STP-043")
 def test_a_drive_that_stays_in_s3_within_a_time_limit():
-    """With `enable_timeout_s` of the bench file a drive that does not go to S4 is alarm 421, and MC_Power stays without Status."""
+    """With `enable_timeout_s` of the bench file a drive that does not go to S4 is alarm 421, and MC_Power
+    stays without Status.
+    """
     config = load_bench("profidrive").config
     section = config.axis["axis1"].model_copy(update={"enable_timeout_s": 0.2})
     with Bench(config.model_copy(update={"axis": {"axis1": section}}), seed=1) as machine:
@@ -149,7 +159,8 @@ def test_defaults_of_the_dynamics_apply_to_active_homing():
         assert min(slopes) == pytest.approx(-350.0, rel=0.01)
 
 
-# -- bus and encoder ------------------------------------------------------------------------------------------------------------
+# -- bus and encoder
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-549", "STP-019")
@@ -185,7 +196,9 @@ def faults(machine):
     ],
 )
 def test_telegrams_are_delayed_dropped_and_frozen(kind, options, alarm):
-    """Within the grace the motion goes on; beyond it the link is lost, and a frozen sign of life is a lost link too."""
+    """Within the grace the motion goes on; beyond it the link is lost, and a frozen sign of life is a lost
+    link too.
+    """
     with bench() as machine:
         axis = enabled(machine)
         axis.move_velocity(100.0)
@@ -203,7 +216,9 @@ def test_telegrams_are_delayed_dropped_and_frozen(kind, options, alarm):
 
 @pytest.mark.requirement("STP-548")
 def test_the_encoder_is_disturbed_while_it_works():
-    """Noise, a jump and an error of the encoder come and go; its State falls with CommunicationOK of the drive untouched."""
+    """Noise, a jump and an error of the encoder come and go; its State falls with CommunicationOK of the
+    drive untouched.
+    """
     with bench() as machine:
         axis = enabled(machine)
         injector = faults(machine)
@@ -241,12 +256,15 @@ def test_true_position_and_encoder_are_both_there():
         assert (true[-1] - true[-40]) * 1000.0 > 30.0
 
 
-# -- the orchestrator -----------------------------------------------------------------------------------------------------------
+# -- the orchestrator
+# -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-552")
 def test_jobs_in_chosen_cycles():
-    """Jobs that are started 3 cycles after each other act 3 cycles after each other; order and outputs are recorded by cycle."""
+    """Jobs that are started 3 cycles after each other act 3 cycles after each other; order and outputs are
+    recorded by cycle.
+    """
     with bench() as machine:
         axis = enabled(machine)
         machine.run_for(0.1)

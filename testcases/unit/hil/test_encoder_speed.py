@@ -1,4 +1,6 @@
-"""The actual speed of an encoder with a telegram of its own, 83: rotary and linear, its reference, as encoder of an axis or apart."""
+"""The actual speed of an encoder with a telegram of its own, 83: rotary and linear, its reference, as encoder
+of an axis or apart.
+"""
 
 from __future__ import annotations
 
@@ -78,11 +80,15 @@ class TestEncoderOfAnAxis:
 
     @pytest.mark.requirement("CFG-340", "CFG-598", "CFG-305")
     def test_a_wrong_reference(self):
-        """The reference is the variable of the encoder: half of it shows half of the velocity, and the right position."""
+        """The reference is the variable of the encoder: half of it shows half of the velocity, and the right
+        position.
+        """
         settings = {
-            "Sensor[2].ActualVelocityMode": 1, "Sensor[2].MountingMode": 2, "Sensor[2].Parameter.DistancePerRevolution": 100.0,
+            "Sensor[2].ActualVelocityMode": 1,
+            "Sensor[2].MountingMode": 2,
+            "Sensor[2].Parameter.DistancePerRevolution": 100.0,
             "Sensor[2].Parameter.ReferenceSpeed": 1500.0,
-        }  # fmt: skip
+        }
         with moving(WHEEL.format(mounting=LOAD), "wheel", **settings) as machine:
             axis = machine.axis()
             assert axis.var("StatusSensor[2].Velocity") == pytest.approx(50.0, abs=0.5)
@@ -108,7 +114,9 @@ class TestEncoderOfAnAxis:
     ("encoder", "name"), [(WHEEL.format(mounting='mounting = "motor"'), "wheel"), (SCALE, "scale")]
 )
 def test_external_encoder(encoder, name):
-    """An external encoder shows the same: a rotary one with lead 10 mm at the motor, a linear one at the load."""
+    """An external encoder shows the same: a rotary one with lead 10 mm at the motor, a linear one at the
+    load.
+    """
     apart = f"""
 [external_encoder.ext]
 encoder = "{name}"
@@ -124,9 +132,14 @@ encoder = "{name}"
 @pytest.mark.parametrize("direction", [False, True])
 def test_number_of_the_specification(direction):
     """1000 0000h of 3000 rpm with a pitch of 10 mm are 125 mm/s; an inverted encoder shows them negative."""
-    store = VariableStore("PositioningAxis", {
-        "Mechanics.LeadScrew": 10.0, "Sensor[1].Parameter.ReferenceSpeed": 3000.0, "Sensor[1].InverseDirection": direction,
-    })  # fmt: skip
+    store = VariableStore(
+        "PositioningAxis",
+        {
+            "Mechanics.LeadScrew": 10.0,
+            "Sensor[1].Parameter.ReferenceSpeed": 3000.0,
+            "Sensor[1].InverseDirection": direction,
+        },
+    )
     scale = Mechanics(store, apart=(True,)).sensors[0]
     shown = 0x1000_0000 / 0x4000_0000 * scale.reference * scale.unit_per_rpm
     assert shown == pytest.approx(-125.0 if direction else 125.0)

@@ -1,4 +1,6 @@
-"""The catalogue of faults keeps what it says, kind by kind: examples, effects, ends, parameters, targets, benches."""
+"""The catalogue of faults keeps what it says, kind by kind: examples, effects, ends, parameters, targets,
+benches.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ def documented(entry):
 
 @every_kind
 def test_the_example_acts_and_ends(entry):
-    """The example, as `hil faults` prints it, changes what is recorded, is over when it says so, and the axis works as before."""
+    """The example, as `hil faults` prints it, changes what is recorded, is over when it says so, and the axis
+    works as before.
+    """
     situation = situation_of(entry)
     expected = undisturbed(situation)
     stage = Stage(situation)
@@ -73,7 +77,8 @@ def test_handbook_and_catalogue_show_the_same_example(entry):
     assert documented(entry) == Fault.from_dict(entry.example)
 
 
-# -- parameters --------------------------------------------------------------------------------------------------------
+# -- parameters
+# --------------------------------------------------------------------------------------------------------
 
 TYPES = {
     "float": (True, "1", None, [1.0]),
@@ -101,7 +106,9 @@ def wrong_values(parameter):
 
 @pytest.mark.parametrize(("entry", "parameter"), PARAMETERS)
 def test_a_parameter_takes_what_is_allowed_and_nothing_else(entry, parameter):
-    """Ends of the range are taken; other types, no numbers and what lies outside are refused with place, value and what is allowed."""
+    """Ends of the range are taken; other types, no numbers and what lies outside are refused with place,
+    value and what is allowed.
+    """
     assert parameter.type not in ("float", "int") or (
         parameter.minimum is not None and parameter.maximum is not None
     )
@@ -132,10 +139,19 @@ def test_an_unknown_parameter_is_refused(entry):
         Fault(entry.name, parameters={**entry.example.get("parameters", {}), "colour": 1})
 
 
-# -- targets -------------------------------------------------------------------------------------------------------------
+# -- targets
+# ------------------------------------------------------------------------------------------------------------
 
-OTHERS = {"segment": "drive1", "drive": "can0", "axis": "drive1", "switch": "axis1", "mechanics": "can0", "encoder": "axis1",
-          "station": "drive1", "controller": "drive1"}  # fmt: skip
+OTHERS = {
+    "segment": "drive1",
+    "drive": "can0",
+    "axis": "drive1",
+    "switch": "axis1",
+    "mechanics": "can0",
+    "encoder": "axis1",
+    "station": "drive1",
+    "controller": "drive1",
+}
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +174,9 @@ def stages():
 @every_kind
 @pytest.mark.parametrize("wrong", ["nobody", "other"])
 def test_a_target_that_is_none_is_refused(stages, entry, wrong):
-    """A part that there is not, or one of another kind: the message says which there are, and nothing is armed."""
+    """A part that there is not, or one of another kind: the message says which there are, and nothing is
+    armed.
+    """
     stage = stages(situation_of(entry).bench)
     target = "nobody" if wrong == "nobody" else OTHERS[entry.target]
     with pytest.raises((ConfigurationError, UnsupportedFaultError)) as caught:
@@ -167,11 +185,14 @@ def test_a_target_that_is_none_is_refused(stages, entry, wrong):
     assert stage.faults.armed == []
 
 
-# -- benches -------------------------------------------------------------------------------------------------------------
+# -- benches
+# ------------------------------------------------------------------------------------------------------------
 
 
 class _Pipe:
-    """Stands for the process of the drives: commands pass as JSON, and only those that the process accepts."""
+    """Stands for the process of the drives: commands pass as JSON, and only those that the process
+    accepts.
+    """
 
     def __init__(self, device):
         self.device = device
@@ -184,7 +205,9 @@ class _Pipe:
 
 @every_kind
 def test_through_the_process_of_a_live_bench(entry, monkeypatch):
-    """What the catalogue says of live benches: applied and taken back by commands that the process of the drives takes, or refused."""
+    """What the catalogue says of live benches: applied and taken back by commands that the process of the
+    drives takes, or refused.
+    """
     stage = Stage(situation_of(entry))
     bench = stage.bench
     drive, encoder = bench.drive, bench.encoder

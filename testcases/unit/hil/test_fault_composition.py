@@ -1,4 +1,6 @@
-"""Faults put together on a bench: chains, repetitions, occasions that never come, any order of ending. Nothing of it is lost."""
+"""Faults put together on a bench: chains, repetitions, occasions that never come, any order of ending.
+Nothing of it is lost.
+"""
 
 from __future__ import annotations
 
@@ -77,7 +79,9 @@ def test_forces_add_up(bench, faults):
 
 
 def test_repetition_by_chance_is_that_of_the_seed(bench, faults):
-    """Of the occasions those come that the seed draws; one that comes while the fault acts is told and does not count."""
+    """Of the occasions those come that the seed draws; one that comes while the fault acts is told and does
+    not count.
+    """
 
     def run():
         with load_bench("reference").build(seed=9) as own:
@@ -142,7 +146,9 @@ def test_what_is_true_already(bench, faults):
 
 
 def test_two_occasions_in_the_same_cycle(bench, faults):
-    """One fault with two triggers that come together acts once and tells of the other; two faults act both, in the order of arming."""
+    """One fault with two triggers that come together acts once and tells of the other; two faults act both,
+    in the order of arming.
+    """
     axis = bench.axis()
     both = any_of(on_event("job.active"), on_event("job.active"))
     faults.inject("drive.warning", trigger=both, count=2, duration_s=0.05)
@@ -187,7 +193,9 @@ MIXED = [
 
 @pytest.mark.parametrize("seed", range(4))
 def test_any_order_of_beginning_and_end_leaves_nothing_behind(seed):
-    """Ten faults of any kind, some of them twice, begin and end in any order while the axis moves; afterwards it moves as before."""
+    """Ten faults of any kind, some of them twice, begin and end in any order while the axis moves; afterwards
+    it moves as before.
+    """
     draw = random.Random(seed)
     stage = Stage(Situation("servo"))
     try:

@@ -1,4 +1,6 @@
-"""Several faults at the same part at the same time: none of them mends what another one still breaks, in whatever order they end."""
+"""Several faults at the same part at the same time: none of them mends what another one still breaks, in
+whatever order they end.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ class Watched:
 
 
 def others(entry):
-    """Return the example without its end, made to last, and the same with another value of its first number."""
+    """Return the example without its end, made to last, and the same with another value of its first
+    number.
+    """
     values = dict(entry.example.get("parameters", {}))
     if any(one.name == "persistent" for one in entry.parameters):
         values["persistent"] = True
@@ -71,7 +75,9 @@ def stages():
 
 @pytest.mark.parametrize("entry", KINDS, ids=lambda entry: entry.name)
 def test_the_one_that_is_left_acts_on(entry, stages, monkeypatch):
-    """The first may end while the second acts, or the other way round: what is left acts as if it were alone, and the last one mends."""
+    """The first may end while the second acts, or the other way round: what is left acts as if it were alone,
+    and the last one mends.
+    """
     stage = stages(situation_of(entry).bench)
     bench = stage.bench
     calls = []

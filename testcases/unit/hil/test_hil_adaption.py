@@ -16,7 +16,9 @@ BOTH = {"Actor.DataAdaption": 1, "Sensor[1].DataAdaption": 1}
 
 
 def bench(variables=(), profidrive=(), **drive):
-    """Return the PROFIdrive bench with other axis variables and drive settings; a variable None is left out."""
+    """Return the PROFIdrive bench with other axis variables and drive settings; a variable None is left
+    out.
+    """
     config = load_bench("profidrive").config
     section = config.drive["drive1"]
     section = section.model_copy(
@@ -43,7 +45,9 @@ class TestTransfer:
 
     @pytest.mark.requirement("CFG-346", "CFG-353", "CFG-598", "VAR-150", "VAR-219", "PD-343")
     def test_what_is_wrong_in_the_controller_is_put_right(self):
-        """Reference speed, torque, steps and fine resolution that do not fit are replaced by those of the drive."""
+        """Reference speed, torque, steps and fine resolution that do not fit are replaced by those of the
+        drive.
+        """
         wrong = {
             "Actor.DriveParameter.ReferenceSpeed": 1000.0,
             "Actor.DriveParameter.ReferenceTorque": 9.0,
@@ -71,7 +75,9 @@ class TestTransfer:
 
     @pytest.mark.requirement("CFG-279", "CFG-598", "CFG-273")
     def test_without_transfer_a_wrong_reference_speed_is_a_wrong_speed(self):
-        """3000 rpm in the controller and 6000 rpm in the drive: twice the speed, until the following error ends it with 521."""
+        """3000 rpm in the controller and 6000 rpm in the drive: twice the speed, until the following error
+        ends it with 521.
+        """
         with bench(
             {"Actor.DriveParameter.ReferenceSpeed": 3000.0}, {"reference_speed_rpm": 6000.0}, telegram=102
         ) as machine:
@@ -87,7 +93,9 @@ class TestTransfer:
     @pytest.mark.requirement("CFG-580", "CFG-581", "CFG-575", "CFG-576")
     @pytest.mark.parametrize("dsc", [True, False])
     def test_inertias(self, dsc):
-        """With DSC p0341 and p1498 are taken over, the load at the load: 40 kg and the screw's share of a screw of 10 mm."""
+        """With DSC p0341 and p1498 are taken over, the load at the load: 40 kg and the screw's share of a
+        screw of 10 mm.
+        """
         settings = {**BOTH, "PositionControl.EnableDSC": dsc, "Actor.LoadInertia": 1.0}
         with bench(settings) as machine:
             assert settled(machine) == (2, 2)
@@ -104,7 +112,9 @@ class TestTransfer:
 
     @pytest.mark.requirement("CFG-345", "STP-538")
     def test_again_after_a_loss_of_supply(self):
-        """A drive that was switched off is read again, and the axis can be enabled again after the acknowledgement."""
+        """A drive that was switched off is read again, and the axis can be enabled again after the
+        acknowledgement.
+        """
         with bench(BOTH) as machine:
             assert settled(machine) == (2, 2)
             axis = machine.axis()
@@ -126,7 +136,9 @@ class TestTransfer:
 
     @pytest.mark.requirement("CFG-355", "CFG-599", "CFG-623", "TA-025", "STP-538")
     def test_refused(self):
-        """Parameters that the drive refuses: 102 and 103, the axis stays disabled until access is granted and it is restarted."""
+        """Parameters that the drive refuses: 102 and 103, the axis stays disabled until access is granted and
+        it is restarted.
+        """
         with bench(BOTH) as machine:
             store = machine.drive().parameters.store
             settled(machine)
@@ -147,7 +159,9 @@ class TestTransfer:
 
     @pytest.mark.requirement("CFG-355", "CFG-599", "STP-538")
     def test_silent(self):
-        """A drive whose SDO server does not answer: both transfers end with their alarm, and the bus goes on meanwhile."""
+        """A drive whose SDO server does not answer: both transfers end with their alarm, and the bus goes on
+        meanwhile.
+        """
         with bench(BOTH) as machine:
             settled(machine)
             axis = machine.axis()
@@ -207,7 +221,9 @@ class TestDataBlock:
 
     @pytest.mark.requirement("CFG-252", "CFG-253", "CFG-255", "CFG-256", "CFG-289")
     def test_passed_through(self):
-        """With programs that copy, the axis moves as over a direct connection; the block holds actual values and setpoints."""
+        """With programs that copy, the axis moves as over a direct connection; the block holds actual values
+        and setpoints.
+        """
         with self.machine(telegram=105) as machine:
             axis = machine.axis()
             block = axis.port.block
@@ -221,7 +237,9 @@ class TestDataBlock:
 
     @pytest.mark.requirement("CFG-254")
     def test_without_programs(self):
-        """Without programs the axis sees initial values: no communication, no enable, nothing reaches the drive."""
+        """Without programs the axis sees initial values: no communication, no enable, nothing reaches the
+        drive.
+        """
         with Bench(block_bench(), seed=1) as machine:
             axis = machine.axis()
             power = axis.power()
@@ -328,7 +346,9 @@ class TestOverModbus:
     @pytest.mark.requirement("CFG-346", "PD-326", "PD-327", "PD-328")
     @pytest.mark.parametrize("name", ["profidrive_tcp", "profidrive_rtu"])
     def test_transfer(self, name):
-        """Over TCP and over a serial line the values of the drive replace those of the controller, and the axis moves."""
+        """Over TCP and over a serial line the values of the drive replace those of the controller, and the
+        axis moves.
+        """
         with self.bench(name) as machine:
             assert settled(machine) == (2, 2)
             axis = machine.axis()

@@ -50,8 +50,10 @@ class TestExternalEncoder:
 
     @pytest.mark.requirement("CFG-016", "CFG-018", "CFG-071", "CFG-530", "VAR-025")
     def test_rotary(self):
-        """A shaft with 60 rpm behind a multi-turn encoder: 360 degrees per second, modulo range and counter included."""
-        settings = '[external_encoder.ext1.variables]\n"Properties.MotionType" = 1\n"Modulo.Enable" = true\n"Modulo.Length" = 360.0'
+        """A shaft with 60 rpm behind a multi-turn encoder: 360 degrees per second, modulo range and counter
+        included.
+        """
+        settings = '[external_encoder.ext1.variables]\n"Properties.MotionType" = 1\n"Modulo.Enable" = true\n"Modulo.Length" = 360.0'  # noqa: E501
         with bench(ENCODER.format(kind="multi_turn", place=SHAFT, variables=settings)) as machine:
             machine.run_for(1.0)
             encoder = machine.external_encoder("ext1")
@@ -69,7 +71,9 @@ class TestExternalEncoder:
         "CFG-042", "CFG-041", "CFG-053", "VAR-109", "VAR-110", "CFG-272", "HOM-018", "HOM-022"
     )
     def test_instructions(self):
-        """Homing without motion, acknowledging and restarting; homing with motion and times of a data block are refused."""
+        """Homing without motion, acknowledging and restarting; homing with motion and times of a data block
+        are refused.
+        """
         with bench(ENCODER.format(kind="multi_turn", place="", variables="")) as machine:
             encoder = machine.external_encoder()
             assert machine.run_until(encoder.home(77.0, mode=7).done, 1.0)
@@ -93,7 +97,9 @@ class TestExternalEncoder:
 
     @pytest.mark.requirement("VAR-095", "VAR-075", "VAR-077")
     def test_alarms(self):
-        """An alarm of the encoder is 411, a lost encoder 431; both with reaction 10, gone after the acknowledgement."""
+        """An alarm of the encoder is 411, a lost encoder 431; both with reaction 10, gone after the
+        acknowledgement.
+        """
         with bench(ENCODER.format(kind="multi_turn", place="", variables="")) as machine:
             encoder = machine.external_encoder()
             device = machine.encoder("enc1")
@@ -125,14 +131,26 @@ class TestExternalEncoder:
     @pytest.mark.parametrize(
         ("extra", "message"),
         [
-            (ENCODER.format(kind="multi_turn", place="", variables="").replace('encoder = "enc1"', 'encoder = "enc2"'),
-             "external_encoder.ext1.encoder: 'enc2' is not an encoder; there are: enc1"),
-            (ENCODER.format(kind="multi_turn", place="", variables="").replace("external_encoder.ext1", "external_encoder.axis1"),
-             "external_encoder.axis1: a axis has this name already"),
-            (ENCODER.format(kind="multi_turn", place="", variables="").replace('encoder = "enc1"', 'encoder = "enc1"\ndrive = "drive9"'),
-             "external_encoder.ext1.drive: 'drive9' is not the drive of an axis; there are: drive1"),
+            (
+                ENCODER.format(kind="multi_turn", place="", variables="").replace(
+                    'encoder = "enc1"', 'encoder = "enc2"'
+                ),
+                "external_encoder.ext1.encoder: 'enc2' is not an encoder; there are: enc1",
+            ),
+            (
+                ENCODER.format(kind="multi_turn", place="", variables="").replace(
+                    "external_encoder.ext1", "external_encoder.axis1"
+                ),
+                "external_encoder.axis1: a axis has this name already",
+            ),
+            (
+                ENCODER.format(kind="multi_turn", place="", variables="").replace(
+                    'encoder = "enc1"', 'encoder = "enc1"\ndrive = "drive9"'
+                ),
+                "external_encoder.ext1.drive: 'drive9' is not the drive of an axis; there are: drive1",
+            ),
         ],
-    )  # fmt: skip
+    )
     def test_mistakes(self, extra, message):
         """What leads nowhere is refused with what there is."""
         with pytest.raises(BenchFileError, match=message.replace(".", r"\.")):
@@ -174,7 +192,9 @@ class TestSecondEncoder:
 
     @pytest.mark.requirement("CFG-604", "CFG-322", "CFG-321", "CFG-325", "VAR-202", "MC-377", "MC-390")
     def test_the_controlling_one_must_not_fail(self):
-        """Switched to the scale in motion, the axis stays homed and goes on; without the scale it is disabled with 431."""
+        """Switched to the scale in motion, the axis stays homed and goes on; without the scale it is disabled
+        with 431.
+        """
         with both_encoders() as machine:
             axis = machine.axis()
             assert machine.run_until(axis.power().status, 2.0)
@@ -194,13 +214,19 @@ class TestSecondEncoder:
     @pytest.mark.parametrize(
         ("changes", "message"),
         [
-            ({'encoders = ["drive1", "scale"]': 'encoders = ["drive1", "other"]'}, "'other' is neither its drive nor an encoder"),
+            (
+                {'encoders = ["drive1", "scale"]': 'encoders = ["drive1", "other"]'},
+                "'other' is neither its drive nor an encoder",
+            ),
             ({'encoders = ["drive1", "scale"]': 'encoders = ["scale", "scale"]'}, "an encoder stands twice"),
             ({'type = "positioning"': 'type = "speed"'}, "a speed axis has no encoder"),
             ({"cycle_ms = 4": 'cycle_ms = 4\ncpu = "S7-1500"'}, 'need bench.cpu = "S7-1500T"'),
-            ({'drive = "drive1"\nencoders': 'drive = "drive1"\nconnection = "data_block"\nencoders'}, "'data_block' holds a telegram"),
+            (
+                {'drive = "drive1"\nencoders': 'drive = "drive1"\nconnection = "data_block"\nencoders'},
+                "'data_block' holds a telegram",
+            ),
         ],
-    )  # fmt: skip
+    )
     @pytest.mark.requirement("CFG-177", "CFG-174")
     def test_mistakes(self, changes, message):
         """Encoders that cannot be are refused with the reason."""
@@ -268,7 +294,9 @@ class TestSecondOfTheTelegram:
 
     @pytest.mark.requirement("CFG-339", "VAR-151")
     def test_speed_is_that_of_the_first(self):
-        """With the velocity of the telegram encoder 2 shows that of encoder 1, and the position of its own."""
+        """With the velocity of the telegram encoder 2 shows that of encoder 1, and the position of its
+        own.
+        """
         variables = '"Sensor[2].ActualVelocityMode" = 1'
         with Bench(parse(second_encoder(variables=variables), "bench.toml"), seed=1) as machine:
             axis = machine.axis()
@@ -294,7 +322,9 @@ class TestSecondOfTheTelegram:
 
     @pytest.mark.requirement("CFG-285")
     def test_mistakes(self):
-        """A second encoder that the telegram does not carry is refused, and so is a number that is not the connection's."""
+        """A second encoder that the telegram does not carry is refused, and so is a number that is not the
+        connection's.
+        """
         with pytest.raises(
             BenchFileError, match=r"needs encoder2 of 'drive1' and one of its telegrams 4, 6, 103, 106"
         ):

@@ -96,7 +96,9 @@ def test_trigger_argument_that_is_no_usable_number(make, value):
     ("lines", "allowed"), [("time_s = 0.15", 0.15), ("time_s = 0.15\nlateness_s = 0.016", 0.016), ("", 0.0)]
 )
 def test_lateness_that_is_allowed(lines, allowed):
-    """How late a machine may be before a failure says nothing about what was tested; by default the tolerance of times."""
+    """How late a machine may be before a failure says nothing about what was tested; by default the tolerance
+    of times.
+    """
     text = VIRTUAL.format(drive='"d"', axis='"a"') + f"\n[tolerance]\n{lines}\n"
     with BenchFile("own.toml", text).build() as bench:
         assert bench.allowed_lateness_s == allowed
@@ -120,12 +122,18 @@ def test_a_start_value_is_no_text(value):
 
 @pytest.mark.parametrize(
     ("before", "after", "allowed"),
-    [("cycle_ms = 4", 'cycle_ms = "4"', "a number"), ("node_id = 5", "node_id = true", "a number"),
-     ("node_id = 5", 'node_id = 5\ncsv_interpolation = "yes"', "true or false"),
-     ("node_id = 5", "node_id = 5\ncsv_interpolation = 1", "true or false"), ('name = "reference axis"', "name = 5", "a text")],
-)  # fmt: skip
+    [
+        ("cycle_ms = 4", 'cycle_ms = "4"', "a number"),
+        ("node_id = 5", "node_id = true", "a number"),
+        ("node_id = 5", 'node_id = 5\ncsv_interpolation = "yes"', "true or false"),
+        ("node_id = 5", "node_id = 5\ncsv_interpolation = 1", "true or false"),
+        ('name = "reference axis"', "name = 5", "a text"),
+    ],
+)
 def test_a_value_of_another_type(before, after, allowed):
-    """A number in quotes, a truth value for a number, a word for a truth value: refused, and not taken for what they look like."""
+    """A number in quotes, a truth value for a number, a word for a truth value: refused, and not taken for
+    what they look like.
+    """
     text = load_bench("reference").text
     assert before in text
     with pytest.raises(BenchFileError) as caught:

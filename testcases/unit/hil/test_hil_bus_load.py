@@ -12,7 +12,9 @@ CRC_POLYNOMIAL = 0x4599
 
 
 def bits_of(can_id: int, data: bytes) -> int:
-    """Return the bits of a standard data frame with intermission, bit by bit as the specification describes it."""
+    """Return the bits of a standard data frame with intermission, bit by bit as the specification describes
+    it.
+    """
     bits = [0, *(can_id >> shift & 1 for shift in range(10, -1, -1)), 0, 0, 0]
     bits += [len(data) >> shift & 1 for shift in (3, 2, 1, 0)]
     bits += [byte >> shift & 1 for byte in data for shift in range(7, -1, -1)]
@@ -32,7 +34,9 @@ def bits_of(can_id: int, data: bytes) -> int:
 
 @pytest.mark.requirement("CANP-012", "CANP-017", "CANP-069")
 def test_load_of_four_axes_is_the_computed_one():
-    """Four axes at 1 Mbit/s and 2 ms: the load that is recorded is that of the frames in the log, within 1 %."""
+    """Four axes at 1 Mbit/s and 2 ms: the load that is recorded is that of the frames in the log, within
+    1 %.
+    """
     with MovingBench(with_axes(load_bench("reference").config, 4, cycle_ms=2)).bench as bench:
         begin = bench.now_s
         moves = [bench.axis(f"axis{number}").move_absolute(50.0) for number in range(1, 5)]
@@ -65,6 +69,6 @@ def test_load_doubles_with_half_of_the_bit_rate():
 
 def test_a_segment_and_an_axis_of_one_name_are_refused():
     """Segments have signals too, so that their names are taken."""
-    text = '[bench]\nname = "own"\n[segment.can0]\n[drive.d]\nsegment = "can0"\nnode_id = 5\n[axis.can0]\ndrive = "d"\n'
+    text = '[bench]\nname = "own"\n[segment.can0]\n[drive.d]\nsegment = "can0"\nnode_id = 5\n[axis.can0]\ndrive = "d"\n'  # noqa: E501
     with pytest.raises(BenchFileError, match=r"axis\.can0"):
         BenchFile("own.toml", text)

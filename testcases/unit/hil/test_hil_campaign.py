@@ -21,11 +21,14 @@ def enable(ctx):
     ctx.wait_until(lambda: ctx.axis.state == "STANDSTILL", 1.0, "enabled")
 
 
-# -- registration ---------------------------------------------------------------------------------------------------
+# -- registration
+# ---------------------------------------------------------------------------------------------------
 
 
 def test_cases_are_named_after_their_campaign():
-    """The identifier is the slug of campaign and case; the title comes from the docstring when none is given."""
+    """The identifier is the slug of campaign and case; the title comes from the docstring when none is
+    given.
+    """
     campaign = Campaign("Stop Modes", tags=("stop",), requirements=("STP-239",))
 
     @campaign.case("MC Power 0/constant", tags=("power",), requirements=("STP-301", "STP-239"))
@@ -45,14 +48,19 @@ def test_cases_are_named_after_their_campaign():
 
 
 def test_a_product_makes_every_combination_in_order():
-    """All combinations, the last parameter fastest; names, titles, tags and requirements know the parameters."""
+    """All combinations, the last parameter fastest; names, titles, tags and requirements know the
+    parameters.
+    """
     campaign = Campaign("c")
     calls = []
 
     @campaign.product(
-        "m-{mode}-{phase}", parameters={"mode": [0, 1], "phase": ["a", "b"]}, title="Mode {mode}, {phase}",
-        tags=("{phase}",), requirements=lambda mode, phase: (f"X-{mode}",),
-    )  # fmt: skip
+        "m-{mode}-{phase}",
+        parameters={"mode": [0, 1], "phase": ["a", "b"]},
+        title="Mode {mode}, {phase}",
+        tags=("{phase}",),
+        requirements=lambda mode, phase: (f"X-{mode}",),
+    )
     def case(ctx, mode, phase):
         calls.append((mode, phase))
 
@@ -89,7 +97,8 @@ def test_impossible_campaigns_are_refused():
         Campaign("c").case("x", wall_limit_s=0.0)
 
 
-# -- verdicts ---------------------------------------------------------------------------------------------------------
+# -- verdicts
+# ---------------------------------------------------------------------------------------------------------
 
 
 def test_a_good_case_passes_with_the_rules_of_every_run():
@@ -149,7 +158,9 @@ def test_a_wait_that_takes_too_long_fails():
 @pytest.mark.requirement("STP-554")
 @pytest.mark.parametrize("swallow", [False, True])
 def test_bench_time_is_limited(swallow):
-    """A case that lets more bench time pass than it may ends, even when it swallows the first interruption."""
+    """A case that lets more bench time pass than it may ends, even when it swallows the first
+    interruption.
+    """
 
     def case(ctx):
         try:
@@ -178,7 +189,9 @@ def test_wall_time_is_limited():
 
 
 def test_the_rules_of_every_run_fail_a_case():
-    """A case whose own expectations hold fails when a rule of every run is broken, unless it excepts that rule."""
+    """A case whose own expectations hold fails when a rule of every run is broken, unless it excepts that
+    rule.
+    """
 
     def case(ctx):
         enable(ctx)
@@ -217,7 +230,8 @@ def test_expectations_of_a_case_that_failed_early_are_still_judged():
     assert "no alarm" in {check.name for check in result.checks}
 
 
-# -- evidence ---------------------------------------------------------------------------------------------------------
+# -- evidence
+# ---------------------------------------------------------------------------------------------------------
 
 
 def tripped(ctx):
@@ -253,7 +267,9 @@ def test_the_story_tells_instructions_faults_observations_and_checks_in_order():
 
 
 def test_alarms_and_faults_are_recorded_with_their_times():
-    """An alarm knows when it was cleared; a fault knows trigger, parameters and the state of the axis it met."""
+    """An alarm knows when it was cleared; a fault knows trigger, parameters and the state of the axis it
+    met.
+    """
     result = run(tripped)
     (alarm_record,) = result.alarms
     assert (alarm_record.number, alarm_record.reaction, alarm_record.axis) == (421, 4, "axis1")
@@ -298,7 +314,8 @@ def test_the_result_carries_seed_digest_and_time():
     assert first.simulated_s == second.simulated_s > 1.0
 
 
-# -- twice ------------------------------------------------------------------------------------------------------------
+# -- twice
+# ------------------------------------------------------------------------------------------------------------
 
 
 def test_running_twice_proves_repeatability():

@@ -41,7 +41,9 @@ def port(bench, name):
 
 @pytest.mark.parametrize("entry", CAN_KINDS, ids=lambda entry: entry.name)
 def test_every_kind_ends_and_the_bus_recovers(entry):
-    """After the example of the catalogue, applied for 20 ms, every node works: frames flow, no node is off, no hook is left."""
+    """After the example of the catalogue, applied for 20 ms, every node works: frames flow, no node is off,
+    no hook is left.
+    """
     bench = ToyBench(seed=3)
     content = {**entry.example, "target": "", "duration_s": 0.02, "trigger": {"when": "after", "time_s": 0.1}}
     armed = Injector(bench).arm(Fault.from_dict(json.loads(json.dumps(content))))
@@ -58,7 +60,9 @@ def test_every_kind_ends_and_the_bus_recovers(entry):
 
 @pytest.mark.parametrize("entry", CAN_KINDS, ids=lambda entry: entry.name)
 def test_no_kind_claims_a_bench_that_it_cannot_reach(entry):
-    """On live benches and physical drives these kinds are refused, with a reason, but for those that an adapter can do."""
+    """On live benches and physical drives these kinds are refused, with a reason, but for those that an
+    adapter can do.
+    """
     assert entry.target == "segment"
     possible = entry.name in ("can.load", "can.babble", "can.cable_break", "can.unplug")
     for place in ("live", "hardware"):
@@ -91,7 +95,9 @@ def test_an_unknown_node_is_named_with_the_known_ones(bench, faults, name):
     ],
 )  # fmt: skip
 def test_corrupt_aims_at_a_field(bench, faults, field, bit, error):
-    """`frame.corrupt` with field and bit: the kind of the error follows from the place, and the frame is repeated."""
+    """`frame.corrupt` with field and bit: the kind of the error follows from the place, and the frame is
+    repeated.
+    """
     bench.run_for(0.1)
     faults.inject("frame.corrupt", count=1, can_id=TPDO, field=field, bit=bit)
     bench.run_for(0.02)
@@ -109,7 +115,9 @@ def test_corrupt_in_the_last_bit_of_a_frame_doubles_it(bench, faults):
 
 
 def test_corrupt_for_one_node_only(bench, faults):
-    """`nodes` names who reads the bit wrongly: the receiver tells a CRC error, the sender has sent what it wanted."""
+    """`nodes` names who reads the bit wrongly: the receiver tells a CRC error, the sender has sent what it
+    wanted.
+    """
     bench.run_for(0.1)
     faults.inject("frame.corrupt", count=1, can_id=TPDO, field="data", bit=2, nodes="controller")
     bench.run_for(0.02)
@@ -126,7 +134,9 @@ def test_corrupt_checks_its_place(field, bit):
 
 @pytest.mark.requirement("CANP-078")
 def test_noise_hits_about_as_many_bits_as_its_rate_says(bench, faults):
-    """The error frames of a second come at the rate that the share of occupied bits and the idle ones make; seeded."""
+    """The error frames of a second come at the rate that the share of occupied bits and the idle ones make;
+    seeded.
+    """
     faults.inject("can.noise", duration_s=1.0, bit_error_rate=0.0005)
     bench.run_for(1.1)
     errors = len([entry for entry in bench.history.events if entry.kind == "can.bus_error"])
@@ -184,7 +194,9 @@ def test_a_break_has_two_sides(faults, nodes):
 
 @pytest.mark.requirement("CANP-056", "CANP-078")
 def test_unplugged_node_stays_error_passive_and_comes_back(bench, faults):
-    """Alone on its piece of cable it repeats without an acknowledge at 128; plugged in again it gets through."""
+    """Alone on its piece of cable it repeats without an acknowledge at 128; plugged in again it gets
+    through.
+    """
     bench.run_for(0.1)
     drive = port(bench, "drive1")
     armed = faults.inject("can.unplug", node="drive1")
@@ -216,7 +228,9 @@ def test_cable_may_break_and_be_mended_at_any_time(offset_us):
 
 @pytest.mark.requirement("CANP-078")
 def test_babbling_node_keeps_everybody_else_off_the_bus(bench, faults):
-    """With the lowest identifier and no pause the bus is full, and nothing of the others is on it; later everything goes on."""
+    """With the lowest identifier and no pause the bus is full, and nothing of the others is on it; later
+    everything goes on.
+    """
     bench.run_for(0.1)
     faults.inject("can.babble", duration_s=0.05, can_id=0x001, data="0102")
     bench.run_for(0.05)
@@ -259,7 +273,9 @@ def test_forced_bus_off_and_recovery(bench, faults, recovery):
 
 @pytest.mark.requirement("CANP-059", "CANP-078")
 def test_missing_acknowledge(bench, faults):
-    """While nobody acknowledges no frame of the others gets through cleanly, and the sender becomes error-passive."""
+    """While nobody acknowledges no frame of the others gets through cleanly, and the sender becomes
+    error-passive.
+    """
     bench.run_for(0.1)
     faults.inject("can.no_ack", duration_s=0.02)
     bench.run_for(0.02)
@@ -286,7 +302,9 @@ def test_overload_frames_stretch_the_gap(bench, faults):
 
 
 def test_receive_delay_of_one_node(bench, faults):
-    """The controller's frames reach the drive later than they end on the bus; its answers come that much later."""
+    """The controller's frames reach the drive later than they end on the bus; its answers come that much
+    later.
+    """
     bench.run_for(0.1)
 
     def distances(since):
@@ -301,7 +319,9 @@ def test_receive_delay_of_one_node(bench, faults):
 
 
 def test_transmit_overrun(bench, faults):
-    """With one buffer a node that sends four frames at once loses those that do not fit, and the overrun is told."""
+    """With one buffer a node that sends four frames at once loses those that do not fit, and the overrun is
+    told.
+    """
     bench.run_for(0.101)
     drive = port(bench, "drive1")
     faults.inject("can.transmit_overrun", duration_s=0.01, node="drive1", buffers=1)
@@ -325,7 +345,9 @@ def test_arbitration_loss(bench, faults):
 
 @pytest.mark.requirement("CANP-029", "CANP-078")
 def test_second_node_with_the_same_identifiers(bench, faults):
-    """Two nodes that send the same identifier with other content at the same time destroy each other's frames."""
+    """Two nodes that send the same identifier with other content at the same time destroy each other's
+    frames.
+    """
     bench.run_for(0.1)
     faults.inject("frame.collide", count=1, can_id=TPDO)
     bench.run_for(0.02)
@@ -336,7 +358,9 @@ def test_second_node_with_the_same_identifiers(bench, faults):
 
 @pytest.mark.requirement("CANP-070")
 def test_sync_is_late_by_the_frame_in_progress_at_most(bench, faults):
-    """Under load SYNC arrives between its undisturbed time and that plus the longest frame; the statistics tell both."""
+    """Under load SYNC arrives between its undisturbed time and that plus the longest frame; the statistics
+    tell both.
+    """
     faults.inject("can.load", load_percent=60.0, lowest_id=0x600, highest_id=0x60F)
     bench.run_for(2.0)
     arrivals = [entry[0] for entry in frames(bench, 0x080)]

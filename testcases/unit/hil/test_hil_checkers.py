@@ -79,7 +79,9 @@ def good():
 
 
 def test_a_good_run_breaks_no_rule(good):
-    """A run with moves, a fault, a reset and a coast passes all rules, and every rule had something to judge."""
+    """A run with moves, a fault, a reset and a coast passes all rules, and every rule had something to
+    judge.
+    """
     checks = run_checkers(good)
     assert [check.name for check in checks if check.verdict is not Verdict.PASSED] == []
     for checker in ALWAYS_ON:
@@ -154,8 +156,11 @@ def test_a_drive_that_moves_without_torque_is_found():
     script = lambda bench, axis: (axis.power(False, stop_mode=1), bench.run_for(1.0))  # noqa: E731 - two lines in one
     assert failed(check_motion_while_disabled, run("creeps_without_torque", script))
     coasting = lambda bench, axis: (  # noqa: E731 - as above
-        axis.move_velocity(300.0), bench.run_for(0.5), axis.power(False, stop_mode=3), bench.run_for(0.3)
-    )  # fmt: skip
+        axis.move_velocity(300.0),
+        bench.run_for(0.5),
+        axis.power(False, stop_mode=3),
+        bench.run_for(0.3),
+    )
     trace = run(script=coasting)
     assert failed(check_motion_while_disabled, trace) == []
     faster = doctored(trace, "drive1.velocity", lambda v, t: np.where(t > trace.end_s - 0.1, v * 1.5, v))
@@ -192,7 +197,9 @@ def test_a_rebound_from_an_end_stop_excuses_motion(good):
 
 
 def test_a_step_of_the_setpoint_is_found(good):
-    """A setpoint that jumps further than the limits allow in one cycle is found, with the size of the step."""
+    """A setpoint that jumps further than the limits allow in one cycle is found, with the size of the
+    step.
+    """
 
     def jump(values, times):
         values[np.searchsorted(times, 0.45) :] += 20.0
@@ -207,7 +214,9 @@ def test_a_step_of_the_setpoint_is_found(good):
 @pytest.mark.requirement("STP-239", "STP-244")
 @pytest.mark.parametrize(("landing", "found"), [(0.0, True), (0.98, False)])
 def test_a_setpoint_that_jumps_with_the_state_is_found(landing, found):
-    """At a change of state the setpoint may start anew among the actual velocities, and nowhere else: gone at once is no ramp."""
+    """At a change of state the setpoint may start anew among the actual velocities, and nowhere else: gone at
+    once is no ramp.
+    """
     with load_bench("reference").build(seed=1) as bench:
         axis = bench.axis()
         power = axis.power()
@@ -217,7 +226,11 @@ def test_a_setpoint_that_jumps_with_the_state_is_found(landing, found):
         axis.power(False, stop_mode=0)
         bench.run_for(0.3)
         trace = bench.trace()
-    stop_s = next(e.time_ns * 1e-9 for e in trace.select(source="axis1", kind="axis.state") if e.data["to"] == "DISABLING_RAMP")  # fmt: skip
+    stop_s = next(
+        e.time_ns * 1e-9
+        for e in trace.select(source="axis1", kind="axis.state")
+        if e.data["to"] == "DISABLING_RAMP"
+    )
 
     def jump(values, times):
         first = int(np.searchsorted(times, stop_s - 1e-9))
@@ -232,7 +245,10 @@ def test_a_setpoint_that_jumps_with_the_state_is_found(landing, found):
 
 def test_a_drive_of_another_profile_is_not_judged_by_cia_402():
     """A *Fault* followed by *Standby* is the affair of an analog drive."""
-    changes = [Event(n, "drive1", "drive.state", {"from": a, "to": b}) for n, (a, b) in enumerate([("Standby", "Fault"), ("Fault", "Standby")])]  # fmt: skip
+    changes = [
+        Event(n, "drive1", "drive.state", {"from": a, "to": b})
+        for n, (a, b) in enumerate([("Standby", "Fault"), ("Fault", "Standby")])
+    ]
     assert check_drive_transitions(Trace([], events=changes, end_ns=9)) == []
 
 
@@ -276,7 +292,9 @@ def test_words_that_contradict_each_other_are_found(signal, change, rule):
 
 
 def test_a_job_that_survives_an_alarm_is_found():
-    """A motion job that stays busy while an alarm with a stop reaction is pending is found; MC_Stop is excepted."""
+    """A motion job that stays busy while an alarm with a stop reaction is pending is found; MC_Stop is
+    excepted.
+    """
     trace = run()
     alarm_ns = next(trace.select(kind="alarm.raised")).time_ns
 

@@ -32,7 +32,9 @@ def call(capsys, *arguments):
 
 
 def test_one_run_in_a_folder_at_a_time(capsys, tmp_path):
-    """While a run goes on in a folder another one is refused and takes nothing of it away; afterwards it may run."""
+    """While a run goes on in a folder another one is refused and takes nothing of it away; afterwards it may
+    run.
+    """
     run = ("run", TOY, "--select", "chance", "--report", tmp_path / "rep")
     assert call(capsys, *run)[0] == 0
     with only_run_in(tmp_path / "rep"):
@@ -54,7 +56,9 @@ def test_a_report_that_cannot_be_there_is_told(capsys, tmp_path):
 
 
 def test_run_json_is_the_only_thing_on_standard_output(capsys, tmp_path):
-    """`hil run --json` prints one object with exactly the promised keys, whatever the cases print themselves."""
+    """`hil run --json` prints one object with exactly the promised keys, whatever the cases print
+    themselves.
+    """
     file = tmp_path / "loud.py"
     file.write_text(
         "from hil import Campaign\n"
@@ -118,7 +122,9 @@ def test_exit_codes_of_run(capsys, select, code):
     ],
 )
 def test_what_cannot_run_ends_with_2_and_one_message(capsys, arguments, words):
-    """A mistake of the user ends with 2 and says what is wrong, without a traceback and with nothing on stdout."""
+    """A mistake of the user ends with 2 and says what is wrong, without a traceback and with nothing on
+    stdout.
+    """
     code, out, err = call(capsys, *arguments)
     assert code == 2
     assert words in err
@@ -127,7 +133,9 @@ def test_what_cannot_run_ends_with_2_and_one_message(capsys, arguments, words):
 
 
 def test_runs_leave_a_history_that_can_be_asked(capsys, tmp_path, monkeypatch):
-    """Every run is recorded; `hil history` lists, compares and follows a case; the summary says what is new."""
+    """Every run is recorded; `hil history` lists, compares and follows a case; the summary says what is
+    new.
+    """
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(tmp_path / "steps.md"))
     assert call(capsys, "run", TOY, "-k", "move-50", "--report", "rep", "--summary", "auto")[0] == 0
     code, out, err = call(capsys, "run", TOY, "-k", "wrong", "--report", "rep", "--summary", "-")
@@ -274,8 +282,11 @@ def test_fuzz_of_a_sound_bench_ends_with_0(capsys):
     assert code == 0
     result = json.loads(out)
     assert {key: result[key] for key in ("cases", "seed", "failures", "report")} == {
-        "cases": 10, "seed": 0, "failures": [], "report": "",
-    }  # fmt: skip
+        "cases": 10,
+        "seed": 0,
+        "failures": [],
+        "report": "",
+    }
     assert result["new"] == sum(result["reached"].values()) > 0
 
 
@@ -334,7 +345,8 @@ def test_help_loads_nothing_heavy():
     """`hil --help` names all commands and loads none of their libraries."""
     code = (
         "import sys\nfrom hil.cli import main\ncode = main(['--help'])\n"
-        "heavy = {'numpy', 'canopen', 'can', 'pydantic', 'rich', 'jinja2', 'plotly', 'hypothesis', 'hil.campaign', 'reports'}\n"
+        "heavy = {'numpy', 'canopen', 'can', 'pydantic', 'rich', 'jinja2', 'plotly', 'hypothesis', "
+        "'hil.campaign', 'reports'}\n"
         "print(code, sorted(heavy & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -379,7 +391,9 @@ def test_failed_cases_are_repeated(capsys):
 
 
 def test_shards_make_one_report(capsys):
-    """`hil report` merges shards into what the whole run would have been, again and again into the same folder."""
+    """`hil report` merges shards into what the whole run would have been, again and again into the same
+    folder.
+    """
     for number in (1, 2):
         call(capsys, "run", TOY, "-t", "toy", "--shard", f"{number}/2", "--report", f"part{number}")
     _, out, _ = call(capsys, "run", TOY, "-t", "toy", "--report", "whole", "--json")

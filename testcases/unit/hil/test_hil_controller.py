@@ -40,7 +40,9 @@ BENCHES = ["reference", "profidrive", "profidrive_tcp", "profidrive_rtu", "analo
 @pytest.mark.requirement("MC-629", "STP-506", "STP-588", "MC-631")
 @pytest.mark.parametrize("name", BENCHES)
 def test_stop_and_run(name):
-    """The axis comes to rest, the job ends with CommandAborted, and after RUN the axis can be enabled again."""
+    """The axis comes to rest, the job ends with CommandAborted, and after RUN the axis can be enabled
+    again.
+    """
     bench, axis, job = moving(name, 20.0 if name == "stepper" else 100.0)
     with bench:
         Injector(bench).inject("controller.stop", duration_s=1.5)
@@ -87,7 +89,9 @@ def test_silence_without_supply():
 
 @pytest.mark.requirement("STP-588")
 def test_the_sign_of_life_ends():
-    """With the process outputs the sign of life of the controller ends: the drive reports it, after its stop (F01912)."""
+    """With the process outputs the sign of life of the controller ends: the drive reports it, after its stop
+    (F01912).
+    """
     bench, axis, _ = moving("profidrive")
     with bench:
         bench.controller.stop()
@@ -160,7 +164,9 @@ def test_the_last_of_overlapping_faults_gives_the_controller_free(first, second)
 
 
 def test_overlapping_overruns_leave_the_level_as_it_was():
-    """While two faults want another computing time the later one holds; after both the level takes as long as before."""
+    """While two faults want another computing time the later one holds; after both the level takes as long as
+    before.
+    """
     with load_bench("reference").build(seed=1) as bench:
         levels = bench.controller.levels
         before = levels.computing_time
@@ -187,7 +193,9 @@ def test_where_it_cannot_be_injected():
 
 @pytest.mark.parametrize("base", ["reference", "profidrive"])
 def test_an_interpolator_cycle_of_its_own(base):
-    """The drive gets a new setpoint in every bus cycle, the interpolator runs in every fourth; stops are smooth."""
+    """The drive gets a new setpoint in every bus cycle, the interpolator runs in every fourth; stops are
+    smooth.
+    """
     text = load_bench(base).text.replace("cycle_ms = 4", "cycle_ms = 2\ninterpolator_ms = 8", 1)
     digests = set()
     for _ in range(2):

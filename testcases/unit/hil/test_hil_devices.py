@@ -122,12 +122,15 @@ def bench_file(tmp_path):
     return write
 
 
-# -- a device of any EDS --------------------------------------------------------------------------------------
+# -- a device of any EDS
+# --------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C301-013", "C301-132")
 def test_node_on_a_virtual_bench(bench_file):
-    """A device of its EDS boots, answers SDO with the limits of the file, keeps what is written, and sends its PDOs."""
+    """A device of its EDS boots, answers SDO with the limits of the file, keeps what is written, and sends
+    its PDOs.
+    """
     with bench_file(NODE).build() as bench, PumpedNetwork(bench.segment(), name="client") as network:
         io = bench.device("io")
         od = load_dictionary(bench.config.device["io"].eds, 20)
@@ -156,7 +159,9 @@ def test_node_on_a_virtual_bench(bench_file):
 
 @pytest.mark.parametrize("place", ["fault", "trigger"])
 def test_messages_of_a_device_can_be_named(bench_file, place):
-    """Frame faults and triggers know the messages of a device by name; a name that nothing has is refused with those that are."""
+    """Frame faults and triggers know the messages of a device by name; a name that nothing has is refused
+    with those that are.
+    """
     with bench_file(NODE).build() as bench:
         faults = Injector(bench)
 
@@ -257,7 +262,9 @@ def test_digest_of_a_bench_covers_its_eds_files(bench_file, tmp_path):
 
 @pytest.mark.parametrize("name", ["io", "d"])
 def test_an_eds_is_read_once_until_it_changes(bench_file, tmp_path, monkeypatch, name):
-    """Benches of one process share what they read of an EDS, and take the file anew when somebody has changed it."""
+    """Benches of one process share what they read of an EDS, and take the file anew when somebody has changed
+    it.
+    """
     eds = tmp_path / "own.eds"
     eds.write_text(STATION if name == "io" else SERVO.read_text())
     file = bench_file(NODE.replace("station", "own") if name == "io" else DRIVE + 'eds = "own.eds"\n')
@@ -278,7 +285,8 @@ def test_an_eds_is_read_once_until_it_changes(bench_file, tmp_path, monkeypatch,
     assert read.count(str(eds)) == 1
 
 
-# -- the drive that the user has ------------------------------------------------------------------------------
+# -- the drive that the user has
+# ------------------------------------------------------------------------------
 
 
 def vendor_eds(**changes):
@@ -305,7 +313,9 @@ def vendor_eds(**changes):
 
 @pytest.mark.parametrize("without", [(), ("60B8", "60B9", "60BA", "6502", "607E", "60F4")])
 def test_drive_with_a_vendors_eds(bench_file, tmp_path, without):
-    """The drive presents the vendor's identity and objects, keeps what is written to his own, and is moved by its axis all the same."""
+    """The drive presents the vendor's identity and objects, keeps what is written to his own, and is moved by
+    its axis all the same.
+    """
     (tmp_path / "vendor.eds").write_bytes(vendor_eds(without=without).encode("cp1252"))
     with bench_file(DRIVE + 'eds = "vendor.eds"\n' + AXIS).build() as bench:
         slave = bench.drive().slave
@@ -332,14 +342,25 @@ def test_drive_with_a_vendors_eds(bench_file, tmp_path, without):
     [
         ({"without": ["6040"]}, "6040h.*CiA 402"),
         (
-            {"replace": [("[607A]\nParameterName=Target position\nObjectType=0x7\nStorageLocation=RAM\nDataType=0x0004",
-                          "[607A]\nParameterName=Target position\nObjectType=0x7\nDataType=0x0003")]},
+            {
+                "replace": [
+                    (
+                        (
+                            "[607A]\nParameterName=Target "
+                            "position\nObjectType=0x7\nStorageLocation=RAM\nDataType=0x0004"
+                        ),
+                        "[607A]\nParameterName=Target position\nObjectType=0x7\nDataType=0x0003",
+                    )
+                ]
+            },
             "607Ah:0 DataType.*0004h",
         ),
     ],
-)  # fmt: skip
+)
 def test_eds_that_cannot_be_that_of_a_drive(bench_file, tmp_path, changes, message):
-    """An object without which no drive can be commanded, or of another length than the profile's, is named."""
+    """An object without which no drive can be commanded, or of another length than the profile's, is
+    named.
+    """
     (tmp_path / "vendor.eds").write_text(vendor_eds(**changes))
     with pytest.raises(ConfigurationError, match=message):
         bench_file(DRIVE + 'eds = "vendor.eds"\n').build()
@@ -374,11 +395,14 @@ def test_stored_parameters_from_run_to_run(bench_file, tmp_path, section):
     assert (tmp_path / "memory.json").exists()
 
 
-# -- hil eds --------------------------------------------------------------------------------------------------
+# -- hil eds
+# --------------------------------------------------------------------------------------------------
 
 
 def test_eds_of_the_reference_drive(capsys, tmp_path):
-    """`hil eds` writes an EDS that the library reads, with the defaults that the bench file gives the drive."""
+    """`hil eds` writes an EDS that the library reads, with the defaults that the bench file gives the
+    drive.
+    """
     assert main(["eds", "reference"]) == 0
     path = tmp_path / "drive.eds"
     path.write_text(capsys.readouterr().out)

@@ -85,7 +85,9 @@ def test_a_warning_of_the_drive():
 
 @pytest.mark.requirement("TA-011", "DIA-110", "DIA-111")
 def test_coming_going_and_acknowledging_of_an_alarm():
-    """The log of alarms has the times at which the alarm came, its cause went and it was cleared; the words change with them."""
+    """The log of alarms has the times at which the alarm came, its cause went and it was cleared; the words
+    change with them.
+    """
     with load_bench("reference").build(seed=1) as machine:
         axis = enabled(machine)
         Injector(machine).inject("drive.power_off", duration_s=0.2)
@@ -118,7 +120,9 @@ def test_coming_going_and_acknowledging_of_an_alarm():
 
 @pytest.mark.requirement("DIA-100", "DIA-101")
 def test_telegram_of_the_drive():
-    """Sent and received words are those of the wire: control and status words, setpoint, actual speed, encoder."""
+    """Sent and received words are those of the wire: control and status words, setpoint, actual speed,
+    encoder.
+    """
     with bench() as machine:
         axis = enabled(machine)
         axis.move_velocity(250.0)
@@ -139,7 +143,9 @@ def test_a_cia_402_drive_shows_the_words_that_the_axis_speaks():
 
 
 def test_external_encoders_and_encoders_of_an_axis(capsys, tmp_path):
-    """`hil diag` shows external encoders behind the axes, or the one that is asked for; `Sensor[2]` has a telegram of its own."""
+    """`hil diag` shows external encoders behind the axes, or the one that is asked for; `Sensor[2]` has a
+    telegram of its own.
+    """
     text = load_bench("reference").text
     scale = (
         '[encoder.scale]\nsegment = "can0"\nnode_id = 21\nprofile = "profidrive"\ntype = "absolute_linear"\n'

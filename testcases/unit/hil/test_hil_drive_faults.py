@@ -90,7 +90,8 @@ def of_kind(kind):
     return mark
 
 
-# -- safety and supply -----------------------------------------------------------------------------------------------------
+# -- safety and supply
+# -----------------------------------------------------------------------------------------------------
 
 
 @of_kind("drive.ss1")
@@ -141,7 +142,9 @@ def test_mains_off(rig):
 @of_kind("drive.brown_out")
 @pytest.mark.parametrize(("left", "volts", "codes"), [(80.0, 448.0, []), (50.0, None, [0x3220])])
 def test_brown_out(rig, left, volts, codes):
-    """The DC link sinks to what is left of the mains: above 400 V the drive goes on, below it trips; then the link is full again."""
+    """The DC link sinks to what is left of the mains: above 400 V the drive goes on, below it trips; then the
+    link is full again.
+    """
     rig.inject("drive.brown_out", mains_percent=left)
     rig.run(6.0)
     assert rig.emcy_codes() == codes
@@ -212,12 +215,15 @@ def test_overtemperature(rig, part, code):
     assert rig.warnings() == 0
 
 
-# -- torque, ramps, brake ----------------------------------------------------------------------------------------------------
+# -- torque, ramps, brake
+# ----------------------------------------------------------------------------------------------------
 
 
 @of_kind("drive.torque_limit")
 def test_torque_limit(rig):
-    """A fifth of the rated torque is less than the acceleration needs; bit 11 tells; then all of it is there again."""
+    """A fifth of the rated torque is less than the acceleration needs; bit 11 tells; then all of it is there
+    again.
+    """
     rig.inject("drive.torque_limit", share=0.2)
     rig.axis.move_velocity(100.0)
     rig.run(0.05)
@@ -285,7 +291,8 @@ def test_brake_slip(rig):
     assert rig.drive.core.brake.holding_torque_Nm == 5.0
 
 
-# -- state machine -----------------------------------------------------------------------------------------------------------
+# -- state machine
+# -----------------------------------------------------------------------------------------------------------
 
 
 @of_kind("drive.local_control")
@@ -329,7 +336,8 @@ def test_switch_on_disabled(rig):
     assert rig.armed.over
 
 
-# -- status word ---------------------------------------------------------------------------------------------------------------
+# -- status word
+# ------------------------------------------------------------------------------------------------------------
 
 
 @of_kind("drive.warning")
@@ -390,12 +398,15 @@ def test_mode_display(rig):
     assert rig.drive.peek(0x6061) == 9
 
 
-# -- services ------------------------------------------------------------------------------------------------------------------
+# -- services
+# ------------------------------------------------------------------------------------------------------------
 
 
 @of_kind("drive.reset")
 def test_reset(rig):
-    """Silence, boot-up frame after the time, and the axis notices the lost link; afterwards it can be enabled again."""
+    """Silence, boot-up frame after the time, and the axis notices the lost link; afterwards it can be enabled
+    again.
+    """
     rig.move()
     mark = rig.mark()
     rig.inject("drive.reset", boot_s=0.1)
@@ -489,13 +500,16 @@ def test_emcy_storm(rig):
 @pytest.mark.requirement("C402-310", "C301-127")
 @pytest.mark.parametrize(("length", "code"), [(3, 0x8210), (8, 0x8220)])
 def test_frame_length(rig, length, code):
-    """RPDO1 (7 bytes) too short is EMCY 8210h and not processed, too long is 8220h and processed (C301-054)."""
+    """RPDO1 (7 bytes) too short is EMCY 8210h and not processed, too long is 8220h and processed
+    (C301-054).
+    """
     Injector(rig.bench).inject("frame.length", count=1, message="rpdo1", length=length)
     rig.run(0.1)
     assert rig.emcy_codes() == [code]
 
 
-# -- encoder -------------------------------------------------------------------------------------------------------------------
+# -- encoder
+# ------------------------------------------------------------------------------------------------------------
 
 
 @of_kind("encoder.drift")
@@ -515,7 +529,9 @@ def test_encoder_drift(rig):
 
 @of_kind("encoder.scale")
 def test_encoder_scale(rig):
-    """An encoder that counts nine tenths: the axis believes that it has moved 20 mm, the load has moved a ninth more, for good."""
+    """An encoder that counts nine tenths: the axis believes that it has moved 20 mm, the load has moved a
+    ninth more, for good.
+    """
     rig.run(0.1)
     begun = rig.drive.mechanics.position
     rig.inject("encoder.scale", factor=0.9)
@@ -532,7 +548,9 @@ def test_encoder_scale(rig):
 
 @of_kind("encoder.wire_break")
 def test_encoder_wire_break(rig):
-    """Value frozen, 7305h, coasting, no reset before it is mended; the reference of an incremental encoder is lost."""
+    """Value frozen, 7305h, coasting, no reset before it is mended; the reference of an incremental encoder is
+    lost.
+    """
     rig.drive.axis.homed = True
     rig.move()
     rig.inject("encoder.wire_break")
@@ -551,7 +569,8 @@ def test_encoder_wire_break(rig):
     assert rig.bench.run_until(rig.power.status, timeout=3.0)
 
 
-# -- all kinds -------------------------------------------------------------------------------------------------------------------
+# -- all kinds
+# ------------------------------------------------------------------------------------------------------------
 
 ELSEWHERE = {
     "drive.fault",

@@ -1,4 +1,6 @@
-"""Tables of the bench file for the inside of a drive, and the controller of the bench on every personality."""
+"""Tables of the bench file for the inside of a drive, and the controller of the bench on every
+personality.
+"""
 
 from __future__ import annotations
 
@@ -42,26 +44,91 @@ def configured(keys: str, source: str = "own.toml") -> DriveConfig:
         ("[drive.d.brake]\nclosing_time_ms = 30", lambda c: c.brake.closing_time_s, 0.03),
         ("[drive.d.mechanics]\ngravity_n = -400", lambda c: c.mechanics.gravity_force, -400.0),
         ("[drive.d.mechanics]\nstatic_friction_n = 60", lambda c: c.mechanics.static_friction, 60.0),
-        ("[drive.d.supply]\nnominal_v = 320\nundervoltage_v = 200\novervoltage_v = 420\nchopper_off_v = 380\nchopper_on_v = 400", lambda c: (c.supply.nominal_V, c.supply.undervoltage_V, c.supply.overvoltage_V, c.supply.chopper_off_V, c.supply.chopper_on_V), (320.0, 200.0, 420.0, 380.0, 400.0)),
-        ("[drive.d.supply]\ncapacitance_uf = 1000\nstandby_w = 5", lambda c: (c.supply.capacitance_F, c.supply.standby_W), (pytest.approx(1e-3), 5.0)),
-        ("[drive.d.supply]\nchopper_ohm = 60\nchopper_rated_w = 50", lambda c: (c.supply.chopper_ohm, c.supply.chopper_rated_W), (60.0, 50.0)),
+        (
+            (
+                "[drive.d.supply]\nnominal_v = 320\nundervoltage_v = 200\novervoltage_v = 420\nchopper_off_v = "  # noqa: E501
+                "380\nchopper_on_v = 400"
+            ),
+            lambda c: (
+                c.supply.nominal_V,
+                c.supply.undervoltage_V,
+                c.supply.overvoltage_V,
+                c.supply.chopper_off_V,
+                c.supply.chopper_on_V,
+            ),
+            (320.0, 200.0, 420.0, 380.0, 400.0),
+        ),
+        (
+            "[drive.d.supply]\ncapacitance_uf = 1000\nstandby_w = 5",
+            lambda c: (c.supply.capacitance_F, c.supply.standby_W),
+            (pytest.approx(1e-3), 5.0),
+        ),
+        (
+            "[drive.d.supply]\nchopper_ohm = 60\nchopper_rated_w = 50",
+            lambda c: (c.supply.chopper_ohm, c.supply.chopper_rated_W),
+            (60.0, 50.0),
+        ),
         ("[drive.d.supply]\nphase_loss_time_ms = 100", lambda c: c.supply.phase_loss_time_s, 0.1),
         ('[drive.d.thermal]\noverload = "limit"', lambda c: c.thermal.overload, "limit"),
         ("[drive.d.thermal]\ni2t_time_constant_s = 10", lambda c: c.thermal_time_constant_s, 10.0),
-        ("[drive.d.thermal]\nstage_overload = 1.5\nstage_overload_time_s = 3", lambda c: (c.thermal.stage_overload, c.thermal.stage_overload_time_s), (1.5, 3.0)),
-        ("[drive.d.thermal]\nambient_c = 40\nmotor_loss_w = 10", lambda c: (c.thermal.ambient_C, c.thermal.motor_loss_W), (40.0, 10.0)),
-        ("[drive.d.thermal]\nmotor_rise_k = 60\nmotor_time_constant_s = 300\nmotor_warning_c = 100\nmotor_fault_c = 110", lambda c: (c.thermal.motor_rise_K, c.thermal.motor_time_constant_s, c.thermal.motor_warning_C, c.thermal.motor_fault_C), (60.0, 300.0, 100.0, 110.0)),
-        ("[drive.d.thermal]\nstage_rise_k = 20\nstage_time_constant_s = 30\nstage_warning_c = 70\nstage_fault_c = 80", lambda c: (c.thermal.stage_rise_K, c.thermal.stage_time_constant_s, c.thermal.stage_warning_C, c.thermal.stage_fault_C), (20.0, 30.0, 70.0, 80.0)),
-        ('[drive.d.safety]\nsto = "fault"\ninterlock = "quick_stop"', lambda c: (c.safety.sto, c.safety.interlock), ("fault", "quick_stop")),
-        ("[drive.d.safety]\nss1_time_ms = 250\nss1_monitored = false", lambda c: (c.safety.ss1_time_s, c.safety.ss1_monitored), (0.25, False)),
+        (
+            "[drive.d.thermal]\nstage_overload = 1.5\nstage_overload_time_s = 3",
+            lambda c: (c.thermal.stage_overload, c.thermal.stage_overload_time_s),
+            (1.5, 3.0),
+        ),
+        (
+            "[drive.d.thermal]\nambient_c = 40\nmotor_loss_w = 10",
+            lambda c: (c.thermal.ambient_C, c.thermal.motor_loss_W),
+            (40.0, 10.0),
+        ),
+        (
+            (
+                "[drive.d.thermal]\nmotor_rise_k = 60\nmotor_time_constant_s = 300\nmotor_warning_c = "
+                "100\nmotor_fault_c = 110"
+            ),
+            lambda c: (
+                c.thermal.motor_rise_K,
+                c.thermal.motor_time_constant_s,
+                c.thermal.motor_warning_C,
+                c.thermal.motor_fault_C,
+            ),
+            (60.0, 300.0, 100.0, 110.0),
+        ),
+        (
+            (
+                "[drive.d.thermal]\nstage_rise_k = 20\nstage_time_constant_s = 30\nstage_warning_c = "
+                "70\nstage_fault_c = 80"
+            ),
+            lambda c: (
+                c.thermal.stage_rise_K,
+                c.thermal.stage_time_constant_s,
+                c.thermal.stage_warning_C,
+                c.thermal.stage_fault_C,
+            ),
+            (20.0, 30.0, 70.0, 80.0),
+        ),
+        (
+            '[drive.d.safety]\nsto = "fault"\ninterlock = "quick_stop"',
+            lambda c: (c.safety.sto, c.safety.interlock),
+            ("fault", "quick_stop"),
+        ),
+        (
+            "[drive.d.safety]\nss1_time_ms = 250\nss1_monitored = false",
+            lambda c: (c.safety.ss1_time_s, c.safety.ss1_monitored),
+            (0.25, False),
+        ),
         ('following_error = "status"', lambda c: c.following_error_reaction, "status"),
         ("csv_interpolation = false", lambda c: c.csv_interpolation, False),
         ("power_on_delay_ms = 200", lambda c: c.power_on_delay_s, 0.2),
         ("boot_time_ms = 300", lambda c: c.boot_time_s, 0.3),
         ("blocked_time_ms = 100", lambda c: c.blocked_time_s, 0.1),
-        ('personality = "single-setpoint-servo"', lambda c: (c.personality, c.quirks.single_setpoint), ("single-setpoint-servo", True)),
+        (
+            'personality = "single-setpoint-servo"',
+            lambda c: (c.personality, c.quirks.single_setpoint),
+            ("single-setpoint-servo", True),
+        ),
     ],
-)  # fmt: skip
+)
 def test_every_key_reaches_the_drive(keys, read, value):
     """What the bench file says is what the emulated drive is built with."""
     assert read(configured(keys)) == value
@@ -73,25 +140,37 @@ def test_every_key_reaches_the_drive(keys, read, value):
     [
         ("off3_ramp_s = 0.0001", r"drive\.d\.off3_ramp_s: 0\.0001 is not allowed; .*0\.001"),
         ("off1_ramp_s = 1e6", r"drive\.d\.off1_ramp_s: 1000000\.0 is not allowed; .*1000"),
-        ("max_speed_rpm = 150000\noff3_ramp_s = 0.01", r"off3_ramp_s: 0\.01 s from 150000 rpm is steeper than 6084h .*at least 0\.0349 s"),
+        (
+            "max_speed_rpm = 150000\noff3_ramp_s = 0.01",
+            r"off3_ramp_s: 0\.01 s from 150000 rpm is steeper than 6084h .*at least 0\.0349 s",
+        ),
         ("max_speed_rpm = 1e9", r"max_speed_rpm: .*200000"),
         ("rated_torque_nm = 0.0", r"rated_torque_nm: .*0\.001"),
         ("velocity_time_constant_ms = 1e9", r"velocity_time_constant_ms: .*1000"),
         ("[drive.d.brake]\ntorque_nm = -1", r"drive\.d\.brake\.torque_nm: .*greater than or equal to 0"),
         ("[drive.d.brake]\nopening_time_ms = inf", r"opening_time_ms: .*5000"),
         ("[drive.d.brake]\ntorque = 1", r"drive\.d\.brake\.torque: unknown key; allowed: torque_nm"),
-        ("[drive.d.mechanics]\nstatic_friction_n = 10", r"static_friction_n: 10 is less than coulomb_friction_n = 30"),
+        (
+            "[drive.d.mechanics]\nstatic_friction_n = 10",
+            r"static_friction_n: 10 is less than coulomb_friction_n = 30",
+        ),
         ("[drive.d.mechanics]\ngravity_n = nan", r"gravity_n: .*finite"),
         ("[drive.d.supply]\nundervoltage_v = 600", r"drive\.d\.supply: .*DC link.*undervoltage < nominal"),
         ("[drive.d.supply]\nchopper_on_v = 800", r"drive\.d\.supply: .*chopper on <= overvoltage"),
         ("[drive.d.thermal]\nmotor_warning_c = 150", r"drive\.d\.thermal: .*ambient < warning < fault"),
-        ('[drive.d.thermal]\noverload = "ignore"', r"overload: 'ignore' is not allowed; allowed: 'fault' or 'limit'"),
-        ('[drive.d.safety]\ninterlock = "open"', r"interlock: 'open' is not allowed; allowed: 'none', 'inhibit'"),
+        (
+            '[drive.d.thermal]\noverload = "ignore"',
+            r"overload: 'ignore' is not allowed; allowed: 'fault' or 'limit'",
+        ),
+        (
+            '[drive.d.safety]\ninterlock = "open"',
+            r"interlock: 'open' is not allowed; allowed: 'none', 'inhibit'",
+        ),
         ("[drive.d.safety]\nss1_time_ms = 0", r"ss1_time_ms: 0 is not allowed"),
         ('personality = "acme"', r"drive\.d\.personality: 'acme' is not allowed; .*standard"),
         ('personality = "missing.toml"', r"drive\.d\.personality: .*readable file"),
     ],
-)  # fmt: skip
+)
 def test_wrong_values_are_refused_with_what_is_allowed(keys, message):
     """Range, order and spelling are checked when the file is read; the message names the key."""
     with pytest.raises(BenchFileError, match=message):
@@ -99,7 +178,9 @@ def test_wrong_values_are_refused_with_what_is_allowed(keys, message):
 
 
 def test_a_personality_of_your_own_lies_beside_the_bench_file(tmp_path, monkeypatch, capsys):
-    """A relative path starts at the bench file, from wherever the command runs; another process finds it again."""
+    """A relative path starts at the bench file, from wherever the command runs; another process finds it
+    again.
+    """
     folder = tmp_path / "benches"
     folder.mkdir()
     (folder / "mine.toml").write_text(
@@ -138,7 +219,9 @@ def test_personalities_are_listed(tmp_path, capsys):
 
 @pytest.mark.parametrize("name", personality_names())
 def test_the_controller_drives_every_personality(name):
-    """Enable, move, stop, fault, MC_Reset, move again with the axis of the reference bench, whatever the drive's quirks."""
+    """Enable, move, stop, fault, MC_Reset, move again with the axis of the reference bench, whatever the
+    drive's quirks.
+    """
     text = load_bench("reference").text.replace("node_id = 5", f'node_id = 5\npersonality = "{name}"')
     with BenchFile("own.toml", text).build(seed=1) as bench:
         axis = bench.axis()

@@ -72,11 +72,14 @@ def bench():
         yield one
 
 
-# -- place ---------------------------------------------------------------------------------------------------------
+# -- place
+# ---------------------------------------------------------------------------------------------------------
 
 
 def test_each_encoder_shows_where_the_machine_is(bench):
-    """Motor side, load side, scale and own shaft: the recorded positions follow the true mechanics all the way."""
+    """Motor side, load side, scale and own shaft: the recorded positions follow the true mechanics all the
+    way.
+    """
     move(bench, 200.0, 1.0)
     trace = bench.trace()
     metres = trace["drive1.position"].values
@@ -107,7 +110,8 @@ repeat = true
         bench.run_for(6.0 - bench.now_s)
         coordinate = bench.trace()["own.coordinate"]
         turns = [coordinate.at(time_s) / (2 * math.pi) for time_s in (0.5, 1.0, 1.5, 2.0, 4.0, 6.0)]
-    # 120 rpm are 2 turns per second: 0.5 turns on the ramp, 1 at speed, 0.5 back while it runs down from -60 rpm.
+    # 120 rpm are 2 turns per second: 0.5 turns on the ramp, 1 at speed, 0.5 back while it runs down from -60
+    # rpm.
     assert turns == pytest.approx([0.5, 1.5, 1.5 - 0.375, 1.0, 2.0, 3.0], abs=0.01)
 
 
@@ -126,7 +130,8 @@ def test_own_shaft_is_moved_by_a_test(bench):
         bench.encoder("scale").turn_shaft(1.0)
 
 
-# -- controller ----------------------------------------------------------------------------------------------------
+# -- controller
+# ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C406-009", "C406-010", "C301-016")
@@ -169,7 +174,9 @@ def test_encoder_and_commissioning_tools(bench):
 
 @pytest.mark.requirement("C301-164")
 def test_frames_in_words(bench):
-    """Frames of an encoder are described with its own objects, those of the drive with the drive's, where numbers collide."""
+    """Frames of an encoder are described with its own objects, those of the drive with the drive's, where
+    numbers collide.
+    """
     from fieldbus.can import CanFrame
 
     assert bench.decode(CanFrame(0x280 + 20, struct.pack("<i", -5))) == "TPDO2 motor: Position value -5"
@@ -210,7 +217,9 @@ def test_bench_without_encoders_has_none():
 
 
 def test_an_encoder_without_index_cannot_miss_it(bench):
-    """Refused for absolute encoders, at once or when the trigger comes, and then there is nothing to take back."""
+    """Refused for absolute encoders, at once or when the trigger comes, and then there is nothing to take
+    back.
+    """
     injector = Injector(bench)
     with pytest.raises(UnsupportedFaultError, match="wheel: an absolute encoder has no index"):
         injector.inject("encoder.index_missing", "wheel")
@@ -222,7 +231,8 @@ def test_an_encoder_without_index_cannot_miss_it(bench):
     injector.remove_all()
 
 
-# -- faults --------------------------------------------------------------------------------------------------------
+# -- faults
+# --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-312")
@@ -247,7 +257,9 @@ def test_sensor_faults_hit_drive_and_encoder(target):
 
 @pytest.mark.requirement("C402-312")
 def test_faults_of_an_encoder_while_the_axis_moves(bench):
-    """Freeze, noise, reversal and lost steps between trigger and end, measured on the scale against the true machine."""
+    """Freeze, noise, reversal and lost steps between trigger and end, measured on the scale against the true
+    machine.
+    """
     faults = Injector(bench)
     move(bench, 100.0, 0.5)
 
@@ -282,7 +294,9 @@ def test_faults_of_an_encoder_while_the_axis_moves(bench):
 
 @pytest.mark.requirement("C402-312")
 def test_preset_during_motion_and_overflow(bench):
-    """A preset that a velocity triggers, and an overflow: the position jumps, then wraps at the end of 6002h."""
+    """A preset that a velocity triggers, and an overflow: the position jumps, then wraps at the end of
+    6002h.
+    """
     faults = Injector(bench)
     faults.inject("encoder.preset", "scale", trigger=velocity(50.0), value=123_456)
     faults.inject("encoder.overflow", "scale", trigger=on_event("encoder.preset", "scale"), margin=2)
@@ -300,7 +314,9 @@ def test_preset_during_motion_and_overflow(bench):
 
 @pytest.mark.requirement("C402-312", "C406-050")
 def test_alarm_and_warning_bits(bench):
-    """Alarm and warning come with the fault and go with it, as signal, event and EMCY; two at a time keep apart."""
+    """Alarm and warning come with the fault and go with it, as signal, event and EMCY; two at a time keep
+    apart.
+    """
     faults = Injector(bench)
     alarm = faults.inject("encoder.alarm", "scale")
     battery = faults.inject("encoder.warning", "scale", warning="battery_charge")
@@ -326,7 +342,9 @@ def test_alarm_and_warning_bits(bench):
 
 @pytest.mark.requirement("C402-312", "C402-310")
 def test_missing_and_late_tpdos(bench):
-    """`frame.drop` takes TPDOs of an encoder away by their name; `encoder.cycle` changes the period of TPDO1."""
+    """`frame.drop` takes TPDOs of an encoder away by their name; `encoder.cycle` changes the period of
+    TPDO1.
+    """
     faults = Injector(bench)
     begin = bench.scheduler.now
     faults.inject("frame.drop", count=3, drive="motor", message="tpdo1")
@@ -369,7 +387,9 @@ speed_rpm = 60.0
 
 
 def test_bench_of_encoders_alone():
-    """A virtual bench without drives starts its encoders and sends SYNC; what needs a drive says that there is none."""
+    """A virtual bench without drives starts its encoders and sends SYNC; what needs a drive says that there
+    is none.
+    """
     with BenchFile("own.toml", ALONE.format(kind="virtual", interface="")).build() as bench:
         bench.run_for(1.0)
         ids = [frame.can_id for _, _, frame, _ in bench.segment().log]
@@ -384,7 +404,9 @@ def test_bench_of_encoders_alone():
 
 
 def test_encoders_of_somebody_elses_network_are_left_alone(request):
-    """On a live segment without an axis the bench sends neither NMT nor SYNC; the encoder is started by its controller."""
+    """On a live segment without an axis the bench sends neither NMT nor SYNC; the encoder is started by its
+    controller.
+    """
     interface = f'interface = "virtual"\nchannel = "{request.node.name}"\n'
     text = ALONE.format(kind="live", interface=interface).replace(
         "[encoder.own.shaft]\nspeed_rpm = 60.0\n", ""
@@ -397,7 +419,8 @@ def test_encoders_of_somebody_elses_network_are_left_alone(request):
             bench.encoder()
 
 
-# -- bench file ----------------------------------------------------------------------------------------------------
+# -- bench file
+# ----------------------------------------------------------------------------------------------------
 
 HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\n'
 

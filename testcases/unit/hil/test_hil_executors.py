@@ -1,4 +1,6 @@
-"""Executors: what is lost with a worker, what is not, and that the place of a case leaves no trace in its result."""
+"""Executors: what is lost with a worker, what is not, and that the place of a case leaves no trace in its
+result.
+"""
 
 import os
 import signal
@@ -29,7 +31,8 @@ def outcomes(run):
     return [(case.identifier, case.verdict, case.trace_digest) for case in run.cases]
 
 
-# -- processes ------------------------------------------------------------------------------------------------------
+# -- processes
+# ------------------------------------------------------------------------------------------------------
 
 
 def hanging(name):
@@ -103,7 +106,8 @@ def _with_digest(order, digest):
     return replace(order, bench_digest=digest)
 
 
-# -- a cluster --------------------------------------------------------------------------------------------------------
+# -- a cluster
+# --------------------------------------------------------------------------------------------------------
 
 
 def start(*arguments):
@@ -118,7 +122,9 @@ def start(*arguments):
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
-    """A scheduler and two workers, each a process of its own, on the loopback: its address and the workers."""
+    """A scheduler and two workers, each a process of its own, on the loopback: its address and the
+    workers.
+    """
     file = tmp_path_factory.mktemp("dask") / "scheduler.json"
     host = ("--host", "127.0.0.1", "--no-dashboard")
     processes = [start("scheduler", *host, "--port", "0", "--scheduler-file", str(file))]
@@ -147,7 +153,9 @@ def cluster(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.xdist_group("dask")
 def test_a_cluster_gives_what_this_machine_gives_also_when_a_worker_is_killed(cluster, tmp_path):
-    """Every case has its result and its evidence, bit for bit that of the local run; a killed worker loses nothing."""
+    """Every case has its result and its evidence, bit for bit that of the local run; a killed worker loses
+    nothing.
+    """
     address, workers = cluster
     cases = cases_of(TOY) + cases_of(TOY, "FATAL")
     here = Runner(cases, RunOptions(seed=5, jobs=2, evidence="all", directory=tmp_path / "here")).run()

@@ -77,7 +77,8 @@ def passed(expectation, trace):
     return one(expectation, trace).verdict is Verdict.PASSED
 
 
-# -- events -----------------------------------------------------------------------------------------------------------
+# -- events
+# -----------------------------------------------------------------------------------------------------------
 
 
 def test_an_alarm_is_judged_by_number_reaction_and_time():
@@ -170,7 +171,8 @@ def test_states_at_an_instant():
     assert check.observed == "ALARM_DRIVE_STOP since 0.108000 s"
 
 
-# -- signals ----------------------------------------------------------------------------------------------------------
+# -- signals
+# ----------------------------------------------------------------------------------------------------------
 
 
 def test_always_and_never_name_the_first_sample():
@@ -226,7 +228,9 @@ def words(time_s):
 
 
 def test_control_word_sequences():
-    """A sequence is exact, values of one cycle included, after masking the bits that are not the axis' own."""
+    """A sequence is exact, values of one cycle included, after masking the bits that are not the axis'
+    own.
+    """
     trace = make({"stw1": (words, "")})
     assert passed(stw1_sequence([0x047F, 0x047B, 0x0478, 0x047E]), trace)
     assert passed(stw1_sequence([0x047B, 0x0478, 0x047E], since=0.3), trace)
@@ -268,7 +272,8 @@ def test_expectations_carry_requirements_and_names():
     assert describe(checks[0]).startswith("trip: passed; expected alarm 421")
 
 
-# -- stops ------------------------------------------------------------------------------------------------------------
+# -- stops
+# ------------------------------------------------------------------------------------------------------------
 
 
 def braking(velocity, deceleration, begin, jerk=None):
@@ -296,18 +301,22 @@ def stop_trace(velocity=300.0, deceleration=4000.0, begin=0.2, jerk=None, setpoi
     speed, place = braking(velocity, deceleration, begin, jerk)
     return make(
         {
-            "actual_velocity": (speed, "mm/s"), "actual_position": (place, "mm"),
-            "velocity_setpoint": (setpoint or speed, "mm/s"), "position_setpoint": (place, "mm"),
+            "actual_velocity": (speed, "mm/s"),
+            "actual_position": (place, "mm"),
+            "velocity_setpoint": (setpoint or speed, "mm/s"),
+            "position_setpoint": (place, "mm"),
             "speed_output": (setpoint or (lambda t: 6 * speed(t)), "rpm"),
         }
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.requirement("STP-553")
 @pytest.mark.parametrize("jerk", [None, 20_000.0])
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_stop_is_measured(jerk, direction):
-    """Begin, end, ramp time, travel, peak values and slope of a stop come out of the recording, in both directions."""
+    """Begin, end, ramp time, travel, peak values and slope of a stop come out of the recording, in both
+    directions.
+    """
     speed, place = braking(300.0, 2000.0, 0.2, jerk)
     trace = make({"v": (lambda t: direction * speed(t), "mm/s"), "p": (lambda t: direction * place(t), "mm")})
     expected = stop_ramp(300.0, 2000.0, jerk)
@@ -327,7 +336,9 @@ def test_a_stop_is_measured(jerk, direction):
 
 @pytest.mark.requirement("STP-553")
 def test_who_made_the_ramp():
-    """A setpoint that ramps is the controller's stop; one that is gone while the axis still brakes is the drive's."""
+    """A setpoint that ramps is the controller's stop; one that is gone while the axis still brakes is the
+    drive's.
+    """
     by_controller = measure_stop(
         stop_trace(), 0.2, velocity="axis1.actual_velocity", setpoint="axis1.speed_output"
     )
@@ -348,15 +359,19 @@ def test_ramps_are_judged_by_time_travel_slope_and_maker():
 
     slower = ramp(0.2, stop_ramp(300.0, 3000.0), made_by="drive").evaluate(trace)
     assert {check.name.partition(": ")[2] for check in slower if check.verdict is Verdict.FAILED} == {
-        "ramp time", "travel", "ramp made by",
-    }  # fmt: skip
+        "ramp time",
+        "travel",
+        "ramp made by",
+    }
     assert not passed(ramp(0.2, slope=3000.0), trace)
     assert passed(ramp(0.2, slope=4000.0), trace)
 
 
 @pytest.mark.requirement("STP-553")
 def test_a_ramp_of_the_drive_is_measured_without_the_delay_of_the_bus():
-    """The ramp of a drive begins later than the command; its time does not count the delay, which has a limit of its own."""
+    """The ramp of a drive begins later than the command; its time does not count the delay, which has a limit
+    of its own.
+    """
     trace = stop_trace(deceleration=1000.0, begin=0.212, setpoint=lambda t: 1800.0 if t < 0.2 else 0.0)
     checks = {
         c.name.partition(": ")[2]: c

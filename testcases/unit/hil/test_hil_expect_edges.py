@@ -1,4 +1,6 @@
-"""Every word of the vocabulary at its edge: what just passes, what just fails, what was not seen, and what a failure tells."""
+"""Every word of the vocabulary at its edge: what just passes, what just fails, what was not seen, and what a
+failure tells.
+"""
 
 import inspect
 import math
@@ -108,7 +110,9 @@ def make(vocabulary=None, end_s=1.0, **changed):
     """Return the trace of a stop, with other columns of the axis where given."""
     axis = rows("axis1", {**AXIS, **changed}, BEGIN_S, end_s)
     drive = rows("drive1", {"statusword": lambda t: np.where(t < 0.4, 0x0237, 0x0250)}, end_s=end_s)
-    return Trace([axis, drive], events=EVENTS, constants=CONSTANTS, end_ns=round(end_s * 1e9), vocabulary=vocabulary)  # fmt: skip
+    return Trace(
+        [axis, drive], events=EVENTS, constants=CONSTANTS, end_ns=round(end_s * 1e9), vocabulary=vocabulary
+    )
 
 
 @pytest.fixture(scope="module")
@@ -134,8 +138,14 @@ EDGES = {
     # word: what just passes, what just fails; the trace is that of `make`
     "alarm": (alarm(421, reaction=4, within_s=0.008, since=HIT), alarm(421, within_s=0.007999, since=HIT)),
     "no_alarm": (no_alarm(until=0.207999), no_alarm(until=0.208)),
-    "happens": (happens(event("alarm.raised", nth=2), since=HIT, within_s=0.4), happens(event("alarm.raised", nth=3))),
-    "never_happens": (never_happens(event("alarm.raised", nth=3)), never_happens(event("alarm.raised", nth=2))),
+    "happens": (
+        happens(event("alarm.raised", nth=2), since=HIT, within_s=0.4),
+        happens(event("alarm.raised", nth=3)),
+    ),
+    "never_happens": (
+        never_happens(event("alarm.raised", nth=3)),
+        never_happens(event("alarm.raised", nth=2)),
+    ),
     "event_order": (
         event_order([event("job.error"), event("axis.state"), event("alarm.raised", nth=2)]),
         event_order([event("axis.state"), event("job.error")]),
@@ -186,15 +196,17 @@ EDGES = {
         settles_within("axis1.actual_velocity", 0.0, tolerance=0.0, within_s=0.252, since=HIT),
         settles_within("axis1.actual_velocity", 0.0, tolerance=0.0, within_s=0.251, since=HIT),
     ),
-}  # fmt: skip
+}
 
 
 def test_every_word_has_its_edge():
     """No word of `hil.expect` is without a case that just passes and one that just fails."""
     words = {
-        name for name in vocabulary.__all__
-        if inspect.isfunction(one := getattr(vocabulary, name)) and "Expectation" in str(inspect.signature(one).return_annotation)
-    }  # fmt: skip
+        name
+        for name in vocabulary.__all__
+        if inspect.isfunction(one := getattr(vocabulary, name))
+        and "Expectation" in str(inspect.signature(one).return_annotation)
+    }
     assert words == set(EDGES)
 
 
@@ -208,7 +220,9 @@ def test_a_word_at_its_edge(trace, word):
 
 @pytest.mark.parametrize("word", EDGES)
 def test_what_a_failure_tells(trace, word):
-    """Expected, observed and a time in the recording; by how much where there is a limit; a signal that was judged can be plotted."""
+    """Expected, observed and a time in the recording; by how much where there is a limit; a signal that was
+    judged can be plotted.
+    """
     expectation = EDGES[word][1]
     check = next(one for one in expectation.evaluate(trace) if one.verdict is Verdict.FAILED)
     assert check.name
@@ -237,15 +251,19 @@ THROUGHOUT = {
     "standstill": standstill(by=0.7, until=1.5),
     "no_motion_after": no_motion_after(0.7, until=1.5),
     "disabled": disabled(by=0.7, until=1.5),
-    "settles_within": settles_within("axis1.actual_velocity", 0.0, tolerance=1.0, within_s=0.1, since=0.7, until=1.5),
+    "settles_within": settles_within(
+        "axis1.actual_velocity", 0.0, tolerance=1.0, within_s=0.1, since=0.7, until=1.5
+    ),
     "telegram_bits": telegram_bits("axis1.stw1", ones=2, at=0.7, for_s=0.8),
     "ramp": ramp(HIT, until=1.5),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("word", THROUGHOUT)
 def test_what_was_not_recorded_to_its_end_does_not_pass(trace, word):
-    """An observation that goes on behind the end of the recording fails on the bench and is blocked in a log."""
+    """An observation that goes on behind the end of the recording fails on the bench and is blocked in a
+    log.
+    """
     checks = THROUGHOUT[word].evaluate(trace)
     assert all(check.verdict is Verdict.FAILED for check in checks), checks
     assert all("recording" in check.observed for check in checks)
@@ -287,7 +305,9 @@ def test_an_empty_window_proves_nothing(trace, expectation):
     ids=lambda one: one.title,
 )
 def test_before_the_first_sample_nothing_is_known(trace, expectation):
-    """The value before the first sample is not that of the first sample, and there is no time before the recording."""
+    """The value before the first sample is not that of the first sample, and there is no time before the
+    recording.
+    """
     assert verdict(expectation, trace) is Verdict.FAILED
 
 
@@ -323,7 +343,9 @@ def test_a_drive_whose_word_is_unknown_is_not_disabled():
 
 
 def test_a_stop_with_torque_is_not_disabled():
-    """ZSW1 alone: the bits of S3 behind those of operation are a stop that still has torque (S5), before it they are not."""
+    """ZSW1 alone: the bits of S3 behind those of operation are a stop that still has torque (S5), before it
+    they are not.
+    """
     words = {0.0: 0x31, 0.1: 0x33, 0.2: 0x37, 0.4: 0x33, 0.6: 0x31}
     drive = rows(
         "drive1",
@@ -337,7 +359,9 @@ def test_a_stop_with_torque_is_not_disabled():
 
 @pytest.mark.requirement("STP-241")
 def test_a_setpoint_that_jumps_is_no_ramp():
-    """A setpoint that is gone in the very cycle of the reference took no time and no way: that is not the ramp of any mode."""
+    """A setpoint that is gone in the very cycle of the reference took no time and no way: that is not the
+    ramp of any mode.
+    """
     gone = {
         column: lambda t, n=n: np.where(t < HIT_S, speed_at(t)[n], (0.0, 0.0, SPEED * HIT_S)[n])
         for n, column in enumerate(moved(0))
@@ -363,16 +387,26 @@ def test_a_stop_has_two_cycles(late):
 
 
 @settings(max_examples=40, deadline=None)
-@given(cycles=st.integers(0, 100), offset_ns=st.sampled_from([-1000, -2, 0, 2, 1000]), word=st.sampled_from(["alarm", "bits", "settles", "telegram"]))  # fmt: skip
+@given(
+    cycles=st.integers(0, 100),
+    offset_ns=st.sampled_from([-1000, -2, 0, 2, 1000]),
+    word=st.sampled_from(["alarm", "bits", "settles", "telegram"]),
+)
 def test_a_bound_counts_from_the_reference(cycles, offset_ns, word):
-    """What comes n cycles after the reference is within every bound that is not shorter, whatever the cycle and the word."""
+    """What comes n cycles after the reference is within every bound that is not shorter, whatever the cycle
+    and the word.
+    """
     hit_s = HIT_S
     came_s = hit_s + cycles * CYCLE_S
     within_s = cycles * CYCLE_S + offset_ns * 1e-9
     if within_s < 0:
         return
     step = rows("axis1", {"zsw1": lambda t: np.where(t >= came_s - 1e-9, 4.0, 0.0)})
-    trace = Trace([step], events=[at(hit_s, "x", "fault.applied"), at(came_s, "axis1", "alarm.raised", number=1, reaction=1)], end_ns=10**9)  # fmt: skip
+    trace = Trace(
+        [step],
+        events=[at(hit_s, "x", "fault.applied"), at(came_s, "axis1", "alarm.raised", number=1, reaction=1)],
+        end_ns=10**9,
+    )
     expectation = {
         "alarm": alarm(1, since=HIT, within_s=within_s),
         "bits": status_word_bit(2, True, at=HIT, within_s=within_s, word="zsw1"),
@@ -383,7 +417,9 @@ def test_a_bound_counts_from_the_reference(cycles, offset_ns, word):
 
 
 def test_an_alarm_that_comes_twice():
-    """The first one behind the reference is judged: a second one does not excuse its reaction or its delay."""
+    """The first one behind the reference is judged: a second one does not excuse its reaction or its
+    delay.
+    """
     trace = make()
     assert verdict(alarm(421, reaction=3, since=HIT), trace) is Verdict.FAILED
     assert verdict(alarm(421, reaction=3, since=0.3), trace) is Verdict.PASSED

@@ -38,7 +38,9 @@ def trace():
 
 
 def test_csv_gives_back_every_bit(trace, tmp_path):
-    """A row per instant of any component; what was not sampled then is empty, and floats read back are equal."""
+    """A row per instant of any component; what was not sampled then is empty, and floats read back are
+    equal.
+    """
     path = write_signals(trace, tmp_path / "t.csv")
     with path.open(newline="") as stream:
         rows = list(csv.reader(stream))

@@ -1,4 +1,6 @@
-"""Four encoders on one axis, each with a place, a scale and troubles of its own (section 8.4 of the instruction specification)."""
+"""Four encoders on one axis, each with a place, a scale and troubles of its own (section 8.4 of the
+instruction specification).
+"""
 
 from __future__ import annotations
 
@@ -27,8 +29,10 @@ def machine():
         'drive = "drive1"\n', 'drive = "drive1"\nencoders = ["drive1", "fine", "coarse", "third"]\n'
     )
     for node, name, kind, step in (
-        (20, "fine", "absolute_linear", 1.0), (21, "coarse", "absolute_linear", 50.0), (22, "third", "absolute_linear", 5.0),
-    ):  # fmt: skip
+        (20, "fine", "absolute_linear", 1.0),
+        (21, "coarse", "absolute_linear", 50.0),
+        (22, "third", "absolute_linear", 5.0),
+    ):
         text += ENCODER.format(name=name, node=node, kind=kind, step=step)
     with Bench(parse(text, "bench.toml"), seed=1) as one:
         axis = one.axis()
@@ -66,7 +70,9 @@ def _adjust(axis, sensor, position):
 
 @pytest.mark.requirement("MC-586", "MC-391", "MC-593")
 def test_troubles_of_each(machine):
-    """Drift on one, noise on another, a third without supply: each shows its own alone, and the axis goes on with the second."""
+    """Drift on one, noise on another, a third without supply: each shows its own alone, and the axis goes on
+    with the second.
+    """
     axis = machine.axis()
     assert machine.run_until(axis.set_sensor(2).done, 1.0)
     axis.move_velocity(10.0)

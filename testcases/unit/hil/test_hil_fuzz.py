@@ -39,7 +39,8 @@ TRIP = Program(
 )  # fmt: skip
 
 
-# -- programs -------------------------------------------------------------------------------------------------------
+# -- programs
+# -------------------------------------------------------------------------------------------------------
 
 
 @given(program=PROGRAMS)
@@ -101,7 +102,8 @@ def test_a_script_reads_like_one():
     assert lines[4] == "5. fault drive.fault (code=8976) immediately"
 
 
-# -- running ----------------------------------------------------------------------------------------------------------
+# -- running
+# ----------------------------------------------------------------------------------------------------------
 
 
 def test_a_program_leaves_evidence_like_a_case():
@@ -151,15 +153,23 @@ def test_a_crash_is_a_finding():
     ("bench", "program", "invariant"),
     [
         (DOUBLE, TRIP, "one job output"),
-        (DEAF, Program((*TRIP.steps[:4], Break(Fault("axis.alarm", parameters={"number": 521, "reaction": 4})))), "rest after an alarm"),
-        (CREEPING, Program((Do("power_on"), Wait(0.3), Do("power_off", {"stop_mode": 1}), Wait(1.0))), "without torque"),
+        (
+            DEAF,
+            Program((*TRIP.steps[:4], Break(Fault("axis.alarm", parameters={"number": 521, "reaction": 4})))),
+            "rest after an alarm",
+        ),
+        (
+            CREEPING,
+            Program((Do("power_on"), Wait(0.3), Do("power_off", {"stop_mode": 1}), Wait(1.0))),
+            "without torque",
+        ),
         (
             BENCH,
             Program((Do("power_on"), Wait(0.3), Do("move_velocity", {"velocity": 50.0}), Wait(0.5))),
             None,
         ),
     ],
-)  # fmt: skip
+)
 def test_planted_defects_break_their_invariant(bench, program, invariant):
     """Each planted defect is noticed by the invariant about it; the sound bench breaks none."""
     violation = run_program(program, bench).violation
@@ -219,7 +229,8 @@ def test_invariants_of_ones_own():
     assert outcome.violation.invariant == "never moves"
 
 
-# -- searching ------------------------------------------------------------------------------------------------------
+# -- searching
+# ------------------------------------------------------------------------------------------------------
 
 
 def test_the_search_finds_nothing_on_a_sound_bench():
@@ -230,7 +241,9 @@ def test_the_search_finds_nothing_on_a_sound_bench():
 
 
 def test_the_search_finds_shrinks_and_replays_a_defect():
-    """A planted defect is found, its program shrunk to the steps that matter, and the token leads back to it."""
+    """A planted defect is found, its program shrunk to the steps that matter, and the token leads back to
+    it.
+    """
     report = search(DOUBLE, cases=100, longest=8, seed=9, bench="testcases.unit.hil.toybench:DOUBLE")
     failure = report.failure
     assert failure.violation.invariant == "one job output"

@@ -1,4 +1,6 @@
-"""Searches over configurations: what is laid over the bench file, what it means to a program, how a finding is told and kept."""
+"""Searches over configurations: what is laid over the bench file, what it means to a program, how a finding
+is told and kept.
+"""
 
 import json
 import tomllib
@@ -44,7 +46,8 @@ TABLES = st.recursive(
 )
 
 
-# -- bench files ----------------------------------------------------------------------------------------------------
+# -- bench files
+# ----------------------------------------------------------------------------------------------------
 
 
 @given(TABLES)
@@ -67,7 +70,8 @@ def test_tables_are_merged_and_the_rest_is_replaced():
     assert merged(base, {"d": {"f": 1}, "a": 5}) == {"a": 5, "d": {"f": 1}}
 
 
-# -- what a configuration means -------------------------------------------------------------------------------------
+# -- what a configuration means
+# -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("codes", [(1010, 1061), (1019, 1066), (1013, 1524)])
@@ -128,7 +132,8 @@ def test_a_bench_without_a_file_has_no_configurations():
         run_program(Program(ON, Configuration({"cycle": {"bench": {"cycle_ms": 2}}})), TOY)
 
 
-# -- findings -------------------------------------------------------------------------------------------------------
+# -- findings
+# -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-015", "STP-030")

@@ -1,4 +1,6 @@
-"""Fuzzing a PROFIdrive bench: kinds in reach, a search that finds nothing, and planted defects that it does find."""
+"""Fuzzing a PROFIdrive bench: kinds in reach, a search that finds nothing, and planted defects that it does
+find.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,9 @@ def test_a_search_finds_nothing(bench_file):
     ],
 )
 def test_a_bench_on_modbus_is_searched_with_the_faults_of_its_segment(name, own, foreign):
-    """Frames of CAN are out of reach there, those of the own kind of segment are drawn; a short search finds nothing."""
+    """Frames of CAN are out of reach there, those of the own kind of segment are drawn; a short search finds
+    nothing.
+    """
     file = load_bench(name)
     with file.build() as bench:
         kinds = fault_kinds(bench)

@@ -1,4 +1,6 @@
-"""What a search does with what it has seen: situations, descendants, a corpus, several processes, regression cases."""
+"""What a search does with what it has seen: situations, descendants, a corpus, several processes, regression
+cases.
+"""
 
 import importlib
 import json
@@ -37,7 +39,8 @@ MOVE = Program((Do("power_on"), Wait(0.3), Do("move_velocity", {"velocity": 100.
 TRIP = Program((*MOVE.steps, Break(Fault("drive.fault", parameters={"code": 0x2310})), Wait(0.4)))
 
 
-# -- situations -----------------------------------------------------------------------------------------------------
+# -- situations
+# -----------------------------------------------------------------------------------------------------
 
 
 def test_situations_tell_what_came_together():
@@ -69,20 +72,24 @@ def test_a_second_alarm_and_a_refused_job_are_situations():
     assert any(situation[:2] == ("refused", "MC_MoveVelocity") for situation in reached)
 
 
-# -- descendants ----------------------------------------------------------------------------------------------------
+# -- descendants
+# ----------------------------------------------------------------------------------------------------
 
 
 @settings(max_examples=200)
 @given(st.data())
 def test_descendants_are_programs_of_bounded_length(data):
-    """Whatever is left out, put in, repeated, swapped or joined: steps of the parents and of the strategy, not too many."""
+    """Whatever is left out, put in, repeated, swapped or joined: steps of the parents and of the strategy,
+    not too many.
+    """
     step = st.just(Do("halt"))
     child = data.draw(descendants([MOVE, TRIP], step, longest=5))
     assert 1 <= len(child.steps) <= 5
     assert all(one in TRIP.steps or one == Do("halt") for one in child.steps)
 
 
-# -- corpus ---------------------------------------------------------------------------------------------------------
+# -- corpus
+# ---------------------------------------------------------------------------------------------------------
 
 
 def test_a_search_goes_on_from_its_corpus(tmp_path):
@@ -119,7 +126,9 @@ def test_a_wrong_file_in_the_corpus_is_named(tmp_path, text, words):
 
 
 def test_a_failing_program_of_the_corpus_is_found_at_once_and_shrunk():
-    """A program that was sound once and is not any more is the first finding, without the steps that do not matter."""
+    """A program that was sound once and is not any more is the first finding, without the steps that do not
+    matter.
+    """
     trip = Break(Fault("drive.sto", duration_s=0.02))
     long = Program((Do("power_on"), Wait(0.3), Wait(0.02), trip, Do("stop"), Wait(0.1), Do("halt")))
     report = search(DOUBLE, cases=50, parents=[MOVE, long], bench=DOUBLE_NAME)
@@ -128,11 +137,14 @@ def test_a_failing_program_of_the_corpus_is_found_at_once_and_shrunk():
     assert len(report.failure.program.steps) < len(long.steps)
 
 
-# -- processes ------------------------------------------------------------------------------------------------------
+# -- processes
+# ------------------------------------------------------------------------------------------------------
 
 
 def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
-    """The same programs, situations and finding, from one process and from two; whatever modules this one has loaded."""
+    """The same programs, situations and finding, from one process and from two; whatever modules this one has
+    loaded.
+    """
     (tmp_path / "many_constants.py").write_text(f"NUMBERS = {list(range(2000))}", encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
     importlib.import_module("many_constants")
@@ -145,11 +157,14 @@ def test_the_number_of_processes_changes_nothing(tmp_path, monkeypatch):
         search(BENCH, cases=30, jobs=0)
 
 
-# -- regression cases -----------------------------------------------------------------------------------------------
+# -- regression cases
+# -----------------------------------------------------------------------------------------------
 
 
 def test_a_finding_becomes_a_case_by_one_command(tmp_path, capsys, monkeypatch):
-    """`hil keep` writes program and campaign; `hil run` fails on the defect and passes where there is none."""
+    """`hil keep` writes program and campaign; `hil run` fails on the defect and passes where there is
+    none.
+    """
     monkeypatch.chdir(tmp_path)
     found = search(DOUBLE, cases=100, longest=8, seed=9, bench=DOUBLE_NAME)
     assert main(["keep", found.token, "--title", "Done and Error together", "--json"]) == 0

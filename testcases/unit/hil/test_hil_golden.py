@@ -41,7 +41,9 @@ def test_a_superseded_ramp_adds_up():
 
 
 def integrate(velocity, deceleration, jerk, acceleration, step=5e-5):
-    """Brake numerically: jerk towards -deceleration as long as there is velocity left to take the deceleration away."""
+    """Brake numerically: jerk towards -deceleration as long as there is velocity left to take the
+    deceleration away.
+    """
     distance = time_s = 0.0
     while velocity > 0:
         if jerk is None:
@@ -79,7 +81,9 @@ def test_the_formulas_agree_with_integration(velocity, deceleration, jerk, accel
 
 @given(velocity=st.floats(1.0, 300.0), deceleration=st.floats(100.0, 5000.0), jerk=st.floats(1000.0, 1e5))
 def test_a_jerk_limit_never_shortens_a_stop(velocity, deceleration, jerk):
-    """With a jerk limit a stop takes longer and farther than without, and no jerk limit is the limit of a high one."""
+    """With a jerk limit a stop takes longer and farther than without, and no jerk limit is the limit of a
+    high one.
+    """
     assert stop_time(velocity, deceleration, jerk) >= stop_time(velocity, deceleration)
     assert stop_distance(velocity, deceleration, jerk) >= stop_distance(velocity, deceleration)
     assert stop_time(velocity, deceleration, 1e12) == pytest.approx(

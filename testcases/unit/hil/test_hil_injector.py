@@ -37,7 +37,8 @@ def frames(bench, can_id, error=None):
     ]
 
 
-# -- triggers --------------------------------------------------------------------------------------------------------
+# -- triggers
+# --------------------------------------------------------------------------------------------------------
 
 
 def test_a_time_trigger_fires_at_that_time(bench, faults):
@@ -61,7 +62,9 @@ def test_a_time_in_the_past_is_refused(bench, faults):
 @pytest.mark.requirement("STP-551")
 @pytest.mark.parametrize("direction", ["rising", "any"])
 def test_a_position_trigger_fires_in_the_cycle_of_the_crossing(bench, faults, direction):
-    """The fault is applied in the application cycle in which the recorded position passes the value, not later."""
+    """The fault is applied in the application cycle in which the recorded position passes the value, not
+    later.
+    """
     enable(bench)
     bench.axis().move_velocity(100.0)
     armed = faults.inject("drive.sto", trigger=position(20.0, direction=direction))
@@ -194,7 +197,8 @@ def test_a_kind_of_ones_own_can_be_declared(bench, faults):
     assert armed.active
 
 
-# -- lasting, repeating, ending -----------------------------------------------------------------------------------
+# -- lasting, repeating, ending
+# -----------------------------------------------------------------------------------
 
 
 def test_a_duration_ends_a_fault_exactly(bench, faults):
@@ -243,7 +247,8 @@ def test_remove_all_mends_everything(bench, faults):
     assert [kind for kind, _ in kinds(bench)][-3:] == ["fault.disarmed", "fault.removed", "fault.removed"]
 
 
-# -- what the kinds do ----------------------------------------------------------------------------------------------
+# -- what the kinds do
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -315,7 +320,9 @@ def edges(bench):
 
 @pytest.mark.parametrize("final", [True, False])
 def test_a_bouncing_switch_toggles_and_settles(bench, faults, final):
-    """Bouncing has the given number of pulses with intervals within their limits, and ends in the given state."""
+    """Bouncing has the given number of pulses with intervals within their limits, and ends in the given
+    state.
+    """
     faults.inject(
         "switch.bounce",
         input="home",
@@ -350,7 +357,8 @@ def test_chance_comes_from_the_seed_alone():
     assert run(1) != run(2)
 
 
-# -- frames -----------------------------------------------------------------------------------------------------------
+# -- frames
+# -----------------------------------------------------------------------------------------------------------
 
 
 def heard(bench, can_id=0x180 + NODE):
@@ -443,11 +451,14 @@ def test_unknown_names_are_refused(faults):
     assert faults.armed == []
 
 
-# -- refusal --------------------------------------------------------------------------------------------------------
+# -- refusal
+# --------------------------------------------------------------------------------------------------------
 
 
 def test_what_a_bench_cannot_do_is_refused_with_a_reason(bench, faults):
-    """On a live bus there is no access to the bits of the wire: refused, with the reason, and nothing is armed."""
+    """On a live bus there is no access to the bits of the wire: refused, with the reason, and nothing is
+    armed.
+    """
     bench.kind = "live"
     with pytest.raises(UnsupportedFaultError, match=r"frame\.corrupt.*live.*bits of the wire"):
         faults.inject("frame.corrupt", can_id=1)

@@ -1,4 +1,6 @@
-"""Recorded bus logs are judged as the live case is: same signals, same events, same verdicts, and errors that say what is wrong."""
+"""Recorded bus logs are judged as the live case is: same signals, same events, same verdicts, and errors that
+say what is wrong.
+"""
 
 import json
 import shutil
@@ -75,7 +77,13 @@ BUS_ONLY = [
     never_happens(event("emcy.raised", code=0x3210)),
     never_happens(event("heartbeat.lost")),
     never_happens(event("drive.state", to="Quick stop active")),
-    event_order([event("drive.state", "drive1", to="Operation enabled"), TRIP, event("drive.state", "drive1", to="Fault")]),
+    event_order(
+        [
+            event("drive.state", "drive1", to="Operation enabled"),
+            TRIP,
+            event("drive.state", "drive1", to="Fault"),
+        ]
+    ),
     state_at("drive1", TRIP.plus(-0.1), "Operation enabled"),
     state_at("drive1", TRIP.plus(0.9), "Fault"),
     standstill(by=TRIP.plus(0.5)),
@@ -84,7 +92,7 @@ BUS_ONLY = [
     value_at("drive1.error_code", TRIP.plus(0.1), 0x2310, tolerance=0.0),
     word_sequence("drive1.controlword", [0x0007, 0x000F], until=TRIP, exact=False),
     status_word_bit(3, True, at=TRIP.plus(0.02), axis="drive1", word="statusword"),
-]  # fmt: skip
+]
 WRONG = [
     happens(event("drive.fault", code=0x2320)),
     never_happens(event("emcy.raised", code=0x2310)),
@@ -118,7 +126,9 @@ def test_signals_of_a_log_are_those_of_the_case(case, recorded):
 
 
 def test_what_the_controller_keeps_to_itself_is_blocked(recorded):
-    """Alarms and jobs are not on the bus: such a check is blocked with the reason, a slip of the pen is an error."""
+    """Alarms and jobs are not on the bus: such a check is blocked with the reason, a slip of the pen is an
+    error.
+    """
     log = recorded
     for expectation in (alarm(421), no_alarm(), value_at("axis1.following_error", 0.5, 0.0, tolerance=1.0)):
         (check,) = expectation.evaluate(log)
@@ -152,7 +162,9 @@ def test_a_profidrive_telegram_is_read_as_words_and_states(tmp_path):
 
 @pytest.mark.parametrize("name", ["fast", "speed", "stepper"])
 def test_logs_of_other_benches_are_read(name, tmp_path):
-    """Another cycle, an axis without position, a pulse module with a telegram that says little: what frames tell is the same as live."""
+    """Another cycle, an axis without position, a pulse module with a telegram that says little: what frames
+    tell is the same as live.
+    """
     with load_bench(name).build() as bench:
         bench.axis().power()
         bench.run_for(0.3)
@@ -172,7 +184,8 @@ def test_a_live_bench_file_reads_a_log_without_its_bus(log_file):
         decode(log_file, "profidrive_tcp")
 
 
-# -- formats ----------------------------------------------------------------------------------------------------------
+# -- formats
+# ----------------------------------------------------------------------------------------------------------
 
 
 def digest_of(trace):
@@ -197,10 +210,15 @@ def test_a_log_by_the_writer_of_python_can(case, tmp_path):
         for time_ns, _, frame, _ in case.raw_frames("can0"):
             writer(
                 can.Message(
-                    timestamp=1_790_000_000.0 + time_ns * 1e-9, arbitration_id=frame.can_id, data=frame.data,
-                    is_extended_id=False, is_remote_frame=frame.remote, dlc=frame.dlc, channel=0,
+                    timestamp=1_790_000_000.0 + time_ns * 1e-9,
+                    arbitration_id=frame.can_id,
+                    data=frame.data,
+                    is_extended_id=False,
+                    is_remote_frame=frame.remote,
+                    dlc=frame.dlc,
+                    channel=0,
                 )
-            )  # fmt: skip
+            )
     log = decode(path).trace
     for expectation in BUS_ONLY:
         if not any(isinstance(getattr(expectation, key, None), float) for key in ("since", "at")):
@@ -218,23 +236,30 @@ def test_a_log_by_can_utils(log_file, tmp_path):
     assert no_motion_after(TRIP.plus(0.5)).evaluate(log)[0].verdict is Verdict.PASSED
 
 
-# -- a manipulated frame ----------------------------------------------------------------------------------------------
+# -- a manipulated frame
+# ----------------------------------------------------------------------------------------------
 
 
 def test_one_manipulated_frame_fails_at_its_place(case, tmp_path):
-    """A single status word that shows the fault gone makes the check fail at the time of that frame, not elsewhere."""
+    """A single status word that shows the fault gone makes the check fail at the time of that frame, not
+    elsewhere.
+    """
     frames = list(case.raw_frames("can0"))
     trip_ns = next(case.select(kind="drive.fault")).time_ns
     place = next(
-        index for index, (time_ns, _, frame, _) in enumerate(frames)
+        index
+        for index, (time_ns, _, frame, _) in enumerate(frames)
         if time_ns > trip_ns + 600_000_000 and frame.can_id == 0x185
-    )  # fmt: skip
+    )
     time_ns, sender, frame, error = frames[place]
     frames[place] = (time_ns, sender, CanFrame(0x185, b"\x27\x02" + bytes(frame.data[2:])), error)
     log = decode(write_log(frames, tmp_path / "wrong.log")).trace
     judged = always(
-        "statusword shows a fault", lambda word: word.astype(int) & 8 != 0, "drive1.statusword", since=TRIP.plus(0.4)
-    )  # fmt: skip
+        "statusword shows a fault",
+        lambda word: word.astype(int) & 8 != 0,
+        "drive1.statusword",
+        since=TRIP.plus(0.4),
+    )
     (check,) = judged.evaluate(log)
     assert check.verdict is Verdict.FAILED
     assert check.time_s == pytest.approx(time_ns * 1e-9, abs=1e-6)
@@ -265,7 +290,8 @@ def test_a_position_that_moved_on_the_bus_fails(case, tmp_path):
     assert check.value == pytest.approx(2000 / 131072 * 10.0, abs=1e-6)
 
 
-# -- what is wrong with a log -----------------------------------------------------------------------------------------
+# -- what is wrong with a log
+# -----------------------------------------------------------------------------------------
 
 
 def changed(tmp_path, log_file, change):
@@ -320,8 +346,16 @@ def test_a_binary_log_that_was_cut_off_says_so(case, tmp_path):
 
 
 def test_channels_are_named(log_file, tmp_path):
-    """A single channel needs no name; of several the one of the segment is taken, or the one that is given."""
-    two = changed(tmp_path, log_file, lambda lines: [x for line in lines for x in (line.replace("can0", "vcan7"), line.replace("can0", "vcan8"))])  # fmt: skip
+    """A single channel needs no name; of several the one of the segment is taken, or the one that is
+    given.
+    """
+    two = changed(
+        tmp_path,
+        log_file,
+        lambda lines: [
+            x for line in lines for x in (line.replace("can0", "vcan7"), line.replace("can0", "vcan8"))
+        ],
+    )
     with pytest.raises(CannotRunError, match=r"channels vcan7, vcan8.*--channel SEGMENT=CHANNEL"):
         decode(two)
     with pytest.raises(CannotRunError, match="no such channel"):
@@ -344,7 +378,11 @@ def test_a_question_about_the_time_after_the_log_is_blocked(recorded):
 
 def test_a_lost_heartbeat_shows_as_on_the_bench(log_file, tmp_path):
     """Where the node falls silent the heartbeat is lost after the consumer time of the bench file."""
-    silent = changed(tmp_path, log_file, lambda lines: [line for number, line in enumerate(lines) if number < 400 or "705#" not in line])  # fmt: skip
+    silent = changed(
+        tmp_path,
+        log_file,
+        lambda lines: [line for number, line in enumerate(lines) if number < 400 or "705#" not in line],
+    )
     log = decode(silent).trace
     (lost,) = log.select(kind="heartbeat.lost")
     last = max(t for t, _, f, _ in log.raw_frames("can0") if f.can_id == 0x705)
@@ -353,7 +391,8 @@ def test_a_lost_heartbeat_shows_as_on_the_bench(log_file, tmp_path):
     assert never_happens(event("heartbeat.lost")).evaluate(log)[0].verdict is Verdict.FAILED
 
 
-# -- the command ------------------------------------------------------------------------------------------------------
+# -- the command
+# ------------------------------------------------------------------------------------------------------
 
 FILE = """
 from hil.expect import alarm, event, happens, standstill

@@ -1,4 +1,6 @@
-"""Shipped cases, judged live and on the log of their bus: what the bus carries gets the same verdict, nothing else passes."""
+"""Shipped cases, judged live and on the log of their bus: what the bus carries gets the same verdict, nothing
+else passes.
+"""
 
 from pathlib import Path
 
@@ -91,7 +93,12 @@ def about_values(trace, end_s):
         signal = trace[name]
         for share in (0.3, 0.45, 0.6, 0.9):
             at = int(share * len(signal))
-            yield value_at(name, float(signal.time_s[at]) + 0.0005, float(signal.values[at]), tolerance=tolerance + abs(signal.values[at]) * 1e-6)  # fmt: skip
+            yield value_at(
+                name,
+                float(signal.time_s[at]) + 0.0005,
+                float(signal.values[at]),
+                tolerance=tolerance + abs(signal.values[at]) * 1e-6,
+            )
         begin_s = float(signal.time_s[len(signal) // 4])
         part = signal.between(begin_s, end_s).values
         yield stays_within(
@@ -123,9 +130,15 @@ def about_words(trace, end_s):
     yield word_sequence(word, [last ^ 0x20], mask=0x6F, since=end_s - 0.02, until=end_s)
 
 
-@pytest.mark.parametrize(("number", "campaign", "identifier"), [(n, *case) for n, case in enumerate(CASES)], ids=[one for _, one in CASES])  # fmt: skip
+@pytest.mark.parametrize(
+    ("number", "campaign", "identifier"),
+    [(n, *case) for n, case in enumerate(CASES)],
+    ids=[one for _, one in CASES],
+)
 def test_a_case_and_its_log_get_the_same_verdicts(number, campaign, identifier, tmp_path):
-    """Passed stays passed, failed stays failed, within what the bus resolves; the rest is blocked, with the reason."""
+    """Passed stays passed, failed stays failed, within what the bus resolves; the rest is blocked, with the
+    reason.
+    """
     bench_file, trace, own = run(campaign, identifier)
     path = write_log(trace.raw_frames("can0"), tmp_path / f"bus{('.log', '.asc', '.blf')[number % 3]}")
     log = trace_of_log(read_bus_log(path), bench_file).trace
@@ -150,5 +163,18 @@ def test_a_case_and_its_log_get_the_same_verdicts(number, campaign, identifier, 
             continue
         unlike = [check for one, check in zip(live, told, strict=False) if one.verdict is not check.verdict]
         assert all(check.verdict is Verdict.BLOCKED for check in unlike), (expectation.wanted, live, told)
-        assert all(any(word in check.observed for word in ("not tell", "not known", "ends at", "may have been", "no value", "may give torque")) for check in unlike), told  # fmt: skip
+        assert all(
+            any(
+                word in check.observed
+                for word in (
+                    "not tell",
+                    "not known",
+                    "ends at",
+                    "may have been",
+                    "no value",
+                    "may give torque",
+                )
+            )
+            for check in unlike
+        ), told
     assert same >= 25, same

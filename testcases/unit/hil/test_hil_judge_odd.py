@@ -1,4 +1,6 @@
-"""Logs as recorders of machines write them: frames of other kinds, headers, gaps, silence, another bench. What they do not tell is blocked."""
+"""Logs as recorders of machines write them: frames of other kinds, headers, gaps, silence, another bench.
+What they do not tell is blocked.
+"""
 
 import math
 import re
@@ -79,9 +81,19 @@ def time_of(line):
 
 
 def test_frames_of_other_kinds_are_left_aside(lines, tmp_path):
-    """FD, remote, extended and error frames, raw DLCs, a node of somebody else, the name of a vcan, marks of direction."""
+    """FD, remote, extended and error frames, raw DLCs, a node of somebody else, the name of a vcan, marks of
+    direction.
+    """
     mixed = []
-    others = ("123##311223344", "705#R1", "20000080#0000000000000000", "00000085#2310110000000000", "00000705#00", "186#3702000000000000", "123#1122334455667788_E")  # fmt: skip
+    others = (
+        "123##311223344",
+        "705#R1",
+        "20000080#0000000000000000",
+        "00000085#2310110000000000",
+        "00000705#00",
+        "186#3702000000000000",
+        "123#1122334455667788_E",
+    )
     for number, line in enumerate(lines):
         stamp, _, frame = line.split()
         mixed.append(f"{stamp} vcan3 {frame} R")
@@ -149,29 +161,46 @@ def test_a_node_that_falls_silent_is_not_known(lines, tmp_path):
 def test_a_clock_that_jumps_back_names_both_frames(lines, tmp_path):
     """The log is not judged; the message says which frames, when, and what can be done."""
     back = [*lines[:900], *(line.replace("(9466848", "(9466847") for line in lines[900:])]
-    with pytest.raises(CannotRunError, match=r"frame 901 of the file, on can0, is at -99\..* frame 900 .*logs of their own"):  # fmt: skip
+    with pytest.raises(
+        CannotRunError, match=r"frame 901 of the file, on can0, is at -99\..* frame 900 .*logs of their own"
+    ):
         read_bus_log(written(tmp_path, back))
 
 
 @pytest.mark.parametrize("bench", ["profidrive", "stepper"])
 def test_the_bench_file_of_another_machine_proves_nothing(lines, tmp_path, bench):
-    """Process data that the bench file does not map are no absence of faults: blocked, with the reason, and a note or a word why."""
+    """Process data that the bench file does not map are no absence of faults: blocked, with the reason, and a
+    note or a word why.
+    """
     log = decode(written(tmp_path, lines), bench)
-    for expectation in (happens(TRIP), never_happens(event("drive.fault")), state_at("drive1", 1.0, "S4 operation"), disabled(by=1.0, axis="")):  # fmt: skip
+    for expectation in (
+        happens(TRIP),
+        never_happens(event("drive.fault")),
+        state_at("drive1", 1.0, "S4 operation"),
+        disabled(by=1.0, axis=""),
+    ):
         (check,) = expectation.evaluate(log.trace)
         assert check.verdict is Verdict.BLOCKED, check
-    assert any("sends no process data that the bench file maps" in note for note in log.notes) is (bench == "profidrive")  # fmt: skip
+    assert any("sends no process data that the bench file maps" in note for note in log.notes) is (
+        bench == "profidrive"
+    )
 
 
 def test_process_data_of_another_length_are_noted(lines, tmp_path):
     """Shorter process data than the mapping of the bench file are the sign of another mapping."""
-    short = [re.sub(r" 185#(....).*", r" 185#\1", line) for line in lines if " 605#" not in line and " 585#" not in line]  # fmt: skip
+    short = [
+        re.sub(r" 185#(....).*", r" 185#\1", line)
+        for line in lines
+        if " 605#" not in line and " 585#" not in line
+    ]
     log = decode(written(tmp_path, short))
     assert "drive1: process data 185h have 2 bytes, 8 by the bench file" in " ".join(log.notes)
 
 
 def test_the_zero_of_a_position_is_not_on_the_bus(lines, tmp_path):
-    """Homing is the affair of the controller: a position cannot be compared with a number, a displacement can."""
+    """Homing is the affair of the controller: a position cannot be compared with a number, a displacement
+    can.
+    """
     log = decode(written(tmp_path, lines)).trace
     for expectation in (
         value_at("axis1.actual_position", 0.5, 80.0, tolerance=1e9),
@@ -191,7 +220,9 @@ def test_the_zero_of_a_position_is_not_on_the_bus(lines, tmp_path):
 
 
 def test_a_state_between_two_syncs_is_not_denied(lines, tmp_path):
-    """A trip in motion shows *Fault* with the next SYNC: *Fault reaction active* before it may have been, other states were not."""
+    """A trip in motion shows *Fault* with the next SYNC: *Fault reaction active* before it may have been,
+    other states were not.
+    """
     log = decode(written(tmp_path, [line for line in lines if not re.search(r" 185#.F", line)])).trace
     hidden = event("drive.state", "drive1", to="Fault reaction active")
     for expectation in (happens(hidden), never_happens(hidden)):
@@ -207,16 +238,33 @@ def test_the_rules_pass_on_a_good_log(lines, tmp_path):
     }
 
 
-# -- other formats ----------------------------------------------------------------------------------------------------
+# -- other formats
+# ----------------------------------------------------------------------------------------------------
 
 BEGIN = "Begin Triggerblock Thu Sep 27 10:16:32.000 am 2022"
 HEADERS = {
-    "absolute": ["date Thu Sep 27 10:16:32.000 am 2022", "base hex  timestamps absolute", "internal events logged", "// version 9.0.0", BEGIN, "   0.000000 Start of measurement"],
+    "absolute": [
+        "date Thu Sep 27 10:16:32.000 am 2022",
+        "base hex  timestamps absolute",
+        "internal events logged",
+        "// version 9.0.0",
+        BEGIN,
+        "   0.000000 Start of measurement",
+    ],
     "without events": ["date Mi Mär 3 10:16:32 2022", "base hex  timestamps absolute"],
-    "relative": ["date Thu Sep 27 10:16:32.000 am 2022", "base hex  timestamps relative", "no internal events logged", BEGIN],
-    "decimal": ["date Thu Sep 27 22:16:32 2022", "base dec  timestamps absolute", "no internal events logged"],
+    "relative": [
+        "date Thu Sep 27 10:16:32.000 am 2022",
+        "base hex  timestamps relative",
+        "no internal events logged",
+        BEGIN,
+    ],
+    "decimal": [
+        "date Thu Sep 27 22:16:32 2022",
+        "base dec  timestamps absolute",
+        "no internal events logged",
+    ],
     "none": [],
-}  # fmt: skip
+}
 
 
 def asc(frames, header, *, relative=False, decimal=False):
@@ -232,17 +280,25 @@ def asc(frames, header, *, relative=False, decimal=False):
         if number % 40 == 5:
             rows.append(f"{stamp(time_ns)} 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%")
         if number % 200 == 6:
-            rows.append(f"{stamp(time_ns)} 1  ErrorFrame Flags = 0x2 CodeExt = 0x20a2 Code = 0x82 ID = 0 DLC = 0 Position = 5")  # fmt: skip
+            rows.append(
+                f"{stamp(time_ns)} 1  ErrorFrame Flags = 0x2 CodeExt = 0x20a2 Code = 0x82 ID = 0 DLC = 0 "
+                f"Position = 5"
+            )
         shown = [str(byte) if decimal else f"{byte:02X}" for byte in frame.data]
         kind = "r" if frame.remote else f"d {len(frame.data)} {' '.join(shown)}"
         identifier = str(frame.can_id) if decimal else f"{frame.can_id:X}"
-        rows.append(f"{stamp(time_ns)} 1  {identifier:15} Rx   {kind}  Length = 240000 BitCount = 124 ID = {frame.can_id}")  # fmt: skip
+        rows.append(
+            f"{stamp(time_ns)} 1  {identifier:15} Rx   {kind}  Length = 240000 BitCount = 124 ID = "
+            f"{frame.can_id}"
+        )
     return ("\r\n".join(rows) + "\r\n").encode("cp1252")
 
 
 @pytest.mark.parametrize("header", HEADERS)
 def test_asc_files_of_all_kinds(frames, tmp_path, header):
-    """Times since the last event, decimal numbers, a header with little or none of it, code pages: the same frames at the same times."""
+    """Times since the last event, decimal numbers, a header with little or none of it, code pages: the same
+    frames at the same times.
+    """
     path = tmp_path / "machine.asc"
     path.write_bytes(asc(frames, HEADERS[header], relative=header == "relative", decimal=header == "decimal"))
     log = decode(path)
@@ -252,7 +308,11 @@ def test_asc_files_of_all_kinds(frames, tmp_path, header):
     assert all(abs(time_ns - own[0]) <= 1 for (time_ns, _), own in zip(mine, frames, strict=True))
 
 
-@pytest.mark.parametrize("writer", [can.BLFWriter, can.ASCWriter, can.TRCWriter, can.CanutilsLogWriter], ids=lambda one: one.__name__)  # fmt: skip
+@pytest.mark.parametrize(
+    "writer",
+    [can.BLFWriter, can.ASCWriter, can.TRCWriter, can.CanutilsLogWriter],
+    ids=lambda one: one.__name__,
+)
 def test_what_the_writers_of_python_can_make(frames, tmp_path, writer):
     """Logs with times of today count from their first frame."""
     suffix = {can.BLFWriter: "blf", can.ASCWriter: "asc", can.TRCWriter: "trc", can.CanutilsLogWriter: "log"}[
@@ -263,10 +323,15 @@ def test_what_the_writers_of_python_can_make(frames, tmp_path, writer):
         for time_ns, _, frame, _ in frames:
             stream(
                 can.Message(
-                    timestamp=1_790_000_000.0 + time_ns * 1e-9, arbitration_id=frame.can_id, data=frame.data,
-                    is_extended_id=False, is_remote_frame=frame.remote, dlc=frame.dlc, channel=0,
+                    timestamp=1_790_000_000.0 + time_ns * 1e-9,
+                    arbitration_id=frame.can_id,
+                    data=frame.data,
+                    is_extended_id=False,
+                    is_remote_frame=frame.remote,
+                    dlc=frame.dlc,
+                    channel=0,
                 )
-            )  # fmt: skip
+            )
     log = decode(path).trace
     assert verdicts(log) == blocked()
     trip = TRIP.find(log.events)

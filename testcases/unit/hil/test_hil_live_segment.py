@@ -70,7 +70,9 @@ def message(can_id):
 
 
 def test_load_of_a_live_bus(desk):
-    """Random frames of the wanted range fill the wanted share of the time at the bit rate of the bench file."""
+    """Random frames of the wanted range fill the wanted share of the time at the bit rate of the bench
+    file.
+    """
     segment = desk.bench.segment()
     armed = desk.faults.inject(
         "can.load",
@@ -106,7 +108,9 @@ def test_babbling_on_a_live_bus(desk):
 
 @pytest.mark.parametrize("kind", ["can.cable_break", "can.unplug"])
 def test_a_bridge_is_taken_apart(bridged, kind):
-    """Nothing passes any more, nodes of the bench stay with the first side; afterwards everything is as before."""
+    """Nothing passes any more, nodes of the bench stay with the first side; afterwards everything is as
+    before.
+    """
     received = []
     port = bridged.bench.segment().attach("local", lambda frame, time_ns: received.append(frame.can_id))
     key = "node" if kind == "can.unplug" else "nodes"

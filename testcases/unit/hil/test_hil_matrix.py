@@ -94,7 +94,9 @@ factors_of_any_size = st.lists(st.integers(1, 4), min_size=1, max_size=5).map(
 
 @given(factors_of_any_size, st.integers(1, 4), st.data())
 def test_every_group_of_values_that_can_meet_does(factors, strength, data):
-    """N-wise: what nothing speaks against is covered, nothing left out is there, and nothing is there twice."""
+    """N-wise: what nothing speaks against is covered, nothing left out is there, and nothing is there
+    twice.
+    """
     names = list(factors)
     values = st.sampled_from([(name, value) for name in names for value in factors[name]])
     excluded = [
@@ -130,11 +132,14 @@ def test_a_reduced_matrix_is_the_same_in_every_process(write):
     )
     runs = {
         subprocess.run(
-            [sys.executable, "-c", program], env={"PYTHONHASHSEED": seed, "PYTHONPATH": ":".join(sys.path)},
-            capture_output=True, text=True, check=True,
+            [sys.executable, "-c", program],
+            env={"PYTHONHASHSEED": seed, "PYTHONPATH": ":".join(sys.path)},
+            capture_output=True,
+            text=True,
+            check=True,
         ).stdout
         for seed in ("0", "1")
-    }  # fmt: skip
+    }
 
     assert runs == {f"{[case.identifier for case in load_matrix(path).cases]}\n"}
     assert len(load_matrix(path).cases) < 15  # all combinations and the named case; pairs need no more
@@ -143,14 +148,30 @@ def test_a_reduced_matrix_is_the_same_in_every_process(write):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('"full"', '"triple"', "reduction: 'triple' is not allowed; allowed: \"full\", \"pairwise\" or a whole number"),
+        (
+            '"full"',
+            '"triple"',
+            'reduction: \'triple\' is not allowed; allowed: "full", "pairwise" or a whole number',
+        ),
         ('"full"', "0", "reduction: 0 is not allowed"),
         ("seeds = 2", "seeds = 0", "seeds: 0 is not allowed; allowed: a whole number from 1 to 1000"),
         ('title = "our axis"', "", "title: None is not allowed"),
-        ('"standstill"]', '"stanstill"]', "factors.moment[2]: 'stanstill' is not allowed.*nearest is 'standstill'"),
-        ('"power-?"', '"energy-*"', "factors.stop[1]: 'energy-*' is not allowed; allowed: a pattern that fits one of"),
+        (
+            '"standstill"]',
+            '"stanstill"]',
+            "factors.moment[2]: 'stanstill' is not allowed.*nearest is 'standstill'",
+        ),
+        (
+            '"power-?"',
+            '"energy-*"',
+            "factors.stop[1]: 'energy-*' is not allowed; allowed: a pattern that fits one of",
+        ),
         ("moment = [", "momnet = [", "factors.momnet.*nearest is 'moment'"),
-        ('stop = ["power-?", "halt"]', "stop = []", "factors.stop: [] is not allowed; allowed: at least one value"),
+        (
+            'stop = ["power-?", "halt"]',
+            "stop = []",
+            "factors.stop: [] is not allowed; allowed: at least one value",
+        ),
         ('"halt"]', '"halt", "halt"]', "factors.stop.*every value once"),
         ('transport = ["can", "modbus-tcp"]', "", "allowed: drive and transport together"),
         ('moment = ["c', 'bench = ["reference"]\nmoment = ["c', "either bench, or drive and transport"),
@@ -163,7 +184,7 @@ def test_a_reduced_matrix_is_the_same_in_every_process(write):
         ("[factors]", "[factors", "allowed: TOML"),
         ('"cia402", "profidrive"]', '"stepper"]', "exclude[1].drive"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_are_told_with_place_and_what_is_allowed(write, old, new, words):
     """File, key, value, what is allowed, and the nearest word."""
     path = write(FILE.replace(old, new, 1))
@@ -188,13 +209,18 @@ EVERYTHING = "\n".join(
         (f"seeds = 1000\n[factors]\n{EVERYTHING}", "more than 100000 cases"),
         (f"[factors]\n{EVERYTHING}", "more than 100000 cases"),
         (
-            '[factors]\ndrive = ["cia402"]\ntransport = ["can"]\nstop = ["halt"]\n[[case]]\nname = "cia402/can/halt"',
+            (
+                '[factors]\ndrive = ["cia402"]\ntransport = ["can"]\nstop = ["halt"]\n[[case]]\nname = '
+                '"cia402/can/halt"'
+            ),
             "'x/cia402/can/halt' is not allowed; allowed: a name that no combination of the factors has",
         ),
     ],
 )
 def test_more_cases_than_anybody_runs_and_names_twice_are_refused(monkeypatch, write, text, words):
-    """A product of all words is refused before it fills the memory; a named case keeps off the names of combinations."""
+    """A product of all words is refused before it fills the memory; a named case keeps off the names of
+    combinations.
+    """
     if "seeds" not in text and "case" not in text:
         monkeypatch.setattr(_campaign, "MOST_CASES", 200)
         words = words.replace("100000", "200")

@@ -1,4 +1,6 @@
-"""Faults of coupling, guides and clock on a bench: what they do to the machine, and what the controller sees of it."""
+"""Faults of coupling, guides and clock on a bench: what they do to the machine, and what the controller sees
+of it.
+"""
 
 import numpy as np
 import pytest
@@ -34,7 +36,9 @@ def change(trace, name, when, after=0.2):
 
 
 def test_a_coupling_that_slips_moves_the_load_and_shows_to_nobody():
-    """The load is displaced by half a screw pitch; encoder, axis and motor see nothing, not even for a moment."""
+    """The load is displaced by half a screw pitch; encoder, axis and motor see nothing, not even for a
+    moment.
+    """
     trace, when = machine("mechanics.slip", revolutions=-0.5)
     assert change(trace, "drive1.position", when) == pytest.approx(-0.005, abs=1e-6)
     assert change(trace, "axis1.actual_position", when) == pytest.approx(0.0, abs=1e-4)
@@ -51,7 +55,9 @@ def test_a_slip_in_motion_adds_to_the_way_of_the_load():
 
 
 def test_a_broken_coupling_leaves_the_load_to_itself():
-    """The motor goes on as told with less torque; the load coasts with what it has and comes to rest by friction."""
+    """The motor goes on as told with less torque; the load coasts with what it has and comes to rest by
+    friction.
+    """
     trace, when = machine("mechanics.coupling_break", velocity=200.0, after_s=0.5, motor_share=0.4)
     assert trace["axis1.actual_velocity"].at(trace.end_s) == pytest.approx(200.0, abs=1.0)
     load = trace["drive1.velocity"].between(when, trace.end_s).values
@@ -62,7 +68,9 @@ def test_a_broken_coupling_leaves_the_load_to_itself():
 
 
 def test_a_hanging_load_falls_when_its_coupling_breaks():
-    """The axis stands still for its controller while the load falls with the acceleration of its own inertia."""
+    """The axis stands still for its controller while the load falls with the acceleration of its own
+    inertia.
+    """
     trace, when = machine("mechanics.coupling_break", gravity_n=-200.0, after_s=0.2)
     assert change(trace, "drive1.position", when, 0.19) < -0.005
     fall = trace["drive1.velocity"].between(when + 0.05, when + 0.15)

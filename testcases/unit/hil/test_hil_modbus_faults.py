@@ -23,7 +23,9 @@ def hits(machine):
 
 @pytest.mark.parametrize("entry", KINDS, ids=lambda entry: entry.name)
 def test_every_kind_is_applied_logged_and_taken_back(entry):
-    """The example reads back from its TOML form, hits frames of its segment, and afterwards the link is as before."""
+    """The example reads back from its TOML form, hits frames of its segment, and afterwards the link is as
+    before.
+    """
     fault = Fault.from_dict(dict(entry.example))
     assert Fault.from_dict(fault.to_dict()) == fault
     with bench("profidrive_rtu" if entry.name in ON_LINE else "profidrive_tcp") as machine:
@@ -43,7 +45,9 @@ def test_every_kind_is_applied_logged_and_taken_back(entry):
 
 
 def test_faults_of_a_network_hit_an_io_station():
-    """What a station sends, and its refusals, are hit as those of a drive are; its link can be cut, and comes back."""
+    """What a station sends, and its refusals, are hit as those of a drive are; its link can be cut, and comes
+    back.
+    """
     of_the_network = [entry for entry in KINDS if entry.name not in ON_LINE]
     with bench("analog") as machine:
         for entry in of_the_network:
@@ -131,7 +135,8 @@ def test_an_exception_keeps_the_drive_from_doing_it():
         assert hits(machine)[0] == "function 10: exception 04"
 
 
-# -- words ------------------------------------------------------------------------------------------------------------
+# -- words
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["profidrive", "profidrive_tcp", "profidrive_rtu"])
@@ -156,11 +161,18 @@ def test_telegrams_are_told_in_words_on_every_bus(name):
 @pytest.mark.parametrize(
     ("word", "text"),
     [
-        (0x047F, "operate"), (0x047E, "OFF1"), (0x047B, "OFF3"), (0x047C, "OFF2"), (0x0477, "operation disabled"),
-        (0x007F, "no control by PLC"), (0x04FF, "operate, acknowledge"), (0x046F, "ramp generator off"),
-        (0x043F, "no setpoint"), (0x057E, "OFF1, jog 1"),
+        (0x047F, "operate"),
+        (0x047E, "OFF1"),
+        (0x047B, "OFF3"),
+        (0x047C, "OFF2"),
+        (0x0477, "operation disabled"),
+        (0x007F, "no control by PLC"),
+        (0x04FF, "operate, acknowledge"),
+        (0x046F, "ramp generator off"),
+        (0x043F, "no setpoint"),
+        (0x057E, "OFF1, jog 1"),
     ],
-)  # fmt: skip
+)
 def test_a_control_word_says_what_it_asks_for(word, text):
     """OFF2 goes before OFF3, OFF3 before OFF1, as in the drive (PD-114)."""
     from hil.bench.signal_words import command
@@ -177,8 +189,11 @@ def test_a_signal_that_stands_in_two_frames_is_told_in_parts():
         Layout(["ZSW1", "NIST_B", "M_ACT", "G1_XIST1"]), reference_speed_rpm=3000.0, reference_torque_nm=2.0
     )
     assert words.describe(0, [0x0208, 0x2000]) == [
-        "ZSW1 = 0208h (no state, fault)", "NIST_B word 1 of 2 = 2000h",
-    ]  # fmt: skip
+        "ZSW1 = 0208h (no state, fault)",
+        "NIST_B word 1 of 2 = 2000h",
+    ]
     assert words.describe(2, [0x0000, 0xE000, 0xFFFF, 0xFFFE]) == [
-        "NIST_B word 2 of 2 = 0000h", "M_ACT = E000h (-50 %, -1 Nm)", "G1_XIST1 = FFFFFFFEh (-2)",
-    ]  # fmt: skip
+        "NIST_B word 2 of 2 = 0000h",
+        "M_ACT = E000h (-50 %, -1 Nm)",
+        "G1_XIST1 = FFFFFFFEh (-2)",
+    ]

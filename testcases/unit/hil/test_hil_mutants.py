@@ -20,7 +20,8 @@ def call(capsys, *arguments):
     return code, captured.out, captured.err
 
 
-# -- patches -----------------------------------------------------------------------------------------------------------
+# -- patches
+# -----------------------------------------------------------------------------------------------------------
 
 
 def seen():
@@ -41,7 +42,9 @@ def seen():
     ids=lambda value: value.name if isinstance(value, Mutant) else "",
 )
 def test_a_defect_is_in_force_inside_and_gone_outside(mutant, answers):
-    """Static methods, properties, `super()`, branches and closures: the change acts, tells that it is reached, and is undone."""
+    """Static methods, properties, `super()`, branches and closures: the change acts, tells that it is
+    reached, and is undone.
+    """
     reached = set()
     held = toy.twice  # what is held before the change has it too
     with seeded(mutant, reached):
@@ -54,7 +57,9 @@ def test_a_defect_is_in_force_inside_and_gone_outside(mutant, answers):
 
 
 def test_watching_changes_nothing():
-    """Places of several defects of one function tell that they are reached, and the function does what it did."""
+    """Places of several defects of one function tell that they are reached, and the function does what it
+    did.
+    """
     reached = set()
     with watched([toy.STAYS_CLOSED, toy.SURVIVES, toy.BRANCH, toy.UNREACHED], reached):
         assert seen() == (1, False, 2.0, 6)
@@ -110,11 +115,14 @@ def test_a_wrong_entry_of_a_catalogue_is_refused(change, words):
         replace(toy.CAUGHT, **change)
 
 
-# -- order -------------------------------------------------------------------------------------------------------------
+# -- order
+# ------------------------------------------------------------------------------------------------------------
 
 
 def test_likely_cases_come_first_and_the_quick_ones_of_the_rest():
-    """Order: patterns of the catalogue as they stand there, then by time; cases that do not get there are left out."""
+    """Order: patterns of the catalogue as they stand there, then by time; cases that do not get there are
+    left out.
+    """
     one, two, three, four = (Judge(f"c/{name}", "m:C", "b") for name in ("one", "two", "three", "four"))
     reached = {judge: frozenset({"x"}) for judge in (one, two, three)}
     mutant = replace(toy.CAUGHT, name="x", likely=("c/thr*@b", "c/*@other"))
@@ -130,7 +138,8 @@ def test_a_campaign_is_judged_on_the_bench_given_with_it():
     assert {judge.name for judge in given} >= {"toy-product/brake@reference"}
 
 
-# -- the command -------------------------------------------------------------------------------------------------------
+# -- the command
+# -------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -168,10 +177,23 @@ def test_every_defect_caught(capsys, green, tmp_path):
 
 
 def test_fates_of_defects(capsys, green):
-    """Survivors and defects that never run make it 1; what hangs, is deaf to its limit, or kills its process is caught."""
+    """Survivors and defects that never run make it 1; what hangs, is deaf to its limit, or kills its process
+    is caught.
+    """
     code, out, err = call(
-        capsys, "--catalogue", f"{TOY}:FATES", "--campaign", green, "--jobs", 2, "--json", "--limit", 3, "--report", "rep"
-    )  # fmt: skip
+        capsys,
+        "--catalogue",
+        f"{TOY}:FATES",
+        "--campaign",
+        green,
+        "--jobs",
+        2,
+        "--json",
+        "--limit",
+        3,
+        "--report",
+        "rep",
+    )
     assert code == 1
     suite = ET.parse("rep/mutants.xml").getroot()
     failed = [case.get("name") for case in suite.iter("testcase") if case.find("failure") is not None]
@@ -211,7 +233,9 @@ def test_all_goes_on_after_the_first_catch(capsys, green):
 
 
 def test_a_run_that_was_ended_goes_on(capsys, green, monkeypatch, tmp_path):
-    """Ctrl-C keeps what is known, exit code 2; --resume judges the others alone; --last-failed those that were not caught."""
+    """Ctrl-C keeps what is known, exit code 2; --resume judges the others alone; --last-failed those that
+    were not caught.
+    """
     arguments = ["--catalogue", f"{TOY}:FEW", "--campaign", green, "--json", "--report", "rep"]
     told = []
 
@@ -257,8 +281,10 @@ def test_a_file_is_a_catalogue(capsys, green, tmp_path):
     text = f"from {TOY} import CAUGHT, SURVIVES\nMUTANTS = [CAUGHT]\nOTHERS = [SURVIVES]\n"
     (tmp_path / "our_own_defects.py").write_text(text)
     for reference, name in (
-        ("our_own_defects.py", "slope-inverted"), ("our_own_defects.py:OTHERS", "survives"), ("our_own_defects:MUTANTS", "slope-inverted"),
-    ):  # fmt: skip
+        ("our_own_defects.py", "slope-inverted"),
+        ("our_own_defects.py:OTHERS", "survives"),
+        ("our_own_defects:MUTANTS", "slope-inverted"),
+    ):
         code, out, _ = call(capsys, "--catalogue", reference, "--campaign", green, "--list", "--json")
         assert (code, [entry["name"] for entry in json.loads(out)]) == (0, [name])
     code, _, err = call(capsys, "--catalogue", "our_own_defects.py", "--campaign", green)

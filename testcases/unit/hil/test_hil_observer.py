@@ -84,7 +84,9 @@ def test_it_sends_nothing_by_itself(request):
 
 
 def test_it_records_and_decodes_what_others_say(desk):
-    """The frames of controller and drive are in the trace, and in words by the mapping of the drive's dictionary."""
+    """The frames of controller and drive are in the trace, and in words by the mapping of the drive's
+    dictionary.
+    """
     send(desk.controller, CanFrame(0x605, b"\x40\x41\x60\0\0\0\0\0"))
     send(desk.drive, CanFrame(0x585, b"\x4b\x41\x60\0\x37\x02\0\0"))
     send(desk.controller, SYNC)
@@ -99,7 +101,9 @@ def test_it_records_and_decodes_what_others_say(desk):
 
 
 def test_it_learns_the_mapping_that_somebody_else_writes(desk):
-    """PDOs are described by the mapping that the foreign controller has written by SDO, whenever they are asked for."""
+    """PDOs are described by the mapping that the foreign controller has written by SDO, whenever they are
+    asked for.
+    """
     status = CanFrame(0x185, b"\x01\x00\x00\x00")
 
     def write(index, sub, value, size=4):
@@ -153,7 +157,9 @@ def test_it_injects_when_told(desk):
     ],
 )
 def test_faults_hit_frames_between_strangers(bridged, kind, parameters, heard):
-    """Every fault on frames works on what passes the bridge, by drive and message, and is told with its hits."""
+    """Every fault on frames works on what passes the bridge, by drive and message, and is told with its
+    hits.
+    """
     armed = bridged.faults.inject(kind, drive="x", message="tpdo1", **parameters)
     send(bridged.drive, STATUS)
     send(bridged.controller, CONTROL)

@@ -1,4 +1,6 @@
-"""`hil panel` with a script, and the commissioning sequence of an axis on a bench with an emulated drive (§6.1)."""
+"""`hil panel` with a script, and the commissioning sequence of an axis on a bench with an emulated drive
+(§6.1).
+"""
 
 from __future__ import annotations
 
@@ -29,9 +31,11 @@ def script(capsys, tmp_path, text, name="profidrive", **options):
 def test_a_script(capsys, tmp_path):
     """Take, enable, jog, release the slider, give back; every line is answered with the state."""
     code, lines, _ = script(
-        capsys, tmp_path,
-        "take\nenable\nwait 0.5\nvelocity 40\njog 50\nwait 1.0\nslide 0\nwait 0.5\nrel -5\nwait 1\nrelease\nwait 1\n",
-    )  # fmt: skip
+        capsys,
+        tmp_path,
+        "take\nenable\nwait 0.5\nvelocity 40\njog 50\nwait 1.0\nslide 0\nwait 0.5\nrel -5\nwait "
+        "1\nrelease\nwait 1\n",
+    )
     assert code == 0
     assert "panel  standstill" in lines[2]
     assert "velocity 20" in lines[5]
@@ -60,7 +64,9 @@ def test_a_line_that_cannot_be_carried_out(capsys, tmp_path, text, told):
 
 
 def test_the_end_of_the_input_gives_the_axis_back(capsys, tmp_path, monkeypatch):
-    """A script that ends in the middle of a motion stops the axis; the command itself reads standard input."""
+    """A script that ends in the middle of a motion stops the axis; the command itself reads standard
+    input.
+    """
     monkeypatch.setattr(
         "sys.stdin", io.StringIO("take\nenable\nwait 0.5\njog\nwait 0.5\nhelp\nstatus\nquit\n")
     )
@@ -72,7 +78,9 @@ def test_the_end_of_the_input_gives_the_axis_back(capsys, tmp_path, monkeypatch)
 
 @pytest.mark.requirement("COM-055", "COM-058", "COM-067")
 def test_optimisation_with_a_plot(capsys, tmp_path):
-    """A recommended gain and a page with every attempt, on a drive with inertia, filters and quantised words."""
+    """A recommended gain and a page with every attempt, on a drive with inertia, filters and quantised
+    words.
+    """
     code, lines, err = script(
         capsys, tmp_path, "take\nenable\nwait 0.5\noptimise 5 60 1000 0.05\nrelease\nwait 1\n"
     )
@@ -85,11 +93,24 @@ def test_optimisation_with_a_plot(capsys, tmp_path):
 
 
 @pytest.mark.requirement(
-    "COM-001", "COM-002", "COM-003", "COM-004", "COM-005", "COM-006", "COM-007", "COM-009", "COM-010", "COM-012", "COM-015",
-    "COM-016", "COM-019",
-)  # fmt: skip
+    "COM-001",
+    "COM-002",
+    "COM-003",
+    "COM-004",
+    "COM-005",
+    "COM-006",
+    "COM-007",
+    "COM-009",
+    "COM-010",
+    "COM-012",
+    "COM-015",
+    "COM-016",
+    "COM-019",
+)
 def test_the_commissioning_sequence():
-    """The steps of §6.1 on a good machine: without gain the axis is held by precontrol alone, moves true to scale, and is handed over."""
+    """The steps of §6.1 on a good machine: without gain the axis is held by precontrol alone, moves true to
+    scale, and is handed over.
+    """
     with bench() as machine:
         axis, controller = machine.axis(), machine.controller
         controller.stop()
@@ -136,7 +157,9 @@ def test_the_commissioning_sequence():
     ],
 )
 def test_what_is_wrong_shows(variables, direction, scale, velocity):
-    """An inverted encoder, a wrong pitch, a wrong reference speed: direction, scale, or velocity do not fit."""
+    """An inverted encoder, a wrong pitch, a wrong reference speed: direction, scale, or velocity do not
+    fit.
+    """
     own = {KV: NO_GAIN, "FollowingError.EnableMonitoring": False, "PositioningMonitoring.Window": 1000.0}
     with bench(variables=own | variables) as machine:
         axis = machine.axis()
@@ -166,9 +189,11 @@ def test_what_is_recommended_is_told(capsys, tmp_path):
     assert "hardware limit switches" not in err
     with bench(
         variables={
-            "PositionLimits_HW.Active": False, "PositionLimits_SW.Active": True, "FollowingError.EnableMonitoring": False,
+            "PositionLimits_HW.Active": False,
+            "PositionLimits_SW.Active": True,
+            "FollowingError.EnableMonitoring": False,
         }
-    ) as machine:  # fmt: skip
+    ) as machine:
         axis = machine.axis()
         assert precautions(axis.object) == (
             "hardware limit switches (PositionLimits_HW.Active)",
@@ -182,7 +207,9 @@ def test_what_is_recommended_is_told(capsys, tmp_path):
 
 @pytest.mark.parametrize("name", ["fast", "speed", "profidrive_tcp", "profidrive_rtu", "analog", "stepper"])
 def test_a_script_on_every_bench(capsys, tmp_path, name):
-    """Take, enable, jog, stop, give back, whatever the drive and its bus; a line that does not fit to it is told with its number."""
+    """Take, enable, jog, stop, give back, whatever the drive and its bus; a line that does not fit to it is
+    told with its number.
+    """
     code, lines, err = script(
         capsys,
         tmp_path,

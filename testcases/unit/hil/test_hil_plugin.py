@@ -71,7 +71,9 @@ def results_of(pytester):
 
 
 def test_the_fixtures_give_a_bench_and_its_parts(suite):
-    """Bench, axis, drive, faults and trace work together; a bench that is not as needed is skipped as blocked."""
+    """Bench, axis, drive, faults and trace work together; a bench that is not as needed is skipped as
+    blocked.
+    """
     result = suite.runpytest("-p", "no:cacheprovider", "-rs", BENCH)
     result.assert_outcomes(passed=3, failed=1, skipped=1, xfailed=1, errors=1)
     result.stdout.fnmatch_lines(["*blocked: frame.corrupt cannot be injected on a live bench*"])
@@ -85,9 +87,12 @@ def test_requirement_results_are_recorded_by_outcome(suite):
     suite.runpytest("-p", "no:cacheprovider", BENCH)
     outcomes = {node.partition("::")[2]: entry for node, entry in results_of(suite).items()}
     assert {name: entry["outcome"] for name, entry in outcomes.items()} == {
-        "test_trip": "passed", "test_wrong": "failed", "test_blocked": "skipped",
-        "test_expected_to_fail": "xfailed", "test_breaks_afterwards": "failed",
-    }  # fmt: skip
+        "test_trip": "passed",
+        "test_wrong": "failed",
+        "test_blocked": "skipped",
+        "test_expected_to_fail": "xfailed",
+        "test_breaks_afterwards": "failed",
+    }
     assert outcomes["test_trip"]["requirements"] == ["STP-559", "STP-303"]
     assert passed_requirements(suite.path) == ({"STP-559", "STP-303"}, 5)
 
@@ -131,20 +136,26 @@ def test_one(bench, n):
 
     run = load_run(pytester.path / "rep")
     assert [(case.identifier[-3:], case.verdict) for case in run.cases] == [
-        ("[0]", Verdict.PASSED), ("[1]", Verdict.ERROR), ("[2]", Verdict.PASSED),
-    ]  # fmt: skip
+        ("[0]", Verdict.PASSED),
+        ("[1]", Verdict.ERROR),
+        ("[2]", Verdict.PASSED),
+    ]
     assert "worker 'gw0' crashed" in run.cases[1].message
 
 
 def test_the_report_holds_the_tests_that_used_a_bench(suite):
-    """With --hil-report each test with a bench is a case with verdict, checks, faults, story and requirements."""
+    """With --hil-report each test with a bench is a case with verdict, checks, faults, story and
+    requirements.
+    """
     result = suite.runpytest("-p", "no:cacheprovider", BENCH, "--hil-report=rep", "--hil-seed=3")
     result.stdout.fnmatch_lines(["bench report: rep*report.html"])
     run = load_run(suite.path / "rep")
     cases = {case.identifier.partition("::")[2]: case for case in run.cases}
     assert {name: case.verdict for name, case in cases.items()} == {
-        "test_trip": Verdict.PASSED, "test_wrong": Verdict.FAILED, "test_blocked": Verdict.BLOCKED,
-    }  # fmt: skip
+        "test_trip": Verdict.PASSED,
+        "test_wrong": Verdict.FAILED,
+        "test_blocked": Verdict.BLOCKED,
+    }
     trip = cases["test_trip"]
     assert trip.title == "A drive fault leads to alarm 421."
     assert trip.requirements == ["STP-559", "STP-303"]
@@ -249,14 +260,16 @@ def test_loading_the_plugin_loads_nothing_heavy():
     """A pytest run that uses no bench imports none of the heavy libraries."""
     code = (
         "import sys, hil.pytest_plugin\n"
-        "heavy = {'numpy', 'canopen', 'can', 'pydantic', 'rich', 'typer', 'jinja2', 'plotly', 'hypothesis', 'hil.campaign'}\n"
+        "heavy = {'numpy', 'canopen', 'can', 'pydantic', 'rich', 'typer', 'jinja2', 'plotly', 'hypothesis', "
+        "'hil.campaign'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 
-# -- the files of results -------------------------------------------------------------------------------------------
+# -- the files of results
+# -------------------------------------------------------------------------------------------
 
 
 def logged(**outcomes):
@@ -307,7 +320,9 @@ def test_damaged_result_files_are_passed_over(tmp_path):
 
 @pytest.mark.parametrize("workers", [(), ("-n", "2")])
 def test_cases_of_a_matrix_are_tests(pytester, workers):
-    """A matrix file that is named runs case by case, with the seeds and so the traces of `hil run`; reports and marks included."""
+    """A matrix file that is named runs case by case, with the seeds and so the traces of `hil run`; reports
+    and marks included.
+    """
     matrix = 'title = "m"\n[factors]\nbench = ["reference", "analog"]\nmoment = ["standstill"]\n'
     (pytester.path / "m.toml").write_text(matrix + 'fault = ["two-actual-values-lost", "heartbeat-lost"]\n')
     result = pytester.runpytest(

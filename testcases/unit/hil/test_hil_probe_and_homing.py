@@ -1,4 +1,6 @@
-"""Home cams, workpieces, index and homing options of a bench file, and the faults at probe inputs and index."""
+"""Home cams, workpieces, index and homing options of a bench file, and the faults at probe inputs and
+index.
+"""
 
 from __future__ import annotations
 
@@ -53,11 +55,15 @@ def run_at(bench, velocity: float) -> None:
 
 
 def test_switches_index_and_homing_come_from_the_file():
-    """Cam, one-sided switches, workpieces, index place, filter and homing options reach the emulated drive."""
+    """Cam, one-sided switches, workpieces, index place, filter and homing options reach the emulated
+    drive.
+    """
     with file(
         drive="index_increments = 2500",
-        switches="home_from_mm = -3.0\nhome_to_mm = 4.5\nprobe1_from_mm = 10.0\nprobe2_to_mm = -20.0\ninput_filter_ms = 1.5",
-        homing='offset = "vendor"\nmove = "zero"\nhard_stop_methods = { "-1" = "negative", "-2" = "unsupported" }',
+        switches="home_from_mm = -3.0\nhome_to_mm = 4.5\nprobe1_from_mm = 10.0\nprobe2_to_mm = "
+        "-20.0\ninput_filter_ms = 1.5",
+        homing='offset = "vendor"\nmove = "zero"\nhard_stop_methods = { "-1" = "negative", "-2" = '
+        '"unsupported" }',
     ).build() as bench:
         drive = bench.drive()
         home, probe1, probe2 = (drive.switches[name] for name in ("home", "probe1", "probe2"))
@@ -94,7 +100,9 @@ def test_mistakes_are_told(parts, message):
 
 @pytest.mark.requirement("C402-142", "C402-152", "C402-311")
 def test_a_probe_pulse_latches_the_instant_of_the_fault():
-    """`probe.pulse` at 1.5001234 s of a moving axis: the drive shows that time, and the position between its samples."""
+    """`probe.pulse` at 1.5001234 s of a moving axis: the drive shows that time, and the position between its
+    samples.
+    """
     with file().build() as bench, PumpedNetwork(bench.segment(), name="tool") as network:
         run_at(bench, 100.0)
         node = network.add_node(5, object_dictionary())

@@ -1,4 +1,6 @@
-"""The reference axis behind a PROFIdrive telegram: same motion as behind CiA 402, faults, loss and return, bench file."""
+"""The reference axis behind a PROFIdrive telegram: same motion as behind CiA 402, faults, loss and return,
+bench file.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,8 @@ def enabled(machine):
     return axis
 
 
-# -- the same motion -----------------------------------------------------------------------------------------------------
+# -- the same motion
+# -----------------------------------------------------------------------------------------------------
 
 
 @cache
@@ -70,7 +73,9 @@ def travel(name, **changes):
 @pytest.mark.requirement("PD-034", "PD-035", "PD-171", "CFG-196")
 @pytest.mark.parametrize("telegram", [3, 4, 5, 6, 102, 103, 105, 106])
 def test_every_telegram_moves_the_axis_as_cia_402_does(telegram):
-    """The same jobs give the same path of the true machine, within 0.05 mm at every cycle and 5 um at the end."""
+    """The same jobs give the same path of the true machine, within 0.05 mm at every cycle and 5 um at the
+    end.
+    """
     reference, other = travel("reference"), travel("profidrive", telegram=telegram)
     assert abs(len(reference) - len(other)) <= 2
     worst = max(abs(a - b) for (_, a), (_, b) in zip(reference, other, strict=False))
@@ -103,7 +108,9 @@ def test_the_setpoint_on_the_wire_is_a_share_of_the_reference_speed():
 
 @pytest.mark.requirement("CFG-407")
 def test_the_torque_telegram_shows_the_torque():
-    """With 750 the axis sees the torque of the drive, and its own torque limits of 200 % leave the motion alone."""
+    """With 750 the axis sees the torque of the drive, and its own torque limits of 200 % leave the motion
+    alone.
+    """
     with bench(profidrive={"torque_telegram": True}) as machine:
         axis = enabled(machine)
         axis.move_velocity(250.0)
@@ -125,12 +132,15 @@ def test_a_speed_axis_works_on_telegram_1():
         assert axis.port.actual_speed_rpm == pytest.approx(600.0, abs=1.0)
 
 
-# -- faults ------------------------------------------------------------------------------------------------------------------
+# -- faults
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PD-129", "PD-132", "CFG-192")
 def test_a_frozen_sign_of_life_of_the_drive_loses_the_link():
-    """The controller reports the drive as lost when its counter stands still, although its frames go on coming."""
+    """The controller reports the drive as lost when its counter stands still, although its frames go on
+    coming.
+    """
     with bench() as machine:
         axis = enabled(machine)
         words = machine.drive().drive.words
@@ -158,7 +168,9 @@ def test_the_heartbeat_of_the_controller_that_stays_away_stops_the_drive():
 
 @pytest.mark.parametrize(("code", "number"), [(30001, 30001), (0x4310, 7011), (12345, 12345)])
 def test_a_drive_fault_is_seen_with_its_number(code, number):
-    """The number of the fault reaches the axis; an EMCY code stands for its fault, any other number for itself."""
+    """The number of the fault reaches the axis; an EMCY code stands for its fault, any other number for
+    itself.
+    """
     with bench() as machine:
         axis = enabled(machine)
         Injector(machine).inject("drive.fault", code=code)
@@ -173,7 +185,9 @@ def test_a_drive_fault_is_seen_with_its_number(code, number):
 
 @pytest.mark.requirement("PD-152", "PD-164", "PD-165")
 def test_an_encoder_error_is_reported_and_acknowledged():
-    """A cut wire makes G1_ZSW.15 and a fault; mended and acknowledged, the axis has its actual value again."""
+    """A cut wire makes G1_ZSW.15 and a fault; mended and acknowledged, the axis has its actual value
+    again.
+    """
     with bench() as machine:
         axis = enabled(machine)
         fault = Injector(machine).inject("encoder.wire_break")
@@ -188,7 +202,9 @@ def test_an_encoder_error_is_reported_and_acknowledged():
 
 
 def test_a_fault_of_the_encoder_is_an_alarm_of_the_encoder():
-    """A drive that trips because of its encoder says so in G1_ZSW: the axis raises alarm 411, and goes on after a reset."""
+    """A drive that trips because of its encoder says so in G1_ZSW: the axis raises alarm 411, and goes on
+    after a reset.
+    """
     with bench() as machine:
         axis = enabled(machine)
         Injector(machine).inject("drive.fault", code=31115)
@@ -201,7 +217,9 @@ def test_a_fault_of_the_encoder_is_an_alarm_of_the_encoder():
 
 
 def test_a_drive_that_loses_its_supply_is_taken_in_again():
-    """After power-off and power-on the network configures the drive anew, and the axis can be enabled again."""
+    """After power-off and power-on the network configures the drive anew, and the axis can be enabled
+    again.
+    """
     with bench() as machine:
         axis = enabled(machine)
         Injector(machine).inject("drive.power_off", duration_s=0.5)
@@ -225,7 +243,8 @@ def test_faults_that_the_drive_does_not_have_are_refused_with_a_reason():
                 Injector(machine).inject(kind, duration_s=0.1, **parameters)
 
 
-# -- bench file ---------------------------------------------------------------------------------------------------------------
+# -- bench file
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("CFG-201", "CFG-203", "CFG-221")
@@ -253,12 +272,15 @@ def test_mistakes_in_the_bench_file_are_named(old, new, message):
 
 @pytest.mark.parametrize("name", ["profidrive", "reference"])
 def test_a_bench_file_that_names_every_key_is_no_mistake(name):
-    """Keys of the other profile with their defaults change nothing: a whole configuration can be read back."""
+    """Keys of the other profile with their defaults change nothing: a whole configuration can be read
+    back.
+    """
     config = load_bench(name).config
     assert type(config).model_validate(config.model_dump(mode="json")) == config
 
 
-# -- parameters ---------------------------------------------------------------------------------------------------------------
+# -- parameters
+# ------------------------------------------------------------------------------------------------------------
 
 
 def test_a_test_reads_and_writes_parameters_of_a_drive():

@@ -1,4 +1,6 @@
-"""PROFIdrive encoders in a bench: devices of their own with telegrams 81 to 84, second encoders of drives, their errors."""
+"""PROFIdrive encoders in a bench: devices of their own with telegrams 81 to 84, second encoders of drives,
+their errors.
+"""
 
 from __future__ import annotations
 
@@ -77,7 +79,8 @@ def move(bench, speed, seconds):
     bench.run_for(seconds)
 
 
-# -- devices of their own ----------------------------------------------------------------------------------------------
+# -- devices of their own
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -85,7 +88,9 @@ def move(bench, speed, seconds):
 )
 @pytest.mark.parametrize("telegram", [81, 82, 83, 84])
 def test_every_telegram_on_the_bus(telegram):
-    """Position, speed and the other words come with every SYNC; the wheel of 100 mm follows the true load to the increment."""
+    """Position, speed and the other words come with every SYNC; the wheel of 100 mm follows the true load to
+    the increment.
+    """
     with build(telegram) as bench:
         port = bench.encoder_port("wheel")
         move(bench, 250.0, 0.6)
@@ -111,13 +116,17 @@ def test_every_telegram_on_the_bus(telegram):
             lengths[frame.can_id] = len(frame.data)
         words = {81: 6, 82: 7, 83: 8, 84: 10}[telegram]
         assert [lengths.get(0x180 + 0x100 * n + 20) for n in range(3)] == [
-            8, 2 * min(words - 4, 4), 4 if words == 10 else None,
-        ]  # fmt: skip
+            8,
+            2 * min(words - 4, 4),
+            4 if words == 10 else None,
+        ]
 
 
 @pytest.mark.requirement("PD-171", "PD-172", "PD-147", "CFG-302", "CFG-304")
 def test_absolute_values_are_those_of_the_machine():
-    """A scale with its zero in the middle: G1_XIST2 is the place in steps * 2^9, and G1_XIST1 begins with it in steps * 2^11."""
+    """A scale with its zero in the middle: G1_XIST2 is the place in steps * 2^9, and G1_XIST1 begins with it
+    in steps * 2^11.
+    """
     with build() as bench:
         port = bench.encoder_port("scale")
         port.g1_stw = ABSOLUTE
@@ -135,7 +144,9 @@ def test_absolute_values_are_those_of_the_machine():
 
 @pytest.mark.requirement("PD-130")
 def test_a_shaft_of_its_own_and_no_clock():
-    """Without sign of life the counter is 0 and the link is good all the same; the shaft turns, and a test turns it otherwise."""
+    """Without sign of life the counter is 0 and the link is good all the same; the shaft turns, and a test
+    turns it otherwise.
+    """
     with build() as bench:
         port = bench.encoder_port("own")
         bench.run_for(0.1)
@@ -231,12 +242,29 @@ ASKS = {0x0003: PARK, 0x0004: SEARCH, 0x0006: MEASURE | 0x11, 0x0008: ABSOLUTE, 
 
 
 @pytest.mark.requirement(
-    "PD-175", "PD-176", "PD-177", "PD-178", "PD-179", "PD-180", "PD-181", "PD-182", "PD-183", "PD-184", "PD-185", "PD-186",
-    "PD-152", "PD-164", "PD-165", "PD-149", "PD-349",
-)  # fmt: skip
+    "PD-175",
+    "PD-176",
+    "PD-177",
+    "PD-178",
+    "PD-179",
+    "PD-180",
+    "PD-181",
+    "PD-182",
+    "PD-183",
+    "PD-184",
+    "PD-185",
+    "PD-186",
+    "PD-152",
+    "PD-164",
+    "PD-165",
+    "PD-149",
+    "PD-349",
+)
 @pytest.mark.parametrize("code", ENCODER_ERRORS, ids=lambda code: f"{code:04X}h")
 def test_every_error_can_be_injected(code):
-    """`encoder.error` shows the code in G1_XIST2 with bit 15, EMCY, record and event; mended and acknowledged it is gone."""
+    """`encoder.error` shows the code in G1_XIST2 with bit 15, EMCY, record and event; mended and acknowledged
+    it is gone.
+    """
     with build() as bench:
         port = bench.encoder_port("scale")
         faults = Injector(bench)
@@ -347,7 +375,9 @@ encoder = "wheel"
 @pytest.mark.requirement("CFG-198", "PD-012", "CFG-016")
 @pytest.mark.parametrize("telegram", [81, 83])
 def test_an_external_encoder_reads_it(telegram):
-    """A technology object takes resolution and fine bits over and shows place and velocity of the wheel; its error is alarm 411."""
+    """A technology object takes resolution and fine bits over and shows place and velocity of the wheel; its
+    error is alarm 411.
+    """
     with build(telegram, EXTERNAL) as bench:
         encoder = bench.external_encoder("ext")
         assert bench.run_until(encoder.power().status, timeout=1.0)
@@ -405,7 +435,9 @@ def test_why_the_link_to_an_encoder_is_lost():
 @pytest.mark.requirement("CFG-531", "CFG-532")
 @pytest.mark.parametrize("inverse", [False, True])
 def test_the_direction_of_counting(inverse):
-    """G1_XIST1 falls while the axis moves positive: `Sensor.InverseDirection` turns the position round, not the count."""
+    """G1_XIST1 falls while the axis moves positive: `Sensor.InverseDirection` turns the position round, not
+    the count.
+    """
     text = f'{EXTERNAL}"Sensor.InverseDirection" = {str(inverse).lower()}\n'
     with build(81, text) as bench:
         Injector(bench).inject("encoder.reverse", "wheel")
@@ -444,7 +476,9 @@ encoder = "counter"
 @pytest.mark.requirement("PD-171", "CFG-309", "CFG-311")
 @pytest.mark.parametrize("behavior", [0, 1])
 def test_a_counter_of_16_bits(behavior):
-    """It wraps at 65535: with BehaviorGx_XIST1 = 0 the position goes on, with 1 it jumps back by a revolution each time."""
+    """It wraps at 65535: with BehaviorGx_XIST1 = 0 the position goes on, with 1 it jumps back by a revolution
+    each time.
+    """
     with BenchFile(
         "own.toml", load_bench("reference").text + NARROW.format(behavior=behavior)
     ).build() as bench:
@@ -464,7 +498,8 @@ def test_a_counter_of_16_bits(behavior):
             assert abs(moved) <= 360.0
 
 
-# -- second encoders ----------------------------------------------------------------------------------------------------
+# -- second encoders
+# ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -472,7 +507,9 @@ def test_a_counter_of_16_bits(behavior):
 )
 @pytest.mark.parametrize("telegram", [4, 6, 103, 106])
 def test_a_second_encoder_in_the_bench_file(telegram):
-    """The axis moves with encoder 1, and G2_XIST1 shows the scale on its load, in the telegram and in the record."""
+    """The axis moves with encoder 1, and G2_XIST1 shows the scale on its load, in the telegram and in the
+    record.
+    """
     with build_second(telegram) as bench:
         move(bench, 250.0, 0.5)
         trace = bench.trace()
@@ -547,7 +584,9 @@ def test_the_axis_reads_both_encoders_of_its_telegram(telegram):
 
 @pytest.mark.requirement("CFG-319", "CFG-603")
 def test_the_encoder_that_does_not_lead_may_fail():
-    """Its error shows in StatusSensor[2] alone; mended it is valid again, and the axis has moved on all the time."""
+    """Its error shows in StatusSensor[2] alone; mended it is valid again, and the axis has moved on all the
+    time.
+    """
     with build_both() as bench:
         axis = bench.axis()
         move(bench, 100.0, 0.3)
@@ -570,7 +609,8 @@ def test_a_second_encoder_that_is_not_in_the_telegram():
         build_both(105)
 
 
-# -- mistakes -------------------------------------------------------------------------------------------------------------
+# -- mistakes
+# ------------------------------------------------------------------------------------------------------------
 
 HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\nprofile = "profidrive"\n'
 
@@ -578,15 +618,33 @@ HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\nprofile = "profidrive"\n'
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        (HEAD + 'type = "multi_sensor"\n', r"encoder.a.type: 'multi_sensor' has no PROFIdrive interface; allowed: single_turn"),
-        (HEAD + "cyclic_timer_ms = 5\n", r"encoder.a.cyclic_timer_ms: an encoder with profile = .profidrive. has none"),
-        (HEAD.replace("profidrive", "cia406") + "[encoder.a.profidrive]\ntelegram = 81\n", r"encoder.a.profidrive: .* has none"),
-        (HEAD + "[encoder.a.profidrive]\ntelegram = 3\n", r"encoder.a.profidrive.telegram: 3 is not allowed; allowed: 81, 82"),
-        (HEAD + "[encoder.a.profidrive]\nfine_xist2_bits = 12\n", r"encoder.a: .*shift_xist2: 12 is not allowed"),
+        (
+            HEAD + 'type = "multi_sensor"\n',
+            r"encoder.a.type: 'multi_sensor' has no PROFIdrive interface; allowed: single_turn",
+        ),
+        (
+            HEAD + "cyclic_timer_ms = 5\n",
+            r"encoder.a.cyclic_timer_ms: an encoder with profile = .profidrive. has none",
+        ),
+        (
+            HEAD.replace("profidrive", "cia406") + "[encoder.a.profidrive]\ntelegram = 81\n",
+            r"encoder.a.profidrive: .* has none",
+        ),
+        (
+            HEAD + "[encoder.a.profidrive]\ntelegram = 3\n",
+            r"encoder.a.profidrive.telegram: 3 is not allowed; allowed: 81, 82",
+        ),
+        (
+            HEAD + "[encoder.a.profidrive]\nfine_xist2_bits = 12\n",
+            r"encoder.a: .*shift_xist2: 12 is not allowed",
+        ),
         (HEAD + "[encoder.a.profidrive]\nzero_mark = 2147483647\n", r"encoder.a: zero_mark_counts"),
-        ('[drive.drive1.encoder2]\ntype = "incremental_linear"\n', r"drive.drive1: .*encoder2: a drive with profile = .cia402. has none"),
+        (
+            '[drive.drive1.encoder2]\ntype = "incremental_linear"\n',
+            r"drive.drive1: .*encoder2: a drive with profile = .cia402. has none",
+        ),
     ],
-)  # fmt: skip
+)
 def test_mistakes_in_the_bench_file(extra, words):
     """Every mistake is told with key, value and what is allowed."""
     with pytest.raises(BenchFileError, match=words):

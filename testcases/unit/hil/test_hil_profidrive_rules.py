@@ -181,7 +181,9 @@ def test_pulses_and_torque_after_off2_are_found(good):
 
 @pytest.mark.requirement("PD-104")
 def test_motion_without_pulses_is_found(good):
-    """A machine that gets faster while its drive shows no pulses, and one that creeps away after it came to rest."""
+    """A machine that gets faster while its drive shows no pulses, and one that creeps away after it came to
+    rest.
+    """
     ended = good.end_s
 
     def faster(values, times):
@@ -231,7 +233,9 @@ def test_a_clock_that_drifts_against_the_recorder_is_no_jump(good):
 
 
 def test_a_drive_that_is_made_to_lie_is_not_judged_by_its_lie():
-    """A fault that freezes ZSW1 or lies in it takes that word out of the judgement, for as long as it acts."""
+    """A fault that freezes ZSW1 or lies in it takes that word out of the judgement, for as long as it
+    acts.
+    """
     with load_bench("profidrive").build(seed=1) as bench:
         bench.run_for(0.2)
         Injector(bench).inject("drive.statusword_bits", set=0x0047, duration_s=0.1)

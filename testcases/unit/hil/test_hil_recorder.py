@@ -38,7 +38,9 @@ def test_rows_survive_the_change_of_buffers(scheduler, recorder):
 
 
 def test_reader_gives_the_newest_value_at_any_moment(recorder):
-    """The reader shows the last sample, before the first one nothing, and right after a change of buffers the last still."""
+    """The reader shows the last sample, before the first one nothing, and right after a change of buffers the
+    last still.
+    """
     value = 0.0
     group = recorder.add_group("g", [("x", ""), ("y", "")], lambda: (1.0, value))
     read = recorder.reader("g.y")
@@ -64,7 +66,9 @@ def test_integers_and_truth_values_become_numbers(recorder):
 
 @pytest.mark.parametrize("row", [(1.0,), (1.0, 2.0, 3.0), (1.0, "x")])
 def test_a_wrong_row_is_refused_by_name(recorder, row):
-    """A row function that returns something else than one number per column is an error that names the group."""
+    """A row function that returns something else than one number per column is an error that names the
+    group.
+    """
     group = recorder.add_group("drive1", [("a", ""), ("b", "")], lambda: row)
     with pytest.raises(RecordingError, match=r"'drive1'.*2 numbers"):
         group.sample()

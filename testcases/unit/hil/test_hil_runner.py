@@ -31,7 +31,8 @@ def run(cases, **options):
     return Runner(cases, RunOptions(**options)).run()
 
 
-# -- finding --------------------------------------------------------------------------------------------------------
+# -- finding
+# --------------------------------------------------------------------------------------------------------
 
 
 def test_campaigns_are_found_in_modules_files_and_directories(tmp_path):
@@ -65,7 +66,9 @@ def test_what_leads_nowhere_is_told(reference, words):
 
 
 def test_a_file_that_cannot_be_imported_is_told(tmp_path):
-    """A mistake in a campaign file is reported with file and reason, and the file can be mended and run again."""
+    """A mistake in a campaign file is reported with file and reason, and the file can be mended and run
+    again.
+    """
     file = tmp_path / "bad.py"
     file.write_text("from hil import Campaign\nraise KeyError('oops')  # Campaign(\n")
     with pytest.raises(CannotRunError, match=r"bad\.py cannot be imported: KeyError: 'oops'"):
@@ -92,7 +95,8 @@ def test_cases_are_selected_by_text_tag_and_name():
         toy_cases(identifiers=("toy/x",))
 
 
-# -- running ----------------------------------------------------------------------------------------------------------
+# -- running
+# ----------------------------------------------------------------------------------------------------------
 
 
 def test_results_come_in_case_order_with_every_verdict(tmp_path):
@@ -141,8 +145,10 @@ def test_a_process_that_dies_loses_its_case_only(tmp_path):
     """A case that kills its process is an error; the cases around it have their results."""
     result = run(toy_cases("FATAL"), jobs=2, directory=tmp_path)
     assert [(case.identifier, case.verdict) for case in result.cases] == [
-        ("fatal/first", Verdict.PASSED), ("fatal/exit", Verdict.ERROR), ("fatal/last", Verdict.PASSED),
-    ]  # fmt: skip
+        ("fatal/first", Verdict.PASSED),
+        ("fatal/exit", Verdict.ERROR),
+        ("fatal/last", Verdict.PASSED),
+    ]
     assert "process that ran this case died" in result.cases[1].message
 
 
@@ -160,7 +166,9 @@ def interrupting(cases, at):
 
 
 def test_an_interruption_leaves_what_ran_and_the_run_can_be_resumed(tmp_path):
-    """Ctrl-C ends the run with the results so far; resuming runs the rest, and the whole equals an unbroken run."""
+    """Ctrl-C ends the run with the results so far; resuming runs the rest, and the whole equals an unbroken
+    run.
+    """
     cases = toy_cases()
     broken_off = run(interrupting(cases, 2), directory=tmp_path, seed=4)
     assert broken_off.interrupted
@@ -244,7 +252,8 @@ def test_every_result_has_a_token_that_leads_back():
     assert token.bench == "testcases.unit.hil.toybench:BENCH"
 
 
-# -- parts of a run -------------------------------------------------------------------------------------------------
+# -- parts of a run
+# -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("count", range(1, 8))
@@ -266,7 +275,9 @@ def test_a_shard_that_is_not_there_is_told(part):
 
 
 def test_merged_shards_are_the_whole_run(tmp_path):
-    """The merged run has the digest, the order and the evidence of a run in one piece; until then it is unfinished."""
+    """The merged run has the digest, the order and the evidence of a run in one piece; until then it is
+    unfinished.
+    """
     cases = toy_cases()
     whole = run(cases, directory=tmp_path / "whole", seed=6)
     for number in (1, 2, 3):
@@ -322,7 +333,9 @@ def test_a_folder_that_was_left_half_cleared_is_used_again(tmp_path, left):
 
 
 def test_no_two_cases_share_the_folder_of_their_evidence():
-    """Names that differ only in what no file name can hold, or far behind, have folders of their own; plain ones are read as they are."""
+    """Names that differ only in what no file name can hold, or far behind, have folders of their own; plain
+    ones are read as they are.
+    """
     names = [
         "toy/a_b",
         "toy/a/b",

@@ -1,4 +1,6 @@
-"""Safety functions of a drive in a bench: selected as faults, seen by the axis as alarms, re-enabled as the documents say."""
+"""Safety functions of a drive in a bench: selected as faults, seen by the axis as alarms, re-enabled as the
+documents say.
+"""
 
 from __future__ import annotations
 
@@ -69,7 +71,9 @@ def rig():
 
 @pytest.mark.requirement("CFG-443", "CFG-448", "CFG-449", "STP-560")
 def test_safe_torque_off_is_alarm_421(rig):
-    """The axis coasts with alarm 421; acknowledged too early the alarm is there again; then it is enabled by itself."""
+    """The axis coasts with alarm 421; acknowledged too early the alarm is there again; then it is enabled by
+    itself.
+    """
     armed = rig.faults.inject("drive.sto", "drive1")
     rig.bench.run_for(0.1)
     assert rig.alarms() == [421]
@@ -97,7 +101,9 @@ def test_safe_stop_1_is_alarm_550_and_then_421(rig):
 
 @pytest.mark.requirement("CFG-445", "CFG-448", "CFG-449", "STP-561")
 def test_safe_stop_2_is_alarm_550_and_the_drive_stays_on(rig):
-    """Alarm 550 alone: the drive stands under its own control with ZSW1.2; afterwards the axis is led again."""
+    """Alarm 550 alone: the drive stands under its own control with ZSW1.2; afterwards the axis is led
+    again.
+    """
     armed = rig.faults.inject("safety.ss2", "drive1")
     rig.bench.run_for(1.0)
     assert rig.alarms() == [550]
@@ -115,7 +121,9 @@ def test_safe_stop_2_is_alarm_550_and_the_drive_stays_on(rig):
 @pytest.mark.requirement("CFG-463", "CFG-464", "CFG-465", "CFG-611")
 @pytest.mark.parametrize("reacts", [True, False])
 def test_safely_limited_speed_in_the_protective_door_example(reacts):
-    """SLS of 250 mm/s with 80 %: a program that takes 200 mm/s from S_V_LIMIT_B goes on; another one gets 550, then 421."""
+    """SLS of 250 mm/s with 80 %: a program that takes 200 mm/s from S_V_LIMIT_B goes on; another one gets
+    550, then 421.
+    """
     with build() as bench:
         rig = Rig(bench, 400.0)
         rig.faults.inject("safety.sls", "drive1")
@@ -172,7 +180,9 @@ def test_a_brake_test_led_by_the_controller():
 
 @pytest.mark.parametrize("entry", KINDS, ids=lambda entry: entry.name)
 def test_every_kind_works_through_the_process_of_a_live_bench(rig, monkeypatch, entry):
-    """The example of the catalogue is applied and removed by commands that the process of the drives accepts."""
+    """The example of the catalogue is applied and removed by commands that the process of the drives
+    accepts.
+    """
     drive = rig.drive
 
     class Pipe:
@@ -225,8 +235,12 @@ def test_a_telegram_with_too_many_words_is_refused():
     words = "telegram = 106\n[drive.drive1.profidrive]\ntorque_telegram = true\nsafety_telegram = 701\n"
     text = load_bench("profidrive").text
     with pytest.raises(BenchFileError, match="106 with 750 with 701 has 21 words; at most 16"):
-        BenchFile("own.toml", text.replace("telegram = 105\n", "").replace("[axis.axis1]\n", "[axis.axis1]\n", 1)
-                  .replace("increments_per_revolution = 2048", f"increments_per_revolution = 2048\n{words}", 1)).build()  # fmt: skip
+        BenchFile(
+            "own.toml",
+            text.replace("telegram = 105\n", "")
+            .replace("[axis.axis1]\n", "[axis.axis1]\n", 1)
+            .replace("increments_per_revolution = 2048", f"increments_per_revolution = 2048\n{words}", 1),
+        ).build()
     high = text.replace("node_id = 5", "node_id = 100").replace(
         "[axis.axis1]\n", "[drive.drive1.profidrive]\nsafety_telegram = 701\n\n[axis.axis1]\n"
     )

@@ -1,4 +1,6 @@
-"""Rules about setpoints and MC_Power that judge every run: silent on real runs, loud on the smallest seeded defect."""
+"""Rules about setpoints and MC_Power that judge every run: silent on real runs, loud on the smallest seeded
+defect.
+"""
 
 import numpy as np
 import pytest
@@ -51,7 +53,9 @@ def begin_of(trace, state="DISABLING_RAMP"):
 
 @pytest.mark.requirement("MC-568")
 def test_a_position_setpoint_that_jumps_is_found(trace):
-    """A step that the velocity does not explain is found: one beyond v * T and the tolerance fails, one within passes."""
+    """A step that the velocity does not explain is found: one beyond v * T and the tolerance fails, one
+    within passes.
+    """
     good = only(check_position_continuity(trace))
     assert good.verdict is Verdict.PASSED
     # At 300 mm/s a cycle of 4 ms goes 1.2 mm; the greatest acceleration of 4000 mm/s2 adds 0.064 mm.
@@ -77,7 +81,9 @@ def test_without_position_control_the_setpoint_is_the_actual_position(trace):
 
 @pytest.mark.requirement("STP-239", "STP-241")
 def test_an_acceleration_beyond_the_limits_is_found(trace):
-    """A setpoint a thousandth and a bit above the greatest configured acceleration is found, one at the limit is not."""
+    """A setpoint a thousandth and a bit above the greatest configured acceleration is found, one at the limit
+    is not.
+    """
     assert only(check_acceleration_setpoint(trace)).verdict is Verdict.PASSED
     for value, verdict in (
         (4000.0, Verdict.PASSED),
@@ -85,21 +91,25 @@ def test_an_acceleration_beyond_the_limits_is_found(trace):
         (float("nan"), Verdict.FAILED),
     ):
         wrong = doctored(
-            trace, "axis1.acceleration_setpoint", lambda a, t, value=value: np.where(abs(t - 0.7) < 0.003, -value, a)
-        )  # fmt: skip
+            trace,
+            "axis1.acceleration_setpoint",
+            lambda a, t, value=value: np.where(abs(t - 0.7) < 0.003, -value, a),
+        )
         assert only(check_acceleration_setpoint(wrong)).verdict is verdict, value
 
 
 @pytest.mark.requirement("STP-239", "STP-241", "STP-244", "STP-245")
 @pytest.mark.parametrize("stop", STOPS)
 def test_a_stop_that_takes_more_way_than_its_ramp_is_found(stop):
-    """Each ramp of the axis is judged by its own formula; a ramp that brakes with a part of its deceleration goes too far.
+    """Each ramp of the axis is judged by its own formula; a ramp that brakes with a part of its deceleration
+    goes too far.
 
     Of a stop by `MC_Power` the words do not say which ramp it is: the longer one is the limit.
     """
     trace = stopped(stop)
     assert only(check_stop_travel(trace)).verdict is Verdict.PASSED
-    # The same run, judged against limits under which it should have braked harder: the defect of a ramp that is too flat.
+    # The same run, judged against limits under which it should have braked harder: the defect of a ramp that
+    # is too flat.
     harder = {
         name: value / (0.15 if stop == "emergency" else 0.6) if name.endswith("deceleration") else value
         for name, value in trace.constants.items()
@@ -144,7 +154,9 @@ def test_a_setpoint_of_the_wrong_sign_goes_too_far(trace):
     ],
 )
 def test_outputs_of_mc_power_that_contradict_its_input_are_found(trace, columns, rules):
-    """Busy that goes while Enable is there breaks STP-509, both outputs gone with Enable breaks STP-508; two cycles suffice."""
+    """Busy that goes while Enable is there breaks STP-509, both outputs gone with Enable breaks STP-508; two
+    cycles suffice.
+    """
 
     def names(recording):
         return {c.name for c in check_status_words(recording) if c.verdict is Verdict.FAILED}

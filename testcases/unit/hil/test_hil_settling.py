@@ -1,4 +1,6 @@
-"""Bits at a time, settling, an axis that is disabled, a stop by its mode: each passes, and fails by the smallest amount."""
+"""Bits at a time, settling, an axis that is disabled, a stop by its mode: each passes, and fails by the
+smallest amount.
+"""
 
 import numpy as np
 import pytest
@@ -31,7 +33,9 @@ def verdict(expectation, trace):
 
 
 def test_telegram_bits_are_there_in_time_and_stay():
-    """Ones and zeros have to hold at an instant, within a time, and for a time; a cycle too late or too short fails."""
+    """Ones and zeros have to hold at an instant, within a time, and for a time; a cycle too late or too short
+    fails.
+    """
     trace = recorded("drive1", zsw1=lambda n: 0x07 if 50 <= n < 75 else 0x43)
     at = 0.16
     assert (
@@ -87,7 +91,9 @@ def test_a_value_settles_within_a_time_and_stays():
     [("statusword", 0x0250, 0x0237), ("drive_zsw2", 0x0000, 0x0400), ("drive_zsw1", 0x0231, 0x0237)],
 )
 def test_disabled_means_no_enable_and_no_torque(column, off, on):
-    """From the reference on neither the axis shows an enable nor its drive that it could give torque, in any sample."""
+    """From the reference on neither the axis shows an enable nor its drive that it could give torque, in any
+    sample.
+    """
     axis = recorded("axis1", power_status=lambda n: n < 50)
     drive = recorded("drive1", **{column: lambda n: on if n < 51 else off})
     trace = Trace([*axis.groups, *drive.groups], end_ns=axis.end_ns)

@@ -1,4 +1,6 @@
-"""Faults of the words of a PROFIdrive telegram: places by name, what becomes of them, seams, counts, refusals."""
+"""Faults of the words of a PROFIdrive telegram: places by name, what becomes of them, seams, counts,
+refusals.
+"""
 
 from __future__ import annotations
 
@@ -45,17 +47,24 @@ def hits(bench):
     return [event.data["change"] for event in bench.history.select(kind="fault.hit")]
 
 
-# -- places ---------------------------------------------------------------------------------------------------------
+# -- places
+# ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PD-348")
 @pytest.mark.parametrize(
     ("text", "setpoint", "shift", "bits"),
     [
-        ("ZSW1", False, 144, 16), ("ZSW1.3", False, 147, 1), ("NIST_B", False, 112, 32), ("zsw2.15", False, 111, 1),
-        ("G1_XIST2", False, 0, 32), ("STW1.10", True, 154, 1), ("KPC", True, 0, 32), ("PZD10.0", False, 0, 1),
+        ("ZSW1", False, 144, 16),
+        ("ZSW1.3", False, 147, 1),
+        ("NIST_B", False, 112, 32),
+        ("zsw2.15", False, 111, 1),
+        ("G1_XIST2", False, 0, 32),
+        ("STW1.10", True, 154, 1),
+        ("KPC", True, 0, 32),
+        ("PZD10.0", False, 0, 1),
     ],
-)  # fmt: skip
+)
 def test_a_name_means_a_place_of_the_telegram(text, setpoint, shift, bits):
     """A signal stands where the table of the telegram has it, high word first; a name knows its direction."""
     found = place(text)
@@ -86,7 +95,8 @@ def test_what_the_telegram_has_not_is_refused(text, allowed):
         place(text)
 
 
-# -- what becomes of them ----------------------------------------------------------------------------------------------
+# -- what becomes of them
+# ----------------------------------------------------------------------------------------------
 
 
 def test_a_stuck_signal_keeps_the_first_value_that_is_hit():
@@ -118,7 +128,8 @@ def test_normalised_signals_end_at_their_limits_and_counters_wrap():
     assert values(scaled(place("ZSW1"), 2.0)(actual(ZSW1=0x9000)))["ZSW1"] == 0xFFFF
 
 
-# -- on a bench ----------------------------------------------------------------------------------------------------
+# -- on a bench
+# ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PD-349")
@@ -173,7 +184,9 @@ def test_several_faults_work_one_after_the_other(bench, faults):
 
 
 def test_a_telegram_that_an_earlier_fault_has_taken_or_cut_is_lived_with(bench, faults):
-    """After a fault that loses or cuts telegrams those behind it have nothing to disturb, and nothing breaks."""
+    """After a fault that loses or cuts telegrams those behind it have nothing to disturb, and nothing
+    breaks.
+    """
     bench.run_for(0.1)
     faults.inject("telegram.length", words=-3)
     for kind in ("telegram.freeze", "telegram.flip", "telegram.lost", "telegram.late"):
@@ -199,7 +212,9 @@ def test_late_telegrams_come_in_order(bench, faults):
 
 @pytest.mark.parametrize("entry", KINDS, ids=lambda entry: entry.name)
 def test_every_kind_is_applied_logged_and_taken_back(bench, faults, entry):
-    """The example of the catalogue reads back from its TOML form, hits telegrams, and leaves the port as it was."""
+    """The example of the catalogue reads back from its TOML form, hits telegrams, and leaves the port as it
+    was.
+    """
     fault = Fault.from_dict(dict(entry.example))
     assert Fault.from_dict(fault.to_dict()) == fault
     bench.axis().power()
@@ -239,7 +254,9 @@ def test_a_drive_without_telegram_has_no_such_faults(entry):
     ],
 )
 def test_what_does_not_fit_is_refused(faults, kind, parameters, message):
-    """Values beyond the width of their place, and signals that do not go together, are refused with what would fit."""
+    """Values beyond the width of their place, and signals that do not go together, are refused with what
+    would fit.
+    """
     with pytest.raises(ConfigurationError, match=message):
         faults.inject(f"telegram.{kind}", **parameters)
     assert faults.armed == []

@@ -1,4 +1,6 @@
-"""PROFIdrive drives without an axis: telegrams 7, 9, 20, 110 and 111 in a bench file, led by the test word by word."""
+"""PROFIdrive drives without an axis: telegrams 7, 9, 20, 110 and 111 in a bench file, led by the test word by
+word.
+"""
 
 from __future__ import annotations
 
@@ -122,7 +124,9 @@ def test_a_speed_telegram_without_an_axis_has_its_sign_of_life():
 
 
 def test_faults_work_as_with_an_axis():
-    """A fault of the catalogue stops the axis and shows in FAULT_CODE; acknowledged, it can be enabled again."""
+    """A fault of the catalogue stops the axis and shows in FAULT_CODE; acknowledged, it can be enabled
+    again.
+    """
     with bench() as machine:
         master = enabled(machine)
         Injector(machine).inject("drive.fault", code=30001)

@@ -42,7 +42,8 @@ def ramp_signal():
     return Signal("s", "mm/s", times, np.array([10.0, 10.0, 5.0, 0.0, 0.0, 0.0]), {0: "REST", 10: "FULL"})
 
 
-# -- signals ---------------------------------------------------------------------------------------------------------
+# -- signals
+# ---------------------------------------------------------------------------------------------------------
 
 
 def test_a_signal_holds_its_last_value():
@@ -101,7 +102,8 @@ def test_components_are_found_by_their_columns():
     assert make_trace().components_with("a", "x") == []
 
 
-# -- selecting events -----------------------------------------------------------------------------------------------
+# -- selecting events
+# -----------------------------------------------------------------------------------------------
 
 
 def test_selectors_choose_by_kind_source_details_and_number():
@@ -135,7 +137,8 @@ def test_a_window_keeps_both_ends():
     assert part.frames == ()
 
 
-# -- digest and comparison -----------------------------------------------------------------------------------------
+# -- digest and comparison
+# -----------------------------------------------------------------------------------------
 
 
 def test_the_digest_is_the_same_everywhere():
@@ -158,7 +161,9 @@ def test_the_digest_is_the_same_everywhere():
     ],
 )
 def test_every_difference_changes_the_digest_and_is_named(change, subject):
-    """One bit in a sample, a time, an event, a frame or a name: the digest differs and the difference is found."""
+    """One bit in a sample, a time, an event, a frame or a name: the digest differs and the difference is
+    found.
+    """
     left, right = make_trace(), make_trace(**change)
     assert left.digest() != right.digest()
     difference = first_difference(left, right)
@@ -189,7 +194,8 @@ def test_the_earliest_difference_is_reported():
     assert "422" in difference.right
 
 
-# -- storage --------------------------------------------------------------------------------------------------------
+# -- storage
+# --------------------------------------------------------------------------------------------------------
 
 
 def test_a_saved_trace_comes_back_equal(tmp_path):

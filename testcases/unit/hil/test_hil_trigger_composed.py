@@ -134,7 +134,9 @@ def test_any_of_takes_the_first_that_comes(bench):
 
 
 def test_chance_draws_from_the_stream_of_the_fault():
-    """The same seed gives the same occasions, the share is about the probability, and probability 1 is always."""
+    """The same seed gives the same occasions, the share is about the probability, and probability 1 is
+    always.
+    """
 
     def occasions(probability, seed):
         bench = ToyBench(seed=seed)
@@ -208,7 +210,9 @@ def test_parts_are_checked_when_the_fault_is_armed(bench, trigger):
 
 
 def test_a_live_bench_refuses_what_it_hears_too_late(bench, monkeypatch):
-    """Events of the process of the drives come at the end of a live bench: a trigger on them says what to take instead."""
+    """Events of the process of the drives come at the end of a live bench: a trigger on them says what to
+    take instead.
+    """
     monkeypatch.setattr(bench, "kind", "live")
     bench.history.events[:] = []
     for trigger in (on_event("drive.state"), state("drive1", "Fault"), on_event("emcy.raised", "drive1")):
@@ -219,7 +223,9 @@ def test_a_live_bench_refuses_what_it_hears_too_late(bench, monkeypatch):
 
 
 def test_the_nth_frame_that_fits_a_filter_fires():
-    """Identifier under a mask and the begin of the data: the second RPDO1 that says Operation enabled to any node."""
+    """Identifier under a mask and the begin of the data: the second RPDO1 that says Operation enabled to any
+    node.
+    """
     with load_bench("reference").build() as bench:
         bench.axis().power()
         injector = Injector(bench)

@@ -1,4 +1,6 @@
-"""Names that cannot be in a recording are refused: an expectation or trigger with a slip of the pen never passes silently."""
+"""Names that cannot be in a recording are refused: an expectation or trigger with a slip of the pen never
+passes silently.
+"""
 
 import pytest
 
@@ -114,7 +116,9 @@ def test_a_number_is_a_detail_and_nth_the_place():
 
 
 def test_what_a_recording_cannot_hold_is_blocked_and_not_passed():
-    """Where a kind or signal exists on the bench but not in this recording, the check is blocked, with the reason."""
+    """Where a kind or signal exists on the bench but not in this recording, the check is blocked, with the
+    reason.
+    """
     words = Vocabulary(
         ("axis1", "drive1"), kinds=("drive.",), absent=("axis1.torque",), origin="the log bus.log"
     )

@@ -23,9 +23,29 @@ class TestZeroMarkBehindCam:
     """`ActiveHoming.Mode` = 1: cam from 100 to 120 mm, zero marks at 3, 13, 23, ..."""
 
     @pytest.mark.requirement(
-        "HOM-092", "HOM-089", "HOM-090", "HOM-091", "HOM-068", "HOM-081", "HOM-083", "HOM-086", "HOM-045", "HOM-040", "VAR-156",
-        "HOM-004", "HOM-043", "HOM-041", "HOM-042", "MC-196", "MC-202", "HOM-052", "HOM-054", "HOM-056", "HOM-050", "HOM-049",
-    )  # fmt: skip
+        "HOM-092",
+        "HOM-089",
+        "HOM-090",
+        "HOM-091",
+        "HOM-068",
+        "HOM-081",
+        "HOM-083",
+        "HOM-086",
+        "HOM-045",
+        "HOM-040",
+        "VAR-156",
+        "HOM-004",
+        "HOM-043",
+        "HOM-041",
+        "HOM-042",
+        "MC-196",
+        "MC-202",
+        "HOM-052",
+        "HOM-054",
+        "HOM-056",
+        "HOM-050",
+        "HOM-049",
+    )
     def test_same_direction(self, name):
         """Cam at 100 with 200 mm/s, left at 120, mark at 123 (113 ignored), home at 128."""
         with machine(CAM, name) as bench:
@@ -93,7 +113,9 @@ class TestZeroMark:
 
     @pytest.mark.requirement("HOM-098", "HOM-099", "HOM-100", "HOM-101", "HOM-069", "HOM-039", "HOM-072")
     def test_first_mark_in_homing_direction(self, name):
-        """From 118 in positive direction the mark is 123, whatever the approach direction is; the offset is travelled fast."""
+        """From 118 in positive direction the mark is 123, whatever the approach direction is; the offset is
+        travelled fast.
+        """
         variables = BACKWARDS | {"Sensor[1].ActiveHoming.HomePositionOffset": 100.0}
         with machine(ZERO_MARK, name, variables=variables, mechanics={"start_position_mm": 118.0}) as bench:
             run = Machine(bench)
@@ -138,15 +160,35 @@ class TestZeroMark:
 
 EDGES = [
     # homing direction, side, place of the edge, motion from 0 in positive approach direction
-    pytest.param({}, 100.0, ["approach+", "back-", "search+"], id="positive, negative side",
-                 marks=pytest.mark.requirement("HOM-073", "HOM-104")),
-    pytest.param(POSITIVE_SIDE, 120.0, ["approach+", "search+"], id="positive, positive side",
-                 marks=pytest.mark.requirement("HOM-074", "HOM-103")),
-    pytest.param(NEGATIVE | POSITIVE_SIDE, 120.0, ["approach+", "back+", "search-"], id="negative, positive side",
-                 marks=pytest.mark.requirement("HOM-075", "HOM-105")),
-    pytest.param(NEGATIVE, 100.0, ["approach+", "search-"], id="negative, negative side",
-                 marks=pytest.mark.requirement("HOM-076")),
-]  # fmt: skip
+    pytest.param(
+        {},
+        100.0,
+        ["approach+", "back-", "search+"],
+        id="positive, negative side",
+        marks=pytest.mark.requirement("HOM-073", "HOM-104"),
+    ),
+    pytest.param(
+        POSITIVE_SIDE,
+        120.0,
+        ["approach+", "search+"],
+        id="positive, positive side",
+        marks=pytest.mark.requirement("HOM-074", "HOM-103"),
+    ),
+    pytest.param(
+        NEGATIVE | POSITIVE_SIDE,
+        120.0,
+        ["approach+", "back+", "search-"],
+        id="negative, positive side",
+        marks=pytest.mark.requirement("HOM-075", "HOM-105"),
+    ),
+    pytest.param(
+        NEGATIVE,
+        100.0,
+        ["approach+", "search-"],
+        id="negative, negative side",
+        marks=pytest.mark.requirement("HOM-076"),
+    ),
+]
 
 
 class TestDigitalInput:
@@ -159,7 +201,9 @@ class TestDigitalInput:
     @pytest.mark.parametrize(("variables", "edge", "phases"), EDGES)
     @pytest.mark.parametrize("name", PROFILES)
     def test_edges(self, name, variables, edge, phases, low):
-        """The edge of the configured side, met in homing direction, exact to the way of a cycle with homing velocity."""
+        """The edge of the configured side, met in homing direction, exact to the way of a cycle with homing
+        velocity.
+        """
         level = {"Sensor[1].ActiveHoming.SwitchLevel": not low, "Homing.ApproachVelocity": 150.0}
         with machine(INPUT, name, variables=variables | level) as bench:
             if low:
@@ -181,7 +225,9 @@ class TestDigitalInput:
 
     @pytest.mark.requirement("HOM-071")
     def test_signal_shorter_than_the_filter(self):
-        """1 mm with 200 mm/s is 5 ms: a filter of 6.4 ms lets nothing pass, and the axis goes on to the limit switch."""
+        """1 mm with 200 mm/s is 5 ms: a filter of 6.4 ms lets nothing pass, and the axis goes on to the limit
+        switch.
+        """
         switches = {"home_from_mm": 100.0, "home_to_mm": 101.0, "input_filter_ms": 6.4}
         with machine(INPUT, variables=POSITIVE_SIDE, switches=switches) as bench:
             run = Machine(bench)
@@ -202,7 +248,9 @@ class TestDigitalInput:
 
     @pytest.mark.requirement("HOM-104", "HOM-107")
     def test_beyond_the_input_while_braking(self):
-        """The near side of an input of 5 mm: passed in both directions, the edge that counts is met with homing velocity."""
+        """The near side of an input of 5 mm: passed in both directions, the edge that counts is met with
+        homing velocity.
+        """
         with machine(INPUT, switches={"home_from_mm": 100.0, "home_to_mm": 105.0}) as bench:
             run = Machine(bench)
             run.done()
@@ -212,8 +260,12 @@ class TestDigitalInput:
     @pytest.mark.requirement("HOM-096", "HOM-104")
     @pytest.mark.parametrize(
         ("variables", "phases", "edge"),
-        [({}, ["back-", "search+"], 100.0), (POSITIVE_SIDE, ["search+"], 120.0), (NEGATIVE | POSITIVE_SIDE, ["back+", "search-"], 120.0)],
-    )  # fmt: skip
+        [
+            ({}, ["back-", "search+"], 100.0),
+            (POSITIVE_SIDE, ["search+"], 120.0),
+            (NEGATIVE | POSITIVE_SIDE, ["back+", "search-"], 120.0),
+        ],
+    )
     def test_begins_on_the_input(self, variables, phases, edge):
         """Towards the edge, or away from it to come back in homing direction."""
         with machine(INPUT, variables=variables, mechanics={"start_position_mm": 110.0}) as bench:

@@ -1,4 +1,5 @@
-"""The drawing of every way of homing, made from the trace, against stored golden ones (`homing_drawings.json`).
+"""The drawing of every way of homing, made from the trace, against stored golden ones
+(`homing_drawings.json`).
 
 `HIL_GOLDEN=write` writes the file anew from the PROFIdrive bench; read the difference before it is committed.
 """
@@ -40,15 +41,22 @@ def active(mark, *variables, start=0.0, mode=3, **parts):
 
 def passive(mark, mode, direction=0, start=0.0):
     own = {
-        PASSIVE + "Mode": mark, PASSIVE + "Direction": direction, PASSIVE + "SideInput": True, "Homing.HomePosition": 700.0,
-    }  # fmt: skip
+        PASSIVE + "Mode": mark,
+        PASSIVE + "Direction": direction,
+        PASSIVE + "SideInput": True,
+        "Homing.HomePosition": 700.0,
+    }
     return {"variables": own, "mechanics": {"start_position_mm": start}}, mode, "pass"
 
 
 WAYS = {
     "zero mark, positive": active(ZERO_MARK),
-    "zero mark, negative, configured position": active(ZERO_MARK, NEGATIVE, {"Homing.HomePosition": 250.0}, mode=5),
-    "zero mark, from the other end": active(ZERO_MARK, REVERSAL, start=547.0, switches={"negative_limit_mm": 480.0}),
+    "zero mark, negative, configured position": active(
+        ZERO_MARK, NEGATIVE, {"Homing.HomePosition": 250.0}, mode=5
+    ),
+    "zero mark, from the other end": active(
+        ZERO_MARK, REVERSAL, start=547.0, switches={"negative_limit_mm": 480.0}
+    ),
     "cam, approach and homing positive": active(CAM),
     "cam, approach positive, homing negative": active(CAM, NEGATIVE),
     "cam, approach negative, homing positive": active(CAM, BACKWARDS, start=250.0),
@@ -67,7 +75,7 @@ WAYS = {
     "passive, zero mark": passive(ZERO_MARK, 2),
     "passive, cam": passive(CAM, 8, start=80.0),
     "passive, input, negative": passive(INPUT, 10, 1, start=150.0),
-}  # fmt: skip
+}
 ALSO_CIA402 = (
     "zero mark, positive", "cam, approach positive, homing negative", "cam, turned round at the limit switch",
     "input, negative side, homing positive", "passive, cam",
@@ -98,7 +106,9 @@ def drawn(way, bench_name="profidrive"):
 
 
 def close(found, golden, tolerance, speed=2):
-    """Return whether two values of JSON are equal but for positions (floats) and velocities (integers) within a tolerance."""
+    """Return whether two values of JSON are equal but for positions (floats) and velocities (integers) within
+    a tolerance.
+    """
     if isinstance(golden, dict):
         return found.keys() == golden.keys() and all(
             close(found[key], golden[key], tolerance, speed) for key in golden
@@ -121,8 +131,18 @@ def text(value):
 
 
 @pytest.mark.requirement(
-    "HOM-089", "HOM-090", "HOM-091", "HOM-096", "HOM-098", "HOM-102", "HOM-104", "HOM-105", "HOM-108", "HOM-113", "HOM-127",
-)  # fmt: skip
+    "HOM-089",
+    "HOM-090",
+    "HOM-091",
+    "HOM-096",
+    "HOM-098",
+    "HOM-102",
+    "HOM-104",
+    "HOM-105",
+    "HOM-108",
+    "HOM-113",
+    "HOM-127",
+)
 @pytest.mark.parametrize("way", WAYS)
 def test_golden(way):
     """Phases, directions, velocities, edges and places are those of the golden drawing."""
@@ -136,7 +156,9 @@ def test_golden(way):
 
 @pytest.mark.parametrize("way", ALSO_CIA402)
 def test_same_drawing_over_cia402(way):
-    """A drive of the other profile makes the same drawing, but for the way of two cycles, on which a zero mark may lie."""
+    """A drive of the other profile makes the same drawing, but for the way of two cycles, on which a zero
+    mark may lie.
+    """
     found = json.loads(text(drawn(way, "reference").summary()))
     golden = json.loads(GOLDEN.read_text("utf-8"))[way]
     for drawing in (found, golden):
@@ -162,7 +184,9 @@ def test_published_examples(way, cam, mark, end):
 
 
 def test_further_zero_marks_are_those_of_the_encoder():
-    """The marks that were passed without effect are drawn, one per revolution; beside an external zero mark there are none."""
+    """The marks that were passed without effect are drawn, one per revolution; beside an external zero mark
+    there are none.
+    """
     marks = {lane.name: lane.bars for lane in drawn("cam, approach and homing positive").lanes}["zero mark"]
     assert sorted(place + 128.0 for place, _ in marks) == pytest.approx(
         [3.0 + 10.0 * turn for turn in range(13)]

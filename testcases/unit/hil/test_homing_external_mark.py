@@ -11,7 +11,9 @@ from testcases.unit.hil.homing_bench import STEEP, Machine, homing_bench
 @pytest.mark.parametrize(("inverted", "mark"), [(0, 20.0), (1, 22.0)])
 @pytest.mark.parametrize("negative", [False, True])
 def test_end_of_the_signal(inverted, mark, negative):
-    """Active from 20 to 22 mm: the mark is 20 in either direction, inverted 22; those of the encoder do not count."""
+    """Active from 20 to 22 mm: the mark is 20 in either direction, inverted 22; those of the encoder do not
+    count.
+    """
     variables = STEEP | {"Sensor[1].ActiveHoming.Direction": int(negative)}
     switches = {"probe1_from_mm": 20.0, "probe1_to_mm": 22.0}
     start = {"start_position_mm": 40.0 if negative else 0.0}

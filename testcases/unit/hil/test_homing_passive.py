@@ -34,11 +34,24 @@ class TestMarks:
     """Every kind of mark, in every direction."""
 
     @pytest.mark.requirement(
-        "HOM-131", "HOM-123", "HOM-125", "HOM-127", "HOM-009", "HOM-058", "HOM-060", "HOM-132", "MC-207", "MC-196", "HOM-041",
-        "HOM-034", "HOM-035",
-    )  # fmt: skip
+        "HOM-131",
+        "HOM-123",
+        "HOM-125",
+        "HOM-127",
+        "HOM-009",
+        "HOM-058",
+        "HOM-060",
+        "HOM-132",
+        "MC-207",
+        "MC-196",
+        "HOM-041",
+        "HOM-034",
+        "HOM-035",
+    )
     def test_on_the_fly(self, name):
-        """Cam 100 to 120, mark 123: there the position becomes 0 in flight, and the velocity setpoint has no step."""
+        """Cam 100 to 120, mark 123: there the position becomes 0 in flight, and the velocity setpoint has no
+        step.
+        """
         with machine(CAM, name) as bench:
             run = Machine(bench)
             job = run.axis.home(0.0, mode=8)
@@ -61,7 +74,9 @@ class TestMarks:
         [(0, 50.0, 3.0), (1, -50.0, -7.0), (2, -50.0, -7.0), (2, 50.0, 3.0)],
     )
     def test_zero_mark_alone(self, name, direction, velocity, mark):
-        """The first zero mark in homing direction, without any cam; direction 2 is the one in which the axis moves."""
+        """The first zero mark in homing direction, without any cam; direction 2 is the one in which the axis
+        moves.
+        """
         with machine(ZERO_MARK, name, variables={DIRECTION: direction}) as bench:
             run = Machine(bench)
             job = run.axis.home(40.0, mode=8)
@@ -108,7 +123,9 @@ class TestMarks:
         [(0, False, 100.0), (0, True, 120.0), (1, True, 120.0), (1, False, 100.0)],
     )
     def test_edges_of_the_input(self, name, direction, positive_side, edge, low):
-        """The edge of the configured side in homing direction, electrically rising or falling as the level says."""
+        """The edge of the configured side in homing direction, electrically rising or falling as the level
+        says.
+        """
         variables = {
             DIRECTION: direction,
             SIDE: positive_side,
@@ -144,7 +161,9 @@ class TestModes:
         ("mode", "position", "kept"), [(2, 40.0, True), (8, 40.0, False), (10, 700.0, False)]
     )
     def test_position_and_homed_state(self, mode, position, kept):
-        """`Position`, or with mode 10 `Homing.HomePosition`; mode 2 alone leaves the homed state until the mark."""
+        """`Position`, or with mode 10 `Homing.HomePosition`; mode 2 alone leaves the homed state until the
+        mark.
+        """
         with machine(ZERO_MARK) as bench:
             run = Machine(bench)
             run.done(0.0, mode=0)

@@ -1,4 +1,6 @@
-"""Active homing from any place on benches of both profiles: on the right mark or with the right alarm, never in a stop at speed."""
+"""Active homing from any place on benches of both profiles: on the right mark or with the right alarm, never
+in a stop at speed.
+"""
 
 from __future__ import annotations
 
@@ -36,11 +38,18 @@ def homed(name, machine):
         name,
         variables=variables(machine) | {"PositionLimits_HW.Active": False},
         switches={
-            "home_from_mm": low, "home_to_mm": high, "negative_limit_mm": -LIMIT, "positive_limit_mm": LIMIT,
+            "home_from_mm": low,
+            "home_to_mm": high,
+            "negative_limit_mm": -LIMIT,
+            "positive_limit_mm": LIMIT,
         },
-        mechanics={"start_position_mm": machine["start"], "negative_stop_mm": -STOP, "positive_stop_mm": STOP},
+        mechanics={
+            "start_position_mm": machine["start"],
+            "negative_stop_mm": -STOP,
+            "positive_stop_mm": STOP,
+        },
         drive={"index_increments": mark},
-    ) as bench:  # fmt: skip
+    ) as bench:
         drive = bench.drive()
         if wrong == "cam always on":
             drive.force_input("home", True)
@@ -60,8 +69,12 @@ def homed(name, machine):
         places = trace["drive1.position"].values * 1000.0
         assert max(abs(places)) < STOP
         return {
-            "job": job, "homed_on": run.place - (run.position - HOME), "alarms": run.alarms(), "axis": run.axis, "cycle_s": CYCLE,
-        }  # fmt: skip
+            "job": job,
+            "homed_on": run.place - (run.position - HOME),
+            "alarms": run.alarms(),
+            "axis": run.axis,
+            "cycle_s": CYCLE,
+        }
 
 
 @pytest.mark.requirement(

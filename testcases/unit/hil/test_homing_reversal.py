@@ -1,4 +1,6 @@
-"""Limit switches during active homing: turning round at them, being stopped by them, homing on them (§5.11.3.4, §5.11.3.5)."""
+"""Limit switches during active homing: turning round at them, being stopped by them, homing on them
+(§5.11.3.4, §5.11.3.5).
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ class TestReversal:
         "VAR-160",
     )
     def test_beyond_the_cam(self):
-        """From 300: turned round at 550 with the default deceleration, past the cam with approach velocity, then the mark."""
+        """From 300: turned round at 550 with the default deceleration, past the cam with approach velocity,
+        then the mark.
+        """
         with machine(CAM, variables=REVERSAL, start=300.0) as bench:
             run = Machine(bench)
             run.done()
@@ -80,7 +84,9 @@ class TestReversal:
 
     @pytest.mark.requirement("HOM-114", "HOM-033", "MC-220", "MC-002")
     def test_no_cam(self):
-        """Neither on the way to one switch nor to the other: alarm 342, reaction 3, X10, the job ends with 16#8001."""
+        """Neither on the way to one switch nor to the other: alarm 342, reaction 3, X10, the job ends with
+        16#8001.
+        """
         with machine(CAM, variables=REVERSAL, start=300.0, switches=NOWHERE) as bench:
             run = Machine(bench)
             job = run.home()
@@ -111,7 +117,9 @@ class TestReversal:
     @pytest.mark.requirement("HOM-109", "HOM-115")
     @pytest.mark.parametrize(("offset", "alarms"), [(40.0, []), (5.0, [531]), (-5.0, [531])])
     def test_mark_on_the_switch(self, offset, alarms):
-        """Left with the way to the home position the switch is quiet; at rest on it, or back into it, monitoring acts."""
+        """Left with the way to the home position the switch is quiet; at rest on it, or back into it,
+        monitoring acts.
+        """
         own = {"Sensor[1].ActiveHoming.HomePositionOffset": offset}
         with machine(
             ZERO_MARK, variables=REVERSAL | own, start=547.0, switches={"negative_limit_mm": 480.0}
@@ -126,7 +134,9 @@ class TestReversal:
 
     @pytest.mark.requirement("HOM-109", "LIM-053")
     def test_exchanged_switches(self):
-        """The negative switch is met in positive direction: no turning round at it, but 531, and rest before the end stop."""
+        """The negative switch is met in positive direction: no turning round at it, but 531, and rest before
+        the end stop.
+        """
         quiet = {"PositionLimits_HW.ApproachBehavior": 1}
         with machine(CAM, variables=REVERSAL | quiet, start=400.0) as bench:
             bench.drive().swap_limit_switches(True)
@@ -190,15 +200,19 @@ class TestOnTheLimitSwitch:
     def on_switch(offset=5.0, **more):
         variables = {"Sensor[1].ActiveHoming.HomePositionOffset": offset, "Homing.HomePosition": -400.0}
         return machine(
-            INPUT, variables=variables | BACKWARDS | POSITIVE_SIDE | more, start=-450.0,
+            INPUT,
+            variables=variables | BACKWARDS | POSITIVE_SIDE | more,
+            start=-450.0,
             axis={"homing_input": "negative_limit"},
-        )  # fmt: skip
+        )
 
     @pytest.mark.requirement(
         "HOM-116", "HOM-117", "HOM-118", "HOM-119", "HOM-070", "HOM-006", "MC-204", "HOM-051", "HOM-122"
     )
     def test_procedure(self):
-        """Monitoring off, homing with mode 5 on the positive side of the negative switch, away from it, monitoring on."""
+        """Monitoring off, homing with mode 5 on the positive side of the negative switch, away from it,
+        monitoring on.
+        """
         with self.on_switch() as bench:
             run = Machine(bench)
             run.until(run.axis.write_parameter(1000, False).done)

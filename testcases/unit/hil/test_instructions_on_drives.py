@@ -1,4 +1,6 @@
-"""What instructions make of a CiA 402 and of a PROFIdrive drive, and what breaks on the way (sections 8.2, 8.3 and 8.5)."""
+"""What instructions make of a CiA 402 and of a PROFIdrive drive, and what breaks on the way (sections 8.2,
+8.3 and 8.5).
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,8 @@ def at_drive(machine, name, since):
     return [(t, v) for t, v in zip(signal.time_s, signal.values, strict=True) if t >= since]
 
 
-# -- CiA 402 -----------------------------------------------------------------------------------------------------------------
+# -- CiA 402
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-579")
@@ -168,7 +171,8 @@ def test_acknowledging_a_cia_402_drive():
         assert axis.state is AxisState.STANDSTILL
 
 
-# -- PROFIdrive ------------------------------------------------------------------------------------------------------------------
+# -- PROFIdrive
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-570", "MC-591", "MC-165")
@@ -206,7 +210,9 @@ def test_a_drive_that_never_gets_ready():
 
 @pytest.mark.requirement("MC-573", "MC-442")
 def test_control_words_are_recorded_and_the_sign_of_life_is_the_axis():
-    """The user's bits of both words stand in the record of the drive; bits 12 to 15 of STW2 go on counting."""
+    """The user's bits of both words stand in the record of the drive; bits 12 to 15 of STW2 go on
+    counting.
+    """
     with torque_bench() as machine:
         axis = enabled(machine)
         since = machine.now_s
@@ -224,7 +230,9 @@ def test_control_words_are_recorded_and_the_sign_of_life_is_the_axis():
 @pytest.mark.parametrize("how", ["telegram.lost", "telegram.sign_of_life"])
 @pytest.mark.parametrize("name", ["velocity", "relative", "halt", "stop", "waiting"])
 def test_no_more_telegrams(name, how):
-    """No telegram, or one whose sign of life stands still: ErrorWord.X7, reaction 4; MC_Stop shows CommandAborted."""
+    """No telegram, or one whose sign of life stands still: ErrorWord.X7, reaction 4; MC_Stop shows
+    CommandAborted.
+    """
     with bench() as machine:
         axis, job = travelling(machine)
         if name == "relative":
@@ -250,7 +258,9 @@ def test_no_more_telegrams(name, how):
 
 @pytest.mark.requirement("MC-576", "MC-183", "DIA-109")
 def test_what_the_drive_keeps_to_itself():
-    """A fault of a drive that nobody needs raises no alarm, and MC_Reset acknowledges it; a warning is in ZSW1 alone."""
+    """A fault of a drive that nobody needs raises no alarm, and MC_Reset acknowledges it; a warning is in
+    ZSW1 alone.
+    """
     with bench() as machine:
         axis = machine.axis()
         machine.run_for(0.2)
@@ -270,7 +280,9 @@ def test_what_the_drive_keeps_to_itself():
 @pytest.mark.requirement("MC-572", "MC-446", "STP-532", "G2-036")
 @pytest.mark.parametrize(("how", "worn"), [("coast", 1), ("held open", 0), ("ramp", 0)])
 def test_a_brake_that_closes_at_speed_wears(how, worn):
-    """OFF2 closes it at once whatever the speed is; STW1 bit 12 keeps it open; after a ramp it closes at rest."""
+    """OFF2 closes it at once whatever the speed is; STW1 bit 12 keeps it open; after a ramp it closes at
+    rest.
+    """
     brake = (
         load_bench("profidrive")
         .config.drive["drive1"]
@@ -294,7 +306,9 @@ def test_a_brake_that_closes_at_speed_wears(how, worn):
 @pytest.mark.requirement("MC-589", "MC-147")
 @pytest.mark.parametrize("velocity_mode", [0, 1])
 def test_enabling_with_a_noisy_encoder(velocity_mode):
-    """The extrapolated setpoint is off by what the noise looks like as a velocity; with VelocityModePowerOn it is not."""
+    """The extrapolated setpoint is off by what the noise looks like as a velocity; with VelocityModePowerOn
+    it is not.
+    """
     with cia402(**{"PositionControl.VelocityModePowerOn": velocity_mode}) as machine:
         axis = machine.axis()
         machine.run_for(0.2)
@@ -313,12 +327,15 @@ def test_enabling_with_a_noisy_encoder(velocity_mode):
         assert (max(gaps) > amplitude) is (velocity_mode == 0)
 
 
-# -- torque ------------------------------------------------------------------------------------------------------------------------
+# -- torque
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-104")
 def test_the_limit_acts_without_position_control():
-    """Too little torque for the acceleration: the drive stays at its limit, and no following error is built up."""
+    """Too little torque for the acceleration: the drive stays at its limit, and no following error is built
+    up.
+    """
     with torque_bench() as machine:
         axis = machine.axis()
         assert machine.run_until(axis.power(start_mode=0).status, 2.0)
@@ -335,7 +352,9 @@ def test_the_limit_acts_without_position_control():
 @pytest.mark.requirement("MC-235", "MC-413", "STP-148")
 @pytest.mark.parametrize("how", ["halt", "stop 3", "stop 2", "stop 0"])
 def test_stopping_at_a_torque_limit(how):
-    """MC_Halt and MC_Stop 2, 3 let the axis work off its following error; only Mode 0 brakes from the actual values."""
+    """MC_Halt and MC_Stop 2, 3 let the axis work off its following error; only Mode 0 brakes from the actual
+    values.
+    """
     with torque_bench(
         **{"FollowingError.EnableMonitoring": False, "DynamicLimits.MaxJerk": 1.0e9}
     ) as machine:
@@ -367,7 +386,9 @@ def test_stopping_at_a_torque_limit(how):
 @pytest.mark.requirement("MC-531", "MC-575", "MC-602", "STP-535")
 @pytest.mark.parametrize("announced", [False, True])
 def test_torque_range_at_a_fixed_stop(announced):
-    """The bit of the travel to a fixed stop is the user's: without it the blocked drive trips, with it it presses on."""
+    """The bit of the travel to a fixed stop is the user's: without it the blocked drive trips, with it it
+    presses on.
+    """
     with stop_bench(blocked_ms=500.0, **{"FollowingError.EnableMonitoring": False}) as machine:
         axis = enabled(machine)
         axis.torque_range(0.5, -0.5)
@@ -400,7 +421,9 @@ def test_in_limitation_without_a_telegram_10x(limit):
 
 @pytest.mark.requirement("MC-603", "MC-124")
 def test_limits_stay_transmitted_over_an_alarm():
-    """Reduction, range and additional torque are in the telegram while the alarm stops the axis, and after it."""
+    """Reduction, range and additional torque are in the telegram while the alarm stops the axis, and after
+    it.
+    """
     for make, number, value in (
         (lambda axis: axis.torque_limiting(0.5), 4, 0x3000),
         (lambda axis: axis.torque_additive(0.5), 10, 0x1000),
@@ -439,7 +462,8 @@ def test_an_obstacle_that_goes_away():
         assert axis.var("ErrorWord") == 0
 
 
-# -- switches ---------------------------------------------------------------------------------------------------------------------
+# -- switches
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-590")
@@ -463,7 +487,9 @@ def test_switches_with_a_filter(pressed, filter_ms, seen):
 
 @pytest.mark.requirement("MC-588", "MC-218", "MC-219")
 def test_passive_homing_searches_the_mark_with_the_encoder_interface():
-    """Function 1 of G1_STW is active in G1_ZSW from the motion on; Busy until the mark is passed, once per revolution."""
+    """Function 1 of G1_STW is active in G1_ZSW from the motion on; Busy until the mark is passed, once per
+    revolution.
+    """
     with bench(variables={"Sensor[1].PassiveHoming.Mode": 0}) as machine:
         axis = enabled(machine)
         job = axis.home(50.0, mode=8)

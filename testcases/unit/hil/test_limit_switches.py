@@ -1,4 +1,6 @@
-"""Limit switches of a bench: filter, instant of evaluation, way behind the switch, width, contact, bus, I/O station."""
+"""Limit switches of a bench: filter, instant of evaluation, way behind the switch, width, contact, bus, I/O
+station.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ def raised(bench, number=531):
 
 
 def delay_ms(bench, offset_ms):
-    """Press the positive switch at an offset into the cycle; return the time until 531, and leave everything as before."""
+    """Press the positive switch at an offset into the cycle; return the time until 531, and leave everything
+    as before.
+    """
     drive, axis = bench.drive(), bench.axis()
     cycle = bench.cycle_ns
     at = (bench.scheduler.now // cycle + 2) * cycle + round(offset_ms * MS)
@@ -39,7 +43,9 @@ def delay_ms(bench, offset_ms):
 @pytest.mark.requirement("LIM-025", "LIM-026", "LIM-027", "LIM-105")
 @pytest.mark.parametrize("filter_ms", [6.4, 3.0, 0.1])
 def test_detection_takes_the_filter_and_one_cycle(filter_ms):
-    """Closed at any place in the cycle: 531 after the filter and at most one cycle; T_i of this bus comes on top."""
+    """Closed at any place in the cycle: 531 after the filter and at most one cycle; T_i of this bus comes on
+    top.
+    """
     bench = homing_bench("reference", switches={"input_filter_ms": filter_ms})
     bench.run_for(0.05)
     delays = [delay_ms(bench, offset) for offset in (0.05, 0.55, 1.05, 1.55, 2.05, 2.55, 3.05, 3.55)]
@@ -54,7 +60,9 @@ def test_detection_takes_the_filter_and_one_cycle(filter_ms):
 @pytest.mark.requirement("LIM-025")
 @pytest.mark.parametrize("update", ["servo", "program"])
 def test_process_image(update):
-    """With the process image of a program that is called every fifth cycle a change waits for that program."""
+    """With the process image of a program that is called every fifth cycle a change waits for that
+    program.
+    """
     text = read("reference")[1].replace("cycle_ms = 4\n", "cycle_ms = 4\nprogram_cycles = 5\n")
     text = text.replace('drive = "drive1"\n', f'drive = "drive1"\ninputs_update = "{update}"\n')
     bench = Bench(parse(text, "bench.toml"), seed=1)
@@ -93,7 +101,9 @@ def test_clearance_by_formula():
 @pytest.mark.requirement("LIM-029", "LIM-104")
 @pytest.mark.parametrize(("filter_ms", "enough"), [(6.4, True), (6.4, False), (0.0, True)])
 def test_way_behind_the_switch(filter_ms, enough):
-    """With the way that the formula asks for the load stands in front of the end stop; with less it hits it; a short filter needs less."""
+    """With the way that the formula asks for the load stands in front of the end stop; with less it hits it;
+    a short filter needs less.
+    """
     velocity, braking = 400.0, 4000.0
     seconds = {"filter_s": filter_ms / 1000.0, "cycle_s": 0.004}
     clear = golden.switch_clearance(
@@ -119,7 +129,9 @@ def test_way_behind_the_switch(filter_ms, enough):
 
 @pytest.mark.requirement("LIM-006", "LIM-045", "LIM-046", "LIM-104")
 def test_a_traversable_switch_of_some_width():
-    """10 mm wide and passed with 300 mm/s: the input is gone, X18 stays, until the load is back over the switch."""
+    """10 mm wide and passed with 300 mm/s: the input is gone, X18 stays, until the load is back over the
+    switch.
+    """
     bench = homing_bench(
         "reference",
         switches={"positive_limit_mm": 150.0, "limit_width_mm": 10.0},
@@ -146,13 +158,16 @@ def test_a_traversable_switch_of_some_width():
 
 @pytest.mark.requirement("LIM-006")
 def test_a_switch_that_is_too_narrow_is_missed():
-    """1 mm at 500 mm/s lasts 2 ms, less than a cycle: a machine that is built so has no limit switch at that speed."""
+    """1 mm at 500 mm/s lasts 2 ms, less than a cycle: a machine that is built so has no limit switch at that
+    speed.
+    """
     seen = []
     for velocity in (100.0, 490.0):
         bench = homing_bench(
-            "reference", switches={"positive_limit_mm": 150.25, "limit_width_mm": 0.25, "hysteresis_mm": 0.0},
+            "reference",
+            switches={"positive_limit_mm": 150.25, "limit_width_mm": 0.25, "hysteresis_mm": 0.0},
             variables={"PositionLimits_HW.Mode": 1},
-        )  # fmt: skip
+        )
         assert bench.run_until(bench.axis().power().status, 2.0)
         bench.axis().move_velocity(velocity, Acceleration=2000.0, Jerk=0.0)
         assert bench.run_until(lambda: bench.drive().mechanics.position > 0.2 or raised(bench), 3.0)  # noqa: B023 - called at once

@@ -1,7 +1,8 @@
-"""A linear motor behind a PROFIdrive telegram: shares of a reference velocity and a reference force on the wire.
+"""A linear motor behind a PROFIdrive telegram: shares of a reference velocity and a reference force on the
+wire.
 
-The emulated machine is one with a screw of 10 mm; to the words of the telegram a motor that travels 10 mm per revolution is a
-linear motor with 30 m/min for 3000 rpm, and 2 Nm are 1256.6 N.
+The emulated machine is one with a screw of 10 mm; to the words of the telegram a motor that travels 10 mm per
+revolution is a linear motor with 30 m/min for 3000 rpm, and 2 Nm are 1256.6 N.
 """
 
 from __future__ import annotations
@@ -15,10 +16,13 @@ from testcases.unit.hil.test_hil_profidrive import bench, enabled
 
 FORCE = 2.0 * tau / 0.010
 LINEAR = {
-    "Actor.MotorType": 1, "Sensor[1].System": 0, "Sensor[1].Parameter.Resolution": 10.0 / 2048,
-    "Actor.LinearMotorDriveParameter.ReferenceVelocity": 30.0, "Actor.LinearMotorDriveParameter.MaxVelocity": 30.0,
+    "Actor.MotorType": 1,
+    "Sensor[1].System": 0,
+    "Sensor[1].Parameter.Resolution": 10.0 / 2048,
+    "Actor.LinearMotorDriveParameter.ReferenceVelocity": 30.0,
+    "Actor.LinearMotorDriveParameter.MaxVelocity": 30.0,
     "Actor.LinearMotorDriveParameter.ReferenceForce": FORCE,
-}  # fmt: skip
+}
 
 
 def word(machine, name):
@@ -43,7 +47,9 @@ def test_motion():
 
 @pytest.mark.requirement("CFG-403", "CFG-278", "CFG-402", "MC-515", "VAR-118", "VAR-119")
 def test_forces_in_telegram_750():
-    """A quarter of the reference force is 1000h in M_ADD1; limits are shares of it; M_ACT is the actual force."""
+    """A quarter of the reference force is 1000h in M_ADD1; limits are shares of it; M_ACT is the actual
+    force.
+    """
     with bench(profidrive={"torque_telegram": True}, variables=LINEAR) as machine:
         axis = enabled(machine)
         axis.torque_additive(FORCE / 4)
@@ -70,7 +76,9 @@ def test_limit_in_the_telegram():
 
 @pytest.mark.requirement("CFG-461")
 def test_limit_of_the_setpoint():
-    """1000 0000h of 120 m/min are 500 mm/s: what a user program makes of S_V_LIMIT_B with the reference of the axis."""
+    """1000 0000h of 120 m/min are 500 mm/s: what a user program makes of S_V_LIMIT_B with the reference of
+    the axis.
+    """
     reference = 120.0
     with bench(
         variables=LINEAR | {"Actor.LinearMotorDriveParameter.ReferenceVelocity": reference}
@@ -83,9 +91,11 @@ def test_limit_of_the_setpoint():
 def test_precontrolled_force_in_the_telegram():
     """50 kg at 1 m/s² are 50 N in M_ADD1 while the axis accelerates, and nothing at constant velocity."""
     settings = LINEAR | {
-        "TorquePreControl.Mode": 1, "TorquePreControl.Scale": 100.0, "Actor.LoadInertia": 40.0,
+        "TorquePreControl.Mode": 1,
+        "TorquePreControl.Scale": 100.0,
+        "Actor.LoadInertia": 40.0,
         "Actor.LinearMotorDriveParameter.MotorMass": 10.0,
-    }  # fmt: skip
+    }
     with bench(profidrive={"torque_telegram": True}, variables=settings) as machine:
         axis = enabled(machine)
         axis.move_velocity(300.0, Acceleration=1000.0, Jerk=0.0)

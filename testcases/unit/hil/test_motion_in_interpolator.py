@@ -15,7 +15,9 @@ def build(name):
 
 
 def led(machine, job, vector):
-    """Let a program give `job` a vector by the number of its call, before the instance is called; returns what ends that."""
+    """Let a program give `job` a vector by the number of its call, before the instance is called; returns
+    what ends that.
+    """
     calls = [0]
 
     def program():
@@ -29,7 +31,9 @@ def led(machine, job, vector):
 @pytest.mark.requirement("MIN-002", "MIN-019", "MIN-022", "MIN-026", "MIN-028", "MIN-034", "MIN-040")
 @pytest.mark.parametrize("name", ["reference", "profidrive"])
 def test_vectors_of_a_slow_interpolator(name):
-    """Between two vectors the servo goes on in small steps: no following error, no alarm; a falling Enable acts with the next vector."""
+    """Between two vectors the servo goes on in small steps: no following error, no alarm; a falling Enable
+    acts with the next vector.
+    """
     with build(name) as machine:
         axis = machine.axis()
         assert machine.run_until(axis.power().status, timeout=3.0)

@@ -24,7 +24,9 @@ def moving(machine, velocity):
 @pytest.mark.requirement("MIN-007", "MC-480", "MC-490", "MC-604")
 @pytest.mark.parametrize("watched", [True, False])
 def test_a_step_of_the_velocity(watched):
-    """A step that the drive cannot follow: 521, disabled, 16#8001; without monitoring the drive goes there at its torque limit."""
+    """A step that the drive cannot follow: 521, disabled, 16#8001; without monitoring the drive goes there at
+    its torque limit.
+    """
     with bench(
         variables={"FollowingError.EnableMonitoring": watched, "FollowingError.MaxValue": 3.0}
     ) as machine:
@@ -47,7 +49,9 @@ def test_a_step_of_the_velocity(watched):
 @pytest.mark.requirement("MIN-026", "MIN-027", "MIN-028")
 @pytest.mark.parametrize("watched", [True, False])
 def test_enable_falls_at_speed(watched):
-    """The setpoint is zero at once, the drive brakes as hard as it can, and the following error may trip 521."""
+    """The setpoint is zero at once, the drive brakes as hard as it can, and the following error may trip
+    521.
+    """
     with bench(
         variables={"FollowingError.EnableMonitoring": watched, "FollowingError.MaxValue": 3.0}
     ) as machine:

@@ -1,4 +1,6 @@
-"""The optimisation of the position controller against drives with inertia, cycle times and quantised words (§6.7)."""
+"""The optimisation of the position controller against drives with inertia, cycle times and quantised words
+(§6.7).
+"""
 
 from __future__ import annotations
 
@@ -47,8 +49,8 @@ def optimisation(name, *, extra="", replace=("", ""), step=STEP):
 def test_the_recommended_gain(name, extra, low, high):
     """With it nothing overshoots, with twice as much it does.
 
-    A loop of nothing but dead time T does not overshoot up to 1 / (e T). With DSC that is not the time of the bus; analog
-    drive and stepper have lags and steps of their own.
+    A loop of nothing but dead time T does not overshoot up to 1 / (e T). With DSC that is not the time of the
+    bus; analog drive and stepper have lags and steps of their own.
     """
     with optimisation(name, extra=extra) as (machine, _, routine):
         found = routine.run()
@@ -70,7 +72,9 @@ def test_the_recommended_gain(name, extra, low, high):
 
 @pytest.mark.requirement("COM-060", "COM-068")
 def test_a_slow_speed_loop():
-    """A speed loop of 20 ms: near 1 / (4 * 20 ms) = 12.5 1/s of an ideal loop, and the substitute time comes near those 20 ms."""
+    """A speed loop of 20 ms: near 1 / (4 * 20 ms) = 12.5 1/s of an ideal loop, and the substitute time comes
+    near those 20 ms.
+    """
     long = TestStep(distance=20.0, velocity=100.0, acceleration=1000.0, tolerance=0.01)
     with optimisation("reference", replace=("off3_ramp_s = 0.5", SLOW), step=long) as (_, _, routine):
         found = routine.run()
@@ -80,7 +84,9 @@ def test_a_slow_speed_loop():
 
 @pytest.mark.requirement("COM-060", "COM-065")
 def test_a_gain_that_lets_the_axis_oscillate():
-    """It is taken back before the load has gone far, the axis comes to rest, and the next attempt is judged by itself."""
+    """It is taken back before the load has gone far, the axis comes to rest, and the next attempt is judged
+    by itself.
+    """
     with optimisation("analog") as (machine, _, routine):
         good = routine.attempt(20.0, 0.0, 0.0)
         wild = routine.attempt(320.0, 0.0, 0.0)

@@ -1,4 +1,6 @@
-"""`hil panel` as a person uses it: the program itself behind a pseudo-terminal, with a keyboard and a screen."""
+"""`hil panel` as a person uses it: the program itself behind a pseudo-terminal, with a keyboard and a
+screen.
+"""
 
 from __future__ import annotations
 
@@ -30,10 +32,14 @@ class Terminal:
     def __init__(self, *arguments: str) -> None:
         self.keyboard, side = pty.openpty()
         self.process = subprocess.Popen(
-            [*hil_command(), *arguments], stdin=side, stdout=side, stderr=side, start_new_session=True,
+            [*hil_command(), *arguments],
+            stdin=side,
+            stdout=side,
+            stderr=side,
+            start_new_session=True,
             preexec_fn=_own_terminal,  # noqa: PLW1509 - the tests have no threads
             env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
-        )  # fmt: skip
+        )
         os.close(side)
         self.screen = ""
         self._seen = 0
@@ -78,7 +84,9 @@ def start():
 
 @pytest.mark.requirement("COM-023", "COM-048", "COM-049", "COM-073", "COM-070")
 def test_a_session(start):
-    """Take, enable, jog, move, be refused, resize, give back: every line is answered, and what happens is told by itself."""
+    """Take, enable, jog, move, be refused, resize, give back: every line is answered, and what happens is
+    told by itself.
+    """
     terminal = start("profidrive")
     terminal.type("velocity 40\njog 50\n")
     terminal.shows("motion")
@@ -111,7 +119,9 @@ def test_a_session(start):
     [("ctrl-c", 2), ("ctrl-d", 0), ("closed", 2)],
 )
 def test_the_end_in_the_middle_of_a_motion(start, how, code):
-    """Ctrl-C, end of input and the closing of the terminal stop the axis, give it back, and leave no traceback."""
+    """Ctrl-C, end of input and the closing of the terminal stop the axis, give it back, and leave no
+    traceback.
+    """
     terminal = start("reference")
     terminal.type("jog\n")
     terminal.shows("panel  motion")
@@ -134,9 +144,13 @@ def test_output_that_cannot_be_written(reader, told):
         os.close(end)
     with os.fdopen(target) as stdout:
         program = subprocess.run(
-            [*hil_command(), "personalities"], stdout=stdout, stderr=subprocess.PIPE, text=True, check=False,
+            [*hil_command(), "personalities"],
+            stdout=stdout,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
-        )  # fmt: skip
+        )
     assert program.returncode == 2
     assert program.stderr.count("\n") == bool(told)
     assert told in program.stderr

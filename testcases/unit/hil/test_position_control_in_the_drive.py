@@ -1,4 +1,6 @@
-"""Position control in the drive and in the controller on emulated drives: disturbance, gain, lost telegrams, what changes meanwhile."""
+"""Position control in the drive and in the controller on emulated drives: disturbance, gain, lost telegrams,
+what changes meanwhile.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ def true_position(machine, since):
 
 @pytest.mark.requirement("CTL-034", "CTL-027")
 def test_a_load_step_is_countered_sooner_in_the_drive():
-    """The same gain against a force of 400 N: the load is displaced less by the loop in the drive than by that in the controller."""
+    """The same gain against a force of 400 N: the load is displaced less by the loop in the drive than by
+    that in the controller.
+    """
     peaks = []
     for dsc in (False, True):
         with bench(variables=control(dsc=dsc, kv=60.0)) as machine:
@@ -52,7 +56,9 @@ def test_a_load_step_is_countered_sooner_in_the_drive():
 
 @pytest.mark.requirement("CTL-034")
 def test_a_gain_that_only_the_drive_can_bear():
-    """Kv = 250 1/s at 4 ms and a cycle of dead time each way: the loop of the controller oscillates, that of the drive is stable."""
+    """Kv = 250 1/s at 4 ms and a cycle of dead time each way: the loop of the controller oscillates, that of
+    the drive is stable.
+    """
     swing = []
     for dsc in (False, True):
         with bench(variables=control(dsc=dsc, kv=250.0), velocity_time_constant_ms=0.8) as machine:
@@ -67,8 +73,12 @@ def test_a_gain_that_only_the_drive_can_bear():
 
 @pytest.mark.requirement("CTL-032", "CTL-100")
 def test_a_drive_without_telegrams_holds_its_last_reference():
-    """The controller's telegrams stop while DSC holds the position: it is held against a force until the drive's own fault acts."""
-    with bench(variables=control(kv=60.0), profidrive={"setpoint_monitoring_ms": 400.0, "sign_of_life": True}) as machine:  # fmt: skip
+    """The controller's telegrams stop while DSC holds the position: it is held against a force until the
+    drive's own fault acts.
+    """
+    with bench(
+        variables=control(kv=60.0), profidrive={"setpoint_monitoring_ms": 400.0, "sign_of_life": True}
+    ) as machine:
         enabled(machine)
         machine.drive().parameters.write("925", 65535)
         machine.run_for(0.2)
@@ -92,9 +102,11 @@ def test_a_drive_without_telegrams_holds_its_last_reference():
 @pytest.mark.requirement("CTL-007", "CTL-029", "CTL-008")
 @pytest.mark.parametrize("smoothing", [0.0, 0.05])
 def test_a_change_of_the_gain_in_the_drive_can_be_smoothed(smoothing):
-    """Kv from 10 to 20 at 100 mm/s without precontrol: KPC changes at once, the speed doubles; smoothed a third of that is left.
+    """Kv from 10 to 20 at 100 mm/s without precontrol: KPC changes at once, the speed doubles; smoothed a
+    third of that is left.
 
-    That rest is the drive's: it takes the new gain at once and reaches the new reference within the bus cycle.
+    That rest is the drive's: it takes the new gain at once and reaches the new reference within the bus
+    cycle.
     """
     own = control(kv=10.0, kpc=0.0, **{"PositionControl.SmoothingTimeByChangeDifference": smoothing})
     with bench(variables=own) as machine:
@@ -118,7 +130,9 @@ def test_a_change_of_the_gain_in_the_drive_can_be_smoothed(smoothing):
 
 @pytest.mark.requirement("CTL-007", "CTL-029")
 def test_a_change_of_the_gain_with_precontrol_is_no_disturbance():
-    """With 100 % there is nothing for the gain to correct but the way of the transport, which is no deviation."""
+    """With 100 % there is nothing for the gain to correct but the way of the transport, which is no
+    deviation.
+    """
     own = control(kv=10.0, **{"PositionControl.SmoothingTimeByChangeDifference": 0.05})
     with bench(variables=own) as machine:
         axis = enabled(machine)
@@ -135,7 +149,9 @@ def test_a_change_of_the_gain_with_precontrol_is_no_disturbance():
 @pytest.mark.requirement("CTL-047", "CTL-029")
 @pytest.mark.parametrize(("way", "acts"), [(0.03, False), (0.07, True)])
 def test_quantisation_acts_on_what_the_drive_gets(way, acts):
-    """Mode 2 with 0.05 mm: a setpoint 0.03 mm away is XERR 0 and moves nothing, one 0.07 mm away is 0.05 mm."""
+    """Mode 2 with 0.05 mm: a setpoint 0.03 mm away is XERR 0 and moves nothing, one 0.07 mm away is 0.05
+    mm.
+    """
     mode = "PositionControl.ControlDifferenceQuantization"
     own = control(kpc=0.0, **{f"{mode}.Mode": 2, f"{mode}.Value": 0.05})
     with bench(variables=own) as machine:
@@ -153,7 +169,9 @@ def test_quantisation_acts_on_what_the_drive_gets(way, acts):
 @pytest.mark.requirement("CTL-085", "CTL-093", "CTL-094", "CTL-033")
 @pytest.mark.parametrize("dsc", [False, True])
 def test_the_loop_is_opened_and_closed_on_the_way(dsc):
-    """At 100 mm/s off, on, off, on: the speed of the machine stays within 3 mm/s, and no position is made up for."""
+    """At 100 mm/s off, on, off, on: the speed of the machine stays within 3 mm/s, and no position is made up
+    for.
+    """
     with bench(variables=control(dsc=dsc, kv=40.0)) as machine:
         axis = enabled(machine)
         axis.move_velocity(100.0)
@@ -171,21 +189,26 @@ def test_the_loop_is_opened_and_closed_on_the_way(dsc):
 @pytest.mark.requirement("CTL-092")
 @pytest.mark.parametrize("closed", [True, False])
 def test_a_torque_limit_stays_without_position_control(closed):
-    """0.3 Nm of MC_TorqueLimiting bounds the torque with and without position control, and after the change."""
+    """0.3 Nm of MC_TorqueLimiting bounds the torque with and without position control, and after the
+    change.
+    """
     with torque_bench(**control(dsc=False)) as machine:
         axis = enabled(machine)
         axis.torque_limiting(0.3)
         axis.move_velocity(300.0, Acceleration=2000.0, Jerk=0.0, PositionControlled=not closed)
         machine.run_for(0.1)
         began = machine.now_s
-        axis.move_velocity(-300.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0, PositionControlled=closed)  # fmt: skip
+        axis.move_velocity(
+            -300.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0, PositionControlled=closed
+        )
         machine.run_for(0.3)
         torque = machine.trace()["drive1.torque"].between(began, machine.now_s).values
         assert max(abs(value) for value in torque) == pytest.approx(0.3, abs=0.01)
         assert axis.var("StatusWord.X26")
 
 
-# -- the drive ---------------------------------------------------------------------------------------------------------------
+# -- the drive
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("CTL-100", "CTL-015")
@@ -195,7 +218,7 @@ def test_the_speed_loop_is_a_lag_of_first_order(lag_s):
     config = ProfidriveConfig.reference()
     tuning = replace(
         config.tuning, velocity_time_constant_s=lag_s, torque_feedforward=False, velocity_integral_time_s=0.0
-    )  # fmt: skip
+    )
     smooth = replace(config.mechanics, coulomb_friction=0.0, viscous_friction=0.0)
     rig = Rig(replace(config, tuning=tuning, interpolation=False, mechanics=smooth))
     rig.enable()
@@ -209,7 +232,9 @@ def test_the_speed_loop_is_a_lag_of_first_order(lag_s):
 
 @pytest.mark.requirement("CTL-058", "CTL-102", "CTL-057")
 def test_the_additive_torque_between_two_telegrams():
-    """p1409.0 = 1: M_ADD is reached in a straight line within the bus cycle; 0: at once. The other parameters are kept."""
+    """p1409.0 = 1: M_ADD is reached in a straight line within the bus cycle; 0: at once. The other parameters
+    are kept.
+    """
     config = replace(ProfidriveConfig.reference(), torque_telegram=True)
     for interpolates in (False, True):
         rig = Rig(config)
@@ -275,7 +300,9 @@ def test_gains_of_the_drive_are_its_own(name):
 @pytest.mark.requirement("CTL-098", "CTL-097")
 @pytest.mark.parametrize("dsc", [False, True])
 def test_safe_stop_2_and_safe_torque_off(dsc):
-    """SS2 stops with the OFF3 ramp and resists a push; STO lets friction alone brake, whatever ramp there is."""
+    """SS2 stops with the OFF3 ramp and resists a push; STO lets friction alone brake, whatever ramp there
+    is.
+    """
     for kind in ("safety.ss2", "drive.sto"):
         with bench(variables=control(dsc=dsc)) as machine:
             axis = enabled(machine)

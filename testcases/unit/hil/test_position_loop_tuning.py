@@ -1,4 +1,6 @@
-"""A position loop around a first-order speed loop, with and without DSC: what gain, pre-control and substitute time do (section 8.2)."""
+"""A position loop around a first-order speed loop, with and without DSC: what gain, pre-control and
+substitute time do (section 8.2).
+"""
 
 from __future__ import annotations
 
@@ -9,16 +11,23 @@ import pytest
 from testcases.unit.hil.test_hil_profidrive import bench, enabled
 
 SPEED_LOOP_MS = 20.0
-"""Large, so that the cycle of 4 ms counts for little; the largest gain without overshoot is about 1 / (4 * 20 ms) = 12.5 1/s."""
+"""Large, so that the cycle of 4 ms counts for little; the largest gain without overshoot is about 1 / (4 * 20
+ms) = 12.5 1/s.
+"""
 
 
 def response(*, dsc, kv, kpc=0.0, vtc=0.0):
-    """Return overshoot, mm, settling time to 0.05 mm, s (None: not within 2 s), and whether the position reversed."""
+    """Return overshoot, mm, settling time to 0.05 mm, s (None: not within 2 s), and whether the position
+    reversed.
+    """
     variables = {
-        "PositionControl.EnableDSC": dsc, "PositionControl.Kv": kv, "PositionControl.Kpc": kpc,
-        "DynamicAxisModel.VelocityTimeConstant": vtc, "FollowingError.EnableMonitoring": False,
+        "PositionControl.EnableDSC": dsc,
+        "PositionControl.Kv": kv,
+        "PositionControl.Kpc": kpc,
+        "DynamicAxisModel.VelocityTimeConstant": vtc,
+        "FollowingError.EnableMonitoring": False,
         "PositioningMonitoring.ToleranceTime": 5.0,
-    }  # fmt: skip
+    }
     with bench(
         velocity_time_constant_ms=SPEED_LOOP_MS, torque_precontrol=False, variables=variables
     ) as machine:
@@ -48,7 +57,9 @@ def test_gain(dsc):
 
 @pytest.mark.requirement("MC-578")
 def test_substitute_time():
-    """With pre-control the axis overshoots unless the substitute time is that of the speed loop; without it the time does nothing."""
+    """With pre-control the axis overshoots unless the substitute time is that of the speed loop; without it
+    the time does nothing.
+    """
     without = response(dsc=False, kv=8.0, kpc=100.0, vtc=0.0)
     assert without[0] > 0.5
     assert without[2]

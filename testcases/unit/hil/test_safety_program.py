@@ -1,4 +1,6 @@
-"""What a user program does about safety functions of the drive, and what the axis does without it (CFG section 24)."""
+"""What a user program does about safety functions of the drive, and what the axis does without it (CFG
+section 24).
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,9 @@ def test_setpoints_track_the_actual_values(rig, kind):
 
 @pytest.mark.requirement("CFG-437", "CFG-438", "CFG-439")
 def test_the_axis_does_nothing_by_itself(rig):
-    """A selected SLS shows in the safety channel alone: no bit of the axis, no slower motion, until the program reacts."""
+    """A selected SLS shows in the safety channel alone: no bit of the axis, no slower motion, until the
+    program reacts.
+    """
     before = [rig.axis.var(path) for path in ("ErrorWord", "WarningWord")]
     word = rig.axis.var("StatusWord")
     rig.faults.inject("safety.sls", "drive1")
@@ -66,7 +70,9 @@ def test_the_axis_does_nothing_by_itself(rig):
 @pytest.mark.requirement("CFG-462", "CFG-463", "CFG-465")
 @pytest.mark.parametrize("how", ["limit", "override"])
 def test_a_stored_limit(how):
-    """A program that has the limit stored takes it at bit 6 of S_ZSW1B, as dynamic limit or as override: nothing trips."""
+    """A program that has the limit stored takes it at bit 6 of S_ZSW1B, as dynamic limit or as override:
+    nothing trips.
+    """
     with build() as bench:
         rig = Rig(bench, 400.0)
         rig.faults.inject("safety.sls", "drive1")
@@ -83,7 +89,9 @@ def test_a_stored_limit(how):
 @pytest.mark.requirement("CFG-469", "CFG-470", "CFG-495")
 @pytest.mark.parametrize("reacts", [True, False])
 def test_a_stored_range(reacts):
-    """SLP from -100 to 100 mm: the drive tells no range; a program that limits its targets goes on, another one is stopped."""
+    """SLP from -100 to 100 mm: the drive tells no range; a program that limits its targets goes on, another
+    one is stopped.
+    """
     with build() as bench:
         rig = Rig(bench, 50.0)
         rig.faults.inject("safety.slp", "drive1", range=1)

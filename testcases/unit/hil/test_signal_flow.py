@@ -1,4 +1,6 @@
-"""The signal flow of position control, node by node: each is computed anew from its recorded inputs (appendix A.1, section 4.4)."""
+"""The signal flow of position control, node by node: each is computed anew from its recorded inputs (appendix
+A.1, section 4.4).
+"""
 
 from __future__ import annotations
 
@@ -27,15 +29,27 @@ SLOPE = 1000.0
 def settings(*, dsc, kpc, filtering="none", additional=0.0, **more):
     mode, t1, t2, tt = FILTERS[filtering]
     prefix = "SetpointFilter.DynamicFilter."
-    return {
-        "PositionControl.Kv": KV, "PositionControl.Kpc": kpc, "DynamicAxisModel.VelocityTimeConstant": LAG_S,
-        "FollowingError.EnableMonitoring": False, "FollowingError.AdditionalSetpointDelayTime": additional,
-        f"{prefix}Mode": mode, f"{prefix}T1": t1, f"{prefix}T2": t2, f"{prefix}Tt": tt,
-    } | ({"PositionControl.EnableDSC": True} if dsc else {}) | more  # fmt: skip
+    return (
+        {
+            "PositionControl.Kv": KV,
+            "PositionControl.Kpc": kpc,
+            "DynamicAxisModel.VelocityTimeConstant": LAG_S,
+            "FollowingError.EnableMonitoring": False,
+            "FollowingError.AdditionalSetpointDelayTime": additional,
+            f"{prefix}Mode": mode,
+            f"{prefix}T1": t1,
+            f"{prefix}T2": t2,
+            f"{prefix}Tt": tt,
+        }
+        | ({"PositionControl.EnableDSC": True} if dsc else {})
+        | more
+    )
 
 
 class Recording:
-    """Signals of a move there and halfway back, one value per application cycle, from before the first motion on."""
+    """Signals of a move there and halfway back, one value per application cycle, from before the first motion
+    on.
+    """
 
     def __init__(self, name, *, jerk=0.0, profidrive=(), **variables):
         with bench(name, variables=variables, profidrive=dict(profidrive)) as machine:
@@ -107,7 +121,9 @@ def filtered(values, filtering):
 @pytest.mark.parametrize(("name", "dsc"), [("reference", False), ("profidrive", False), ("profidrive", True)])
 @pytest.mark.parametrize("kpc", [0.0, 40.0, 100.0])
 def test_every_node_follows_from_the_one_before(name, dsc, kpc, filtering):
-    """Filter, balancing, control difference, output and following error, over acceleration, travel, braking and reversal."""
+    """Filter, balancing, control difference, output and following error, over acceleration, travel, braking
+    and reversal.
+    """
     run = Recording(name, **settings(dsc=dsc, kpc=kpc, filtering=filtering))
     position, velocity = run.position_setpoint, run.velocity_setpoint
     assert abs(velocity).max() == pytest.approx(200.0)
@@ -135,7 +151,9 @@ def test_every_node_follows_from_the_one_before(name, dsc, kpc, filtering):
 @pytest.mark.requirement("CTL-049", "CTL-029", "CTL-027", "VAR-191", "MON-053", "CTL-099")
 @pytest.mark.parametrize("dsc", [False, True])
 def test_words_of_the_telegram_tell_which_path_is_active(dsc):
-    """NSOLL_B is the output of one cycle before, XERR the control difference in increments, KPC the gain; both 0 without DSC."""
+    """NSOLL_B is the output of one cycle before, XERR the control difference in increments, KPC the gain;
+    both 0 without DSC.
+    """
     run = Recording("profidrive", **settings(dsc=dsc, kpc=100.0))
     speed = run.speed_output
     assert list(run.received("nsoll")) == [to_n4(rpm / 3000.0) for rpm in speed[:-2]]
@@ -150,7 +168,9 @@ def test_words_of_the_telegram_tell_which_path_is_active(dsc):
 
 @pytest.mark.requirement("CTL-033", "CTL-029")
 def test_without_position_control_the_whole_setpoint_is_in_the_telegram():
-    """X28 on an axis with DSC: KPC and XERR are 0, NSOLL_B is the full speed; with X28 = FALSE they are back."""
+    """X28 on an axis with DSC: KPC and XERR are 0, NSOLL_B is the full speed; with X28 = FALSE they are
+    back.
+    """
     with bench(variables=settings(dsc=True, kpc=0.0)) as machine:
         axis = enabled(machine)
         assert machine.run_until(axis.move_velocity(100.0, PositionControlled=False).in_velocity, 2.0)
@@ -172,11 +192,15 @@ def test_without_position_control_the_whole_setpoint_is_in_the_telegram():
 
 @pytest.mark.requirement("CTL-049", "CTL-026", "CTL-051", "CTL-054", "CTL-060")
 def test_torque_precontrol_is_the_last_node():
-    """M_ADD is inertia times the acceleration behind the filter, one cycle after the setpoints, with and without DSC."""
+    """M_ADD is inertia times the acceleration behind the filter, one cycle after the setpoints, with and
+    without DSC.
+    """
     inertia = {
-        "TorquePreControl.Mode": 1, "TorquePreControl.Scale": 80.0, "Actor.LoadInertia": 40.0,
+        "TorquePreControl.Mode": 1,
+        "TorquePreControl.Scale": 80.0,
+        "Actor.LoadInertia": 40.0,
         "Actor.DriveParameter.MotorInertia": 2.5e-4,
-    }  # fmt: skip
+    }
     for dsc in (False, True):
         own = settings(dsc=dsc, kpc=100.0, filtering="average", **inertia)
         run = Recording("profidrive", profidrive={"torque_telegram": True}, **own)
@@ -189,7 +213,8 @@ def test_torque_precontrol_is_the_last_node():
         assert run.received("m_add")[1:] == pytest.approx([to_n2(one / 2.0) for one in torque[:-2]], abs=1)
 
 
-# -- the four combinations, and other couplings ---------------------------------------------------------------------------------
+# -- the four combinations, and other couplings
+# ---------------------------------------------------------------------------------
 
 
 def steady(name, *, velocity=100.0, **variables):
@@ -211,7 +236,9 @@ def steady(name, *, velocity=100.0, **variables):
 )
 @pytest.mark.parametrize("kpc", [0.0, 100.0])
 def test_following_error_of_constant_travel(name, dsc, kpc, velocity):
-    """V / Kv without precontrol; v * T_vtc with it, the drive's lag: with and without DSC. Drives without lag: none."""
+    """V / Kv without precontrol; v * T_vtc with it, the drive's lag: with and without DSC. Drives without
+    lag: none.
+    """
     lag = LAG_S if name == "profidrive" else 0.0
     own = settings(dsc=dsc, kpc=kpc) | {"DynamicAxisModel.VelocityTimeConstant": lag}
     error, difference = steady(name, velocity=velocity, **own)
@@ -226,9 +253,12 @@ def test_following_error_of_constant_travel(name, dsc, kpc, velocity):
 @pytest.mark.parametrize("kpc", [0.0, 100.0])
 @pytest.mark.parametrize(("filtering", "delay_s"), [("low-pass", 0.036), ("average", 0.0)])
 def test_delay_of_the_filter_in_the_following_error(dsc, kpc, filtering, delay_s):
-    """The error is larger by velocity times the delay of the filter, and not with that as additional delay."""
+    """The error is larger by velocity times the delay of the filter, and not with that as additional
+    delay.
+    """
     if filtering == "average":
-        # 12 ms are three whole cycles: half of them; of 6 ms the weights 1, 1, 1/2 have their centre at 3.2 ms.
+        # 12 ms are three whole cycles: half of them; of 6 ms the weights 1, 1, 1/2 have their centre at 3.2
+        # ms.
         delay_s = 0.006 + CYCLE_S * (1.0 + 2.0 * 0.5) / 2.5 + 0.008
     plain, _ = steady("profidrive", **settings(dsc=dsc, kpc=kpc))
     late_by, _ = steady("profidrive", **settings(dsc=dsc, kpc=kpc, filtering=filtering))

@@ -19,7 +19,9 @@ def synchronous(name="reference", extra="", **changes):
 
 @pytest.mark.requirement("CFG-015", "CFG-175")
 def test_it_moves_and_stops_like_a_positioning_axis():
-    """Enabled, homed, positioned, stopped by its software limit; the variables are those of the positioning axis and more."""
+    """Enabled, homed, positioned, stopped by its software limit; the variables are those of the positioning
+    axis and more.
+    """
     with synchronous() as machine:
         axis = machine.axis()
         assert isinstance(axis.object, SynchronousAxis)

@@ -20,7 +20,9 @@ def raised(machine):
 
 
 def behind(machine, limit=0.12, **inputs):
-    """Travel with too little torque until the axis is far behind; returns (axis, job of the limit, job of the motion)."""
+    """Travel with too little torque until the axis is far behind; returns (axis, job of the limit, job of the
+    motion).
+    """
     axis = enabled(machine)
     limiting = axis.torque_limiting(limit)
     later(machine)
@@ -29,7 +31,8 @@ def behind(machine, limit=0.12, **inputs):
     return axis, limiting, moving
 
 
-# -- monitoring and stops while the limit acts ------------------------------------------------------------------------------
+# -- monitoring and stops while the limit acts
+# ------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-143", "STP-145")
@@ -71,7 +74,9 @@ def test_without_position_control_the_following_error_means_nothing():
     ("stop", "ends"), [("power", "DISABLED"), ("stop-0", "STOP_HOLD"), ("halt", "STANDSTILL")]
 )
 def test_stops_of_an_axis_that_is_behind(stop, ends):
-    """Emergency ramps begin at the actual values; a halt lets the axis creep on to where its setpoint has come to."""
+    """Emergency ramps begin at the actual values; a halt lets the axis creep on to where its setpoint has
+    come to.
+    """
     with torque_bench(**WEAK) as machine:
         axis, _, _ = behind(machine, limit=0.2)
         setpoint, actual = axis.var("Position"), axis.var("ActualPosition")
@@ -94,7 +99,9 @@ def test_stops_of_an_axis_that_is_behind(stop, ends):
 
 @pytest.mark.requirement("STP-585", "STP-146")
 def test_a_limit_that_is_raised_while_pressing_gives_a_short_acceleration():
-    """The axis is held by a jam, the limit raised, the jam gone: it catches up within the new limit and the maximum speed."""
+    """The axis is held by a jam, the limit raised, the jam gone: it catches up within the new limit and the
+    maximum speed.
+    """
     with torque_bench(**WEAK) as machine:
         axis, limiting, moving = behind(machine, limit=0.3)
         drive = machine.drive()
@@ -119,13 +126,16 @@ def test_a_limit_that_is_raised_while_pressing_gives_a_short_acceleration():
         assert axis.var("StatusPositioning.FollowingError") == pytest.approx(0.0, abs=0.5)
 
 
-# -- reference torque -----------------------------------------------------------------------------------------------------------
+# -- reference torque
+# -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-153", "STP-154", "MC-539")
 @pytest.mark.parametrize("connected", [False, True])
 def test_the_limit_is_that_of_the_instruction_when_the_drive_is_connected(connected):
-    """Without telegram 750 the reduction takes its share of p1520 = 6 Nm, with p1522 and p1523 at 100 % of p2003 = 2 Nm."""
+    """Without telegram 750 the reduction takes its share of p1520 = 6 Nm, with p1522 and p1523 at 100 % of
+    p2003 = 2 Nm.
+    """
     with torque_bench(supplement=False, **WEAK) as machine:
         axis = enabled(machine)
         drive = machine.drive()
@@ -143,7 +153,9 @@ def test_the_limit_is_that_of_the_instruction_when_the_drive_is_connected(connec
 @pytest.mark.requirement("STP-584")
 @pytest.mark.parametrize("told", [1.0, 2.0, 4.0])
 def test_a_wrong_reference_torque_scales_the_limit(told):
-    """The drive has p2003 = 2 Nm; an axis that takes it for 1 or 4 Nm limits twice or half as much as it is told."""
+    """The drive has p2003 = 2 Nm; an axis that takes it for 1 or 4 Nm limits twice or half as much as it is
+    told.
+    """
     with torque_bench(**WEAK, **{"Actor.DriveParameter.ReferenceTorque": told}) as machine:
         axis = enabled(machine)
         axis.torque_limiting(0.5)
@@ -153,13 +165,16 @@ def test_a_wrong_reference_torque_scales_the_limit(told):
         assert machine.drive().core.torque == pytest.approx(0.5 * 2.0 / told, rel=0.02)
 
 
-# -- blocked motor -------------------------------------------------------------------------------------------------------------
+# -- blocked motor
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-185", "STP-580", "MC-531", "STP-535")
 @pytest.mark.parametrize("announced", [False, True])
 def test_a_blocked_motor_under_a_torque_range(announced):
-    """STW2.8 is not set by MC_TorqueRange: the blocked drive trips, 421; with the bit set by MC_SetAxisSTW it does not."""
+    """STW2.8 is not set by MC_TorqueRange: the blocked drive trips, 421; with the bit set by MC_SetAxisSTW it
+    does not.
+    """
     with torque_bench(mechanics={"blocked_time_ms": 1000}, **WEAK) as machine:
         axis = enabled(machine)
         axis.torque_range(0.3, -0.3)
@@ -179,13 +194,16 @@ def test_a_blocked_motor_under_a_torque_range(announced):
             assert axis.state is AxisState.ALARM_DISABLED
 
 
-# -- fixed stop ----------------------------------------------------------------------------------------------------------------
+# -- fixed stop
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-161")
 @pytest.mark.parametrize("telegram", [3, 105])
 def test_detection_with_and_without_a_torque_limit(telegram):
-    """With 105 the limit acts on the way and while clamped; with 3 the following error alone detects the stop."""
+    """With 105 the limit acts on the way and while clamped; with 3 the following error alone detects the
+    stop.
+    """
     with stop_bench(**{"FollowingError.MinValue": 20.0}) as machine:
         config = machine.config
     from hil.bench.bench import Bench
@@ -217,9 +235,12 @@ def test_detection_with_and_without_a_torque_limit(telegram):
 def test_following_error_monitoring_that_comes_first(deviation, permitted, clamped):
     """A deviation from the permitted following error on is never reached: 521 in place of clamping."""
     variables = {
-        "Clamping.FollowingErrorDeviation": deviation, "TorqueLimiting.PositionBasedMonitorings": 1,
-        "FollowingError.MinValue": permitted, "FollowingError.MaxValue": permitted, "FollowingError.WarningLevel": 100.0,
-    }  # fmt: skip
+        "Clamping.FollowingErrorDeviation": deviation,
+        "TorqueLimiting.PositionBasedMonitorings": 1,
+        "FollowingError.MinValue": permitted,
+        "FollowingError.MaxValue": permitted,
+        "FollowingError.WarningLevel": 100.0,
+    }
     with stop_bench(**variables) as machine:
         axis = enabled(machine)
         limiting = axis.torque_limiting(0.5, mode=1)
@@ -231,7 +252,9 @@ def test_following_error_monitoring_that_comes_first(deviation, permitted, clamp
 
 @pytest.mark.requirement("STP-171", "STP-160")
 def test_enable_and_mode_switch_the_detection():
-    """Mode 0 presses without ever being clamped; changed to Mode 1 the stop is detected at once; a speed job is not detected."""
+    """Mode 0 presses without ever being clamped; changed to Mode 1 the stop is detected at once; a speed job
+    is not detected.
+    """
     with stop_bench() as machine:
         axis = enabled(machine)
         limiting = axis.torque_limiting(0.5, mode=0)
@@ -272,7 +295,9 @@ def test_fixed_stop_and_superimposed_motion_need_position_control():
 @pytest.mark.requirement("STP-169")
 @pytest.mark.parametrize(("setpoint", "alarms"), [(100.5, []), (105.0, [542])])
 def test_a_setpoint_within_the_tolerance_hides_the_breakaway(setpoint, alarms):
-    """Moved back to 100.5 mm, within 1 mm of the stop, the axis stays clamped; the stop gone, it moves 0.5 mm without alarm."""
+    """Moved back to 100.5 mm, within 1 mm of the stop, the axis stays clamped; the stop gone, it moves 0.5 mm
+    without alarm.
+    """
     with stop_bench() as machine:
         axis, limiting, _ = clamp(machine)
         at = axis.var("ActualPosition")
@@ -292,7 +317,9 @@ def test_a_setpoint_within_the_tolerance_hides_the_breakaway(setpoint, alarms):
 
 @pytest.mark.requirement("STP-581", "STP-168")
 def test_the_stop_is_removed_while_clamped():
-    """542 with reaction 4: the axis is disabled and the drive stops by itself (OFF3), with the force of the limit until then."""
+    """542 with reaction 4: the axis is disabled and the drive stops by itself (OFF3), with the force of the
+    limit until then.
+    """
     with stop_bench() as machine:
         axis, limiting, _ = clamp(machine)
         machine.drive().mechanics.set_stops(-0.6, 0.2)

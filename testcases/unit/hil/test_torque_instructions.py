@@ -1,4 +1,6 @@
-"""Torque instructions and MC_SetAxisSTW on the emulated drive (sections 2.13 and 2.17 of the instruction specification)."""
+"""Torque instructions and MC_SetAxisSTW on the emulated drive (sections 2.13 and 2.17 of the instruction
+specification).
+"""
 
 from __future__ import annotations
 
@@ -30,14 +32,17 @@ def later(machine, cycles=4):
     machine.run_for(0.004 * cycles)
 
 
-# -- additive torque ---------------------------------------------------------------------------------------------------
+# -- additive torque
+# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
     "MC-517", "MC-520", "CFG-400", "CFG-407", "VAR-118", "VAR-119", "STP-178", "STP-179", "STP-182"
 )
 def test_additive_torque_reaches_the_drive():
-    """0.5 of 2 Nm are 1000h in M_ADD1 and an offset in the drive; the variables show it; the value follows the input."""
+    """0.5 of 2 Nm are 1000h in M_ADD1 and an offset in the drive; the variables show it; the value follows
+    the input.
+    """
     with torque_bench() as machine:
         axis = enabled(machine)
         job = axis.torque_additive(0.5)
@@ -70,7 +75,9 @@ def test_additive_torque_steps_to_zero():
 
 @pytest.mark.requirement("MC-518", "CFG-542", "STP-180", "VAR-135", "MC-528", "STP-188")
 def test_inverted_direction_inverts_torque_and_range():
-    """With Actor.InverseDirection the torque is sent with the other sign, and the limits are inverted and exchanged."""
+    """With Actor.InverseDirection the torque is sent with the other sign, and the limits are inverted and
+    exchanged.
+    """
     with torque_bench(**{"Actor.InverseDirection": True, "Sensor[1].InverseDirection": True}) as machine:
         axis = enabled(machine)
         axis.torque_additive(0.5)
@@ -95,7 +102,9 @@ def test_without_telegram_750_the_torque_instructions_are_refused(name):
 
 @pytest.mark.requirement("CFG-404", "VAR-139", "CFG-406")
 def test_torque_data_are_selected_where_the_drive_has_them():
-    """`EnableTorqueData` is TRUE with telegram 750 and FALSE without; switched off, the functions are refused."""
+    """`EnableTorqueData` is TRUE with telegram 750 and FALSE without; switched off, the functions are
+    refused.
+    """
     path = "Actor.Interface.EnableTorqueData"
     for supplement in (True, False):
         with torque_bench(supplement=supplement) as machine:
@@ -166,7 +175,8 @@ def test_torque_functions_outlive_jobs_and_alarms():
         assert word(machine, HIGH_WORD) == round(0.9 * 0x4000)
 
 
-# -- torque range ----------------------------------------------------------------------------------------------------------
+# -- torque range
+# ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-529", "MC-535", "STP-183", "STP-186", "STP-191", "VAR-143", "CFG-401")
@@ -220,14 +230,17 @@ def test_range_and_limiting_exclude_each_other(first):
         assert two.ErrorID == 0x804E
 
 
-# -- torque limiting --------------------------------------------------------------------------------------------------------
+# -- torque limiting
+# --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
     "MC-549", "MC-544", "STP-133", "STP-134", "STP-135", "STP-136", "STP-158", "STP-172", "MC-113", "VAR-049"
 )
 def test_limit_is_a_reduction_in_the_telegram():
-    """A limit of 0.5 of 2 Nm is a reduction of 75 % = 3000h; it follows the input; STW2.8 and X26 are set meanwhile."""
+    """A limit of 0.5 of 2 Nm is a reduction of 75 % = 3000h; it follows the input; STW2.8 and X26 are set
+    meanwhile.
+    """
     with torque_bench(**{"TorqueLimiting.LimitDefaults.Torque": 1.5}) as machine:
         axis = enabled(machine)
         job = axis.torque_limiting(0.5)
@@ -253,9 +266,16 @@ def test_limit_is_a_reduction_in_the_telegram():
 
 @pytest.mark.requirement("STP-137", "STP-141", "MC-549", "VAR-141", "VAR-140")
 def test_limit_at_the_load_is_a_force():
-    """At the load side of a linear axis the limit is a force: 400 N at 10 mm/rev and efficiency 0.8 are 0.796 Nm."""
-    with torque_bench(**{"TorqueLimiting.LimitBase": 1, "Actor.Efficiency": 0.8,
-                         "TorqueLimiting.LimitDefaults.Force": 200.0}) as machine:  # fmt: skip
+    """At the load side of a linear axis the limit is a force: 400 N at 10 mm/rev and efficiency 0.8 are 0.796
+    Nm.
+    """
+    with torque_bench(
+        **{
+            "TorqueLimiting.LimitBase": 1,
+            "Actor.Efficiency": 0.8,
+            "TorqueLimiting.LimitDefaults.Force": 200.0,
+        }
+    ) as machine:
         axis = enabled(machine)
         job = axis.torque_limiting(400.0)
         later(machine)
@@ -327,7 +347,9 @@ def test_the_drive_says_that_it_is_at_its_limit():
 
 @pytest.mark.requirement("MC-559", "MC-560", "STP-148")
 def test_halt_at_the_limit_is_done_when_the_axis_stands():
-    """The setpoint brakes to 0, the axis creeps on to its setpoint with the limit active, then the halt is Done."""
+    """The setpoint brakes to 0, the axis creeps on to its setpoint with the limit active, then the halt is
+    Done.
+    """
     with torque_bench() as machine:
         axis = enabled(machine)
         limit = axis.torque_limiting(0.2)
@@ -342,7 +364,8 @@ def test_halt_at_the_limit_is_done_when_the_axis_stands():
         assert abs(axis.var("ActualVelocity")) < 2.0
 
 
-# -- fixed stop ---------------------------------------------------------------------------------------------------------------
+# -- fixed stop
+# ------------------------------------------------------------------------------------------------------------
 
 STOP_MM = 100.0
 FIXED_STOP = {
@@ -354,7 +377,9 @@ FIXED_STOP = {
 
 
 def stop_bench(blocked_ms=0.0, **variables):
-    """Return a bench with an end stop of the mechanics at 100 mm and no limit switch before it; when a blocked drive trips."""
+    """Return a bench with an end stop of the mechanics at 100 mm and no limit switch before it; when a
+    blocked drive trips.
+    """
     machine = torque_bench(**(FIXED_STOP | variables))
     config = machine.config
     machine.close()
@@ -380,10 +405,26 @@ def clamp(machine):
     return axis, limiting, moving
 
 
-@pytest.mark.requirement("OVR-024", "STP-160", "STP-162", "STP-165", "STP-166", "STP-173", "STP-174", "STP-175", "MC-553", "MC-561",
-                         "MC-562", "MC-546", "VAR-144", "VAR-053")  # fmt: skip
+@pytest.mark.requirement(
+    "OVR-024",
+    "STP-160",
+    "STP-162",
+    "STP-165",
+    "STP-166",
+    "STP-173",
+    "STP-174",
+    "STP-175",
+    "MC-553",
+    "MC-561",
+    "MC-562",
+    "MC-546",
+    "VAR-144",
+    "VAR-053",
+)
 def test_the_fixed_stop_is_detected():
-    """Stop at 100 mm, deviation 5 mm: the job is aborted, the setpoint stays near 105 mm, the drive presses with its limit."""
+    """Stop at 100 mm, deviation 5 mm: the job is aborted, the setpoint stays near 105 mm, the drive presses
+    with its limit.
+    """
     with stop_bench() as machine:
         axis, limiting, moving = clamp(machine)
         assert moving.CommandAborted
@@ -401,7 +442,9 @@ def test_the_fixed_stop_is_detected():
 
 @pytest.mark.requirement("HOM-143", "HOM-144")
 def test_homing_at_a_fixed_stop():
-    """Detection on, monitoring off, to the stop, Mode 0 with the following error pending, back, monitoring on, detection off."""
+    """Detection on, monitoring off, to the stop, Mode 0 with the following error pending, back, monitoring
+    on, detection off.
+    """
     with stop_bench(**{"PositionLimits_HW.Active": True, "FollowingError.MinValue": 10.0}) as machine:
         axis = enabled(machine)
         limiting = axis.torque_limiting(0.5, mode=1)
@@ -436,10 +479,24 @@ def test_the_clamping_force_follows_the_limit():
         assert machine.drive().core.torque == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.requirement("STP-170", "STP-176", "STP-177", "STP-601", "STP-602", "MC-550", "MC-556", "MC-563", "MC-564", "MC-565",
-                         "MC-613", "MC-614")  # fmt: skip
+@pytest.mark.requirement(
+    "STP-170",
+    "STP-176",
+    "STP-177",
+    "STP-601",
+    "STP-602",
+    "MC-550",
+    "MC-556",
+    "MC-563",
+    "MC-564",
+    "MC-565",
+    "MC-613",
+    "MC-614",
+)
 def test_retracting_ends_the_clamping():
-    """Further in: 16#8047; off while clamped: 16#8046; away: accepted, and with the tolerance left the clamping ends."""
+    """Further in: 16#8047; off while clamped: 16#8046; away: accepted, and with the tolerance left the
+    clamping ends.
+    """
     with stop_bench() as machine:
         axis, limiting, _ = clamp(machine)
         further = axis.move_relative(10.0)
@@ -488,7 +545,8 @@ def test_no_job_without_position_control_on_the_way_to_the_stop():
         assert job.ErrorID == 0x8045
 
 
-# -- control words --------------------------------------------------------------------------------------------------------------
+# -- control words
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-442", "MC-444", "MC-436", "MC-438", "MC-440", "MC-446", "CFG-222")
@@ -515,7 +573,9 @@ def test_bits_of_the_control_words_are_the_users():
     [{"STW1BitMask": 0x0001}, {"STW1BitMask": 0x0400}, {"STW1BitMask": 0x0080}, {"STW2BitMask": 0x1000}],
 )
 def test_bits_that_belong_to_the_object_are_refused(masks):
-    """Bits 0 to 7 and 10 of STW1 and the sign of life in STW2 are not the user's: 16#8055, the telegram stays."""
+    """Bits 0 to 7 and 10 of STW1 and the sign of life in STW2 are not the user's: 16#8055, the telegram
+    stays.
+    """
     with torque_bench() as machine:
         axis = enabled(machine)
         job = axis.set_axis_stw(STW1=0xFFFF, STW2=0xFFFF, **masks)

@@ -1,4 +1,6 @@
-"""Telegrams that are not what the axis expects: parts lost, exchanged, of a wrong length, of something that is no drive."""
+"""Telegrams that are not what the axis expects: parts lost, exchanged, of a wrong length, of something that
+is no drive.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,9 @@ class TestLostParts:
 
     @pytest.mark.requirement("CFG-593")
     def test_one_pdo_of_the_telegram(self):
-        """The last whole image stays in force, with no new word in it; after the tolerated cycles there is no communication."""
+        """The last whole image stays in force, with no new word in it; after the tolerated cycles there is no
+        communication.
+        """
         with bench() as machine:
             axis = enabled(machine)
             axis.move_velocity(100.0)
@@ -140,7 +144,9 @@ class TestExchanged:
     @pytest.mark.requirement("CFG-595", "CFG-183", "CFG-596")
     @pytest.mark.parametrize("telegram", [3, 4])
     def test_of_different_lengths(self, telegram):
-        """Each axis gets the other one's words, which are too few or too many for it: neither communicates nor is enabled."""
+        """Each axis gets the other one's words, which are too few or too many for it: neither communicates
+        nor is enabled.
+        """
         with two(telegram) as machine:
             exchange(*(machine.axis(name).port for name in ("axis1", "axis2")))
             axes = [machine.axis(name) for name in ("axis1", "axis2")]
@@ -154,7 +160,9 @@ class TestExchanged:
 
     @pytest.mark.requirement("CFG-595", "CFG-183")
     def test_of_the_same_length(self):
-        """102 and 105 answer with the same words: each axis sees the other drive, which shows when only one of them moves."""
+        """102 and 105 answer with the same words: each axis sees the other drive, which shows when only one
+        of them moves.
+        """
         with two(102) as machine:
             axes = [machine.axis(name) for name in ("axis1", "axis2")]
             for axis in axes:
@@ -185,7 +193,9 @@ class TestLengthAndNumber:
 
     @pytest.mark.requirement("CFG-250")
     def test_a_range_smaller_than_the_telegram(self):
-        """A register map with room for fewer words than the telegram has is refused when the bench file is read."""
+        """A register map with room for fewer words than the telegram has is refused when the bench file is
+        read.
+        """
         text = read("profidrive_tcp")[1]
         assert "telegram = 105" in text or "telegram =" in text
         long = text.replace(
@@ -209,8 +219,8 @@ class TestNoDrive:
     def test_meaningless_words(self, rows):
         """Inputs that stand still or change now and then: no crash, no enable, no communication for the axis.
 
-        A row with the next sign of life after another counts as one until the tolerated failures are over, so the last
-        one is held for longer than that.
+        A row with the next sign of life after another counts as one until the tolerated failures are over, so
+        the last one is held for longer than that.
         """
         with bench() as machine:
             axis = machine.axis()
@@ -259,7 +269,9 @@ def test_a_speed_axis_does_not_look_at_the_encoder_of_its_telegram():
 
 @pytest.mark.requirement("CTL-010", "CTL-028", "CFG-317", "CFG-221")
 def test_dsc_needs_the_motor_encoder_first():
-    """With the scale as `Sensor[1]` in place of the motor encoder dynamic servo control is refused, and without it is not."""
+    """With the scale as `Sensor[1]` in place of the motor encoder dynamic servo control is refused, and
+    without it is not.
+    """
     scale = """
 [encoder.scale]
 segment = "can0"
@@ -300,9 +312,11 @@ def test_times_of_a_direct_connection_come_by_themselves():
 
 @pytest.mark.requirement("CFG-606")
 def test_a_data_block_without_times_shows_a_following_error():
-    """With times of 0.0 a setpoint counts as executed after T_servo: an error of v * (T_i + T_o + T_DC) that is none.
+    """With times of 0.0 a setpoint counts as executed after T_servo: an error of v * (T_i + T_o + T_DC) that
+    is none.
 
-    A controller that hardly controls shows it, instead of taking it for an error of the axis and correcting it.
+    A controller that hardly controls shows it, instead of taking it for an error of the axis and correcting
+    it.
     """
     text = read("profidrive")[1].replace(
         'drive = "drive1"\n', 'drive = "drive1"\nconnection = "data_block"\n', 1

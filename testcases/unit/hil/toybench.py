@@ -1,6 +1,8 @@
-"""A tiny but real bench for the tests of the orchestrator: virtual time, a real CAN medium, one axis that moves.
+"""A tiny but real bench for the tests of the orchestrator: virtual time, a real CAN medium, one axis that
+moves.
 
-Controller and drive meet on the bus only. `defect` plants a mistake, so that checkers and fuzzer have something to find.
+Controller and drive meet on the bus only. `defect` plants a mistake, so that checkers and fuzzer have
+something to find.
 """
 
 from __future__ import annotations
@@ -20,17 +22,33 @@ from hil.record import Recorder
 CYCLE_NS = 4 * MS
 NODE = 5
 STATUS = {
-    "SWITCH_ON_DISABLED": 0x0250, "READY_TO_SWITCH_ON": 0x0231, "SWITCHED_ON": 0x0233, "OPERATION_ENABLED": 0x0237,
-    "QUICK_STOP_ACTIVE": 0x0217, "FAULT_REACTION_ACTIVE": 0x021F, "FAULT": 0x0218,
-}  # fmt: skip
+    "SWITCH_ON_DISABLED": 0x0250,
+    "READY_TO_SWITCH_ON": 0x0231,
+    "SWITCHED_ON": 0x0233,
+    "OPERATION_ENABLED": 0x0237,
+    "QUICK_STOP_ACTIVE": 0x0217,
+    "FAULT_REACTION_ACTIVE": 0x021F,
+    "FAULT": 0x0218,
+}
 STATES = (
-    "DISABLED", "ENABLING", "STANDSTILL", "MOTION", "HALTING", "STOPPING", "DISABLING_RAMP", "DISABLING_COAST",
-    "ALARM_RAMP", "ALARM_DRIVE_STOP", "ALARM_DISABLED",
-)  # fmt: skip
+    "DISABLED",
+    "ENABLING",
+    "STANDSTILL",
+    "MOTION",
+    "HALTING",
+    "STOPPING",
+    "DISABLING_RAMP",
+    "DISABLING_COAST",
+    "ALARM_RAMP",
+    "ALARM_DRIVE_STOP",
+    "ALARM_DISABLED",
+)
 
 
 class ToyDrive:
-    """CiA 402 drive that follows its velocity at once, coasts with friction and brakes with ramps. Units: m, m/s."""
+    """CiA 402 drive that follows its velocity at once, coasts with friction and brakes with ramps. Units: m,
+    m/s.
+    """
 
     trace_columns = (
         ("position", "m"), ("velocity", "m/s"), ("torque", "Nm"), ("controlword", ""), ("statusword", ""),
@@ -54,8 +72,14 @@ class ToyDrive:
 
     def trace_row(self):
         return (
-            self.position, self.velocity, 0.0, self.controlword, STATUS[self.state], self.error_code, self.inputs,
-        )  # fmt: skip
+            self.position,
+            self.velocity,
+            0.0,
+            self.controlword,
+            STATUS[self.state],
+            self.error_code,
+            self.inputs,
+        )
 
     def _go(self, state):
         if state != self.state:
@@ -253,10 +277,20 @@ class ToyAxis:
     """Axis of the controller: trapezoidal velocity, jobs, one alarm at a time. Units: mm, mm/s."""
 
     trace_columns = (
-        ("position_setpoint", "mm"), ("velocity_setpoint", "mm/s"), ("actual_position", "mm"),
-        ("actual_velocity", "mm/s"), ("status_word", ""), ("error_word", ""), ("alarm_number", ""),
-        ("alarm_reaction", ""), ("state", ""), ("stw1", ""), ("zsw1", ""), ("power_status", ""), ("power_busy", ""),
-    )  # fmt: skip
+        ("position_setpoint", "mm"),
+        ("velocity_setpoint", "mm/s"),
+        ("actual_position", "mm"),
+        ("actual_velocity", "mm/s"),
+        ("status_word", ""),
+        ("error_word", ""),
+        ("alarm_number", ""),
+        ("alarm_reaction", ""),
+        ("state", ""),
+        ("stw1", ""),
+        ("zsw1", ""),
+        ("power_status", ""),
+        ("power_busy", ""),
+    )
     ACCELERATION, EMERGENCY = 1000.0, 4000.0
 
     def __init__(self, scheduler, segment, history, *, name="axis1", defect=""):
@@ -283,10 +317,20 @@ class ToyAxis:
         word = on | bool(self.alarm_number) << 1 | (not self.velocity) << 12 | bool(braking) << 14
         stw1 = {0x000F: 0x047F, 0x0002: 0x047B, 0x0000: 0x047C}.get(self.stw1, 0x047E)
         return (
-            self.setpoint, self.velocity, self.actual, self.actual_velocity, word, 0x10 if self.alarm_number else 0,
-            self.alarm_number, self.alarm_reaction, STATES.index(self.state), stw1,
-            0x0237 if self.status & 0x6F == 0x27 else 0x0231, on, on or self.state != "DISABLED",
-        )  # fmt: skip
+            self.setpoint,
+            self.velocity,
+            self.actual,
+            self.actual_velocity,
+            word,
+            0x10 if self.alarm_number else 0,
+            self.alarm_number,
+            self.alarm_reaction,
+            STATES.index(self.state),
+            stw1,
+            0x0237 if self.status & 0x6F == 0x27 else 0x0231,
+            on,
+            on or self.state != "DISABLED",
+        )
 
     def _receive(self, frame, time_ns):
         if frame.can_id == 0x180 + NODE and len(frame.data) == 6:
@@ -407,7 +451,8 @@ class ToyAxis:
                 self._go("ENABLING" if self.enable else "DISABLED")
         job.end("Done")
 
-    # -- instructions -------------------------------------------------------------------------------------------
+    # -- instructions
+    # -------------------------------------------------------------------------------------------
 
     def power(self, enable=True, *, start_mode=1, stop_mode=0):
         self.enable = enable

@@ -1,7 +1,8 @@
-"""How each technology alarm of an axis is brought about here: one stimulus per number and cause, with the end of its cause.
+"""How each technology alarm of an axis is brought about here: one stimulus per number and cause, with the end
+of its cause.
 
-A stimulus gets a rig whose axis moves at 100 mm/s, or a fresh one where the alarm belongs to the start. It does what brings the
-alarm about and returns what takes the cause away.
+A stimulus gets a rig whose axis moves at 100 mm/s, or a fresh one where the alarm belongs to the start. It
+does what brings the alarm about and returns what takes the cause away.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ class Stimulus:
     Args:
         number: The alarm.
         act: Brings it about; returns what takes the cause away.
-        info: Supplementary value expected: the number of the cause in the catalogue; 0 where the text says more.
+        info: Supplementary value expected: the number of the cause in the catalogue; 0 where the text
+            says more.
         fresh: Whether the axis has not been enabled before.
         reaction: The reaction, where the configuration decides; None: the usual one.
         variables: Start values of the axis.
@@ -80,7 +82,9 @@ def before_start(**attributes: Any) -> Callable[[Rig], Undo]:
 
 
 def variable(**values: float) -> Callable[[Rig], Undo]:
-    """Write variables (`__` for a dot) and give a job that meets them; the end of the cause writes the old values back."""
+    """Write variables (`__` for a dot) and give a job that meets them; the end of the cause writes the old
+    values back.
+    """
 
     def act(rig: Rig) -> Undo:
         paths = {name.replace("__", "."): value for name, value in values.items()}
@@ -119,7 +123,9 @@ def jump(mm: float) -> Callable[[Rig], Undo]:
 
 
 def place_at(position: float, direction: float) -> Callable[[Rig], Undo]:
-    """Shift the coordinates of the axis so that it is just inside of `position`, and travel on in `direction`."""
+    """Shift the coordinates of the axis so that it is just inside of `position`, and travel on in
+    `direction`.
+    """
 
     def act(rig: Rig) -> Undo:
         start = position - direction
@@ -228,7 +234,9 @@ def refused_restart(rig: Rig) -> Undo:
 
 
 def short_of(distance: float, mm: float, *, before: float = 0.0) -> Callable[[Rig], Undo]:
-    """Position exactly, and move the motor by `mm` when the setpoint has ended, or by `before` millimetres earlier."""
+    """Position exactly, and move the motor by `mm` when the setpoint has ended, or by `before` millimetres
+    earlier.
+    """
 
     def act(rig: Rig) -> Undo:
         moved = rig.axis.move_relative(distance)
@@ -250,7 +258,9 @@ def start_value_later(path: str, value: object) -> Callable[[Rig], Undo]:
 
 
 def variable_as_switch(end: str) -> dict[str, Any]:
-    """Return start values with a bit of a data block as limit switch, `Min` or `Max`, that is watched from the start on."""
+    """Return start values with a bit of a data block as limit switch, `Min` or `Max`, that is watched from
+    the start on.
+    """
     place = f"PositionLimits_HW.{end}SwitchAddress"
     return HARD | {f"{place}.RID": 0x0200_0001, f"{place}.Area": 0x84, f"{place}.DbNumber": 7}
 
@@ -273,11 +283,27 @@ SHORT_RANGE = {"Modulo.Enable": True, "Modulo.Length": 0.8}
 
 STIMULI = [
     Stimulus(101, restart_with("Mechanics.LeadScrew", 0.0), fresh=True),
-    Stimulus(104, homed(variable(PositionLimits_SW__MinPosition=20.0, PositionLimits_SW__MaxPosition=10.0)), variables=SOFT),
+    Stimulus(
+        104,
+        homed(variable(PositionLimits_SW__MinPosition=20.0, PositionLimits_SW__MaxPosition=10.0)),
+        variables=SOFT,
+    ),
     Stimulus(106, before_start(link=False), info=2, fresh=True),
     Stimulus(108, before_start(sensor_fault=True), info=2, fresh=True),
-    Stimulus(109, start_value_later("PositionLimits_HW.Active", False), info=1, fresh=True, variables=variable_as_switch("Min")),
-    Stimulus(109, start_value_later("PositionLimits_HW.Active", False), info=2, fresh=True, variables=variable_as_switch("Max")),
+    Stimulus(
+        109,
+        start_value_later("PositionLimits_HW.Active", False),
+        info=1,
+        fresh=True,
+        variables=variable_as_switch("Min"),
+    ),
+    Stimulus(
+        109,
+        start_value_later("PositionLimits_HW.Active", False),
+        info=2,
+        fresh=True,
+        variables=variable_as_switch("Max"),
+    ),
     Stimulus(110, lambda _: nothing, info=1, fresh=True, variables={"Actor.DriveParameter.MaxSpeed": 7000.0}),
     Stimulus(204, lost_panel, info=1, fresh=True, within_s=4.0),
     Stimulus(304, standing_still, info=1, fresh=True, variables={"DynamicLimits.MaxVelocity": 0.0}),
@@ -304,25 +330,62 @@ STIMULI = [
     Stimulus(502, job("move_velocity", 50.0, Acceleration=9000.0), info=1),
     Stimulus(502, job("move_velocity", 50.0, Deceleration=9000.0), info=2),
     Stimulus(503, job("move_velocity", 50.0, Jerk=90000.0)),
-    Stimulus(504, job("move_velocity", 400.0), variables=NO_LIMIT | {"Actor.DriveParameter.MaxSpeed": 2000.0}),
+    Stimulus(
+        504, job("move_velocity", 400.0), variables=NO_LIMIT | {"Actor.DriveParameter.MaxSpeed": 2000.0}
+    ),
     Stimulus(521, jump(20.0)),
     Stimulus(522, jump(3.3)),
     Stimulus(531, port(switches=2), info=1, variables=HARD),
     Stimulus(531, backwards(port(switches=1)), info=2, variables=HARD),
     Stimulus(531, port(switches=1), info=4, variables=HARD),
     Stimulus(531, port(switches=3), info=5, variables=HARD),
-    Stimulus(531, port(switches=2), info=1, variables=HARD | {"PositionLimits_HW.ApproachBehavior": 1}, reaction=3),
-    Stimulus(533, homed(job("move_velocity", 200.0)), info=2, variables=SOFT | {"PositionLimits_SW.MaxPosition": 150.0}, reaction=2),
+    Stimulus(
+        531, port(switches=2), info=1, variables=HARD | {"PositionLimits_HW.ApproachBehavior": 1}, reaction=3
+    ),
+    Stimulus(
+        533,
+        homed(job("move_velocity", 200.0)),
+        info=2,
+        variables=SOFT | {"PositionLimits_SW.MaxPosition": 150.0},
+        reaction=2,
+    ),
     Stimulus(533, homed(job("move_velocity", 200.0)), info=2, variables=SOFT | REACHED, reaction=1),
-    Stimulus(533, homed(job("move_velocity", -200.0)), info=1, variables=SOFT | {"PositionLimits_SW.MinPosition": -90.0}),
-    Stimulus(534, homed(beyond(-160.0)), info=1, variables=SOFT | NO_LIMIT | {"PositionLimits_SW.MinPosition": -150.0}),
-    Stimulus(534, homed(beyond(160.0)), info=2, variables=SOFT | NO_LIMIT | {"PositionLimits_SW.MaxPosition": 150.0}),
+    Stimulus(
+        533,
+        homed(job("move_velocity", -200.0)),
+        info=1,
+        variables=SOFT | {"PositionLimits_SW.MinPosition": -90.0},
+    ),
+    Stimulus(
+        534,
+        homed(beyond(-160.0)),
+        info=1,
+        variables=SOFT | NO_LIMIT | {"PositionLimits_SW.MinPosition": -150.0},
+    ),
+    Stimulus(
+        534,
+        homed(beyond(160.0)),
+        info=2,
+        variables=SOFT | NO_LIMIT | {"PositionLimits_SW.MaxPosition": 150.0},
+    ),
     Stimulus(534, homed(beyond(160.0)), info=2, variables=SOFT | NO_LIMIT | EXCEEDED, reaction=3),
-    Stimulus(541, short_of(10.0, 1.0), info=2, variables=TIGHT | {"PositioningMonitoring.MinDwellTime": 0.1}, within_s=2.0),
-    Stimulus(541, short_of(10.0, 1.0, before=0.05), info=1, variables=TIGHT | {"PositioningMonitoring.ToleranceTime": 0.0}, within_s=2.0),
+    Stimulus(
+        541,
+        short_of(10.0, 1.0),
+        info=2,
+        variables=TIGHT | {"PositioningMonitoring.MinDwellTime": 0.1},
+        within_s=2.0,
+    ),
+    Stimulus(
+        541,
+        short_of(10.0, 1.0, before=0.05),
+        info=1,
+        variables=TIGHT | {"PositioningMonitoring.ToleranceTime": 0.0},
+        within_s=2.0,
+    ),
     Stimulus(550, port(autonomous_stop=True)),
     Stimulus(551, lambda _: nothing, fresh=True, variables={"Actor.DriveParameter.MaxSpeed": 2000.0}),
-]  # fmt: skip
+]
 
 ELSEWHERE = {
     102: "testcases/unit/motion_axis/test_adaption.py",
@@ -333,4 +396,5 @@ ELSEWHERE = {
     401: "testcases/unit/hil/test_bench_io.py",
     542: "testcases/unit/hil/test_torque_instructions.py",
 }
-"""Alarms that need a drive with parameters, a station or a stop in the way, and where they are brought about."""
+"""Alarms that need a drive with parameters, a station or a stop in the way, and where they are brought about.
+"""

@@ -93,9 +93,16 @@ class Rig:
         kind = SpeedAxis if speed else PositioningAxis
         start = (SPEED if speed else REFERENCE) | (variables or {})
         axis = kind(
-            "axis1", self.port, cycle_ns=cycle_ns, variables=start, history=self.history, delay_s=cycle_ns / S,
-            connection=connection, interpolator_ns=ratio * cycle_ns, cpu=cpu,
-        )  # fmt: skip
+            "axis1",
+            self.port,
+            cycle_ns=cycle_ns,
+            variables=start,
+            history=self.history,
+            delay_s=cycle_ns / S,
+            connection=connection,
+            interpolator_ns=ratio * cycle_ns,
+            cpu=cpu,
+        )
         self.runtime = Runtime(
             self.scheduler, cycle_ns=cycle_ns, interpolator_ns=ratio * cycle_ns, history=self.history
         )

@@ -1,4 +1,6 @@
-"""A drive whose speed follows its setpoint with a lag of first order, exact for setpoints that change linearly within a cycle."""
+"""A drive whose speed follows its setpoint with a lag of first order, exact for setpoints that change
+linearly within a cycle.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,9 @@ from motion.drives.simulated import DriveStage, SimulatedDrivePort
 
 
 class LaggingDrivePort(SimulatedDrivePort):
-    """See the module; `lag_s` is the time constant of the speed loop, `load_rpm` a speed by which a load turns the motor back."""
+    """See the module; `lag_s` is the time constant of the speed loop, `load_rpm` a speed by which a load
+    turns the motor back.
+    """
 
     def __init__(self, *, cycle_s: float, lag_s: float, load_rpm: float = 0.0, **options) -> None:
         super().__init__(cycle_s=cycle_s, **options)

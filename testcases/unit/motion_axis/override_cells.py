@@ -1,4 +1,5 @@
-"""How every job of the overriding tables is brought about, which cells that makes testable, and the page that says so.
+"""How every job of the overriding tables is brought about, which cells that makes testable, and the page that
+says so.
 
 `python -m testcases.unit.motion_axis.override_cells` writes `docs/overriding.md`.
 """
@@ -126,7 +127,9 @@ def exists(job: str) -> bool:
 
 
 def missing(cell: Cell) -> tuple[str, ...]:
-    """Return the jobs of a cell that cannot be brought about, because their instruction does not exist yet."""
+    """Return the jobs of a cell that cannot be brought about, because their instruction does not exist
+    yet.
+    """
     return tuple(dict.fromkeys(job for job in (cell.new, cell.active) if not exists(job)))
 
 
@@ -135,7 +138,8 @@ def cells() -> list[Cell]:
     return [cell for table in TABLES for cell in table.cells()]
 
 
-# -- the page ----------------------------------------------------------------------------------------------------------------
+# -- the page
+# ------------------------------------------------------------------------------------------------------------
 
 _HEAD = """# Overriding
 
@@ -146,16 +150,14 @@ running job under every new one, for all instructions that there are. This page 
 
 | letter | running job |
 |---|---|
-"""
+"""  # noqa: E501
 
 
 def _table(table: OverrideTable) -> list[str]:
     everything = list(table.cells())
     lines = [f"## {table.section} {table.title}", "", "| column | running job |", "|---|---|"]
     lines += [f"| {column} | {_code(jobs)} |" for column, jobs in table.columns.items()]
-    lines += [
-        "", f"| | new job | {' | '.join(table.columns)} |", "|---|---|" + "---|" * len(table.columns)
-    ]  # fmt: skip
+    lines += ["", f"| | new job | {' | '.join(table.columns)} |", "|---|---|" + "---|" * len(table.columns)]
     for row in table.rows:
         shown = []
         for column in table.columns:
@@ -186,10 +188,13 @@ def page() -> str:
     for table in TABLES:
         lines += _table(table)
     lines += [
-        "## Jobs on an object that the interpreter controls", "",
-        "There is no interpreter yet, so none of this is tested.", "",
-        "| | new job | executed | aborts the program of the interpreter |", "|---|---|---|---|",
-    ]  # fmt: skip
+        "## Jobs on an object that the interpreter controls",
+        "",
+        "There is no interpreter yet, so none of this is tested.",
+        "",
+        "| | new job | executed | aborts the program of the interpreter |",
+        "|---|---|---|---|",
+    ]
     lines += [
         f"| {row.identifier} | {_code(row.jobs)} | {'yes' if row.executed else 'no'} | {row.aborts} |"
         for row in UNDER_INTERPRETER

@@ -1,4 +1,6 @@
-"""Automatic transfer of drive and encoder parameters: states, values, alarms, repetition, waiting of `MC_Power`."""
+"""Automatic transfer of drive and encoder parameters: states, values, alarms, repetition, waiting of
+`MC_Power`.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ BOTH = {"Actor.DataAdaption": 1, "Sensor[1].DataAdaption": 1}
 
 
 class ParameterPort(SimulatedDrivePort):
-    """A simulated drive with parameters, each answered after 3 ms; a missing one is refused, a lazy drive says nothing."""
+    """A simulated drive with parameters, each answered after 3 ms; a missing one is refused, a lazy drive
+    says nothing.
+    """
 
     __slots__ = ("asked", "lazy", "parameters", "scheduler")
 
@@ -57,9 +61,12 @@ class Rig:
                 self.port.parameters[number, index] = value
         kind = SpeedAxis if speed else PositioningAxis
         axis = kind(
-            "axis1", self.port, cycle_ns=4 * MS, history=self.history,
+            "axis1",
+            self.port,
+            cycle_ns=4 * MS,
+            history=self.history,
             variables=({} if speed else REFERENCE) | (variables or {}),
-        )  # fmt: skip
+        )
         self.runtime = Runtime(self.scheduler, cycle_ns=4 * MS, history=self.history)
         self.runtime.add(axis)
         self.axis = AxisHandle(self.runtime, axis)
@@ -87,8 +94,19 @@ class Rig:
 class TestTransfer:
     """What is transferred, and when."""
 
-    @pytest.mark.requirement("CFG-347", "CFG-348", "CFG-349", "CFG-346", "CFG-352", "CFG-353", "CFG-359", "CFG-360", "CFG-361",
-                             "VAR-106", "VAR-150")  # fmt: skip
+    @pytest.mark.requirement(
+        "CFG-347",
+        "CFG-348",
+        "CFG-349",
+        "CFG-346",
+        "CFG-352",
+        "CFG-353",
+        "CFG-359",
+        "CFG-360",
+        "CFG-361",
+        "VAR-106",
+        "VAR-150",
+    )
     def test_drive(self):
         """0, 1, 2; then reference speed, maximum speed and reference torque are those of the drive."""
         rig = Rig({"Actor.DataAdaption": 1}).run()
@@ -110,8 +128,11 @@ class TestTransfer:
         """System, steps, fine resolutions, revolutions and reference speed are those of p0979 and p2000."""
         rig = Rig(
             {"Sensor[1].DataAdaption": 1, "Sensor[1].Type": 1},
-            p979_2=512, p979_3=4, p979_4=5, p979_5=4096,
-        ).run()  # fmt: skip
+            p979_2=512,
+            p979_3=4,
+            p979_4=5,
+            p979_5=4096,
+        ).run()
         assert rig.states("Sensor[1]") == [0, 1, 2]
         names = (
             "StepsPerRevolution",
@@ -127,7 +148,9 @@ class TestTransfer:
 
     @pytest.mark.requirement("CFG-367", "CFG-368", "CFG-374", "CFG-375")
     def test_linear_encoder(self):
-        """p0979[1] bit 0 is a linear encoder, the opposite of `Sensor.System`; the distance of lines comes in nm."""
+        """p0979[1] bit 0 is a linear encoder, the opposite of `Sensor.System`; the distance of lines comes in
+        nm.
+        """
         rig = Rig(
             {"Sensor[1].DataAdaption": 1, "Sensor[1].MountingMode": 1},
             p979_1=1 << 31 | 1,
@@ -250,7 +273,9 @@ class TestRepetition:
 
     @pytest.mark.requirement("CFG-355", "VAR-106", "VAR-084")
     def test_other_encoder_data_on_return(self):
-        """An encoder that comes back with other data raises 552 and ends the homing; an acknowledgement suffices."""
+        """An encoder that comes back with other data raises 552 and ends the homing; an acknowledgement
+        suffices.
+        """
         rig = Rig(BOTH, p979_2=131072, p979_3=0)
         rig.axis.power()
         rig.run()
@@ -279,15 +304,22 @@ class TestErrors:
     @pytest.mark.parametrize(
         ("selected", "missing", "alarm", "cause", "name"),
         [
-            ("Actor", "p2000_0", 102, 6, "p2000"), ("Actor", "p1082_0", 102, 2, "p1082"), ("Actor", "p2003_0", 102, 7, "p2003"),
-            ("Actor", "p108_0", 102, 8, "r0108[0]"), ("Actor", "p922_0", 102, 9, "p0922"),
-            ("Sensor[1]", "p979_1", 103, 2, "p0979[1]"), ("Sensor[1]", "p979_2", 103, 3, "p0979[2]"),
-            ("Sensor[1]", "p979_3", 103, 4, "p0979[3]"), ("Sensor[1]", "p979_4", 103, 5, "p0979[4]"),
+            ("Actor", "p2000_0", 102, 6, "p2000"),
+            ("Actor", "p1082_0", 102, 2, "p1082"),
+            ("Actor", "p2003_0", 102, 7, "p2003"),
+            ("Actor", "p108_0", 102, 8, "r0108[0]"),
+            ("Actor", "p922_0", 102, 9, "p0922"),
+            ("Sensor[1]", "p979_1", 103, 2, "p0979[1]"),
+            ("Sensor[1]", "p979_2", 103, 3, "p0979[2]"),
+            ("Sensor[1]", "p979_3", 103, 4, "p0979[3]"),
+            ("Sensor[1]", "p979_4", 103, 5, "p0979[4]"),
             ("Sensor[1]", "p979_5", 103, 6, "p0979[5]"),
         ],
-    )  # fmt: skip
+    )
     def test_unreadable(self, selected, missing, alarm, cause, name):
-        """A parameter that cannot be read: state 4, alarm 102 or 103 with its name, reaction 4, cleared by a restart alone."""
+        """A parameter that cannot be read: state 4, alarm 102 or 103 with its name, reaction 4, cleared by a
+        restart alone.
+        """
         rig = Rig({f"{selected}.DataAdaption": 1}, **{missing: None})
         rig.axis.power()
         rig.run()
@@ -324,11 +356,13 @@ class TestErrors:
     @pytest.mark.parametrize(
         ("parameters", "text"),
         [
-            ({"p979_1": 0}, "bit 31"), ({"p979_2": 0}, "p0979, resolution = 0 is not within 1 to 8388608"),
+            ({"p979_1": 0}, "bit 31"),
+            ({"p979_2": 0}, "p0979, resolution = 0 is not within 1 to 8388608"),
             ({"p979_3": 32}, "fine resolution of Gx_XIST1 = 32 is not within 0 to 31"),
-            ({"p979_2": 9_000_000}, "resolution = 9e+06 is not within"), ({"p2000_0": float("nan")}, "p2000 = nan is not above 0"),
+            ({"p979_2": 9_000_000}, "resolution = 9e+06 is not within"),
+            ({"p2000_0": float("nan")}, "p2000 = nan is not above 0"),
         ],
-    )  # fmt: skip
+    )
     def test_invalid_encoder(self, parameters, text):
         """Data of an encoder that no axis can work with are alarm 103 with the value and its range."""
         rig = Rig({"Sensor[1].DataAdaption": 1}, **parameters).run()
@@ -370,7 +404,9 @@ class TestErrors:
     @pytest.mark.requirement("CFG-376", "CFG-625", "CFG-366", "TA-025")
     @pytest.mark.parametrize(("kind", "revolutions", "cause"), [(1, 0, 2), (0, 1, 5), (0, 4096, 5)])
     def test_other_encoder_type(self, kind, revolutions, cause):
-        """An encoder that is not absolute, or not incremental, is warning 112; the type stays as it is configured."""
+        """An encoder that is not absolute, or not incremental, is warning 112; the type stays as it is
+        configured.
+        """
         rig = Rig({"Sensor[1].DataAdaption": 1, "Sensor[1].Type": kind}, p979_5=revolutions).run()
         entry = next(one for one in rig.axis.alarms.engine.pending if one.number == 112)
         assert (entry.reaction, entry.info) == (0, cause)
@@ -404,16 +440,28 @@ class TestErrors:
 @pytest.mark.parametrize(
     ("settings", "motor", "load"),
     [
-        ({"Properties.MotionType": 1, "LoadGear.Numerator": 3}, ("DriveParameter.MotorInertia", 0.001), 0.002 * 9),
-        ({"LoadGear.Numerator": 2}, ("DriveParameter.MotorInertia", 0.001), 0.002 * (2 * 3.141592653589793 / 0.01) ** 2 * 4),
         (
-            {"Actor.MotorType": 1, "Sensor[1].System": 0}, ("LinearMotorDriveParameter.MotorMass", 0.001), 0.002,
+            {"Properties.MotionType": 1, "LoadGear.Numerator": 3},
+            ("DriveParameter.MotorInertia", 0.001),
+            0.002 * 9,
+        ),
+        (
+            {"LoadGear.Numerator": 2},
+            ("DriveParameter.MotorInertia", 0.001),
+            0.002 * (2 * 3.141592653589793 / 0.01) ** 2 * 4,
+        ),
+        (
+            {"Actor.MotorType": 1, "Sensor[1].System": 0},
+            ("LinearMotorDriveParameter.MotorMass", 0.001),
+            0.002,
         ),
     ],
     ids=["rotary", "linear", "linear motor"],
-)  # fmt: skip
+)
 def test_inertias(settings, motor, load):
-    """p1498 is converted to the load side: by the square of the gear, and of the lead in metres; a mass of a linear motor is one."""
+    """p1498 is converted to the load side: by the square of the gear, and of the lead in metres; a mass of a
+    linear motor is one.
+    """
     parameters = {"p341_0": 0.001, "p1498_0": 0.002}
     if "Actor.MotorType" in settings:
         parameters["p108_0"] = 1 << 12

@@ -1,4 +1,6 @@
-"""Every alarm that an axis can have, raised at rest, in motion and while braking: bit, detail, jobs, enable (DIA-112)."""
+"""Every alarm that an axis can have, raised at rest, in motion and while braking: bit, detail, jobs, enable
+(DIA-112).
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,23 @@ from testcases.unit.motion_axis.conftest import Rig
 
 BITS = {
     "ErrorWord": {
-        0: (201, 202, 203, 204), 1: (101, 104, 105, 106, 107, 108, 109, 343), 2: (113, 304, 305, 306, 307, 308, 542), 3: (321, 323),
-        4: (421,), 5: (411, 412), 7: (431,), 8: (533, 534), 9: (531,), 10: (341, 342), 11: (521,), 12: (541,), 13: (401, 550),
+        0: (201, 202, 203, 204),
+        1: (101, 104, 105, 106, 107, 108, 109, 343),
+        2: (113, 304, 305, 306, 307, 308, 542),
+        3: (321, 323),
+        4: (421,),
+        5: (411, 412),
+        7: (431,),
+        8: (533, 534),
+        9: (531,),
+        10: (341, 342),
+        11: (521,),
+        12: (541,),
+        13: (401, 550),
         15: (102, 103, 552),
     },
     "WarningWord": {1: (110,), 3: (322,), 6: (501, 502, 503, 504, 511, 551), 11: (522,), 15: (111, 112)},
-}  # fmt: skip
+}
 """Bit -> alarms of a positioning axis, by word (section 4 of the alarm list)."""
 PLACE = {
     number: (word, bit) for word, bits in BITS.items() for bit, numbers in bits.items() for number in numbers
@@ -70,7 +83,9 @@ def cases():
 @pytest.mark.requirement("DIA-112", "TA-001", "TA-002", "TA-005", "TA-021", "TA-023", "DIA-104")
 @pytest.mark.parametrize(("kind", "number", "phase"), list(cases()))
 def test_bit_detail_jobs_and_enable(kind, number, phase):
-    """Exactly the bit of its group; X1 for errors only; the job in control ends with 16#8001 if there is a reaction."""
+    """Exactly the bit of its group; X1 for errors only; the job in control ends with 16#8001 if there is a
+    reaction.
+    """
     rig = Rig(speed=kind == "SpeedAxis")
     job = phase(rig)
     rig.axis.object.alarms.raise_alarm(number)
@@ -117,15 +132,27 @@ def test_bits_that_no_alarm_sets():
 @pytest.mark.parametrize(
     ("first", "second", "shown"),
     [
-        ((421, 4), (321, 3), 421), ((321, 3), (421, 4), 421), ((533, 1), (304, 3), 304), ((304, 3), (533, 1), 304),
-        ((550, 5), (321, 3), 550), ((104, 2), (550, 5), 550), ((550, 5), (431, 4), 431), ((522, 0), (533, 2), 533),
-        ((533, 2), (522, 0), 533), ((104, 2), (307, 2), 104), ((421, 4), (101, 4), 101), ((202, 0), (501, 0), 202),
-        ((501, 0), (202, 0), 202), ((304, 3), (305, 3), 304),
+        ((421, 4), (321, 3), 421),
+        ((321, 3), (421, 4), 421),
+        ((533, 1), (304, 3), 304),
+        ((304, 3), (533, 1), 304),
+        ((550, 5), (321, 3), 550),
+        ((104, 2), (550, 5), 550),
+        ((550, 5), (431, 4), 431),
+        ((522, 0), (533, 2), 533),
+        ((533, 2), (522, 0), 533),
+        ((104, 2), (307, 2), 104),
+        ((421, 4), (101, 4), 101),
+        ((202, 0), (501, 0), 202),
+        ((501, 0), (202, 0), 202),
+        ((304, 3), (305, 3), 304),
     ],
     ids=lambda one: f"{one[0]}r{one[1]}" if isinstance(one, tuple) else f"shows{one}",
-)  # fmt: skip
+)
 def test_two_alarms(first, second, shown, apart):
-    """In one cycle and in successive ones: the stronger reaction rules, then class R before F before W, then the earlier one."""
+    """In one cycle and in successive ones: the stronger reaction rules, then class R before F before W, then
+    the earlier one.
+    """
     rig = Rig()
     moving(rig)
     alarms = rig.axis.object.alarms
@@ -151,7 +178,9 @@ def test_two_alarms(first, second, shown, apart):
 @pytest.mark.requirement("TA-027", "TA-007", "MC-179", "DIA-104")
 @pytest.mark.parametrize("lasting", [0, 1])
 def test_acknowledging_while_one_cause_lasts(lasting):
-    """The alarm whose cause is gone goes; the other one is raised again at once, and `ErrorDetail` shows it."""
+    """The alarm whose cause is gone goes; the other one is raised again at once, and `ErrorDetail` shows
+    it.
+    """
     rig = Rig()
     moving(rig)
     alarms = rig.axis.object.alarms

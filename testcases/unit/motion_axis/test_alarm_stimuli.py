@@ -1,4 +1,6 @@
-"""Every alarm of an axis that the runtime raises, by its cause: number, reaction, bits, jobs, motion, acknowledgement (TA-024)."""
+"""Every alarm of an axis that the runtime raises, by its cause: number, reaction, bits, jobs, motion,
+acknowledgement (TA-024).
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ DISABLED = (AxisState.DISABLED, AxisState.ALARM_DISABLED)
 
 
 def brought_about(stimulus: Stimulus):
-    """Return the rig with the alarm pending, what takes the cause away, and the index of the first event of the alarm."""
+    """Return the rig with the alarm pending, what takes the cause away, and the index of the first event of
+    the alarm.
+    """
     rig = Rig(variables=stimulus.variables)
     if not stimulus.fresh:
         rig.travelling(100.0)
@@ -54,7 +58,9 @@ def case(request):
 
 @pytest.mark.requirement("TA-024", "TA-001", "TA-002", "TA-013", "MON-056")
 def test_number_reaction_and_bits(case):
-    """The alarm has the number of its cause, its reaction, and sets its bit alone in the word of its class; X1 is that of errors."""
+    """The alarm has the number of its cause, its reaction, and sets its bit alone in the word of its class;
+    X1 is that of errors.
+    """
     stimulus, rig, _ = case
     entry = alarm(stimulus.number)
     engine = rig.axis.alarms.engine
@@ -76,7 +82,9 @@ def test_number_reaction_and_bits(case):
 
 @pytest.mark.requirement("TA-024", "TA-005", "TA-002", "MC-116", "MC-002")
 def test_jobs(case):
-    """With a reaction the job in control ends with 16#8001 in the cycle of the alarm; a warning leaves it alone."""
+    """With a reaction the job in control ends with 16#8001 in the cycle of the alarm; a warning leaves it
+    alone.
+    """
     stimulus, rig, _ = case
     entry = alarm(stimulus.number)
     if stimulus.fresh:
@@ -122,7 +130,9 @@ def test_motion(case):
 
 @pytest.mark.requirement("TA-024", "TA-007", "TA-008", "MC-178", "MC-180")
 def test_acknowledgement(case):
-    """Without its cause the alarm is gone after `MC_Reset`, one of class R only after a restart; a second one changes nothing."""
+    """Without its cause the alarm is gone after `MC_Reset`, one of class R only after a restart; a second one
+    changes nothing.
+    """
     stimulus, rig, undo = case
     entry = alarm(stimulus.number)
     engine = rig.axis.alarms.engine
@@ -178,7 +188,9 @@ def documented() -> dict[int, list[str]]:
 
 
 def test_the_manual_lists_every_alarm():
-    """Class, reactions, bit, objects and text are those of the catalogue; a dash stands exactly where nothing raises it."""
+    """Class, reactions, bit, objects and text are those of the catalogue; a dash stands exactly where nothing
+    raises it.
+    """
     expected = {}
     for number, entry in catalogue().items():
         objects = "".join(letter for letter, kind in OBJECTS.items() if kind in entry.applies_to)

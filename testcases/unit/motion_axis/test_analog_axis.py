@@ -1,4 +1,6 @@
-"""An axis on a drive with an analog setpoint: enabling, the four ways to disable, alarms, what is not wired."""
+"""An axis on a drive with an analog setpoint: enabling, the four ways to disable, alarms, what is not
+wired.
+"""
 
 from __future__ import annotations
 
@@ -33,9 +35,11 @@ class Rig:
         self.history = History(scheduler)
         drive.setdefault("mechanics", LinearAxisConfig(stops_m=(None, None)))
         self.drive = AnalogDrive(
-            scheduler, AnalogConfig(encoder=EncoderConfig(counts_per_revolution=INCREMENTS), **drive),
-            name="drive1", history=self.history,
-        )  # fmt: skip
+            scheduler,
+            AnalogConfig(encoder=EncoderConfig(counts_per_revolution=INCREMENTS), **drive),
+            name="drive1",
+            history=self.history,
+        )
         ready_input = DigitalInput(scheduler, filter_ms=0.0)
         self.drive.on_ready.append(ready_input.set)
         self.station = ModbusIoStation(
@@ -68,9 +72,13 @@ class Rig:
             else {"DynamicAxisModel.VelocityTimeConstant": 0.002, "PositionLimits_HW.Active": True}
         )
         self.technology = kind(
-            "axis1", self.port, cycle_ns=CYCLE_NS, variables=start | constant | (variables or {}),
-            history=self.history, delay_s=0.006,
-        )  # fmt: skip
+            "axis1",
+            self.port,
+            cycle_ns=CYCLE_NS,
+            variables=start | constant | (variables or {}),
+            history=self.history,
+            delay_s=0.006,
+        )
         if not speed:
             self.technology.station_inputs = StationInputs(
                 self.link, {"negative_limit": 1, "positive_limit": 2}
@@ -88,9 +96,17 @@ class Rig:
     def _note(self):
         axis = self.technology
         self.rows.append(
-            (self.scheduler.now / S, self.drive.voltage, self.drive.enabled, self.drive.ready, axis.facts.enabled,
-             axis.in_operation, axis.motion.gen.v, axis.enabling.busy)
-        )  # fmt: skip
+            (
+                self.scheduler.now / S,
+                self.drive.voltage,
+                self.drive.enabled,
+                self.drive.ready,
+                axis.facts.enabled,
+                axis.in_operation,
+                axis.motion.gen.v,
+                axis.enabling.busy,
+            )
+        )
 
     def run(self, seconds):
         self.scheduler.run_for(round(seconds * S))
@@ -153,7 +169,9 @@ def test_without_the_ready_signal_the_axis_stays_disabled():
 @pytest.mark.requirement("STP-061", "CFG-390", "STP-058")
 @pytest.mark.parametrize(("enable", "ready"), [(True, False), (False, False), (False, True)])
 def test_terminals_are_independent(enable, ready):
-    """Without a ready input Status comes with the enable; without an enable output the drive has to be on by itself."""
+    """Without a ready input Status comes with the enable; without an enable output the drive has to be on by
+    itself.
+    """
     rig = Rig(enable=enable, ready=ready, enable_input=enable)
     power = rig.axis.power()
     rig.run(0.05)
@@ -182,7 +200,9 @@ def test_scaling(rpm, word):
 
 
 def test_position_control():
-    """A positioning ends in its window; what it follows behind is the time constant of the drive times the velocity."""
+    """A positioning ends in its window; what it follows behind is the time constant of the drive times the
+    velocity.
+    """
     rig = Rig()
     power = rig.axis.power()
     rig.until(power.status)
@@ -200,7 +220,9 @@ def test_position_control():
 @pytest.mark.parametrize("falls", ["enable", "standstill", "never"])
 @pytest.mark.parametrize(("mode", "ramp_s"), [(0, 0.075), (2, 0.25)])
 def test_disabling_with_a_ramp(mode, ramp_s, falls):
-    """The analog output follows the ramp with the enable set; at setpoint zero the enable falls, then Status, whatever ready does."""
+    """The analog output follows the ramp with the enable set; at setpoint zero the enable falls, then Status,
+    whatever ready does.
+    """
     rig = Rig(ready_falls=falls).travelling()
     rig.axis.power(False, stop_mode=mode)
     rig.run(0.6)
@@ -221,7 +243,9 @@ def test_disabling_with_a_ramp(mode, ramp_s, falls):
 @pytest.mark.parametrize("falls", ["enable", "standstill", "never"])
 @pytest.mark.parametrize("ramp_s", [0.5, 0.25])
 def test_quick_stop(ramp_s, falls):
-    """Output 0.0 and enable FALSE at once, the drive brakes on its own ramp, Status falls when the axis stands."""
+    """Output 0.0 and enable FALSE at once, the drive brakes on its own ramp, Status falls when the axis
+    stands.
+    """
     rig = Rig(stop_ramp_s=ramp_s, ready_falls=falls).travelling()
     rig.axis.power(False, stop_mode=1)
     rig.run(1.0)
@@ -251,7 +275,9 @@ def test_coasting():
 @pytest.mark.parametrize("falls", ["enable", "never"])
 @pytest.mark.parametrize("reaction", [1, 3, 5, 7])
 def test_remove_enable(reaction, falls):
-    """Reaction 4: output 0.0, enable FALSE, Status FALSE, Busy TRUE; the drive's ramp whatever `RemoveEnableReaction`; acknowledged, it starts again."""
+    """Reaction 4: output 0.0, enable FALSE, Status FALSE, Busy TRUE; the drive's ramp whatever
+    `RemoveEnableReaction`; acknowledged, it starts again.
+    """
     rig = Rig(ready_falls=falls, variables={"Actor.RemoveEnableReaction": reaction}).travelling()
     rig.axis.alarms.raise_alarm(521, reaction=4)
     rig.run(0.05)
@@ -270,7 +296,9 @@ def test_remove_enable(reaction, falls):
 
 @pytest.mark.requirement("STP-398", "STP-399", "STP-401")
 def test_alarm_ramp():
-    """Reaction 3: the output follows the ramp with the enable set; at zero the enable falls, Status FALSE, Busy TRUE."""
+    """Reaction 3: the output follows the ramp with the enable set; at zero the enable falls, Status FALSE,
+    Busy TRUE.
+    """
     rig = Rig().travelling()
     rig.axis.alarms.raise_alarm(304, reaction=3)
     rig.run(0.5)
@@ -309,7 +337,9 @@ def test_ready_that_never_falls_does_not_hold_up():
 
 @pytest.mark.requirement("STP-062", "CFG-388", "CFG-609", "CFG-387")
 def test_without_an_enable_output_the_drive_goes_on():
-    """No enable output: after a coast the drive is not disabled; it holds the voltage, which is 0, with its torque."""
+    """No enable output: after a coast the drive is not disabled; it holds the voltage, which is 0, with its
+    torque.
+    """
     rig = Rig(enable=False, ready=False, enable_input=False, offset_V=0.02).travelling()
     rig.axis.alarms.raise_alarm(521, reaction=4)
     rig.run(1.0)
@@ -320,7 +350,9 @@ def test_without_an_enable_output_the_drive_goes_on():
 
 
 def test_limit_switches_at_the_station():
-    """Switches of the station are those of the axis: the positive one stops it with alarm 531, a lost station reads 0."""
+    """Switches of the station are those of the axis: the positive one stops it with alarm 531, a lost station
+    reads 0.
+    """
     rig = Rig().travelling()
     rig.station.input(2).set(True)
     rig.run(0.05)
@@ -333,7 +365,9 @@ def test_limit_switches_at_the_station():
 
 
 def test_the_station_is_lost():
-    """No answer for three cycles: alarm 431, and the watchdog of the station takes enable and voltage away."""
+    """No answer for three cycles: alarm 431, and the watchdog of the station takes enable and voltage
+    away.
+    """
     rig = Rig().travelling()
     rig.net.cut = True
     rig.run(0.05)
@@ -354,7 +388,9 @@ def test_the_station_is_lost():
 
 @pytest.mark.requirement("STP-323", "CFG-398")
 def test_speed_axis_without_encoder():
-    """A speed axis needs no encoder: its speed is 0.0, and after a quick stop Status falls in the next cycles."""
+    """A speed axis needs no encoder: its speed is 0.0, and after a quick stop Status falls in the next
+    cycles.
+    """
     rig = Rig(speed=True)
     power = rig.axis.power()
     rig.until(power.status)

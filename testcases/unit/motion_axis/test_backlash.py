@@ -66,7 +66,9 @@ class TestSetpoint:
 
     @pytest.mark.requirement("CFG-554", "CFG-552", "CFG-553", "CFG-544", "CFG-614", "VAR-062", "VAR-152")
     def test_with_compensation(self, make_rig):
-        """From 100 back by 10 mm: the motor travels 10.2 mm, the load stands at 90, and X2 is TRUE on the first 0.2 mm."""
+        """From 100 back by 10 mm: the motor travels 10.2 mm, the load stands at 90, and X2 is TRUE on the
+        first 0.2 mm.
+        """
         rig = rig_of(make_rig)
         start = rig.load.motor
         assert not passing(rig)
@@ -173,7 +175,9 @@ class TestFirstMotion:
     @pytest.mark.requirement("CFG-564", "CFG-565", "VAR-153")
     @pytest.mark.parametrize(("first", "compensated"), [(0.1, False), (5.0, True), (-5.0, True)])
     def test_first_reversal(self, make_rig, first, compensated):
-        """After a first motion shorter than the backlash a reversal is not compensated, after a longer one it is."""
+        """After a first motion shorter than the backlash a reversal is not compensated, after a longer one it
+        is.
+        """
         rig = rig_of(make_rig, homed=False)
         move(rig, first)
         before = rig.load.motor
@@ -185,7 +189,9 @@ class TestFirstMotion:
     @pytest.mark.requirement("CFG-551", "CFG-589", "VAR-152")
     @pytest.mark.parametrize(("name", "value"), [("Enable", False), ("Size", 0.3)])
     def test_changed_settings(self, make_rig, name, value):
-        """Enable and Size act at once, and the axis has to be homed again; Velocity does not matter for that."""
+        """Enable and Size act at once, and the axis has to be homed again; Velocity does not matter for
+        that.
+        """
         rig = rig_of(make_rig)
         rig.axis.write("Sensor[1].Backlash.Velocity", 3.0)
         rig.cycles(3)
@@ -196,7 +202,9 @@ class TestFirstMotion:
 
     @pytest.mark.requirement("CFG-574")
     def test_measuring_the_backlash(self, make_rig):
-        """The procedure with compensation off: to A, on, back to the same shown value: the load differs by the backlash."""
+        """The procedure with compensation off: to A, on, back to the same shown value: the load differs by
+        the backlash.
+        """
         rig = rig_of(make_rig, Enable=False)
         move(rig, 10.0)
         shown, a = rig.axis.var("ActualPosition"), rig.load.position
@@ -209,7 +217,9 @@ class TestFirstMotion:
 
 @pytest.mark.requirement("LIM-098")
 def test_a_gap_of_the_encoder_adds_nothing(make_rig):
-    """While no value comes the position stays where it was, compensation included, and it is there afterwards."""
+    """While no value comes the position stays where it was, compensation included, and it is there
+    afterwards.
+    """
     rig = rig_of(make_rig)
     move(rig, 20.0)
     move(rig, -10.0)

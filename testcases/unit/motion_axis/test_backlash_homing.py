@@ -1,4 +1,6 @@
-"""Backlash compensation and homing: what is touched when the position is set, and after power-on (§5.11.11, CFG section 26.4)."""
+"""Backlash compensation and homing: what is touched when the position is set, and after power-on (§5.11.11,
+CFG section 26.4).
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ ABSOLUTE = {"Sensor[1].Type": 1}
 
 
 def absolute(make_rig, direction, *, ways):
-    """Return a rig whose absolute encoder is adjusted to 100 after `ways`, mm, and has been without supply since."""
+    """Return a rig whose absolute encoder is adjusted to 100 after `ways`, mm, and has been without supply
+    since.
+    """
     rig = rig_of(
         lambda variables: make_rig(variables=variables | ABSOLUTE),
         homed=False,
@@ -49,7 +53,9 @@ class TestAbsoluteEncoder:
     @pytest.mark.requirement("HOM-065", "HOM-174", "HOM-175", "CFG-568", "CFG-550")
     @pytest.mark.parametrize(("direction", "ways", "first"), [(0, (5.0,), -10.0), (1, (5.0, -5.0), 10.0)])
     def test_first_motion_against_it(self, make_rig, direction, ways, first):
-        """After power-on the axis is homed, and the first motion against that direction travels the backlash as well."""
+        """After power-on the axis is homed, and the first motion against that direction travels the backlash
+        as well.
+        """
         rig = absolute(make_rig, direction, ways=ways)
         power_cycle(rig)
         assert rig.axis.var("StatusWord.X5")
@@ -72,7 +78,9 @@ class TestAbsoluteEncoder:
 
     @pytest.mark.requirement("HOM-065", "HOM-174", "CFG-568")
     def test_another_direction_than_configured(self, make_rig):
-        """Adjusted after negative motion with a positive direction configured, the load misses its place by the backlash."""
+        """Adjusted after negative motion with a positive direction configured, the load misses its place by
+        the backlash.
+        """
         rig = absolute(make_rig, 0, ways=(5.0, -5.0))
         power_cycle(rig)
         move(rig, -10.0)
@@ -80,7 +88,9 @@ class TestAbsoluteEncoder:
 
     @pytest.mark.requirement("HOM-176", "CFG-568")
     def test_turned_while_off(self, make_rig):
-        """Another flank at power-on than at the adjustment: wrong by the backlash, until the axis has travelled that far."""
+        """Another flank at power-on than at the adjustment: wrong by the backlash, until the axis has
+        travelled that far.
+        """
         rig = absolute(make_rig, 0, ways=(5.0,))
         power_cycle(rig, turned=-SIZE)
         assert error(rig) == pytest.approx(-SIZE, abs=0.005)
@@ -89,7 +99,9 @@ class TestAbsoluteEncoder:
 
     @pytest.mark.requirement("CFG-564", "CFG-568")
     def test_without_adjustment(self, make_rig):
-        """An absolute encoder that was never adjusted waits for the whole backlash, and its first value is no motion."""
+        """An absolute encoder that was never adjusted waits for the whole backlash, and its first value is no
+        motion.
+        """
         rig = rig_of(lambda variables: make_rig(variables=variables | ABSOLUTE), homed=False)
         rig.until(rig.axis.power(False).off)
         rig.port._angle += 3.0 * tau
@@ -110,7 +122,9 @@ class TestDirectHoming:
     @pytest.mark.parametrize("mode", [0, 13])
     @pytest.mark.parametrize("way", [5.0, -5.0])
     def test_after_motion_in_one_direction(self, make_rig, mode, way):
-        """With the backlash passed the same place of the load is set from either direction, and holds after reversals."""
+        """With the backlash passed the same place of the load is set from either direction, and holds after
+        reversals.
+        """
         rig = rig_of(make_rig, homed=False)
         move(rig, way)
         rig.until(rig.axis.home(100.0, mode=mode).done)
@@ -122,7 +136,9 @@ class TestDirectHoming:
     @pytest.mark.requirement("CFG-567", "CFG-569")
     @pytest.mark.parametrize("mode", [0, 13])
     def test_within_the_backlash(self, make_rig, mode):
-        """Set while the motor stands somewhere in the backlash, the position is wrong by what was not passed."""
+        """Set while the motor stands somewhere in the backlash, the position is wrong by what was not
+        passed.
+        """
         rig = rig_of(make_rig, homed=False)
         rig.load.position = rig.load.motor + SIZE
         move(rig, SIZE / 2)
@@ -136,11 +152,15 @@ class TestActiveHoming:
     """A search for the edge of a cam that the load passes."""
 
     def homed(self, make_rig, before, **backlash):
-        """Return a rig that has moved by `before` and then searched the edge at 20 mm of the load in positive direction."""
+        """Return a rig that has moved by `before` and then searched the edge at 20 mm of the load in positive
+        direction.
+        """
         search = {
-            "Sensor[1].ActiveHoming.Mode": 2, "Homing.ApproachVelocity": 20.0, "Homing.ReferencingVelocity": 5.0,
+            "Sensor[1].ActiveHoming.Mode": 2,
+            "Homing.ApproachVelocity": 20.0,
+            "Homing.ReferencingVelocity": 5.0,
             "Sensor[1].ActiveHoming.SwitchLevel": True,
-        }  # fmt: skip
+        }
         rig = rig_of(lambda variables: make_rig(variables=variables | search), homed=False, **backlash)
 
         def cam():
@@ -158,7 +178,9 @@ class TestActiveHoming:
     @pytest.mark.requirement("CFG-566")
     @pytest.mark.parametrize("before", [(5.0,), (-5.0,), (5.0, -5.0)])
     def test_same_edge_from_any_flank(self, make_rig, before):
-        """Whatever was moved before: the backlash is passed on the way to the edge, and the place of the load is the same."""
+        """Whatever was moved before: the backlash is passed on the way to the edge, and the place of the load
+        is the same.
+        """
         rig = self.homed(make_rig, before)
         assert error(rig) == pytest.approx(0.0, abs=0.09)  # the cam is looked at once per cycle
         shown = error(rig)

@@ -1,4 +1,6 @@
-"""Instances that are called less often than the axis runs, and the log of their calls (section 8.1 of the specification)."""
+"""Instances that are called less often than the axis runs, and the log of their calls (section 8.1 of the
+specification).
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ def made(rate, **changes):
 @RATES
 @pytest.mark.parametrize("end", ["Done", "CommandAborted", "Error"])
 def test_outputs_of_one_call(rate, end):
-    """Started by a pulse of one call: Busy in the call of the edge, the end in exactly one call, nothing afterwards."""
+    """Started by a pulse of one call: Busy in the call of the edge, the end in exactly one call, nothing
+    afterwards.
+    """
     rig, log = made(rate)
     job = rig.axis.run(MC_MoveRelative(rig.axis.object, Distance=20.0, Execute=True))
     rig.cycles(rate)
@@ -119,7 +123,9 @@ def test_the_axis_does_not_care():
 
 @pytest.mark.requirement("MC-566", "MC-567")
 def test_on_a_bench():
-    """`program_cycles` of the bench file, `record_calls` of the bench; laid-aside instances are in the log too."""
+    """`program_cycles` of the bench file, `record_calls` of the bench; laid-aside instances are in the log
+    too.
+    """
     text = read("reference")[1].replace("[bench]", "[bench]\nprogram_cycles = 5")
     with Bench(parse(text, "bench.toml"), seed=1) as machine:
         log = machine.record_calls()

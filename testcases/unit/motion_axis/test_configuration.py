@@ -1,4 +1,6 @@
-"""Configurations that do not fit together are refused with the variables and the reason; what is adjusted is warned of."""
+"""Configurations that do not fit together are refused with the variables and the reason; what is adjusted is
+warned of.
+"""
 
 from __future__ import annotations
 
@@ -26,69 +28,155 @@ def refused(settings, *, kind=PositioningAxis, encoders=1, **more):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        pytest.param(ROTARY | {"Actor.MotorType": 1, "Sensor[1].MountingMode": 2},
-            "Actor.MotorType: 1 is not allowed; allowed: 0: a rotary axis (Properties.MotionType = 1) has a standard motor",
-            marks=pytest.mark.requirement("CFG-069"), id="linear motor on a rotary axis"),
-        pytest.param(ROTARY | {"Sensor[1].System": 0, "Sensor[1].MountingMode": 1},
+        pytest.param(
+            ROTARY | {"Actor.MotorType": 1, "Sensor[1].MountingMode": 2},
+            "Actor.MotorType: 1 is not allowed; allowed: 0: a rotary axis (Properties.MotionType = 1) has a "
+            "standard motor",
+            marks=pytest.mark.requirement("CFG-069"),
+            id="linear motor on a rotary axis",
+        ),
+        pytest.param(
+            ROTARY | {"Sensor[1].System": 0, "Sensor[1].MountingMode": 1},
             "Sensor[1].System: 0 is not allowed; allowed: 1: a linear encoder cannot measure a rotary object",
-            marks=pytest.mark.requirement("CFG-618"), id="linear encoder on a rotary axis"),
-        pytest.param({"Sensor[1].System": 0},
+            marks=pytest.mark.requirement("CFG-618"),
+            id="linear encoder on a rotary axis",
+        ),
+        pytest.param(
+            {"Sensor[1].System": 0},
             "Sensor[1].MountingMode: 0 is not allowed; allowed: 1 or 2: a linear encoder",
-            marks=pytest.mark.requirement("CFG-513"), id="linear encoder on a motor shaft"),
-        pytest.param({"Actor.MotorType": 1, "Sensor[1].MountingMode": 1},
-            "Sensor[1].MountingMode: 1 is not allowed; allowed: 2: Actor.MotorType = 1 with Sensor[1].System = 1",
-            marks=pytest.mark.requirement("CFG-523", "CFG-517"), id="linear motor, rotary encoder"),
-        pytest.param({"Actor.MotorType": 1, "Sensor[1].System": 0, "Sensor[1].MountingMode": 2},
-            "Sensor[1].MountingMode: 2 is not allowed; allowed: 0: Actor.MotorType = 1 with Sensor[1].System = 0",
-            marks=pytest.mark.requirement("CFG-523", "CFG-518"), id="linear motor, linear encoder"),
-        pytest.param({"Sensor[1].Backlash.Enable": True, "Sensor[1].MountingMode": 1},
-            "Sensor[1].Backlash.Enable: True is not allowed; allowed: FALSE: compensation needs a standard motor",
-            marks=pytest.mark.requirement("CFG-522", "CFG-618"), id="backlash at the load"),
-        pytest.param(ROTARY | {"Units.LengthUnit": 1013, "Units.VelocityUnit": 1062},
-            "Units.LengthUnit: 1013 is not allowed; allowed: 1004, 1005: Properties.MotionType = 1 is a rotary object",
-            marks=pytest.mark.requirement("CFG-069"), id="millimetres of a rotary axis"),
-        pytest.param({"Units.LengthUnit": 1005, "Units.VelocityUnit": 1521},
-            "Units.LengthUnit: 1005 is not allowed", marks=pytest.mark.requirement("CFG-068"), id="degrees of a linear axis"),
-        pytest.param({"PositionControl.EnableDSC": True},
-            "PositionControl.EnableDSC: True is not allowed; allowed: FALSE: the drive takes no XERR and KPC (CFG-221)",
-            marks=pytest.mark.requirement("CFG-221", "VAR-180"), id="DSC without a telegram for it"),
-        pytest.param({"PositionControl.InitialOperativeSensor": 2},
+            marks=pytest.mark.requirement("CFG-513"),
+            id="linear encoder on a motor shaft",
+        ),
+        pytest.param(
+            {"Actor.MotorType": 1, "Sensor[1].MountingMode": 1},
+            "Sensor[1].MountingMode: 1 is not allowed; allowed: 2: Actor.MotorType = 1 with "
+            "Sensor[1].System = 1",
+            marks=pytest.mark.requirement("CFG-523", "CFG-517"),
+            id="linear motor, rotary encoder",
+        ),
+        pytest.param(
+            {"Actor.MotorType": 1, "Sensor[1].System": 0, "Sensor[1].MountingMode": 2},
+            "Sensor[1].MountingMode: 2 is not allowed; allowed: 0: Actor.MotorType = 1 with "
+            "Sensor[1].System = 0",
+            marks=pytest.mark.requirement("CFG-523", "CFG-518"),
+            id="linear motor, linear encoder",
+        ),
+        pytest.param(
+            {"Sensor[1].Backlash.Enable": True, "Sensor[1].MountingMode": 1},
+            "Sensor[1].Backlash.Enable: True is not allowed; allowed: FALSE: compensation needs a "
+            "standard motor",
+            marks=pytest.mark.requirement("CFG-522", "CFG-618"),
+            id="backlash at the load",
+        ),
+        pytest.param(
+            ROTARY | {"Units.LengthUnit": 1013, "Units.VelocityUnit": 1062},
+            "Units.LengthUnit: 1013 is not allowed; allowed: 1004, 1005: Properties.MotionType = 1 is a "
+            "rotary object",
+            marks=pytest.mark.requirement("CFG-069"),
+            id="millimetres of a rotary axis",
+        ),
+        pytest.param(
+            {"Units.LengthUnit": 1005, "Units.VelocityUnit": 1521},
+            "Units.LengthUnit: 1005 is not allowed",
+            marks=pytest.mark.requirement("CFG-068"),
+            id="degrees of a linear axis",
+        ),
+        pytest.param(
+            {"PositionControl.EnableDSC": True},
+            "PositionControl.EnableDSC: True is not allowed; allowed: FALSE: the drive takes no XERR and "
+            "KPC (CFG-221)",
+            marks=pytest.mark.requirement("CFG-221", "VAR-180"),
+            id="DSC without a telegram for it",
+        ),
+        pytest.param(
+            {"PositionControl.InitialOperativeSensor": 2},
             "PositionControl.InitialOperativeSensor: 2 is not allowed; allowed: 1: the encoders that exist",
-            marks=pytest.mark.requirement("CFG-316"), id="start with an encoder that is not there"),
-        pytest.param({"PositionControl.Kv": 0.0}, "PositionControl.Kv: 0.0 is not allowed; allowed: above 0 1/s",
-            marks=pytest.mark.requirement("CFG-618", "VAR-178"), id="Kv"),
-        pytest.param({"Sensor[1].Type": 2},
-            "Sensor[1].Parameter.DeterminableRevolutions: 0 is not allowed; allowed: 1 or more: Sensor[1].Type = 2",
-            marks=pytest.mark.requirement("CFG-299"), id="cyclic absolute without a range"),
-        pytest.param({"Sensor[1].Interface.Number": 2}, "Sensor[1].Interface.Number: 2 is not allowed; allowed: 1",
-            marks=pytest.mark.requirement("CFG-285"), id="second encoder of a telegram with one"),
-        pytest.param({"Actor.DriveParameter.ReferenceSpeed": 0.0},
-            "Actor.DriveParameter.ReferenceSpeed: 0.0 is not allowed; allowed: above 0", id="no reference speed"),
-        pytest.param({"Units.LengthUnit": 1536, "DynamicLimits.MaxVelocity": 2e9},
+            marks=pytest.mark.requirement("CFG-316"),
+            id="start with an encoder that is not there",
+        ),
+        pytest.param(
+            {"PositionControl.Kv": 0.0},
+            "PositionControl.Kv: 0.0 is not allowed; allowed: above 0 1/s",
+            marks=pytest.mark.requirement("CFG-618", "VAR-178"),
+            id="Kv",
+        ),
+        pytest.param(
+            {"Sensor[1].Type": 2},
+            "Sensor[1].Parameter.DeterminableRevolutions: 0 is not allowed; allowed: 1 or more: "
+            "Sensor[1].Type = 2",
+            marks=pytest.mark.requirement("CFG-299"),
+            id="cyclic absolute without a range",
+        ),
+        pytest.param(
+            {"Sensor[1].Interface.Number": 2},
+            "Sensor[1].Interface.Number: 2 is not allowed; allowed: 1",
+            marks=pytest.mark.requirement("CFG-285"),
+            id="second encoder of a telegram with one",
+        ),
+        pytest.param(
+            {"Actor.DriveParameter.ReferenceSpeed": 0.0},
+            "Actor.DriveParameter.ReferenceSpeed: 0.0 is not allowed; allowed: above 0",
+            id="no reference speed",
+        ),
+        pytest.param(
+            {"Units.LengthUnit": 1536, "DynamicLimits.MaxVelocity": 2e9},
             "DynamicLimits.MaxVelocity: 2000000000.0 is not allowed; allowed: up to 1e+09 with six decimals",
-            marks=pytest.mark.requirement("CFG-091", "VAR-020"), id="six decimals, velocity"),
-        pytest.param({"Units.LengthUnit": 1536, "PositionLimits_SW.MaxPosition": 2e9},
+            marks=pytest.mark.requirement("CFG-091", "VAR-020"),
+            id="six decimals, velocity",
+        ),
+        pytest.param(
+            {"Units.LengthUnit": 1536, "PositionLimits_SW.MaxPosition": 2e9},
             "PositionLimits_SW.MaxPosition: 2000000000.0 is not allowed",
-            marks=pytest.mark.requirement("CFG-090", "CFG-091"), id="six decimals, position"),
-        pytest.param({"Modulo.Length": 0.0}, "Modulo.Length: 0.0 is not allowed",
-            marks=pytest.mark.requirement("CFG-095"), id="no modulo length"),
-        pytest.param({"Sensor[2].Existent": True},
+            marks=pytest.mark.requirement("CFG-090", "CFG-091"),
+            id="six decimals, position",
+        ),
+        pytest.param(
+            {"Modulo.Length": 0.0},
+            "Modulo.Length: 0.0 is not allowed",
+            marks=pytest.mark.requirement("CFG-095"),
+            id="no modulo length",
+        ),
+        pytest.param(
+            {"Sensor[2].Existent": True},
             "Sensor[2].Existent: True is not allowed; allowed: FALSE: the axis is connected to 1 encoder(s)",
-            marks=pytest.mark.requirement("CFG-175", "VAR-027"), id="an encoder that is not connected"),
-        pytest.param({"Sensor[1].Parameter.StepsPerRevolution": 8388608, "Sensor[1].Parameter.FineResolutionXist1": 10},
+            marks=pytest.mark.requirement("CFG-175", "VAR-027"),
+            id="an encoder that is not connected",
+        ),
+        pytest.param(
+            {
+                "Sensor[1].Parameter.StepsPerRevolution": 8388608,
+                "Sensor[1].Parameter.FineResolutionXist1": 10,
+            },
             "Sensor[1].Parameter.FineResolutionXist1: 10 is not allowed; allowed: at most 9",
-            marks=pytest.mark.requirement("CFG-618"), id="more counts than the word has"),
-        pytest.param({"Actor.Type": 0}, "Actor.Type: 0 is not allowed; allowed: 1: the drive is connected by a telegram",
-            marks=pytest.mark.requirement("CFG-178"), id="analog drive behind a telegram"),
-        pytest.param({"StatusWord": 1}, "StatusWord: 1 is not allowed; allowed: no value: it shows what the object does",
-            marks=pytest.mark.requirement("VAR-009"), id="status word"),
-        pytest.param({"ActualPosition": 5.0}, "ActualPosition: 5.0 is not allowed",
-            marks=pytest.mark.requirement("VAR-009"), id="actual position"),
-        pytest.param({"Simulation.Mode": 1, "PositionControl.InitialOperativeSensor": 2},
+            marks=pytest.mark.requirement("CFG-618"),
+            id="more counts than the word has",
+        ),
+        pytest.param(
+            {"Actor.Type": 0},
+            "Actor.Type: 0 is not allowed; allowed: 1: the drive is connected by a telegram",
+            marks=pytest.mark.requirement("CFG-178"),
+            id="analog drive behind a telegram",
+        ),
+        pytest.param(
+            {"StatusWord": 1},
+            "StatusWord: 1 is not allowed; allowed: no value: it shows what the object does",
+            marks=pytest.mark.requirement("VAR-009"),
+            id="status word",
+        ),
+        pytest.param(
+            {"ActualPosition": 5.0},
+            "ActualPosition: 5.0 is not allowed",
+            marks=pytest.mark.requirement("VAR-009"),
+            id="actual position",
+        ),
+        pytest.param(
+            {"Simulation.Mode": 1, "PositionControl.InitialOperativeSensor": 2},
             "PositionControl.InitialOperativeSensor: 2 is not allowed; allowed: 1",
-            marks=pytest.mark.requirement("CFG-159"), id="simulated with the second encoder"),
+            marks=pytest.mark.requirement("CFG-159"),
+            id="simulated with the second encoder",
+        ),
     ],
-)  # fmt: skip
+)
 def test_contradictions(settings, message):
     """A configuration that contradicts itself is refused; the message names the variables and says why."""
     encoders = 2 if "Simulation.Mode" in settings else 1
@@ -107,7 +195,9 @@ def test_all_contradictions_at_once():
 
 @pytest.mark.requirement("CTL-053", "CFG-621")
 def test_torque_data_without_their_telegram(make_rig):
-    """Torque data switched on without telegram 750: alarm 109, cause "data exchange", until they are off and a restart."""
+    """Torque data switched on without telegram 750: alarm 109, cause "data exchange", until they are off and
+    a restart.
+    """
     path = "Actor.Interface.EnableTorqueData"
     rig = make_rig(variables={path: True, "TorquePreControl.Mode": 1})
     rig.axis.power()
@@ -162,13 +252,22 @@ class TestTelegrams:
             *(("SpeedAxis", number, (), True) for number in (1, 2, 3, 4, 5, 6, 102, 103, 105, 106)),
             *(("PositioningAxis", number, (), True) for number in (3, 4, 5, 6, 102, 103, 105, 106)),
             *(("PositioningAxis", number, (81,), True) for number in (1, 2, 3, 4, 5, 6, 102, 103, 105, 106)),
-            ("PositioningAxis", 1, (83,), True), ("PositioningAxis", 1, (), False), ("PositioningAxis", 2, (), False),
-            ("SynchronousAxis", 105, (), True), ("SpeedAxis", 3, (81,), False), ("SpeedAxis", 9, (), False),
-            ("PositioningAxis", 111, (), False), ("PositioningAxis", 3, (82,), False), ("PositioningAxis", 750, (), False),
-            ("ExternalEncoder", None, (81,), True), ("ExternalEncoder", None, (83,), True),
-            ("ExternalEncoder", None, (3,), False), ("ExternalEncoder", 3, (81,), False), ("ExternalEncoder", None, (), False),
+            ("PositioningAxis", 1, (83,), True),
+            ("PositioningAxis", 1, (), False),
+            ("PositioningAxis", 2, (), False),
+            ("SynchronousAxis", 105, (), True),
+            ("SpeedAxis", 3, (81,), False),
+            ("SpeedAxis", 9, (), False),
+            ("PositioningAxis", 111, (), False),
+            ("PositioningAxis", 3, (82,), False),
+            ("PositioningAxis", 750, (), False),
+            ("ExternalEncoder", None, (81,), True),
+            ("ExternalEncoder", None, (83,), True),
+            ("ExternalEncoder", None, (3,), False),
+            ("ExternalEncoder", 3, (81,), False),
+            ("ExternalEncoder", None, (), False),
         ],
-    )  # fmt: skip
+    )
     def test_per_object(self, kind, drive, encoders, fits):
         """Only the telegrams of its row can be chosen; a refusal names what can."""
         problem = check_telegrams(kind, drive, encoders)
@@ -193,9 +292,13 @@ class TestSetpoint:
     @pytest.mark.requirement("CTL-109", "CFG-629", "CFG-247", "VAR-131", "CFG-622")
     @pytest.mark.parametrize(
         ("kind", "reference", "maximum", "limit", "adjusted"),
-        [(0, 3000.0, 4000.0, 3510.0, True), (1, 3000.0, 7000.0, 6000.0, True), (1, 3000.0, 6000.0, 6000.0, False),
-         (0, 3000.0, 3510.0, 3510.0, False)],
-    )  # fmt: skip
+        [
+            (0, 3000.0, 4000.0, 3510.0, True),
+            (1, 3000.0, 7000.0, 6000.0, True),
+            (1, 3000.0, 6000.0, 6000.0, False),
+            (0, 3000.0, 3510.0, 3510.0, False),
+        ],
+    )
     def test_limit(self, kind, reference, maximum, limit, adjusted):
         """1.17 times the reference speed with an analog output, twice with a telegram."""
         store = VariableStore(
@@ -249,11 +352,16 @@ class TestSetpoint:
 )
 @pytest.mark.parametrize(
     ("path", "value", "text"),
-    [("Sensor[1].System", 0, "Sensor[1].MountingMode = 0"), ("Mechanics.LeadScrew", 0.0, "Mechanics.LeadScrew = 0"),
-     ("PositionControl.EnableDSC", True, "EnableDSC")],
-)  # fmt: skip
+    [
+        ("Sensor[1].System", 0, "Sensor[1].MountingMode = 0"),
+        ("Mechanics.LeadScrew", 0.0, "Mechanics.LeadScrew = 0"),
+        ("PositionControl.EnableDSC", True, "EnableDSC"),
+    ],
+)
 def test_alarm_101_at_a_restart(make_rig, path, value, text):
-    """A restart with start values that do not fit leaves the old ones in force: alarm 101, until a restart with good ones."""
+    """A restart with start values that do not fit leaves the old ones in force: alarm 101, until a restart
+    with good ones.
+    """
     rig = make_rig()
     before = rig.axis.var(path)
     rig.axis.variables.write_start(path, value)
@@ -317,10 +425,25 @@ def test_parameters_refused(make_rig, number, value, error):
     assert job.ErrorID == error
 
 
-@pytest.mark.requirement("CFG-263", "CFG-264", "CFG-268", "CFG-270", "CFG-271", "CFG-262", "VAR-012", "VAR-114", "MC-455",
-                         "MC-456", "MC-457", "MC-461", "MC-462")  # fmt: skip
+@pytest.mark.requirement(
+    "CFG-263",
+    "CFG-264",
+    "CFG-268",
+    "CFG-270",
+    "CFG-271",
+    "CFG-262",
+    "VAR-012",
+    "VAR-114",
+    "MC-455",
+    "MC-456",
+    "MC-457",
+    "MC-461",
+    "MC-462",
+)
 def test_times_of_a_data_block(make_rig):
-    """Through a data block the times count from 0 s, are put into force by a restart, and are lost with the supply."""
+    """Through a data block the times count from 0 s, are put into force by a restart, and are lost with the
+    supply.
+    """
     # A controller that hardly controls shows the error that the times make, instead of correcting it.
     rig = make_rig(variables={"PositionControl.Kv": 0.001})
     axis = rig.axis.object
@@ -348,7 +471,9 @@ def test_times_of_a_data_block(make_rig):
 @pytest.mark.requirement("CFG-201", "CFG-203", "CFG-012")
 @pytest.mark.parametrize("telegram", [1, 2, 111])
 def test_axis_on_a_telegram_without_encoder(telegram):
-    """A positioning axis is not built on a drive telegram that brings no position, nor on one that it does not know."""
+    """A positioning axis is not built on a drive telegram that brings no position, nor on one that it does
+    not know.
+    """
     port = SimulatedDrivePort(cycle_s=0.001)
     port.telegram_number = telegram
     with pytest.raises(ConfigurationError, match=f"drive telegram: {telegram} is not allowed; allowed: "):

@@ -40,13 +40,16 @@ def jogging(rig, panel):
 
 
 def stops(rig, deceleration):
-    """Return whether the setpoint came to rest with at most `deceleration`, and at one instant with about that."""
+    """Return whether the setpoint came to rest with at most `deceleration`, and at one instant with about
+    that.
+    """
     velocities = rig.column("velocity_setpoint")
     steepest = max(a - b for a, b in pairwise(velocities)) / CYCLE
     return velocities[-1] == 0.0 and steepest == pytest.approx(deceleration, rel=0.02)
 
 
-# -- master control ---------------------------------------------------------------------------------------------------
+# -- master control
+# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -96,13 +99,20 @@ def test_control_is_refused(rig):
 @pytest.mark.parametrize(
     "start",
     [
-        lambda axis: axis.move_relative(1.0), lambda axis: axis.move_velocity(1.0), lambda axis: axis.halt(),
-        lambda axis: axis.stop(), lambda axis: axis.home(0.0), lambda axis: axis.reset(), lambda axis: axis.jog(1.0),
-        lambda axis: axis.motion_in_velocity(1.0), lambda axis: axis.torque_limiting(1.0),
-        lambda axis: axis.move_superimposed(1.0), lambda axis: axis.write_parameter(1000, False),
+        lambda axis: axis.move_relative(1.0),
+        lambda axis: axis.move_velocity(1.0),
+        lambda axis: axis.halt(),
+        lambda axis: axis.stop(),
+        lambda axis: axis.home(0.0),
+        lambda axis: axis.reset(),
+        lambda axis: axis.jog(1.0),
+        lambda axis: axis.motion_in_velocity(1.0),
+        lambda axis: axis.torque_limiting(1.0),
+        lambda axis: axis.move_superimposed(1.0),
+        lambda axis: axis.write_parameter(1000, False),
         lambda axis: axis.set_axis_stw(),
     ],
-)  # fmt: skip
+)
 def test_the_user_program_has_no_effect(rig, panel, start):
     """Every job of the program ends with 16#8012, whatever the panel does."""
     enabled(rig, panel)
@@ -146,12 +156,15 @@ def test_an_external_encoder_has_no_panel(rig):
         ControlPanel(rig.runtime, encoder)
 
 
-# -- life sign and attention ---------------------------------------------------------------------------------------------
+# -- life sign and attention
+# ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("COM-031", "COM-034", "COM-024", "MC-005", "COM-074", "COM-032")
 def test_a_lost_connection(rig, panel):
-    """The axis goes on for the monitoring time, stops with the greatest deceleration, is returned; the panel shows 16#8013."""
+    """The axis goes on for the monitoring time, stops with the greatest deceleration, is returned; the panel
+    shows 16#8013.
+    """
     jogging(rig, panel)
     panel.disconnect()
     rig.run(0.7)
@@ -216,7 +229,8 @@ def test_the_controller_takes_the_axis(rig, panel):
     assert rig.axis.state is AxisState.DISABLED
 
 
-# -- operator controls ------------------------------------------------------------------------------------------------
+# -- operator controls
+# ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("COM-038")
@@ -233,7 +247,9 @@ def test_defaults(panel):
 
 @pytest.mark.requirement("COM-035", "COM-036", "COM-040", "COM-048", "COM-010", "DIA-009", "COM-014")
 def test_slider_and_adjustment(rig, panel):
-    """Velocity x slider x adjustment; left is backward; released the axis stops with the deceleration of the panel."""
+    """Velocity x slider x adjustment; left is backward; released the axis stops with the deceleration of the
+    panel.
+    """
     enabled(rig, panel)
     panel.velocity = 100.0
     panel.deceleration = 500.0
@@ -260,7 +276,9 @@ def test_slider_and_adjustment(rig, panel):
 
 @pytest.mark.requirement("COM-039", "DIA-090")
 def test_limits_of_the_axis_hold(rig, panel):
-    """Values above the dynamic limits act as these, without a warning, and the configuration keeps its own."""
+    """Values above the dynamic limits act as these, without a warning, and the configuration keeps its
+    own.
+    """
     enabled(rig, panel)
     panel.velocity = 9000.0
     panel.acceleration = panel.deceleration = 1e6
@@ -320,7 +338,8 @@ def test_motion_needs_the_enable(rig, panel):
     assert (job.Error, job.ErrorID) == (True, 0x8001)
 
 
-# -- jobs -----------------------------------------------------------------------------------------------------------------
+# -- jobs
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("COM-049", "COM-037", "DIA-047")

@@ -185,10 +185,17 @@ TRUE_WHEN = [
 @pytest.mark.parametrize(
     ("page", "name", "scenario", "start"),
     [
-        pytest.param(page, name, scenario, start, id=f"{page}-{name}".replace(" ", "_"), marks=pytest.mark.requirement(*ids))
+        pytest.param(
+            page,
+            name,
+            scenario,
+            start,
+            id=f"{page}-{name}".replace(" ", "_"),
+            marks=pytest.mark.requirement(*ids),
+        )
         for page, name, ids, scenario, start in TRUE_WHEN
     ],
-)  # fmt: skip
+)
 def test_indication_is_true_when_it_should_be(make_rig, page, name, scenario, start):
     """FALSE on a fresh axis (TRUE where rest is what it indicates), TRUE in its situation."""
     rig = make_rig(variables=start)
@@ -242,7 +249,9 @@ def test_torque_limit(make_rig, speed):
 
 @pytest.mark.requirement("DIA-035", "DIA-037")
 def test_encoder(rig):
-    """`State` is 2 with a value and 0 without; `Adjusted` tells of an adjustment, not of a position that was set."""
+    """`State` is 2 with a value and 0 without; `Adjusted` tells of an adjustment, not of a position that was
+    set.
+    """
     rig.enabled()
     status = diagnose(rig.axis.object).pages["axis status"]
     assert (status["encoder values valid"], status["encoder homed"]) == (2, 0)
@@ -271,7 +280,9 @@ def test_an_enabled_axis_at_rest():
 
 @pytest.mark.requirement("DIA-103", "DIA-104")
 def test_error_bit_detail_and_pending_alarms_agree(rig):
-    """With an alarm: X1, an ErrorWord bit, ErrorDetail of the alarm of highest priority; a warning alone sets no X1."""
+    """With an alarm: X1, an ErrorWord bit, ErrorDetail of the alarm of highest priority; a warning alone sets
+    no X1.
+    """
     rig.enabled()
     raise_alarm(rig, 501)
     found = diagnose(rig.axis.object)

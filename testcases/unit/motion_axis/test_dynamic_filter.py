@@ -32,7 +32,8 @@ def step_response(mode, t1=0.0, t2=0.0, tt=0.0, *, cycles=400):
     return np.array([one.step(1.0, 0.0)[0] for _ in range(cycles)])
 
 
-# -- the elements -----------------------------------------------------------------------------------------------
+# -- the elements
+# -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("CTL-073", "CTL-065", "CTL-066")
@@ -89,7 +90,14 @@ def test_elements_in_series():
     twice[0:2] = [once[0] / 3, (once[0] + once[1]) / 3]
     assert step_response(2, 0.012, 0.008, cycles=30) == pytest.approx(twice, abs=1e-12)
     assert np.array_equal(step_response(2, 0.012, cycles=30), step_response(2, 0.0, 0.012, cycles=30))
-    for mode, t1, t2 in ((1, 0.02, 0.0), (1, 0.0, 0.02), (1, 0.02, 0.01), (2, 0.012, 0.0), (2, 0.0, 0.012), (2, 0.012, 0.008)):  # fmt: skip
+    for mode, t1, t2 in (
+        (1, 0.02, 0.0),
+        (1, 0.0, 0.02),
+        (1, 0.02, 0.01),
+        (2, 0.012, 0.0),
+        (2, 0.0, 0.012),
+        (2, 0.012, 0.008),
+    ):
         plain, late = step_response(mode, t1, t2, cycles=60), step_response(mode, t1, t2, 0.012, cycles=60)
         assert late[:3] == pytest.approx([0.0] * 3, abs=1e-12)
         assert late[3:] == pytest.approx(plain[:-3], abs=1e-12)
@@ -120,7 +128,9 @@ def test_dead_time_alone_is_exact(mode, tt):
     ],
 )
 def test_effective_delay(mode, t1, t2, tt):
-    """At constant velocity: the sum of the times with low-passes, half of T1 and T2 with averages over whole cycles."""
+    """At constant velocity: the sum of the times with low-passes, half of T1 and T2 with averages over whole
+    cycles.
+    """
     one, _ = filtering(mode, t1, t2, tt)
     one.reset(0.0)
     for k in range(1, 400):
@@ -132,7 +142,9 @@ def test_effective_delay(mode, t1, t2, tt):
 
 @pytest.mark.requirement("CTL-078", "CTL-079", "VAR-185")
 def test_windows_are_limited():
-    """16 servo cycles: all times with averages, the dead time only with low-passes; 43.5 ms of 2 ms act as 32 ms."""
+    """16 servo cycles: all times with averages, the dead time only with low-passes; 43.5 ms of 2 ms act as 32
+    ms.
+    """
     one, _ = filtering(2, 0.0435, 0.0, 0.0, cycle_s=0.002)
     assert one.delay_s == pytest.approx(0.5 * 0.032)
     one, _ = filtering(2, 1.0, 1.0, 1.0)
@@ -152,7 +164,8 @@ def test_times_change_at_run_time(mode):
     assert one.step(10.0, 250.0)[0] == pytest.approx(8.0)
 
 
-# -- the axis -----------------------------------------------------------------------------------------------------
+# -- the axis
+# -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("CTL-061", "CTL-022", "CTL-020", "CTL-060")
@@ -183,7 +196,9 @@ def test_delay_of_the_filter_in_the_following_error(additional, error):
 @pytest.mark.requirement("CTL-060", "CFG-149")
 @pytest.mark.parametrize("kind", ["VirtualAxis.Mode", "Simulation.Mode"])
 def test_virtual_and_simulated_axes_are_filtered_too(kind):
-    """Actual values of a virtual axis are the filtered setpoints, one cycle later; with every further setting they stay so."""
+    """Actual values of a virtual axis are the filtered setpoints, one cycle later; with every further setting
+    they stay so.
+    """
     plain = Rig(variables={kind: 1} | LOOSE)
     filtered = Rig(variables={kind: 1} | times(1, 0.02) | LOOSE)
     for rig in (plain, filtered):
@@ -227,7 +242,9 @@ def test_a_shift_of_the_coordinates_goes_through(make_rig):
 
 
 def coupled(filter_times, additional):
-    """Return lags behind the setpoint of two axes, with drives of 4 and 6 ms, the first one with a filter, at 100 mm/s."""
+    """Return lags behind the setpoint of two axes, with drives of 4 and 6 ms, the first one with a filter, at
+    100 mm/s.
+    """
     lags, shown = [], []
     for lag, own in ((0.004, times(*filter_times)), (0.006, {})):
         rig = Rig(
@@ -249,7 +266,9 @@ def coupled(filter_times, additional):
 @pytest.mark.requirement("CTL-080", "CTL-081", "MON-035")
 @pytest.mark.parametrize("filter_times", [(1, 0.002), (1, 0.001, 0.001), (1, 0.0, 0.0, 0.002), (2, 0.004)])
 def test_two_axes_with_different_drives_lag_alike(filter_times):
-    """The faster axis gets the difference as a filter: both are 0.6 mm behind; what they show differs by the filter alone."""
+    """The faster axis gets the difference as a filter: both are 0.6 mm behind; what they show differs by the
+    filter alone.
+    """
     lags, shown = coupled(filter_times, 0.002)
     assert lags == pytest.approx([0.6, 0.6], rel=0.01)
     assert shown == pytest.approx([0.4, 0.6], rel=0.01)

@@ -35,7 +35,9 @@ STOPS = {
 @pytest.mark.parametrize("stop", STOPS)
 @pytest.mark.parametrize("acceleration", [100.0, 50000.0])
 def test_emergency_ramps_have_no_jerk_limit_and_accelerations_do_not_matter(make_rig, stop, acceleration):
-    """Emergency: full deceleration in one cycle. Maximum: MaxDeceleration with MaxJerk. MaxAcceleration takes no part."""
+    """Emergency: full deceleration in one cycle. Maximum: MaxDeceleration with MaxJerk. MaxAcceleration takes
+    no part.
+    """
     give, deceleration, jerk = STOPS[stop]
     rig = make_rig(variables={"DynamicLimits.MaxAcceleration": acceleration})
     rig.enabled()
@@ -58,7 +60,9 @@ def test_emergency_ramps_have_no_jerk_limit_and_accelerations_do_not_matter(make
     ("first", "second", "shown"), [(1, 2, 2), (2, 1, 2), (2, 3, 3), (3, 1, 3), (1, 4, 4)]
 )
 def test_codes_of_reactions_are_ordered_by_severity(rig, first, second, shown):
-    """ErrorDetail.Reaction 1 is current, 2 maximum dynamic values; the more severe one of two is shown and acts."""
+    """ErrorDetail.Reaction 1 is current, 2 maximum dynamic values; the more severe one of two is shown and
+    acts.
+    """
     numbers = {1: (533, 1), 2: (533, 2), 3: (304, 3), 4: (521, 4)}
     rig.travelling(300.0)
     alarms = rig.axis.object.alarms
@@ -90,7 +94,9 @@ def test_modes_of_the_halt(rig, mode, left):
 @pytest.mark.requirement("STP-005")
 @pytest.mark.parametrize("cause", ["power", "alarm"])
 def test_where_an_off3_stop_ends(rig, cause):
-    """By StopMode 1 the drive is ready again afterwards (S2), by an alarm it stays inhibited (S1) until re-enabled."""
+    """By StopMode 1 the drive is ready again afterwards (S2), by an alarm it stays inhibited (S1) until
+    re-enabled.
+    """
     rig.travelling(300.0)
     if cause == "power":
         rig.axis.power(False, stop_mode=1)
@@ -114,7 +120,9 @@ def test_where_an_off3_stop_ends(rig, cause):
     ],
 )
 def test_which_stops_start_from_actual_values(make_rig, stop, from_actual):
-    """With a following error of many mm the emergency ramp starts where the axis is, all others where the setpoint is."""
+    """With a following error of many mm the emergency ramp starts where the axis is, all others where the
+    setpoint is.
+    """
     rig = make_rig(variables={"PositionControl.Kpc": 0.0, "FollowingError.EnableMonitoring": False})
     rig.travelling(300.0)
     error = rig.column("following_error")[-1]
@@ -134,13 +142,16 @@ def test_which_stops_start_from_actual_values(make_rig, stop, from_actual):
     assert error > 5 * CYCLE * 300.0
 
 
-# -- emergency deceleration ------------------------------------------------------------------------------------------------
+# -- emergency deceleration
+# ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-126", "MC-423", "STP-576")
 @pytest.mark.parametrize(("emergency", "doubted"), [(1999.0, True), (2000.0, False)])
 def test_an_emergency_deceleration_below_the_maximum_is_doubted(make_rig, emergency, doubted):
-    """The configuration is taken, with a warning that names both variables; again at a restart, without an alarm."""
+    """The configuration is taken, with a warning that names both variables; again at a restart, without an
+    alarm.
+    """
     rig = make_rig(variables={"DynamicDefaults.EmergencyDeceleration": emergency})
     texts = [event.data["text"] for event in rig.events("axis.doubt")]
     assert bool(texts) is doubted
@@ -155,7 +166,9 @@ def test_an_emergency_deceleration_below_the_maximum_is_doubted(make_rig, emerge
 
 @pytest.mark.requirement("STP-126", "MC-423", "STP-576", "STP-445")
 def test_a_flat_emergency_ramp_is_longer_than_the_maximum_ramp(make_rig):
-    """What the warning is about: superseded by the emergency ramp the stop becomes longer, behind any limit."""
+    """What the warning is about: superseded by the emergency ramp the stop becomes longer, behind any
+    limit.
+    """
     travels = []
     for emergency in (500.0, 4000.0):
         rig = make_rig(
@@ -172,7 +185,8 @@ def test_a_flat_emergency_ramp_is_longer_than_the_maximum_ramp(make_rig):
     assert travels[1] < 300.0**2 / 2 / 2000.0
 
 
-# -- smoothing of the switch-over -------------------------------------------------------------------------------------------
+# -- smoothing of the switch-over
+# -------------------------------------------------------------------------------------------
 
 
 def output_steps(rig, since):
@@ -183,13 +197,17 @@ def output_steps(rig, since):
 @pytest.mark.requirement("STP-128", "VAR-171")
 @pytest.mark.parametrize("smoothing", [0.0, 0.05])
 def test_the_switch_to_the_emergency_ramp_may_be_smoothed(make_rig, smoothing):
-    """Without it the speed output loses Kv times the control difference in a cycle; with it this fades with the time."""
+    """Without it the speed output loses Kv times the control difference in a cycle; with it this fades with
+    the time.
+    """
     rig = make_rig(
         variables={
-            "PositionControl.Kpc": 0.0, "PositionControl.Kv": 20.0, "FollowingError.EnableMonitoring": False,
+            "PositionControl.Kpc": 0.0,
+            "PositionControl.Kv": 20.0,
+            "FollowingError.EnableMonitoring": False,
             "PositionControl.SmoothingTimeByChangeDifference": smoothing,
         }
-    )  # fmt: skip
+    )
     rig.travelling(300.0)
     assert rig.column("speed_output")[-1] == pytest.approx(1800.0, rel=0.01)
     since = len(rig.rows) - 1

@@ -1,4 +1,6 @@
-"""Enabling, acknowledging, restarting, and where dynamic values come from (sections 1 to 3 of the stopping specification)."""
+"""Enabling, acknowledging, restarting, and where dynamic values come from (sections 1 to 3 of the stopping
+specification).
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ def raised(rig):
     return [event.data["number"] for event in rig.events("alarm.raised")]
 
 
-# -- enabling -------------------------------------------------------------------------------------------------------------
+# -- enabling
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-037", "STP-039", "STP-041", "STP-046")
@@ -173,7 +176,9 @@ def test_monitoring_works_while_a_moving_axis_is_enabled(make_rig):
 @pytest.mark.requirement("CTL-014", "CTL-095", "STP-051", "STP-056", "MC-146", "MC-147", "VAR-184")
 @pytest.mark.parametrize("velocity_mode", [False, True])
 def test_enabling_without_ramp_ignores_limits_and_monitoring(make_rig, velocity_mode):
-    """StartMode 0, or VelocityModePowerOn 1: setpoint 0 as a step, steeper than MaxDeceleration, and no alarm."""
+    """StartMode 0, or VelocityModePowerOn 1: setpoint 0 as a step, steeper than MaxDeceleration, and no
+    alarm.
+    """
     start = {"FollowingError.MinValue": 0.01, "FollowingError.MaxValue": 0.011}
     if velocity_mode:
         start["PositionControl.VelocityModePowerOn"] = 1
@@ -200,7 +205,8 @@ def test_velocity_mode_is_restart_relevant(rig):
     assert rig.axis.var("PositionControl.VelocityModePowerOn") == 1
 
 
-# -- acknowledging and restarting ----------------------------------------------------------------------------------------------
+# -- acknowledging and restarting
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -224,7 +230,9 @@ def test_acknowledging_many_alarms(rig):
 
 @pytest.mark.requirement("STP-064", "STP-065", "STP-075", "STP-079", "MC-182")
 def test_restart_takes_all_start_values_together(rig):
-    """X3 tells of the change; after the restart all values act, alarms are acknowledged and direct changes are gone."""
+    """X3 tells of the change; after the restart all values act, alarms are acknowledged and direct changes
+    are gone.
+    """
     rig.enabled()
     rig.axis.write("Override.Velocity", 50.0)
     rig.axis.home(0.0)
@@ -247,7 +255,8 @@ def test_restart_takes_all_start_values_together(rig):
     assert not rig.axis.var("StatusWord.X5")
 
 
-# -- dynamics -------------------------------------------------------------------------------------------------------------------
+# -- dynamics
+# ------------------------------------------------------------------------------------------------------------
 
 DEFAULTS = {
     "DynamicDefaults.Velocity": 120.0,
@@ -339,12 +348,17 @@ def test_printed_velocities(make_rig, default, given, limit, effective, variable
     """The lower of MaxVelocity and Velocity limits what default or input give."""
     rig = make_rig(
         variables={
-            "DynamicDefaults.Velocity": default, "DynamicLimits.MaxVelocity": 9000.0, "DynamicLimits.Velocity": 9000.0,
-            f"DynamicLimits.{variable}": limit, "DynamicLimits.MaxAcceleration": 50000.0,
-            "DynamicLimits.MaxDeceleration": 50000.0, "Mechanics.LeadScrew": 200.0,
-            "FollowingError.EnableMonitoring": False, "Actor.DriveParameter.MaxSpeed": 60000.0,
+            "DynamicDefaults.Velocity": default,
+            "DynamicLimits.MaxVelocity": 9000.0,
+            "DynamicLimits.Velocity": 9000.0,
+            f"DynamicLimits.{variable}": limit,
+            "DynamicLimits.MaxAcceleration": 50000.0,
+            "DynamicLimits.MaxDeceleration": 50000.0,
+            "Mechanics.LeadScrew": 200.0,
+            "FollowingError.EnableMonitoring": False,
+            "Actor.DriveParameter.MaxSpeed": 60000.0,
         }
-    )  # fmt: skip
+    )
     rig.enabled()
     job = rig.axis.move_relative(6000.0, Velocity=given, Acceleration=40000.0, Deceleration=40000.0, Jerk=0.0)
     rig.until(job.done, 20.0)

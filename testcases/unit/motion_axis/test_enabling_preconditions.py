@@ -29,13 +29,16 @@ def restore(rig):
     rig.port.sensor_fault = False
 
 
-# -- devices that are not there at start-up ------------------------------------------------------------------------------
+# -- devices that are not there at start-up
+# ------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-129", "MC-128", "MC-591", "STP-021", "STP-555", "CFG-620", "STP-020")
 @pytest.mark.parametrize(("what", "numbers"), [("link", [106, 108]), ("encoder", [108])])
 def test_enable_before_the_devices_have_joined(rig, what, numbers):
-    """106 and 108 once, reaction 4, ErrorWord.X1, an entry in the diagnostic buffer; Status only after join and MC_Reset."""
+    """106 and 108 once, reaction 4, ErrorWord.X1, an entry in the diagnostic buffer; Status only after join
+    and MC_Reset.
+    """
     disturb(rig, what)
     power = rig.axis.power()
     rig.run(0.2)
@@ -55,7 +58,9 @@ def test_enable_before_the_devices_have_joined(rig, what, numbers):
 
 @pytest.mark.requirement("STP-021", "STP-019")
 def test_status_stays_false_until_the_drive_joins(rig):
-    """Enable TRUE from the first cycle on: no Status before the join, and none after it before the acknowledgement."""
+    """Enable TRUE from the first cycle on: no Status before the join, and none after it before the
+    acknowledgement.
+    """
     rig.port.link = False
     power = rig.axis.power()
     rig.run(0.4)
@@ -69,7 +74,9 @@ def test_status_stays_false_until_the_drive_joins(rig):
 
 @pytest.mark.requirement("STP-021")
 def test_no_alarm_when_enable_comes_after_the_devices(rig):
-    """Enable rises after CommunicationOK: no alarm, neither at once nor when the drive goes away later while disabled."""
+    """Enable rises after CommunicationOK: no alarm, neither at once nor when the drive goes away later while
+    disabled.
+    """
     rig.port.link = False
     rig.run(0.2)
     rig.port.link = True
@@ -87,7 +94,9 @@ def test_no_alarm_when_enable_comes_after_the_devices(rig):
 @pytest.mark.requirement("STP-024")
 @pytest.mark.parametrize("what", ["link", "encoder"])
 def test_the_start_interlock_waits_for_the_devices(rig, what):
-    """Behind the interlock Enable stays FALSE until all conditions hold, so that nothing is raised; `power` ends it."""
+    """Behind the interlock Enable stays FALSE until all conditions hold, so that nothing is raised; `power`
+    ends it.
+    """
     disturb(rig, what)
     power = rig.axis.power_when_ready()
     rig.run(0.2)
@@ -103,7 +112,9 @@ def test_the_start_interlock_waits_for_the_devices(rig, what):
 
 @pytest.mark.requirement("STP-024")
 def test_the_start_interlock_withdraws_enable(rig):
-    """The network is evaluated in every cycle: with CommunicationOK gone Enable falls, and rises again with it."""
+    """The network is evaluated in every cycle: with CommunicationOK gone Enable falls, and rises again with
+    it.
+    """
     power = rig.axis.power_when_ready()
     rig.until(power.status)
     rig.port.link = False
@@ -114,7 +125,8 @@ def test_the_start_interlock_withdraws_enable(rig):
     assert power.Enable
 
 
-# -- encoder, transfer of parameters ------------------------------------------------------------------------------------
+# -- encoder, transfer of parameters
+# ------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-022", "STP-018")
@@ -136,7 +148,9 @@ def test_an_encoder_without_valid_values_keeps_the_axis_disabled(rig):
 
 @pytest.mark.requirement("STP-023")
 def test_a_selected_transfer_has_to_be_complete():
-    """While AdaptionState is 1 of drive or encoder nothing is enabled; with both at 2 it is; 3 (none) does not block."""
+    """While AdaptionState is 1 of drive or encoder nothing is enabled; with both at 2 it is; 3 (none) does
+    not block.
+    """
     rig = AdaptionRig(BOTH)
     rig.port.lazy = True
     power = rig.axis.power_when_ready()
@@ -165,7 +179,9 @@ def test_transferred_parameters_let_the_axis_go():
 
 @pytest.mark.requirement("STP-016")
 def test_an_inconsistent_configuration_is_not_enabled(rig):
-    """After a restart with start values that contradict each other alarm 101 is pending and Status stays FALSE."""
+    """After a restart with start values that contradict each other alarm 101 is pending and Status stays
+    FALSE.
+    """
     rig.run(0.1)
     rig.axis.object.variables.write_start("PositionControl.InitialOperativeSensor", 3)
     rig.until(rig.axis.reset(restart=True).error)
@@ -176,7 +192,8 @@ def test_an_inconsistent_configuration_is_not_enabled(rig):
     assert not any(rig.column("power_status"))
 
 
-# -- what is in the diagnostic buffer -----------------------------------------------------------------------------------
+# -- what is in the diagnostic buffer
+# -----------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-020")
@@ -199,7 +216,9 @@ def test_the_reason_of_a_lost_communication_is_in_the_diagnostic_buffer(rig, wha
 @pytest.mark.requirement("STP-020", "STP-045", "MC-133")
 @pytest.mark.parametrize(("what", "reason"), [("link", "no cyclic communication"), ("fault", "drive fault")])
 def test_what_the_enabling_waits_for_is_told_once(rig, what, reason):
-    """No alarm comes for a drive that is not ready when Enable rises: MC_Power waits, tells why, and enables when it is."""
+    """No alarm comes for a drive that is not ready when Enable rises: MC_Power waits, tells why, and enables
+    when it is.
+    """
     rig.enabled()
     rig.until(rig.axis.power(False).off)
     if what == "link":
@@ -221,13 +240,16 @@ def test_what_the_enabling_waits_for_is_told_once(rig, what, reason):
     assert len(rig.events("power.waits")) == 1
 
 
-# -- time limit of the sequence -------------------------------------------------------------------------------------------
+# -- time limit of the sequence
+# -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-043", "TA-020")
 @pytest.mark.parametrize("limit", [None, 0.3])
 def test_a_drive_that_cannot_be_enabled(rig, limit):
-    """A drive that stays in S1: without a limit MC_Power waits; with one 421 with reaction 4, and again after each MC_Reset."""
+    """A drive that stays in S1: without a limit MC_Power waits; with one 421 with reaction 4, and again after
+    each MC_Reset.
+    """
     rig.axis.object.enabling.timeout_s = limit
     rig.run(0.1)
     rig.port.inhibited = True
@@ -254,7 +276,9 @@ def test_a_drive_that_cannot_be_enabled(rig, limit):
 @pytest.mark.requirement("STP-015")
 @pytest.mark.parametrize("kind", ["speed", "positioning"])
 def test_nothing_but_mc_power_enables(make_rig, kind):
-    """Motion jobs, MC_Reset, MC_Home, torque limits and control words leave an axis disabled; bits 0 to 7 are not the user's."""
+    """Motion jobs, MC_Reset, MC_Home, torque limits and control words leave an axis disabled; bits 0 to 7 are
+    not the user's.
+    """
     rig = make_rig(speed=kind == "speed")
     rig.run(0.1)
     rig.axis.move_velocity(50.0)
@@ -276,7 +300,8 @@ def test_nothing_but_mc_power_enables(make_rig, kind):
     rig.until(rig.axis.power().status)
 
 
-# -- MC_Power among other jobs --------------------------------------------------------------------------------------------
+# -- MC_Power among other jobs
+# --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-034")
@@ -284,7 +309,9 @@ def test_nothing_but_mc_power_enables(make_rig, kind):
     "kind", ["move", "velocity", "halt", "stop", "superimposed", "home", "reset", "torque"]
 )
 def test_no_job_ends_mc_power_and_enable_ends_no_job(rig, kind):
-    """Whatever is started, MC_Power stays busy with Status TRUE; called on with Enable TRUE it aborts nothing."""
+    """Whatever is started, MC_Power stays busy with Status TRUE; called on with Enable TRUE it aborts
+    nothing.
+    """
     rig.enabled()
     power = rig.axis.power_instance
     job = {
@@ -305,11 +332,14 @@ def test_no_job_ends_mc_power_and_enable_ends_no_job(rig, kind):
     assert not job.Error
 
 
-# -- noise at the moment of enabling ------------------------------------------------------------------------------------
+# -- noise at the moment of enabling
+# ------------------------------------------------------------------------------------
 
 
 def noisy(rig, increments):
-    """Let the encoder value jump to and fro by a number of increments in every cycle, as noise does at rest."""
+    """Let the encoder value jump to and fro by a number of increments in every cycle, as noise does at
+    rest.
+    """
     plain = rig.port.read
     sign = [1]
 
@@ -328,7 +358,9 @@ def noisy(rig, increments):
 @pytest.mark.parametrize("steps", [131072, 16384])
 @pytest.mark.parametrize("velocity_mode", [0, 1])
 def test_noise_steps_the_setpoint_at_enabling(make_rig, steps, velocity_mode):
-    """The setpoint is x_act + v_act * delay: the coarser the encoder, the larger the step; none with VelocityModePowerOn 1."""
+    """The setpoint is x_act + v_act * delay: the coarser the encoder, the larger the step; none with
+    VelocityModePowerOn 1.
+    """
     increments = 131072 // steps
     rig = make_rig(
         variables={

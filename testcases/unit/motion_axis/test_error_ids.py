@@ -1,4 +1,6 @@
-"""Every `ErrorID` that the runtime gives: one instruction with one wrong input or in one forbidden state (TA-028, §0.2)."""
+"""Every `ErrorID` that the runtime gives: one instruction with one wrong input or in one forbidden state
+(TA-028, §0.2).
+"""
 
 from __future__ import annotations
 
@@ -134,25 +136,47 @@ TABLE: list[tuple[int, str, Provoke, bool, dict[str, Any], type[TorquePort] | No
     (0x8016, "MC-013", without_value, False, {}, None),
     (0x8043, "MC-610", call("torque_limiting", nan), True, TORQUE, TorquePort),
     (0x8044, "MC-611", call("torque_limiting", 1.0), True, TORQUE, None),
-    (0x8045, "MC-612", after(call("torque_limiting", 1.0, mode=1), then=call("move_velocity", 10.0, PositionControlled=False)),
-     True, TORQUE, TorquePort),
+    (
+        0x8045,
+        "MC-612",
+        after(
+            call("torque_limiting", 1.0, mode=1), then=call("move_velocity", 10.0, PositionControlled=False)
+        ),
+        True,
+        TORQUE,
+        TorquePort,
+    ),
     (0x804A, "MC-615", call("torque_additive", 2.0e12), True, TORQUE, TorquePort),
     (0x804B, "MC-615", call("torque_range", 2.0e12, -1.0), True, TORQUE, TorquePort),
     (0x804C, "MC-615", call("torque_range", 1.0, -2.0e12), True, TORQUE, TorquePort),
     (0x804D, "MC-615", call("torque_range", -1.0, 1.0), True, TORQUE, TorquePort),
-    (0x804E, "MC-616", after(call("torque_limiting", 1.0), then=call("torque_range", 1.0, -1.0)), True, TORQUE, TorquePort),
+    (
+        0x804E,
+        "MC-616",
+        after(call("torque_limiting", 1.0), then=call("torque_range", 1.0, -1.0)),
+        True,
+        TORQUE,
+        TorquePort,
+    ),
     (0x804F, "MC-617", call("torque_additive", 1.0), True, TORQUE, None),
     (0x8050, "MC-618", call("set_sensor", 3), True, {}, None),
     (0x8051, "MC-618", call("set_sensor", 1, mode=3, reference=4), True, {}, None),
     (0x8055, "MC-619", call("set_axis_stw", STW1=1, STW1BitMask=1), True, {}, TorquePort),
     (0x805A, "MC-620", call("write_parameter", 999, 0), True, {}, None),
-    (0x805B, "MC-621", call("write_parameter", 1000, True), True, {"PositionLimits_HW.MinSwitchAddress.DbNumber": 7}, None),
+    (
+        0x805B,
+        "MC-621",
+        call("write_parameter", 1000, True),
+        True,
+        {"PositionLimits_HW.MinSwitchAddress.DbNumber": 7},
+        None,
+    ),
     (0x805C, "MC-620", call("write_parameter", 1000, "on"), True, {}, None),
     (0x805D, "MC-620", call("write_parameter", 1010, 0.001), True, {}, None),
     (0x8071, "MC-622", without_position_control, True, TORQUE, TorquePort),
     (0x8074, "MC-623", after(call("home", 0.0, mode=8), then=call("set_sensor", 1)), True, {}, None),
     (0x8FFF, "MC-628", call("write_parameter", 1020, 2), True, {}, None),
-]  # fmt: skip
+]
 ELSEWHERE = {
     0x8012: "testcases/unit/motion_axis/test_control_panel.py",
     0x8013: "testcases/unit/motion_axis/test_control_panel.py",
@@ -168,12 +192,19 @@ ELSEWHERE = {
 @pytest.mark.parametrize(
     ("value", "provoke", "goes_on", "variables", "port"),
     [
-        pytest.param(value, *rest, id=f"{value:04X}-{at}", marks=pytest.mark.requirement(row, "TA-028", "TA-010", "MC-014"))
+        pytest.param(
+            value,
+            *rest,
+            id=f"{value:04X}-{at}",
+            marks=pytest.mark.requirement(row, "TA-028", "TA-010", "MC-014"),
+        )
         for at, (value, row, *rest) in enumerate(TABLE)
     ],
-)  # fmt: skip
+)
 def test_the_instruction_says_it(value, provoke, goes_on, variables, port):
-    """`Error` with this ErrorID and without `Busy`; the job that runs meanwhile is not touched, unless it is the state that is wrong."""
+    """`Error` with this ErrorID and without `Busy`; the job that runs meanwhile is not touched, unless it is
+    the state that is wrong.
+    """
     rig = Rig(variables=variables, port=port() if port else None).enabled()
     rig.until(rig.axis.home(0.0).done)
     running = rig.axis.move_velocity(50.0)
@@ -196,7 +227,9 @@ def given_in_the_code() -> set[int]:
 
 
 def test_every_error_id_is_brought_about():
-    """Whatever the sources name is in the list of the system and has a test; add new ones to the table above."""
+    """Whatever the sources name is in the list of the system and has a test; add new ones to the table
+    above.
+    """
     here = {value for value, *_ in TABLE}
     assert given_in_the_code() == here | set(ELSEWHERE)
     assert here | set(ELSEWHERE) <= set(error_ids())

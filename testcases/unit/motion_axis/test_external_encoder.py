@@ -95,7 +95,9 @@ class TestStatusWord:
 
     @pytest.mark.requirement("DIA-073", "DIA-077", "DIA-079")
     def test_homed(self, rig):
-        """Setting the position homes; adjusting shows in `Adjusted` too. Nothing but `MC_Power` acts: done."""
+        """Setting the position homes; adjusting shows in `Adjusted` too. Nothing but `MC_Power` acts:
+        done.
+        """
         rig.enabled()
         assert rig.var("StatusWord.X5") is False
         rig.until(rig.encoder.home(20.0).done)
@@ -217,7 +219,9 @@ class TestAlarms:
 
     @pytest.mark.requirement("DIA-083", "TA-008", "MC-609")
     def test_configuration(self, rig):
-        """A wrong start value: restart ends with 16#8015 and alarm 101, which only a restart with a good one clears."""
+        """A wrong start value: restart ends with 16#8015 and alarm 101, which only a restart with a good one
+        clears.
+        """
         rig.cycles()
         rig.encoder.variables.write_start("Mechanics.LeadScrew", -1.0)
         reset = rig.encoder.reset(restart=True)
@@ -269,9 +273,14 @@ class TestDiagnosis:
         rig.until(rig.encoder.home(30.0, mode=13).done)
         found = rig.encoder.diagnosis()
         assert found.pages["encoder status"] == {
-            "enabled": True, "homed": True, "error": False, "restart active": False, "encoder values valid": 2,
-            "encoder homed": 1, "restart required": False,
-        }  # fmt: skip
+            "enabled": True,
+            "homed": True,
+            "error": False,
+            "restart active": False,
+            "encoder values valid": 2,
+            "encoder homed": 1,
+            "restart required": False,
+        }
         assert found.pages["motion status"] == {"done": True, "homing job": False, "standstill": True}
         assert found.pages["values"] == {"actual position": pytest.approx(30.0), "actual velocity": 0.0}
         assert (found.state, set(found.words)) == ("ENABLED", {"StatusWord", "ErrorWord", "WarningWord"})

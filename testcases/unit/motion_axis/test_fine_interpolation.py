@@ -1,4 +1,6 @@
-"""Profiles with an interpolator cycle of several servo cycles: their limits hold in every servo cycle (T_ipo = n * T_servo)."""
+"""Profiles with an interpolator cycle of several servo cycles: their limits hold in every servo cycle (T_ipo
+= n * T_servo).
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ def slopes(rig, since, column="velocity_setpoint"):
 @RATIOS
 @pytest.mark.parametrize("velocity", [300.0, 123.4])
 def test_the_emergency_ramp_is_never_steeper_than_configured(make_rig, ratio, velocity):
-    """EmergencyDeceleration also where the ramp ends between two calls of the interpolator, in velocity and position."""
+    """EmergencyDeceleration also where the ramp ends between two calls of the interpolator, in velocity and
+    position.
+    """
     rig = make_rig(cycle_ns=SERVO_NS, ratio=ratio)
     rig.enabled()
     job = rig.axis.move_velocity(velocity)

@@ -1,4 +1,6 @@
-"""Whatever is done to a homing at any moment: one output per job, X11 tells the truth, no false mark, and the next one works."""
+"""Whatever is done to a homing at any moment: one output per job, X11 tells the truth, no false mark, and the
+next one works.
+"""
 
 from __future__ import annotations
 
@@ -38,9 +40,20 @@ JOBS = {
     "reset": lambda axis: axis.reset(),
 }
 DEEDS = (
-    "override 0", "override 100", "override 200", "encoder lost", "encoder back", "off", "on", "release", "cam sticks", "cam free",
-    "limit bounces", "approach 0", "approach 80",
-)  # fmt: skip
+    "override 0",
+    "override 100",
+    "override 200",
+    "encoder lost",
+    "encoder back",
+    "off",
+    "on",
+    "release",
+    "cam sticks",
+    "cam free",
+    "limit bounces",
+    "approach 0",
+    "approach 80",
+)
 PLACES = st.lists(st.tuples(st.sampled_from([*JOBS, *DEEDS]), st.integers(1, 250)), min_size=1, max_size=8)
 
 
@@ -49,9 +62,16 @@ class Machine:
 
     def __init__(self, mode, direction):
         self.machine = {
-            "cam": (0.0, 22.0), "start": 60.0, "phase": 5.0, "mode": mode, "direction": direction, "approach": -1,
-            "positive_side": True, "reversal": True, "velocity": 80.0,
-        }  # fmt: skip
+            "cam": (0.0, 22.0),
+            "start": 60.0,
+            "phase": 5.0,
+            "mode": mode,
+            "direction": direction,
+            "approach": -1,
+            "positive_side": True,
+            "reversal": True,
+            "velocity": 80.0,
+        }
         self.plant = Plant(self.machine)
         passive = {"Sensor[1].PassiveHoming.Mode": mode, "Sensor[1].PassiveHoming.Direction": 2}
         self.rig = Rig(
@@ -96,7 +116,8 @@ class Machine:
             outputs = (job.Busy, job.Done, job.CommandAborted, job.Error)
             assert sum(outputs) == 1, outputs
             busy += job.Busy
-        # An active and a passive one may run in parallel (OVR-087). The status word is that of the cycle before the outputs.
+        # An active and a passive one may run in parallel (OVR-087). The status word is that of the cycle
+        # before the outputs.
         assert busy <= 2
         agrees = self.axis.var("StatusWord.X11") is bool(busy) and len(self.axis.object.homings) == busy
         self.behind = 0 if agrees else self.behind + 1
@@ -165,7 +186,9 @@ class Machine:
 )
 @example(ZERO_MARK, 1, [("relative", 64), ("jog", 199)])
 def test_nothing_confuses_homing(mode, direction, deeds):
-    """Jobs, faults, overrides and switches in any order; afterwards an operator homes the axis, on the right mark."""
+    """Jobs, faults, overrides and switches in any order; afterwards an operator homes the axis, on the right
+    mark.
+    """
     machine = Machine(mode, direction)
     for what, cycles in deeds:
         machine.do(what)

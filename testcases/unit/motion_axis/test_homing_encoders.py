@@ -52,7 +52,9 @@ class TestSeveral:
     )
     @pytest.mark.parametrize(("mode", "shown"), [(6, 80.0), (7, 50.0)])
     def test_absolute_adjustment_of_another_encoder(self, mode, shown):
-        """Encoder 2 shows 30: shifted by 50 or set to 50, with its offset kept; the axis is not homed by that."""
+        """Encoder 2 shows 30: shifted by 50 or set to 50, with its offset kept; the axis is not homed by
+        that.
+        """
         rig = Encoders(ahead=(30.0,), types=(0, 1))
         home(rig, 50.0, mode=mode, sensor=2)
         assert rig.shown(2) == pytest.approx(shown, abs=0.001)
@@ -77,7 +79,9 @@ class TestAbsolute:
     @pytest.mark.requirement("HOM-087", "HOM-088", "HOM-133", "MC-213")
     @pytest.mark.parametrize("mode", [3, 8])
     def test_first_homing_is_kept(self, make_rig, mode):
-        """Without a kept offset homing keeps the one that it finds; the next one shifts the position and leaves it."""
+        """Without a kept offset homing keeps the one that it finds; the next one shifts the position and
+        leaves it.
+        """
         rig = make_rig(variables=ABSOLUTE).enabled()
         first = rig.axis.home(500.0, mode=mode)
         if mode == 8:
@@ -116,7 +120,9 @@ class TestFaultyEncoder:
     @pytest.mark.requirement("HOM-191", "HOM-192", "HOM-179")
     @pytest.mark.parametrize(("variables", "homed"), [(None, False), (ABSOLUTE, True)])
     def test_recovers(self, make_rig, variables, homed):
-        """An incremental one has lost its relation, and absolute positioning is refused (321); an absolute one has not."""
+        """An incremental one has lost its relation, and absolute positioning is refused (321); an absolute
+        one has not.
+        """
         rig = make_rig(variables=variables).enabled()
         home(rig, 10.0, mode=7 if variables else 0)
         rig.port.sensor_fault = True
@@ -149,7 +155,9 @@ class TestBacklash:
 
     @pytest.mark.requirement("HOM-172", "CFG-566")
     def test_homing_on_a_mark(self, make_rig):
-        """With the whole backlash passed in homing direction before the mark, the load stands where the axis shows it."""
+        """With the whole backlash passed in homing direction before the mark, the load stands where the axis
+        shows it.
+        """
         rig = rig_of(make_rig)
         mark = 15 * 10.0
         rig.until(rig.axis.move_relative(mark + 3.0 - rig.load.motor, Velocity=50.0).done, 20.0)

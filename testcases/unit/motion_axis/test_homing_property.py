@@ -1,4 +1,6 @@
-"""From any place, with any cam: active homing ends homed on the right mark or with the right alarm, and never in a stop at speed."""
+"""From any place, with any cam: active homing ends homed on the right mark or with the right alarm, and never
+in a stop at speed.
+"""
 
 from __future__ import annotations
 
@@ -88,8 +90,18 @@ def homed(machine):
 
 
 @pytest.mark.requirement(
-    "HOM-068", "HOM-070", "HOM-091", "HOM-099", "HOM-107", "HOM-108", "HOM-111", "HOM-113", "HOM-114", "HOM-097", "HOM-112",
-)  # fmt: skip
+    "HOM-068",
+    "HOM-070",
+    "HOM-091",
+    "HOM-099",
+    "HOM-107",
+    "HOM-108",
+    "HOM-111",
+    "HOM-113",
+    "HOM-114",
+    "HOM-097",
+    "HOM-112",
+)
 @settings(max_examples=50, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(machines())
 @example(
@@ -106,7 +118,9 @@ def homed(machine):
     }
 )
 def test_right_mark_or_right_alarm(machine):
-    """With reversal it is homed on the mark, if there is one; without, on the mark or stopped with 531 and 342."""
+    """With reversal it is homed on the mark, if there is one; without, on the mark or stopped with 531 and
+    342.
+    """
     admissible(machine, clearance(CYCLE))
     right_mark_or_right_alarm(machine, **homed(machine))
 
@@ -115,5 +129,7 @@ def test_right_mark_or_right_alarm(machine):
 @settings(max_examples=50, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(broken_machines())
 def test_broken_machines(machine):
-    """Cams of any place, missing, always on or inverted, limit switches exchanged or both on: an honest end before the stop."""
+    """Cams of any place, missing, always on or inverted, limit switches exchanged or both on: an honest end
+    before the stop.
+    """
     honest_end(machine, **homed(machine))

@@ -30,7 +30,9 @@ class TestConditions:
     @pytest.mark.parametrize("absolute", [False, True])
     @pytest.mark.parametrize("mode", [0, 1, 2, 3, 5, 6, 7, 8, 10, 11, 12, 13])
     def test_modes_by_type_of_encoder(self, make_rig, mode, absolute):
-        """6 and 7 for absolute encoders only (16#8010), 13 for incremental ones only (16#8011), all others for both."""
+        """6 and 7 for absolute encoders only (16#8010), 13 for incremental ones only (16#8011), all others
+        for both.
+        """
         rig = make_rig(variables=ABSOLUTE if absolute else None).enabled()
         job = rig.axis.home(1.0, mode=mode)
         rig.cycles(3)
@@ -50,7 +52,9 @@ class TestConditions:
     @pytest.mark.parametrize(("name", "error"), [("Acceleration", 0x8004), ("Deceleration", 0x8005)])
     @pytest.mark.parametrize("value", [0.0, 1e-13])
     def test_without_dynamics(self, rig, name, error, value):
-        """A dynamic default with which nothing can move: active homing is refused as any other motion, and the axis stays as it is."""
+        """A dynamic default with which nothing can move: active homing is refused as any other motion, and
+        the axis stays as it is.
+        """
         rig.enabled()
         rig.axis.write(f"DynamicDefaults.{name}", value)
         jobs = [home(rig, mode=mode) for mode in (3, 5)] + [rig.axis.move_relative(5.0)]
@@ -148,7 +152,9 @@ class TestStatus:
         "HOM-083",
     )
     def test_active_homing(self, rig):
-        """X11 to the end; X5 falls at the start and rises at the mark, before the home position is reached."""
+        """X11 to the end; X5 falls at the start and rises at the mark, before the home position is
+        reached.
+        """
         rig.enabled()
         home(rig)
         job = rig.axis.home(500.0, mode=3)
@@ -201,8 +207,14 @@ class TestStatus:
     @pytest.mark.requirement("HOM-028", "HOM-110")
     def test_dynamics(self, make_rig):
         """Ramps are those of DynamicDefaults."""
-        rig = make_rig(variables={"DynamicDefaults.Acceleration": 300.0, "DynamicDefaults.Deceleration": 500.0, "DynamicDefaults.Jerk": 0.0,
-                                  "Sensor[1].ActiveHoming.HomePositionOffset": 200.0}).enabled()  # fmt: skip
+        rig = make_rig(
+            variables={
+                "DynamicDefaults.Acceleration": 300.0,
+                "DynamicDefaults.Deceleration": 500.0,
+                "DynamicDefaults.Jerk": 0.0,
+                "Sensor[1].ActiveHoming.HomePositionOffset": 200.0,
+            }
+        ).enabled()
         rig.until(rig.axis.home(0.0, mode=3).done, 20.0)
         accelerations = rig.column("acceleration_setpoint")
         assert max(accelerations) == pytest.approx(300.0)

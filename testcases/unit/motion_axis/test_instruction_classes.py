@@ -1,4 +1,6 @@
-"""How instances are started, what they show and how they end, by interface class (section 1.1 of the specification)."""
+"""How instances are started, what they show and how they end, by interface class (section 1.1 of the
+specification).
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from testcases.unit.motion_axis.conftest import Rig, TorquePort
 
 TERMINAL = ("Done", "CommandAborted", "Error")
 
-# instruction, identifier, success output, whether it has Active and CommandAborted, inputs beside the start, whether it ends by itself
+# instruction, identifier, success output, whether it has Active and CommandAborted, inputs beside the start,
+# whether it ends by itself
 EXECUTE = [
     ("MC_Reset", "MC-020", "Done", False, True, {}, True),
     ("MC_Home", "MC-021", "Done", False, True, {"Mode": 0}, True),
@@ -28,19 +31,27 @@ EXECUTE = [
 ENABLE = [
     ("MC_Power", "MC-019", "Enable", "Status", False),
     ("MC_MoveJog", "MC-026", "JogForward", "InVelocity", True),
-    ("MC_MotionInVelocity", "MC-034", "Enable", None, True), ("MC_MotionInPosition", "MC-034", "Enable", None, True),
+    ("MC_MotionInVelocity", "MC-034", "Enable", None, True),
+    ("MC_MotionInPosition", "MC-034", "Enable", None, True),
     ("MC_MotionInSuperimposed", "MC-034", "Enable", None, True),
     ("MC_TorqueAdditive", "MC-035", "Enable", None, False),
     ("MC_TorqueRange", "MC-035", "Enable", None, False),
     ("MC_TorqueLimiting", "MC-036", "Enable", "InLimitation", False),
-]  # fmt: skip
+]
 ILLEGAL = {
-    "MC_Home": {"Mode": 4}, "MC_Halt": {"Deceleration": 0.0}, "MC_MoveAbsolute": {"Velocity": 0.0},
-    "MC_MoveRelative": {"Acceleration": 0.0}, "MC_MoveVelocity": {"Acceleration": 0.0},
-    "MC_MoveSuperimposed": {"VelocityDiff": 0.0}, "MC_HaltSuperimposed": {"Deceleration": 0.0}, "MC_SetSensor": {"Sensor": 9},
-    "MC_Stop": {"Mode": 1}, "MC_SetAxisSTW": {"STW1BitMask": 0x0001}, "MC_WriteParameter": {"ParameterNumber": 1},
+    "MC_Home": {"Mode": 4},
+    "MC_Halt": {"Deceleration": 0.0},
+    "MC_MoveAbsolute": {"Velocity": 0.0},
+    "MC_MoveRelative": {"Acceleration": 0.0},
+    "MC_MoveVelocity": {"Acceleration": 0.0},
+    "MC_MoveSuperimposed": {"VelocityDiff": 0.0},
+    "MC_HaltSuperimposed": {"Deceleration": 0.0},
+    "MC_SetSensor": {"Sensor": 9},
+    "MC_Stop": {"Mode": 1},
+    "MC_SetAxisSTW": {"STW1BitMask": 0x0001},
+    "MC_WriteParameter": {"ParameterNumber": 1},
     "MC_Reset": {"Restart": True},
-}  # fmt: skip
+}
 """Inputs with which each is refused on an enabled axis."""
 
 
@@ -97,7 +108,9 @@ def prepared(name):
     ],
 )
 def test_execute_class(name, success, active, aborted, inputs, ends):
-    """Started by the edge alone, in the same call; success at its own output; only what is printed has Active."""
+    """Started by the edge alone, in the same call; success at its own output; only what is printed has
+    Active.
+    """
     rig = prepared(name)
     one = Watched(rig, name)
     assert hasattr(one.instance, "Active") is active
@@ -190,7 +203,9 @@ def test_the_end_of_an_enable_job():
     ],
 )
 def test_an_enable_job_in_error_needs_a_new_edge(name, wrong, right):
-    """Error stays while Enable does, also with values that are permitted again; the next edge starts the function."""
+    """Error stays while Enable does, also with values that are permitted again; the next edge starts the
+    function.
+    """
     rig = ready()
     one = Watched(rig, name)
     one.call(Enable=True)
@@ -259,7 +274,9 @@ def test_pulse_of_one_call_that_is_refused(name):
 
 @pytest.mark.requirement("MC-598", "MC-466", "MC-047", "CFG-054")
 def test_pulse_of_one_call_for_the_card(tmp_path):
-    """MC_SaveAbsoluteEncoderData has no axis and serves every object; its end is shown in one call as well."""
+    """MC_SaveAbsoluteEncoderData has no axis and serves every object; its end is shown in one call as
+    well.
+    """
     rig = Rig(variables={"Sensor[1].Type": 1})
     rig.runtime.insert_card(tmp_path)
     save = MC_SaveAbsoluteEncoderData(rig.runtime)

@@ -1,4 +1,6 @@
-"""Inputs, outputs and defaults of every instruction, and what dynamic inputs make of the motion (section 2 of the specification)."""
+"""Inputs, outputs and defaults of every instruction, and what dynamic inputs make of the motion (section 2 of
+the specification).
+"""
 
 from __future__ import annotations
 
@@ -13,54 +15,97 @@ CYCLE = 0.004
 
 # instruction, identifier, input, default as printed
 INPUTS = [
-    ("MC_Power", "MC-135", "Enable", False), ("MC_Power", "MC-136", "StartMode", 1), ("MC_Power", "MC-137", "StopMode", 0),
-    ("MC_Reset", "MC-174", "Execute", False), ("MC_Reset", "MC-175", "Restart", False),
-    ("MC_Home", "MC-192", "Execute", False), ("MC_Home", "MC-193", "Position", 0.0), ("MC_Home", "MC-194", "Mode", 0),
-    ("MC_Halt", "MC-224", "Execute", False), ("MC_Halt", "MC-225", "Deceleration", -1.0), ("MC_Halt", "MC-226", "Jerk", -1.0),
-    ("MC_Halt", "MC-227", "AbortAcceleration", False), ("MC_Halt", "MC-228", "Mode", 0),
-    ("MC_MoveAbsolute", "MC-248", "Execute", False), ("MC_MoveAbsolute", "MC-249", "Position", 0.0),
-    ("MC_MoveAbsolute", "MC-250", "Velocity", -1.0), ("MC_MoveAbsolute", "MC-251", "Acceleration", -1.0),
-    ("MC_MoveAbsolute", "MC-252", "Deceleration", -1.0), ("MC_MoveAbsolute", "MC-253", "Jerk", -1.0),
-    ("MC_MoveAbsolute", "MC-254", "BufferMode", 0), ("MC_MoveAbsolute", "MC-255", "Direction", 1),
-    ("MC_MoveRelative", "MC-276", "Execute", False), ("MC_MoveRelative", "MC-277", "Distance", 0.0),
-    ("MC_MoveRelative", "MC-278", "Velocity", -1.0), ("MC_MoveRelative", "MC-279", "Acceleration", -1.0),
-    ("MC_MoveRelative", "MC-280", "Deceleration", -1.0), ("MC_MoveRelative", "MC-281", "Jerk", -1.0),
+    ("MC_Power", "MC-135", "Enable", False),
+    ("MC_Power", "MC-136", "StartMode", 1),
+    ("MC_Power", "MC-137", "StopMode", 0),
+    ("MC_Reset", "MC-174", "Execute", False),
+    ("MC_Reset", "MC-175", "Restart", False),
+    ("MC_Home", "MC-192", "Execute", False),
+    ("MC_Home", "MC-193", "Position", 0.0),
+    ("MC_Home", "MC-194", "Mode", 0),
+    ("MC_Halt", "MC-224", "Execute", False),
+    ("MC_Halt", "MC-225", "Deceleration", -1.0),
+    ("MC_Halt", "MC-226", "Jerk", -1.0),
+    ("MC_Halt", "MC-227", "AbortAcceleration", False),
+    ("MC_Halt", "MC-228", "Mode", 0),
+    ("MC_MoveAbsolute", "MC-248", "Execute", False),
+    ("MC_MoveAbsolute", "MC-249", "Position", 0.0),
+    ("MC_MoveAbsolute", "MC-250", "Velocity", -1.0),
+    ("MC_MoveAbsolute", "MC-251", "Acceleration", -1.0),
+    ("MC_MoveAbsolute", "MC-252", "Deceleration", -1.0),
+    ("MC_MoveAbsolute", "MC-253", "Jerk", -1.0),
+    ("MC_MoveAbsolute", "MC-254", "BufferMode", 0),
+    ("MC_MoveAbsolute", "MC-255", "Direction", 1),
+    ("MC_MoveRelative", "MC-276", "Execute", False),
+    ("MC_MoveRelative", "MC-277", "Distance", 0.0),
+    ("MC_MoveRelative", "MC-278", "Velocity", -1.0),
+    ("MC_MoveRelative", "MC-279", "Acceleration", -1.0),
+    ("MC_MoveRelative", "MC-280", "Deceleration", -1.0),
+    ("MC_MoveRelative", "MC-281", "Jerk", -1.0),
     ("MC_MoveRelative", "MC-282", "BufferMode", 0),
-    ("MC_MoveVelocity", "MC-293", "Execute", False), ("MC_MoveVelocity", "MC-294", "Velocity", 100.0),
-    ("MC_MoveVelocity", "MC-295", "Acceleration", -1.0), ("MC_MoveVelocity", "MC-296", "Deceleration", -1.0),
-    ("MC_MoveVelocity", "MC-297", "Jerk", -1.0), ("MC_MoveVelocity", "MC-298", "Direction", 0),
-    ("MC_MoveVelocity", "MC-299", "Current", False), ("MC_MoveVelocity", "MC-300", "PositionControlled", True),
-    ("MC_MoveJog", "MC-317", "JogForward", False), ("MC_MoveJog", "MC-318", "JogBackward", False),
-    ("MC_MoveJog", "MC-319", "Velocity", 100.0), ("MC_MoveJog", "MC-320", "Acceleration", -1.0),
-    ("MC_MoveJog", "MC-321", "Deceleration", -1.0), ("MC_MoveJog", "MC-322", "Jerk", -1.0),
+    ("MC_MoveVelocity", "MC-293", "Execute", False),
+    ("MC_MoveVelocity", "MC-294", "Velocity", 100.0),
+    ("MC_MoveVelocity", "MC-295", "Acceleration", -1.0),
+    ("MC_MoveVelocity", "MC-296", "Deceleration", -1.0),
+    ("MC_MoveVelocity", "MC-297", "Jerk", -1.0),
+    ("MC_MoveVelocity", "MC-298", "Direction", 0),
+    ("MC_MoveVelocity", "MC-299", "Current", False),
+    ("MC_MoveVelocity", "MC-300", "PositionControlled", True),
+    ("MC_MoveJog", "MC-317", "JogForward", False),
+    ("MC_MoveJog", "MC-318", "JogBackward", False),
+    ("MC_MoveJog", "MC-319", "Velocity", 100.0),
+    ("MC_MoveJog", "MC-320", "Acceleration", -1.0),
+    ("MC_MoveJog", "MC-321", "Deceleration", -1.0),
+    ("MC_MoveJog", "MC-322", "Jerk", -1.0),
     ("MC_MoveJog", "MC-323", "PositionControlled", True),
-    ("MC_MoveSuperimposed", "MC-343", "Execute", False), ("MC_MoveSuperimposed", "MC-344", "Distance", 0.0),
-    ("MC_MoveSuperimposed", "MC-345", "VelocityDiff", -1.0), ("MC_MoveSuperimposed", "MC-346", "Acceleration", -1.0),
-    ("MC_MoveSuperimposed", "MC-347", "Deceleration", -1.0), ("MC_MoveSuperimposed", "MC-348", "Jerk", -1.0),
-    ("MC_HaltSuperimposed", "MC-363", "Execute", False), ("MC_HaltSuperimposed", "MC-364", "Deceleration", -1.0),
-    ("MC_HaltSuperimposed", "MC-365", "Jerk", -1.0), ("MC_HaltSuperimposed", "MC-366", "AbortAcceleration", False),
-    ("MC_Stop", "MC-395", "Execute", False), ("MC_Stop", "MC-396", "Mode", 0), ("MC_Stop", "MC-397", "Deceleration", -1.0),
-    ("MC_Stop", "MC-398", "Jerk", -1.0), ("MC_Stop", "MC-399", "AbortAcceleration", False),
-    ("MC_SetAxisSTW", "MC-435", "Execute", False), ("MC_SetAxisSTW", "MC-436", "STW1", 0),
-    ("MC_SetAxisSTW", "MC-437", "STW1BitMask", 0), ("MC_SetAxisSTW", "MC-438", "STW2", 0),
+    ("MC_MoveSuperimposed", "MC-343", "Execute", False),
+    ("MC_MoveSuperimposed", "MC-344", "Distance", 0.0),
+    ("MC_MoveSuperimposed", "MC-345", "VelocityDiff", -1.0),
+    ("MC_MoveSuperimposed", "MC-346", "Acceleration", -1.0),
+    ("MC_MoveSuperimposed", "MC-347", "Deceleration", -1.0),
+    ("MC_MoveSuperimposed", "MC-348", "Jerk", -1.0),
+    ("MC_HaltSuperimposed", "MC-363", "Execute", False),
+    ("MC_HaltSuperimposed", "MC-364", "Deceleration", -1.0),
+    ("MC_HaltSuperimposed", "MC-365", "Jerk", -1.0),
+    ("MC_HaltSuperimposed", "MC-366", "AbortAcceleration", False),
+    ("MC_Stop", "MC-395", "Execute", False),
+    ("MC_Stop", "MC-396", "Mode", 0),
+    ("MC_Stop", "MC-397", "Deceleration", -1.0),
+    ("MC_Stop", "MC-398", "Jerk", -1.0),
+    ("MC_Stop", "MC-399", "AbortAcceleration", False),
+    ("MC_SetAxisSTW", "MC-435", "Execute", False),
+    ("MC_SetAxisSTW", "MC-436", "STW1", 0),
+    ("MC_SetAxisSTW", "MC-437", "STW1BitMask", 0),
+    ("MC_SetAxisSTW", "MC-438", "STW2", 0),
     ("MC_SetAxisSTW", "MC-439", "STW2BitMask", 0),
-    ("MC_SetSensor", "MC-379", "Execute", False), ("MC_SetSensor", "MC-380", "Sensor", 1), ("MC_SetSensor", "MC-381", "Mode", 0),
+    ("MC_SetSensor", "MC-379", "Execute", False),
+    ("MC_SetSensor", "MC-380", "Sensor", 1),
+    ("MC_SetSensor", "MC-381", "Mode", 0),
     ("MC_SetSensor", "MC-382", "ReferenceSensor", 1),
-    ("MC_WriteParameter", "MC-449", "Execute", False), ("MC_WriteParameter", "MC-450", "ParameterNumber", 0),
+    ("MC_WriteParameter", "MC-449", "Execute", False),
+    ("MC_WriteParameter", "MC-450", "ParameterNumber", 0),
     ("MC_WriteParameter", "MC-451", "Value", 0),
-    ("MC_MotionInVelocity", "MC-483", "Enable", False), ("MC_MotionInVelocity", "MC-484", "Velocity", 0.0),
-    ("MC_MotionInVelocity", "MC-485", "Acceleration", 0.0), ("MC_MotionInVelocity", "MC-486", "PositionControlled", True),
-    ("MC_MotionInPosition", "MC-493", "Enable", False), ("MC_MotionInPosition", "MC-494", "Position", 0.0),
-    ("MC_MotionInPosition", "MC-495", "Velocity", 0.0), ("MC_MotionInPosition", "MC-496", "Acceleration", 0.0),
-    ("MC_MotionInSuperimposed", "MC-503", "Enable", False), ("MC_MotionInSuperimposed", "MC-504", "Distance", 0.0),
+    ("MC_MotionInVelocity", "MC-483", "Enable", False),
+    ("MC_MotionInVelocity", "MC-484", "Velocity", 0.0),
+    ("MC_MotionInVelocity", "MC-485", "Acceleration", 0.0),
+    ("MC_MotionInVelocity", "MC-486", "PositionControlled", True),
+    ("MC_MotionInPosition", "MC-493", "Enable", False),
+    ("MC_MotionInPosition", "MC-494", "Position", 0.0),
+    ("MC_MotionInPosition", "MC-495", "Velocity", 0.0),
+    ("MC_MotionInPosition", "MC-496", "Acceleration", 0.0),
+    ("MC_MotionInSuperimposed", "MC-503", "Enable", False),
+    ("MC_MotionInSuperimposed", "MC-504", "Distance", 0.0),
     ("MC_MotionInSuperimposed", "MC-505", "VelocityDiff", 0.0),
     ("MC_MotionInSuperimposed", "MC-506", "AccelerationDiff", 0.0),
-    ("MC_TorqueAdditive", "MC-514", "Enable", False), ("MC_TorqueAdditive", "MC-515", "Value", 0.0),
-    ("MC_TorqueRange", "MC-524", "Enable", False), ("MC_TorqueRange", "MC-525", "UpperLimit", 1.0e12),
+    ("MC_TorqueAdditive", "MC-514", "Enable", False),
+    ("MC_TorqueAdditive", "MC-515", "Value", 0.0),
+    ("MC_TorqueRange", "MC-524", "Enable", False),
+    ("MC_TorqueRange", "MC-525", "UpperLimit", 1.0e12),
     ("MC_TorqueRange", "MC-526", "LowerLimit", -1.0e12),
-    ("MC_TorqueLimiting", "MC-543", "Enable", False), ("MC_TorqueLimiting", "MC-544", "Limit", -1.0),
+    ("MC_TorqueLimiting", "MC-543", "Enable", False),
+    ("MC_TorqueLimiting", "MC-544", "Limit", -1.0),
     ("MC_TorqueLimiting", "MC-545", "Mode", 0),
-]  # fmt: skip
+]
 
 # instruction, identifiers, outputs beside Error and ErrorID, which all have
 OUTPUTS = {
@@ -68,7 +113,10 @@ OUTPUTS = {
     "MC_Reset": (["MC-176", "MC-177"], ["Done", "Busy", "CommandAborted"]),
     "MC_Home": (["MC-197"], ["Done", "Busy", "CommandAborted"]),
     "MC_Halt": (["MC-229", "MC-230"], ["Done", "Busy", "CommandAborted"]),
-    "MC_MoveAbsolute": (["MC-256", "MC-257", "MC-258", "MC-259"], ["Done", "Busy", "Active", "CommandAborted"]),
+    "MC_MoveAbsolute": (
+        ["MC-256", "MC-257", "MC-258", "MC-259"],
+        ["Done", "Busy", "Active", "CommandAborted"],
+    ),
     "MC_MoveRelative": (["MC-283"], ["Done", "Busy", "Active", "CommandAborted"]),
     "MC_MoveVelocity": (["MC-301", "MC-302"], ["InVelocity", "Busy", "CommandAborted"]),
     "MC_MoveJog": (["MC-324", "MC-325"], ["InVelocity", "Busy", "CommandAborted"]),
@@ -84,7 +132,7 @@ OUTPUTS = {
     "MC_TorqueAdditive": (["MC-516"], ["Busy"]),
     "MC_TorqueRange": (["MC-527"], ["Busy"]),
     "MC_TorqueLimiting": (["MC-546", "MC-547", "MC-548"], ["InClamping", "InLimitation", "Busy"]),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(
@@ -99,7 +147,9 @@ OUTPUTS = {
     ],
 )
 def test_inputs_have_the_printed_names_types_and_defaults(rig, name, inputs):
-    """Neither more nor fewer inputs than printed (MC_Home has no choice of encoder yet), with type and default."""
+    """Neither more nor fewer inputs than printed (MC_Home has no choice of encoder yet), with type and
+    default.
+    """
     kind = getattr(instructions, name)
     offered = {key: value for key, value in kind.inputs.items() if (name, key) != ("MC_Home", "Sensor")}
     assert offered == inputs
@@ -127,13 +177,15 @@ def test_the_tables_name_every_instruction():
     assert offered - {"MC_SaveAbsoluteEncoderData"} == set(OUTPUTS)
 
 
-# -- what dynamic inputs make of the motion ----------------------------------------------------------------------------------
+# -- what dynamic inputs make of the motion
+# ----------------------------------------------------------------------------------
 
 
 def extremes(rig, since):
     """Return greatest velocity, acceleration, deceleration and jerk of the setpoint from row `since` on.
 
-    Acceleration is the one that makes the axis faster; jerk is the slope of the acceleration between two cycles.
+    Acceleration is the one that makes the axis faster; jerk is the slope of the acceleration between two
+    cycles.
     """
     v = rig.column("velocity_setpoint")[since:]
     a = rig.column("acceleration_setpoint")[since:]
@@ -198,7 +250,9 @@ def test_values_above_zero_are_used(rig, name):
 @pytest.mark.requirement("STP-227", "MC-086", "MC-087", "MC-088", "MC-089", "MC-091")
 @pytest.mark.parametrize("name", list(MOVES))
 def test_values_below_zero_are_the_defaults(rig, name):
-    """-1.0 selects DynamicDefaults; MC_MoveJog takes the absolute value of its velocity, MC_MoveVelocity reverses."""
+    """-1.0 selects DynamicDefaults; MC_MoveJog takes the absolute value of its velocity, MC_MoveVelocity
+    reverses.
+    """
     given = {"Acceleration": -1.0, "Deceleration": -1.0, "Jerk": -1.0}
     if name not in ("MC_MoveVelocity", "MC_MoveJog"):
         given["Velocity"] = -1.0
@@ -270,7 +324,9 @@ def test_velocity_zero_is_allowed_where_a_velocity_is_the_aim(rig, name):
     ],
 )
 def test_effective_velocity(make_rig, default, given, limit, effective):
-    """The smaller of the resolved value and the dynamic limit, in the relations of the printed vectors; 501 when limited."""
+    """The smaller of the resolved value and the dynamic limit, in the relations of the printed vectors; 501
+    when limited.
+    """
     rig = make_rig(
         variables={
             "DynamicDefaults.Velocity": default,

@@ -1,4 +1,6 @@
-"""Which instruction takes which technology object (CFG section 3, section 1.2 of the instruction specification)."""
+"""Which instruction takes which technology object (CFG section 3, section 1.2 of the instruction
+specification).
+"""
 
 from __future__ import annotations
 
@@ -13,31 +15,49 @@ from testcases.unit.motion_axis.conftest import Rig, TorquePort
 KINDS = {"S": SpeedAxis, "P": PositioningAxis, "Y": SynchronousAxis, "E": ExternalEncoder}
 # identifiers of the cell and of the input `Axis`, instruction, objects
 SUPPORT = [
-    (("MC-037", "MC-134"), "MC_Power", "SPE"), (("CFG-041", "MC-038"), "MC_Reset", "SPE"),
-    (("CFG-042", "MC-039", "MC-191"), "MC_Home", "PE"), (("CFG-043", "MC-040", "MC-223"), "MC_Halt", "SP"),
-    (("CFG-044", "MC-041", "MC-247"), "MC_MoveAbsolute", "P"), (("CFG-045", "MC-041", "MC-275"), "MC_MoveRelative", "P"),
-    (("CFG-046", "MC-042", "MC-292"), "MC_MoveVelocity", "SP"), (("CFG-047", "MC-042", "MC-316"), "MC_MoveJog", "SP"),
+    (("MC-037", "MC-134"), "MC_Power", "SPE"),
+    (("CFG-041", "MC-038"), "MC_Reset", "SPE"),
+    (("CFG-042", "MC-039", "MC-191"), "MC_Home", "PE"),
+    (("CFG-043", "MC-040", "MC-223"), "MC_Halt", "SP"),
+    (("CFG-044", "MC-041", "MC-247"), "MC_MoveAbsolute", "P"),
+    (("CFG-045", "MC-041", "MC-275"), "MC_MoveRelative", "P"),
+    (("CFG-046", "MC-042", "MC-292"), "MC_MoveVelocity", "SP"),
+    (("CFG-047", "MC-042", "MC-316"), "MC_MoveJog", "SP"),
     (("CFG-048", "MC-043", "MC-342"), "MC_MoveSuperimposed", "P"),
     (("CFG-049", "MC-043", "MC-362"), "MC_HaltSuperimposed", "P"),
-    (("CFG-050", "MC-044", "MC-378"), "MC_SetSensor", "P"), (("CFG-051", "MC-040", "MC-394"), "MC_Stop", "SP"),
+    (("CFG-050", "MC-044", "MC-378"), "MC_SetSensor", "P"),
+    (("CFG-051", "MC-040", "MC-394"), "MC_Stop", "SP"),
     (("CFG-052", "MC-045", "MC-434"), "MC_SetAxisSTW", "SP"),
     (("CFG-053", "MC-046", "MC-448"), "MC_WriteParameter", "SPE"),
-    (("CFG-058", "MC-050", "MC-513"), "MC_TorqueAdditive", "SP"), (("CFG-059", "MC-050", "MC-523"), "MC_TorqueRange", "SP"),
+    (("CFG-058", "MC-050", "MC-513"), "MC_TorqueAdditive", "SP"),
+    (("CFG-059", "MC-050", "MC-523"), "MC_TorqueRange", "SP"),
     (("CFG-060", "MC-050", "MC-542"), "MC_TorqueLimiting", "SP"),
-    (("CFG-055", "MC-048", "MC-482"), "MC_MotionInVelocity", "SP"), (("CFG-056", "MC-049", "MC-492"), "MC_MotionInPosition", "P"),
+    (("CFG-055", "MC-048", "MC-482"), "MC_MotionInVelocity", "SP"),
+    (("CFG-056", "MC-049", "MC-492"), "MC_MotionInPosition", "P"),
     (("CFG-057", "MC-049", "MC-502"), "MC_MotionInSuperimposed", "P"),
-]  # fmt: skip
-START = {"MC_Power": "Enable", "MC_MoveJog": "JogForward", "MC_TorqueAdditive": "Enable", "MC_TorqueRange": "Enable",
-         "MC_TorqueLimiting": "Enable", "MC_MotionInVelocity": "Enable", "MC_MotionInPosition": "Enable",
-         "MC_MotionInSuperimposed": "Enable"}  # fmt: skip
+]
+START = {
+    "MC_Power": "Enable",
+    "MC_MoveJog": "JogForward",
+    "MC_TorqueAdditive": "Enable",
+    "MC_TorqueRange": "Enable",
+    "MC_TorqueLimiting": "Enable",
+    "MC_MotionInVelocity": "Enable",
+    "MC_MotionInPosition": "Enable",
+    "MC_MotionInSuperimposed": "Enable",
+}
 
 
 @pytest.mark.parametrize(
     ("name", "objects"),
-    [pytest.param(name, objects, marks=pytest.mark.requirement(*ids), id=name) for ids, name, objects in SUPPORT],
-)  # fmt: skip
+    [
+        pytest.param(name, objects, marks=pytest.mark.requirement(*ids), id=name)
+        for ids, name, objects in SUPPORT
+    ],
+)
 def test_objects(name, objects):
-    """An external encoder is refused when the instance is made; an axis of another type with 16#8002 at the call.
+    """An external encoder is refused when the instance is made; an axis of another type with 16#8002 at the
+    call.
 
     A synchronous axis is taken wherever a positioning axis is.
     """

@@ -1,4 +1,6 @@
-"""The timelines of the instructions, with their printed numbers (section 2 of the instruction specification)."""
+"""The timelines of the instructions, with their printed numbers (section 2 of the instruction
+specification).
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,8 @@ def bits(rig, *numbers):
     return [rig.axis.var("StatusWord") >> number & 1 for number in numbers]
 
 
-# -- MC_Power -------------------------------------------------------------------------------------------------------------
+# -- MC_Power
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-164", "MC-165", "MC-166", "MC-142", "MC-019", "MC-138")
@@ -66,7 +69,9 @@ def test_enabling_and_first_job(rig):
 
 @pytest.mark.requirement("MC-167", "MC-168", "MC-169", "MC-120", "MC-157", "MC-125", "MC-071", "MC-002")
 def test_alarm_that_removes_the_enable(rig):
-    """16#8001 at the job and at MC_Power, Status falls, Enable and Busy stay; acknowledged the axis comes back, the job does not."""
+    """16#8001 at the job and at MC_Power, Status falls, Enable and Busy stay; acknowledged the axis comes
+    back, the job does not.
+    """
     rig.travelling(200.0)
     power = rig.axis.power_instance
     rig.axis.object.alarms.set_cause(421, True)
@@ -131,7 +136,8 @@ def test_enabling_at_standstill(rig, start_mode):
     assert bits(rig, 28) == [1 - start_mode]
 
 
-# -- MC_Reset -------------------------------------------------------------------------------------------------------------
+# -- MC_Reset
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-178", "MC-176", "MC-020")
@@ -183,7 +189,9 @@ def test_a_drive_fault_without_alarm_is_acknowledged_too(rig):
 @pytest.mark.requirement("MC-185", "OVR-104")
 @pytest.mark.parametrize("restart", [False, True])
 def test_what_a_reset_aborts(rig, restart):
-    """Acknowledging aborts no job; a restart, which needs a disabled axis, is refused while jobs run (16#800E)."""
+    """Acknowledging aborts no job; a restart, which needs a disabled axis, is refused while jobs run
+    (16#800E).
+    """
     rig.travelling(100.0)
     reset = rig.axis.reset(restart=restart)
     rig.run(0.1)
@@ -191,14 +199,17 @@ def test_what_a_reset_aborts(rig, restart):
     assert reset.ErrorID == (0x800E if restart else 0)
 
 
-# -- MC_Halt ---------------------------------------------------------------------------------------------------------------
+# -- MC_Halt
+# ------------------------------------------------------------------------------------------------------------
 
 HALT = {"DynamicDefaults.Deceleration": 100.0}
 
 
 @pytest.mark.requirement("MC-236", "MC-237", "MC-238", "MC-096", "MC-095", "MC-022", "MC-227")
 def test_halt_reduces_the_acceleration_first(rig):
-    """Acceleration 100 at velocity 50: velocity rises by 25 in 0.5 s, standstill 1.75 s after the edge, Done."""
+    """Acceleration 100 at velocity 50: velocity rises by 25 in 0.5 s, standstill 1.75 s after the edge,
+    Done.
+    """
     rig.enabled()
     clock = Clock(rig)
     first = rig.axis.move_velocity(100.0, Acceleration=100.0, Jerk=200.0)
@@ -292,7 +303,9 @@ def test_halt_and_stop_leave_position_control_as_it_is(rig, kind, controlled):
 
 @pytest.mark.requirement("MC-231", "MC-222")
 def test_halt_runs_the_positioning_monitoring(make_rig, monkeypatch):
-    """A window that the axis cannot reach gives alarm 541, as after positioning; on a disabled axis the halt is refused."""
+    """A window that the axis cannot reach gives alarm 541, as after positioning; on a disabled axis the halt
+    is refused.
+    """
     rig = make_rig(variables={"PositioningMonitoring.ToleranceTime": 0.1})
     refused = rig.axis.halt()
     rig.cycles(1)
@@ -310,14 +323,17 @@ def test_halt_runs_the_positioning_monitoring(make_rig, monkeypatch):
     assert 541 in [event.data["number"] for event in rig.events("alarm.raised")]
 
 
-# -- MC_MoveAbsolute, MC_MoveRelative -----------------------------------------------------------------------------------------
+# -- MC_MoveAbsolute, MC_MoveRelative
+# -----------------------------------------------------------------------------------------
 
 SLOW = {"Acceleration": 50.0, "Deceleration": 50.0, "Jerk": 0.0}
 
 
 @pytest.mark.requirement("STP-223", "MC-269", "MC-270", "MC-258", "MC-023")
 def test_absolute_positioning_overridden(rig):
-    """At 225 of 1000 with 50 a second job to 1500 with 30 takes over without a stop, and arrives 42.67 s later."""
+    """At 225 of 1000 with 50 a second job to 1500 with 30 takes over without a stop, and arrives 42.67 s
+    later.
+    """
     rig.enabled()
     rig.until(rig.axis.home(0.0).done)
     clock = Clock(rig)
@@ -454,7 +470,8 @@ def test_appended_job_waits_for_what_runs(rig, active):
     rig.until(waiting.done)
 
 
-# -- MC_MoveVelocity ------------------------------------------------------------------------------------------------------------
+# -- MC_MoveVelocity
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -502,7 +519,8 @@ def test_two_velocities(rig):
     assert not last.Done
 
 
-# -- MC_MoveJog -----------------------------------------------------------------------------------------------------------------
+# -- MC_MoveJog
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -519,7 +537,9 @@ def test_two_velocities(rig):
     "MC-318",
 )
 def test_jogging(rig):
-    """The printed sequence: backward, rest, forward, faster, both inputs, none, forward again without a stop."""
+    """The printed sequence: backward, rest, forward, faster, both inputs, none, forward again without a
+    stop.
+    """
     rig.enabled()
     clock = Clock(rig)
     jog = rig.axis.jog(50.0, backward=True, Acceleration=50.0, Deceleration=50.0, Jerk=0.0)
@@ -581,13 +601,30 @@ def test_jogging_with_velocity_zero(rig):
     assert jog.Busy
 
 
-# -- MC_Stop --------------------------------------------------------------------------------------------------------------------
+# -- MC_Stop
+# ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.requirement("MC-424", "MC-425", "MC-426", "MC-427", "MC-428", "MC-429", "MC-404", "MC-406", "MC-407", "MC-030",
-                         "MC-115", "MC-010", "MC-409", "MC-410")  # fmt: skip
+@pytest.mark.requirement(
+    "MC-424",
+    "MC-425",
+    "MC-426",
+    "MC-427",
+    "MC-428",
+    "MC-429",
+    "MC-404",
+    "MC-406",
+    "MC-407",
+    "MC-030",
+    "MC-115",
+    "MC-010",
+    "MC-409",
+    "MC-410",
+)
 def test_stop_and_its_lock(rig):
-    """Abort of what runs, Busy while braking, Done held; jobs are refused until Execute falls, and then need a new edge."""
+    """Abort of what runs, Busy while braking, Done held; jobs are refused until Execute falls, and then need
+    a new edge.
+    """
     rig.travelling(200.0)
     stop = rig.axis.stop(3)
     rig.cycles(2)
@@ -617,7 +654,9 @@ def test_stop_and_its_lock(rig):
 
 @pytest.mark.requirement("MC-405", "MC-408")
 def test_stop_without_execute(rig):
-    """A falling edge while braking cancels nothing: jobs stay refused, Done shows for one call, then the axis is free."""
+    """A falling edge while braking cancels nothing: jobs stay refused, Done shows for one call, then the axis
+    is free.
+    """
     rig.travelling(200.0)
     stop = rig.axis.stop(3)
     rig.cycles(2)

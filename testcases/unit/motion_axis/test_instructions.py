@@ -38,7 +38,9 @@ def test_done_is_shown_for_one_call_without_execute(rig):
 
 @pytest.mark.requirement("MC-078", "MC-066", "MC-067")
 def test_done_is_held_with_execute(rig):
-    """A job that ends while Execute is TRUE holds Done until Execute falls, then everything is FALSE in that call."""
+    """A job that ends while Execute is TRUE holds Done until Execute falls, then everything is FALSE in that
+    call.
+    """
     rig.enabled()
     move = rig.axis.move_relative(1.0)
     rig.until(move.done)
@@ -205,7 +207,9 @@ def test_override_acts_at_once(rig):
 
 @pytest.mark.requirement("MC-307", "STP-084", "STP-105")
 def test_velocity_is_limited_with_a_warning(rig):
-    """Velocity above the limit: the limit is used, warning 501, InVelocity at the limited velocity, no error bit."""
+    """Velocity above the limit: the limit is used, warning 501, InVelocity at the limited velocity, no error
+    bit.
+    """
     rig.enabled()
     rig.axis.home(0.0)
     move = rig.axis.move_velocity(900.0)
@@ -410,7 +414,9 @@ def test_position_control_follows_the_job(rig):
 
 @pytest.mark.requirement("STP-559", "STP-033", "TA-020", "STP-068")
 def test_drive_fault(rig):
-    """ZSW1.3: alarm 421 with reaction 4; after the cause is gone one MC_Reset acknowledges both and enables."""
+    """ZSW1.3: alarm 421 with reaction 4; after the cause is gone one MC_Reset acknowledges both and
+    enables.
+    """
     rig.travelling()
     rig.port.fault = True
     rig.cycles(3)
@@ -449,7 +455,9 @@ def test_drive_brakes_by_itself(rig):
 
 @pytest.mark.requirement("STP-397", "TA-020")
 def test_lost_link(rig):
-    """The link lost while moving: alarm 431 with reaction 4; it needs the link to be acknowledged for good."""
+    """The link lost while moving: alarm 431 with reaction 4; it needs the link to be acknowledged for
+    good.
+    """
     rig.travelling()
     rig.port.link = False
     rig.cycles(3)
@@ -474,7 +482,9 @@ def test_restart_needs_a_disabled_axis(rig):
 
 @pytest.mark.requirement("STP-076", "STP-077", "STP-080", "VAR-006", "VAR-008", "MC-181")
 def test_restart_takes_start_values(rig):
-    """A restart takes restart-relevant values from load memory together, and ends the homing of an incremental axis."""
+    """A restart takes restart-relevant values from load memory together, and ends the homing of an
+    incremental axis.
+    """
     rig.cycles(5)
     rig.axis.home(5.0)
     rig.cycles(2)
@@ -533,7 +543,9 @@ def test_direct_homing_moves_nothing(rig, mode, position, expected):
 @pytest.mark.requirement("MC-210", "MC-211")
 @pytest.mark.parametrize("mode", [11, 12])
 def test_the_setpoint_is_set_and_the_following_error_kept(rig, mode):
-    """Mode 11 makes the setpoint the given position, mode 12 shifts it; the axis moves on and stays as far behind."""
+    """Mode 11 makes the setpoint the given position, mode 12 shifts it; the axis moves on and stays as far
+    behind.
+    """
     rig.travelling(50.0)
     error = rig.axis.var("StatusPositioning.FollowingError")
     before = rig.axis.var("Position")

@@ -46,7 +46,9 @@ def test_job_after_an_acknowledged_emergency_ramp_does_not_run_backwards(rig):
 
 @pytest.mark.requirement("STP-123", "STP-054")
 def test_emergency_ramp_out_of_the_cycle_starts_without_a_step(make_rig):
-    """An alarm of the cycle itself (hardware limit) brakes from the first cycle on and never accelerates first."""
+    """An alarm of the cycle itself (hardware limit) brakes from the first cycle on and never accelerates
+    first.
+    """
     rig = make_rig(variables={"PositionLimits_HW.Active": True, "PositionLimits_HW.ApproachBehavior": 1})
     rig.travelling()
     steady = rig.column("speed_output")[-1]
@@ -147,7 +149,9 @@ def test_reaction_5_on_a_disabling_ramp_ends_disabled(rig):
 
 @pytest.mark.requirement("STP-488", "STP-491")
 def test_speed_axis_without_link_can_be_switched_off(make_rig):
-    """The last speed before the loss of the link does not keep the axis from arriving in the disabled state."""
+    """The last speed before the loss of the link does not keep the axis from arriving in the disabled
+    state.
+    """
     rig = make_rig(speed=True, variables={"Actor.RemoveEnableReaction": 3})
     rig.enabled()
     job = rig.axis.move_velocity(1000.0)
@@ -205,7 +209,9 @@ def test_dynamic_value_too_small_to_plan_with(rig, name):
 @pytest.mark.requirement("STP-072", "MC-171", "STP-513")
 @pytest.mark.parametrize("number", [431, 421])
 def test_acknowledging_a_lasting_cause_leaves_no_gap(rig, number):
-    """MC_Reset while the link is down, or the drive has its fault: the alarm comes again at once, X1 never falls."""
+    """MC_Reset while the link is down, or the drive has its fault: the alarm comes again at once, X1 never
+    falls.
+    """
     rig.travelling()
     if number == 431:
         rig.port.link = False

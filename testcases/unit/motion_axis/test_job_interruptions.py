@@ -1,4 +1,6 @@
-"""What happens to running and waiting jobs when something goes wrong or is switched off (sections 2.12 and 8.5)."""
+"""What happens to running and waiting jobs when something goes wrong or is switched off (sections 2.12 and
+8.5).
+"""
 
 from __future__ import annotations
 
@@ -34,10 +36,13 @@ WEIGHT_ROWS = {1: "MC-418", 2: "MC-417", 3: "MC-416", 4: "MC-415", 5: "MC-121"}
 @pytest.mark.parametrize(
     ("reaction", "mode"),
     [
-        pytest.param(reaction, mode, marks=pytest.mark.requirement(WEIGHT_ROWS[reaction], "MC-595", "OVR-105"))
-        for reaction in REACTIONS for mode in WEIGHT
+        pytest.param(
+            reaction, mode, marks=pytest.mark.requirement(WEIGHT_ROWS[reaction], "MC-595", "OVR-105")
+        )
+        for reaction in REACTIONS
+        for mode in WEIGHT
     ],
-)  # fmt: skip
+)
 class TestStopAgainstAlarm:
     """The weight decides; MC_Stop that loses shows CommandAborted and never 16#8001."""
 
@@ -80,7 +85,9 @@ class TestStopAgainstAlarm:
 @pytest.mark.parametrize("reaction", [1, 2, 3])
 @pytest.mark.parametrize("mode", WEIGHT)
 def test_stop_after_the_acknowledgement(rig, reaction, mode):
-    """Of an acknowledged alarm only the ramp is left: MC_Stop is accepted as any other job, and locks the axis."""
+    """Of an acknowledged alarm only the ramp is left: MC_Stop is accepted as any other job, and locks the
+    axis.
+    """
     rig.travelling(400.0)
     rig.axis.alarms.raise_alarm(REACTIONS[reaction], reaction=reaction)
     rig.cycles(2)
@@ -98,7 +105,9 @@ def test_stop_after_the_acknowledgement(rig, reaction, mode):
 
 @pytest.mark.requirement("MC-407", "STP-431", "STP-478")
 def test_a_job_that_is_called_after_the_falling_edge(rig):
-    """The lock ends with the call that sees Execute = FALSE: a job that the program calls behind it moves the axis."""
+    """The lock ends with the call that sees Execute = FALSE: a job that the program calls behind it moves the
+    axis.
+    """
     rig.travelling(100.0)
     stop = rig.axis.stop(2)
     rig.until(stop.done)
@@ -131,7 +140,9 @@ def test_stop_over_the_stop_that_has_taken_an_alarm_over(rig):
 @pytest.mark.parametrize("stop_mode", [0, 1, 2, 3])
 @pytest.mark.parametrize("name", RUNNING)
 def test_disabling_aborts_everything(make_rig, name, stop_mode):
-    """CommandAborted at once; the ramp of the mode, measured at the drive; Status and Busy FALSE together at its end."""
+    """CommandAborted at once; the ramp of the mode, measured at the drive; Status and Busy FALSE together at
+    its end.
+    """
     rig = make_rig(
         variables={"DynamicLimits.MaxJerk": 1.0e9}
     )  # full deceleration at once, also with StopMode 2
@@ -176,7 +187,9 @@ def test_the_link_is_lost(rig, name):
 @pytest.mark.requirement("MC-594", "MC-157", "MC-125")
 @pytest.mark.parametrize("how", ["fault", "off"])
 def test_the_drive_drops_out(rig, how):
-    """ErrorWord.X4; acknowledged, the axis is enabled again by itself, and MC_MoveVelocity stays where it ended."""
+    """ErrorWord.X4; acknowledged, the axis is enabled again by itself, and MC_MoveVelocity stays where it
+    ended.
+    """
     rig.travelling(300.0)
     if how == "fault":
         rig.port.fault = True
@@ -220,7 +233,9 @@ def test_disabled_while_the_enable_is_removed(make_rig, reaction, stop_mode):
 
 @pytest.mark.requirement("MC-593", "MC-013", "MC-130", "MC-391")
 def test_an_encoder_without_a_valid_value():
-    """MC_Home and MC_SetSensor 16#8016; MC_Power waits without Status; a faulty encoder in operation sets X5."""
+    """MC_Home and MC_SetSensor 16#8016; MC_Power waits without Status; a faulty encoder in operation sets
+    X5.
+    """
     rig = SensorRig()
     rig.port.link = False
     rig.others[0].dead = True
@@ -248,8 +263,14 @@ def test_an_encoder_that_fails_in_operation(rig):
 @pytest.mark.parametrize("name", ["MC_MoveAbsolute", "MC_MoveRelative", "MC_Halt"])
 def test_the_window_is_never_reached(make_rig, name):
     """Alarm 541 with ErrorWord.X12 and reaction 4; the job 16#8001, never Done."""
-    rig = make_rig(variables={"PositioningMonitoring.Window": 0.001, "PositioningMonitoring.ToleranceTime": 0.05,
-                              "PositionControl.Kv": 0.001, "FollowingError.EnableMonitoring": False})  # fmt: skip
+    rig = make_rig(
+        variables={
+            "PositioningMonitoring.Window": 0.001,
+            "PositioningMonitoring.ToleranceTime": 0.05,
+            "PositionControl.Kv": 0.001,
+            "FollowingError.EnableMonitoring": False,
+        }
+    )
     rig.enabled()
     rig.until(rig.axis.home(0.0).done)
     job = rig.axis.move_absolute(20.0) if name == "MC_MoveAbsolute" else rig.axis.move_relative(20.0)
@@ -266,11 +287,19 @@ def test_the_window_is_never_reached(make_rig, name):
 @pytest.mark.requirement("MC-601", "MC-304", "MC-094", "G2-031")
 @pytest.mark.parametrize(
     ("override", "given", "velocity", "warned"),
-    [(0.0, 100.0, 0.0, False), (50.0, 100.0, 50.0, False), (200.0, 100.0, 200.0, False), (250.0, 100.0, 200.0, False),
-     (200.0, 300.0, 500.0, True), (50.0, 300.0, 150.0, False)],
-)  # fmt: skip
+    [
+        (0.0, 100.0, 0.0, False),
+        (50.0, 100.0, 50.0, False),
+        (200.0, 100.0, 200.0, False),
+        (250.0, 100.0, 200.0, False),
+        (200.0, 300.0, 500.0, True),
+        (50.0, 300.0, 150.0, False),
+    ],
+)
 def test_override_of_a_velocity(rig, override, given, velocity, warned):
-    """InVelocity falls and comes back at the product; above 200 % counts as 200 %; the dynamic limit is the end, with 501."""
+    """InVelocity falls and comes back at the product; above 200 % counts as 200 %; the dynamic limit is the
+    end, with 501.
+    """
     rig.travelling(given)
     rig.axis.write("Override.Velocity", override)
     rig.cycles(2)
@@ -290,7 +319,9 @@ def test_override_of_a_velocity(rig, override, given, velocity, warned):
 @pytest.mark.parametrize("first", ["JogForward", "JogBackward"])
 @pytest.mark.parametrize("deceleration", [200.0, 800.0])
 def test_both_jog_inputs(rig, first, deceleration):
-    """16#8007 and braking with the deceleration last in force; after both are FALSE the next one moves again."""
+    """16#8007 and braking with the deceleration last in force; after both are FALSE the next one moves
+    again.
+    """
     rig.enabled()
     jog = rig.axis.jog(100.0, backward=first == "JogBackward", Deceleration=deceleration, Jerk=0.0)
     rig.until(jog.in_velocity)
@@ -313,7 +344,9 @@ def test_both_jog_inputs(rig, first, deceleration):
 @pytest.mark.requirement("MC-464", "MC-454")
 @pytest.mark.parametrize("watched", [True, False])
 def test_homing_on_a_limit_switch(make_rig, watched):
-    """The axis gets onto its limit switch, and is homed there, with index 1000 = FALSE; watched, that is alarm 531."""
+    """The axis gets onto its limit switch, and is homed there, with index 1000 = FALSE; watched, that is
+    alarm 531.
+    """
     rig = make_rig(variables={"PositionLimits_HW.Active": True}).enabled()
     if not watched:
         rig.until(rig.axis.write_parameter(1000, False).done)
@@ -336,7 +369,9 @@ def test_homing_on_a_limit_switch(make_rig, watched):
 
 @pytest.mark.requirement("MC-463", "MC-454", "LIM-063", "LIM-068", "VAR-174")
 def test_retracting_with_the_limit_switches_off(make_rig):
-    """Both switches active: 531. Index 1000 FALSE, acknowledged, retracted, TRUE again: the axis is as before."""
+    """Both switches active: 531. Index 1000 FALSE, acknowledged, retracted, TRUE again: the axis is as
+    before.
+    """
     rig = make_rig(variables={"PositionLimits_HW.Active": True})
     rig.travelling(100.0)
     rig.port.switches = 0b11
@@ -366,8 +401,13 @@ def test_retracting_with_the_limit_switches_off(make_rig):
 @pytest.mark.parametrize("kind", ["absolute", "relative"])
 def test_a_target_behind_the_software_limit(make_rig, kind):
     """The motion goes as far as the limit, which ends the job with 16#8001."""
-    rig = make_rig(variables={"PositionLimits_SW.Active": True, "PositionLimits_SW.MaxPosition": 100.0,
-                              "PositionLimits_SW.MinPosition": -100.0})  # fmt: skip
+    rig = make_rig(
+        variables={
+            "PositionLimits_SW.Active": True,
+            "PositionLimits_SW.MaxPosition": 100.0,
+            "PositionLimits_SW.MinPosition": -100.0,
+        }
+    )
     rig.enabled()
     rig.until(rig.axis.home(0.0).done)
     job = rig.axis.move_absolute(150.0) if kind == "absolute" else rig.axis.move_relative(150.0)

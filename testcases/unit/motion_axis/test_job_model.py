@@ -1,4 +1,6 @@
-"""The common job model: states, edges, calls, alarms, status bits (section 1 of the instruction specification)."""
+"""The common job model: states, edges, calls, alarms, status bits (section 1 of the instruction
+specification).
+"""
 
 from __future__ import annotations
 
@@ -125,7 +127,9 @@ def test_two_call_sites_share_one_job(rig):
 
 @pytest.mark.requirement("MC-081")
 def test_one_cycle_outputs_are_missed_by_rare_calls(rig):
-    """A program that calls every call sees Done once; the record of the job does not depend on the program."""
+    """A program that calls every call sees Done once; the record of the job does not depend on the
+    program.
+    """
     rig.enabled()
     job = rig.axis.move_relative(5.0)
     job.set(Execute=False)
@@ -165,7 +169,8 @@ def test_job_memory(rig):
     assert rig.axis.var("Position") == pytest.approx(9.0, abs=1e-6)
 
 
-# -- alarms (1.8) ----------------------------------------------------------------------------------------------------------
+# -- alarms (1.8)
+# ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-117", "MC-118", "MC-119", "MC-120", "MC-121")
@@ -173,7 +178,9 @@ def test_job_memory(rig):
     ("number", "reaction"), [(CURRENT, 1), (MAXIMUM, 2), (EMERGENCY, 3), (REMOVE_ENABLE, 4), (TRACK, 5)]
 )
 def test_jobs_end_with_an_error_whatever_the_reaction(rig, number, reaction):
-    """Running and waiting jobs: 16#8001. MC_Power keeps Busy; Status falls unless the alarm keeps the axis enabled."""
+    """Running and waiting jobs: 16#8001. MC_Power keeps Busy; Status falls unless the alarm keeps the axis
+    enabled.
+    """
     rig.travelling(200.0)
     waiting = rig.axis.move_relative(10.0, BufferMode=1)
     rig.cycles(2)
@@ -201,7 +208,9 @@ def test_an_alarm_without_reaction_leaves_everything(rig):
 
 @pytest.mark.requirement("MC-123", "MC-132", "MC-642")
 def test_no_job_while_an_alarm_is_pending(rig):
-    """16#8001 until acknowledged; then the same instance starts with a new edge, without acknowledging its error."""
+    """16#8001 until acknowledged; then the same instance starts with a new edge, without acknowledging its
+    error.
+    """
     rig.enabled()
     rig.axis.object.alarms.raise_alarm(EMERGENCY)
     rig.run(1.0)
@@ -220,7 +229,9 @@ def test_no_job_while_an_alarm_is_pending(rig):
 @pytest.mark.requirement("MC-105")
 @pytest.mark.parametrize("how", ["disabled", "remove enable", "coast", "quick stop"])
 def test_follow_up(rig, how):
-    """While setpoints track the actual values no job is executed, and the actual position goes on being shown."""
+    """While setpoints track the actual values no job is executed, and the actual position goes on being
+    shown.
+    """
     rig.travelling(200.0)
     if how == "remove enable":
         rig.axis.object.alarms.raise_alarm(REMOVE_ENABLE)
@@ -239,7 +250,8 @@ def test_follow_up(rig, how):
     assert job.Error
 
 
-# -- status bits (1.7) ---------------------------------------------------------------------------------------------------------
+# -- status bits (1.7)
+# ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-106", "MC-107", "MC-108", "MC-116")

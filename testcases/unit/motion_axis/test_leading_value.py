@@ -21,9 +21,12 @@ def make(feedback, acquisition_s=0.0, cycle_s=CYCLE, **variables):
         "PositioningAxis", {path.replace("__", "."): value for path, value in variables.items()}
     )
     return LeadingValue(
-        store, cycle_s=cycle_s, acquisition_s=acquisition_s, feedback=lambda: feedback,
+        store,
+        cycle_s=cycle_s,
+        acquisition_s=acquisition_s,
+        feedback=lambda: feedback,
         setpoint=lambda: (feedback.position, feedback.velocity, 0.0),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.requirement("SYN-062", "SYN-052", "VAR-189")
@@ -40,12 +43,19 @@ def test_printed_extrapolation():
 @pytest.mark.requirement("SYN-054", "SYN-056", "SYN-066", "VAR-189")
 @pytest.mark.parametrize("system", [0, 1])
 def test_system_defined_extrapolation(system):
-    """0: no position filter, and the time of the following axis alone; 1: the filter delays, and its times are made up for."""
+    """0: no position filter, and the time of the following axis alone; 1: the filter delays, and its times
+    are made up for.
+    """
     feedback = SimpleNamespace(position=0.0, velocity=100.0)
-    leading = make(feedback, **{
-        f"{E}Settings.SystemDefinedExtrapolation": system, f"{E}PositionFilter.T1": 0.02, f"{E}PositionFilter.T2": 0.02,
-        f"{E}FollowingAxisDependentTime": 0.012,
-    })  # fmt: skip
+    leading = make(
+        feedback,
+        **{
+            f"{E}Settings.SystemDefinedExtrapolation": system,
+            f"{E}PositionFilter.T1": 0.02,
+            f"{E}PositionFilter.T2": 0.02,
+            f"{E}FollowingAxisDependentTime": 0.012,
+        },
+    )
     for _ in range(200):
         feedback.position += 0.4
         leading.step()
@@ -75,7 +85,9 @@ def test_hysteresis():
 @pytest.mark.requirement("SYN-055", "SYN-057", "SYN-058", "SYN-059", "SYN-067", "VAR-122")
 @pytest.mark.parametrize("mode", [0, 1])
 def test_velocity_of_the_extrapolated_value(make_rig, mode):
-    """The filtered actual velocity, or what the extrapolated position does: nothing while the hysteresis holds it."""
+    """The filtered actual velocity, or what the extrapolated position does: nothing while the hysteresis
+    holds it.
+    """
     rig = make_rig(variables={f"{E}Settings.ExtrapolatedVelocityMode": mode})
     rig.travelling(100.0)
     assert rig.axis.var(f"{STATUS}ExtrapolatedVelocity") == pytest.approx(100.0, rel=1e-3)
@@ -98,7 +110,9 @@ def test_velocity_of_the_extrapolated_value(make_rig, mode):
 
 @pytest.mark.requirement("SYN-053", "SYN-060", "SYN-389", "SYN-390", "VAR-122")
 def test_time_of_the_following_axis(rig):
-    """At constant velocity the value is the position after that time; a change of the time is a step of v * dt."""
+    """At constant velocity the value is the position after that time; a change of the time is a step of v *
+    dt.
+    """
     rig.travelling(100.0)
     rig.axis.home(0.0)
     rig.cycles(4)
@@ -156,9 +170,11 @@ def test_external_encoder():
     """An external encoder extrapolates its actual value as well, and delays it."""
     port = SimulatedDrivePort(cycle_s=CYCLE)
     variables = {
-        f"{E}FollowingAxisDependentTime": 0.1, "CrossPlcSynchronousOperation.LocalLeadingValueDelayTime": 0.008,
-        "Sensor.Parameter.StepsPerRevolution": 131072, "Sensor.Parameter.FineResolutionXist1": 0,
-    }  # fmt: skip
+        f"{E}FollowingAxisDependentTime": 0.1,
+        "CrossPlcSynchronousOperation.LocalLeadingValueDelayTime": 0.008,
+        "Sensor.Parameter.StepsPerRevolution": 131072,
+        "Sensor.Parameter.FineResolutionXist1": 0,
+    }
     encoder = ExternalEncoder("encoder1", port, cycle_ns=4_000_000, variables=variables)
     port._speed = 0.0
     for _ in range(50):

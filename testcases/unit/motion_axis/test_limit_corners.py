@@ -1,4 +1,6 @@
-"""Limits where nobody looks: changes within one cycle, ends of the modulo range, setpoints from outside, any order of events."""
+"""Limits where nobody looks: changes within one cycle, ends of the modulo range, setpoints from outside, any
+order of events.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,8 @@ def acknowledge(rig):
     rig.cycles(2)
 
 
-# -- hardware -------------------------------------------------------------------------------------------------------------
+# -- hardware
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("LIM-049", "LIM-059")
@@ -62,7 +65,9 @@ def acknowledge(rig):
 )
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_every_way_out_of_a_switch(how, way):
-    """Outwards 531 with cause 3 after a cycle or two, also for positions without a velocity; inwards nothing."""
+    """Outwards 531 with cause 3 after a cycle or two, also for positions without a velocity; inwards
+    nothing.
+    """
     rig = on_switch()
     place = rig.axis.var("Position")
     step = way * 0.2
@@ -103,7 +108,9 @@ def test_positions_onto_the_wrong_switch():
 
 @pytest.mark.requirement("LIM-061", "TA-016", "LIM-055")
 def test_signals_that_are_plausible_again():
-    """Both active, not traversable: when the wrong one has gone, the axis may leave the other one as always."""
+    """Both active, not traversable: when the wrong one has gone, the axis may leave the other one as
+    always.
+    """
     rig = Rig(variables=HARD).enabled()
     rig.axis.move_velocity(50.0)
     rig.run(0.3)
@@ -122,7 +129,9 @@ def test_signals_that_are_plausible_again():
 
 @pytest.mark.requirement("LIM-023", "LIM-039")
 def test_one_switch_goes_and_the_other_comes_in_one_cycle():
-    """The bits follow both; while 531 is pending it is not raised again, afterwards it is the new switch that forbids."""
+    """The bits follow both; while 531 is pending it is not raised again, afterwards it is the new switch that
+    forbids.
+    """
     rig = on_switch()
     rig.port.switches = NEGATIVE
     rig.cycles(1)
@@ -166,7 +175,9 @@ def test_while_the_axis_is_being_enabled():
 @pytest.mark.requirement("LIM-047", "LIM-059")
 @pytest.mark.parametrize("velocity", [100.0, -100.0])
 def test_acknowledged_while_the_axis_still_brakes(velocity):
-    """The ramp goes on to its end; a motion that takes over while the axis still goes outwards is 531 again."""
+    """The ramp goes on to its end; a motion that takes over while the axis still goes outwards is 531
+    again.
+    """
     rig = Rig(variables=HARD | {"DynamicDefaults.EmergencyDeceleration": 500.0}).travelling(300.0)
     rig.port.switches = POSITIVE
     rig.run(0.05)
@@ -195,7 +206,9 @@ def test_with_a_torque_limit():
 
 @pytest.mark.requirement("LIM-051", "LIM-046")
 def test_another_encoder_behind_a_traversable_switch():
-    """Switched to an encoder that reads 30 more: the switch is released where it is, in the positions of that encoder."""
+    """Switched to an encoder that reads 30 more: the switch is released where it is, in the positions of that
+    encoder.
+    """
     rig = Encoders(ahead=(30.0,), types=(0, 1))
     axis = rig.axis
     axis.variables.set_internal("PositionLimits_HW.Active", True)
@@ -210,7 +223,8 @@ def test_another_encoder_behind_a_traversable_switch():
     assert axis.feedback.position - switch.trip == pytest.approx(before, abs=0.01)
 
 
-# -- software -------------------------------------------------------------------------------------------------------------
+# -- software
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("LIM-091", "LIM-092", "LIM-093", "LIM-082")
@@ -219,7 +233,9 @@ def test_another_encoder_behind_a_traversable_switch():
     ("low", "high", "start"), [(0.0, 360.0, 100.0), (100.0, 400.0, 150.0), (-10.0, 200.0, 100.0)]
 )
 def test_limits_at_the_ends_of_the_modulo_range(low, high, start, turns):
-    """At rest on the end of the range the axis is on its limit, and not in front of the next range: outwards is refused."""
+    """At rest on the end of the range the axis is on its limit, and not in front of the next range: outwards
+    is refused.
+    """
     rig = Rig(
         variables={"PositionLimits_SW.MinPosition": low, "PositionLimits_SW.MaxPosition": high} | MODULO
     ).enabled()
@@ -251,7 +267,9 @@ def test_limits_at_the_ends_of_the_modulo_range(low, high, start, turns):
 @pytest.mark.requirement("LIM-084", "LIM-085", "LIM-075")
 @pytest.mark.parametrize("leaves", [0, 1])
 def test_a_limit_that_comes_closer_on_the_approach(leaves):
-    """The limit is moved towards the axis that brakes for it already: 533, then 534 where the setpoint passes it."""
+    """The limit is moved towards the axis that brakes for it already: 533, then 534 where the setpoint passes
+    it.
+    """
     rig = soft(**{"PositionLimits_SW.LimitExceededBehavior": leaves})
     rig.axis.move_velocity(400.0, Acceleration=2000.0, Jerk=0.0)
     rig.until(lambda: rig.axis.state is S.ALARM_RAMP)
@@ -304,7 +322,9 @@ def test_limits_moved_across_a_standing_axis(side):
 @pytest.mark.requirement("LIM-075", "LIM-076", "MIN-006")
 @pytest.mark.parametrize("acceleration", [0.0, 1000.0, -500.0])
 def test_velocities_from_the_program_that_lie_about_their_acceleration(acceleration):
-    """The acceleration that is given does not belong to the velocities: the axis ends on its limit all the same."""
+    """The acceleration that is given does not belong to the velocities: the axis ends on its limit all the
+    same.
+    """
     rig = soft()
     job = rig.axis.motion_in_velocity(0.0)
     for cycle in range(130):
@@ -331,7 +351,9 @@ def test_axes_without_a_drive(mode):
 
 @pytest.mark.requirement("LIM-075", "LIM-097")
 def test_an_override_that_lets_the_axis_go():
-    """At rest on the limit with a job outwards that the override holds: given free, it does not move for a single cycle."""
+    """At rest on the limit with a job outwards that the override holds: given free, it does not move for a
+    single cycle.
+    """
     rig = soft()
     rig.axis.move_velocity(200.0)
     rig.until(lambda: rig.axis.state is S.ALARM_STANDSTILL)
@@ -346,7 +368,8 @@ def test_an_override_that_lets_the_axis_go():
     assert raised(rig) == [(533, 2), (533, 2)]
 
 
-# -- any order ------------------------------------------------------------------------------------------------------------
+# -- any order
+# ------------------------------------------------------------------------------------------------------------
 
 VELOCITIES = st.sampled_from([-400.0, -150.0, -20.0, 0.0, 20.0, 150.0, 400.0])
 ACTS = st.one_of(
@@ -383,7 +406,9 @@ def act(rig, what, value, jerk):
     jerk=st.sampled_from([0.0, 4000.0]),
 )
 def test_no_order_of_jobs_passes_a_software_limit(acts, jerk):
-    """Jobs, halts, stops, superimposed motion and overrides in any order: the setpoint stays between its limits, to the rounding."""
+    """Jobs, halts, stops, superimposed motion and overrides in any order: the setpoint stays between its
+    limits, to the rounding.
+    """
     rig = Rig(variables=SOFT | {"VirtualAxis.Mode": 1, "FollowingError.EnableMonitoring": False}).enabled()
     rig.until(rig.axis.home(0.0).done)
     rig.cycles(1)
@@ -413,15 +438,21 @@ SWITCHING = st.one_of(
 @settings(max_examples=40)
 @given(
     acts=st.lists(st.tuples(st.integers(1, 60), SWITCHING), min_size=2, max_size=12),
-    mode=st.sampled_from([0, 1]), behaviour=st.sampled_from([0, 1]),
-)  # fmt: skip
+    mode=st.sampled_from([0, 1]),
+    behaviour=st.sampled_from([0, 1]),
+)
 def test_no_order_of_events_leads_further_into_a_switch(acts, mode, behaviour):
-    """Whatever comes in whatever order: with its status bit set no motion goes outwards for longer than its alarm takes."""
+    """Whatever comes in whatever order: with its status bit set no motion goes outwards for longer than its
+    alarm takes.
+    """
     rig = Rig(
-        variables=HARD | {
-            "PositionLimits_HW.Mode": mode, "PositionLimits_HW.ApproachBehavior": behaviour, "FollowingError.EnableMonitoring": False,
+        variables=HARD
+        | {
+            "PositionLimits_HW.Mode": mode,
+            "PositionLimits_HW.ApproachBehavior": behaviour,
+            "FollowingError.EnableMonitoring": False,
         }
-    ).enabled()  # fmt: skip
+    ).enabled()
     for cycles, (what, value) in acts:
         if what == "switches":
             rig.port.switches = int(value)

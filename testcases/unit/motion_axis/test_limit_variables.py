@@ -13,7 +13,9 @@ NUMBER = 7
 
 
 def wired(make_rig, *, size=16, optimized=False, **variables):
-    """A rig whose switches are DB7.DBX4.0 and DBX4.1, with the monitoring off, as it has to be at the start."""
+    """A rig whose switches are DB7.DBX4.0 and DBX4.1, with the monitoring off, as it has to be at the
+    start.
+    """
     rig = make_rig(variables={"PositionLimits_HW.ApproachBehavior": 1} | variables)
     rig.block = rig.runtime.data_blocks.add(NUMBER, size, optimized=optimized)
     rig.axis.set_limit_variables(BitAddress.of_bit(NUMBER, 4, 0), BitAddress.of_bit(NUMBER, 4, 1))
@@ -38,7 +40,9 @@ def raised(rig, number=531):
 
 @pytest.mark.requirement("LIM-016", "LIM-069", "LIM-071", "VAR-023")
 def test_addresses_by_their_parts(make_rig):
-    """Byte 4, bits 0 and 1: offsets 32 and 33; eight start values, in force after the restart and not before."""
+    """Byte 4, bits 0 and 1: offsets 32 and 33; eight start values, in force after the restart and not
+    before.
+    """
     rig = wired(make_rig)
     start, read = rig.axis.variables.start_value, rig.axis.variables.read
     expected = {"RID": 0x0200_0001, "Area": 0x84, "DbNumber": 7}
@@ -57,7 +61,9 @@ def test_addresses_by_their_parts(make_rig):
 @pytest.mark.requirement("LIM-069", "LIM-065", "LIM-023")
 @pytest.mark.parametrize(("bit", "word_bit", "info"), [(0, 17, 2), (1, 18, 1)])
 def test_a_bit_is_a_switch(make_rig, bit, word_bit, info):
-    """Set by the program, the bit stops the axis as an input does; the inputs of the drive mean nothing any more."""
+    """Set by the program, the bit stops the axis as an input does; the inputs of the drive mean nothing any
+    more.
+    """
     rig = wired(make_rig)
     restart(rig)
     assert monitor(rig).Done
@@ -81,7 +87,9 @@ def test_a_bit_is_a_switch(make_rig, bit, word_bit, info):
 
 @pytest.mark.requirement("LIM-069")
 def test_one_of_two(make_rig):
-    """The negative switch a variable, the positive one an input; a level that is active low holds for the variable too."""
+    """The negative switch a variable, the positive one an input; a level that is active low holds for the
+    variable too.
+    """
     rig = make_rig(variables={"PositionLimits_HW.MinSwitchLevel": False})
     block = rig.runtime.data_blocks.add(NUMBER, 2)
     block.set_bit(0, 3, True)
@@ -102,7 +110,9 @@ def test_one_of_two(make_rig):
 
 @pytest.mark.requirement("LIM-070")
 def test_not_watched_from_the_start(make_rig):
-    """Active TRUE in the configuration: 109 with reaction 4; MC_Reset alone does not help, a restart with Active FALSE does."""
+    """Active TRUE in the configuration: 109 with reaction 4; MC_Reset alone does not help, a restart with
+    Active FALSE does.
+    """
     rig = wired(make_rig, **{"PositionLimits_HW.Active": True})
     restart(rig)
     engine = rig.axis.alarms.engine
@@ -135,7 +145,9 @@ BROKEN = {
 @pytest.mark.requirement("LIM-072", "MC-621")
 @pytest.mark.parametrize("reason", [*BROKEN, "optimized"])
 def test_an_address_that_leads_nowhere(make_rig, reason):
-    """1000 = TRUE ends with 16#805B, and the monitoring stays off; 1000 = FALSE and other values of it are as always."""
+    """1000 = TRUE ends with 16#805B, and the monitoring stays off; 1000 = FALSE and other values of it are as
+    always.
+    """
     rig = wired(make_rig, optimized=reason == "optimized")
     for part, value in BROKEN.get(reason, {}).items():
         rig.axis.variables.write_start(PLACE.format("Max", part), value)

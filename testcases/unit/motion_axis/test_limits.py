@@ -28,7 +28,9 @@ def homed(make_rig, **variables):
     "LIM-075", "LIM-076", "LIM-077", "LIM-079", "LIM-081", "LIM-082", "STP-590", "VAR-170"
 )
 def test_software_limit_with_current_dynamics(make_rig):
-    """LimitReachedBehavior 1: braking starts at 87.5 and ends at 100.0 exactly; 533, job 16#8001, still enabled."""
+    """LimitReachedBehavior 1: braking starts at 87.5 and ends at 100.0 exactly; 533, job 16#8001, still
+    enabled.
+    """
     rig = homed(make_rig, **SOFT, **{"PositionLimits_SW.LimitReachedBehavior": 1})
     move = rig.axis.move_absolute(150.0, Velocity=50.0, Acceleration=100.0, Deceleration=100.0, Jerk=0.0)
     rig.until(lambda: rig.axis.state is AxisState.ALARM_STANDSTILL)
@@ -63,7 +65,9 @@ def test_software_limit_with_maximum_dynamics(make_rig):
 @pytest.mark.requirement("LIM-075", "LIM-077")
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_job_without_jerk_limit_near_a_software_limit(make_rig, side):
-    """Its acceleration ends at once: it is not stopped where it stands because the maximum jerk would take long to end it."""
+    """Its acceleration ends at once: it is not stopped where it stands because the maximum jerk would take
+    long to end it.
+    """
     soft = SOFT | {"PositionLimits_SW.MinPosition": -100.0, "DynamicLimits.MaxJerk": 5000.0}
     rig = homed(
         make_rig, **soft, **{"DynamicLimits.MaxAcceleration": 1500.0, "DynamicLimits.MaxDeceleration": 2000.0}
@@ -257,7 +261,9 @@ def test_hardware_limit_on_a_disabled_axis(make_rig):
 
 @pytest.mark.requirement("MON-038", "MON-039")
 def test_permitted_following_error(make_rig):
-    """The permitted following error is constant, then proportional to the velocity setpoint, then constant."""
+    """The permitted following error is constant, then proportional to the velocity setpoint, then
+    constant.
+    """
     rig = make_rig(
         variables={
             "FollowingError.MinValue": 10.0,
@@ -315,8 +321,14 @@ def test_standstill_has_a_hysteresis(rig):
 @pytest.mark.requirement("MON-018", "MON-020")
 def test_positioning_window_not_reached(make_rig):
     """The window not reached within the tolerance time: 541 with info 1, job 16#8001, never Done."""
-    rig = make_rig(variables={"PositioningMonitoring.Window": 0.001, "PositioningMonitoring.ToleranceTime": 0.05,
-                              "PositionControl.Kv": 0.001, "FollowingError.EnableMonitoring": False})  # fmt: skip
+    rig = make_rig(
+        variables={
+            "PositioningMonitoring.Window": 0.001,
+            "PositioningMonitoring.ToleranceTime": 0.05,
+            "PositionControl.Kv": 0.001,
+            "FollowingError.EnableMonitoring": False,
+        }
+    )
     rig.enabled()
     move = rig.axis.move_relative(20.0)
     rig.until(lambda: rig.axis.var("Velocity") > 50.0)
@@ -344,7 +356,9 @@ def test_done_waits_for_the_dwell_time(make_rig, dwell):
 @pytest.mark.requirement("TA-013", "LIM-049")
 @pytest.mark.parametrize("case", ["further out", "both"])
 def test_the_cause_of_a_repeated_alarm(make_rig, case):
-    """Acknowledged at the switch: a motion further out is 531 with cause 3, the other switch beside it with cause 5."""
+    """Acknowledged at the switch: a motion further out is 531 with cause 3, the other switch beside it with
+    cause 5.
+    """
     rig = make_rig(variables={"PositionLimits_HW.Active": True}).travelling(100.0)
     rig.port.switches = 2
     rig.run(1.0)

@@ -33,7 +33,9 @@ def moving(rig, velocity, **inputs):
 @pytest.mark.requirement("VAR-001", "STP-106")
 @pytest.mark.parametrize("limit", [250.0, 600.0])
 def test_maximum_acceleration(rig, limit):
-    """A limit lowered while the axis accelerates acts in the next cycle; raised again, the value of the job is back."""
+    """A limit lowered while the axis accelerates acts in the next cycle; raised again, the value of the job
+    is back.
+    """
     moving(rig, 100.0)
     rig.axis.write(f"{LIMITS}MaxAcceleration", limit)
     since = len(rig.rows)
@@ -62,7 +64,9 @@ def test_maximum_deceleration_of_a_halt(rig):
 
 @pytest.mark.requirement("VAR-001", "STP-108", "STP-116")
 def test_maximum_jerk(rig):
-    """The acceleration changes by the lower limit from the next cycle on, and the motion still ends at its target."""
+    """The acceleration changes by the lower limit from the next cycle on, and the motion still ends at its
+    target.
+    """
     rig.enabled()
     job = rig.axis.move_relative(
         200.0, Velocity=300.0, Acceleration=1000.0, Deceleration=1000.0, Jerk=10000.0
@@ -92,16 +96,37 @@ def test_deceleration_lowered_too_late_to_stop_at_the_target(rig):
 
 
 RAMPS = {
-    "emergency ramp of MC_Stop": (lambda rig: rig.axis.stop(0), "DynamicDefaults.EmergencyDeceleration", 4000.0, 2500.0),
+    "emergency ramp of MC_Stop": (
+        lambda rig: rig.axis.stop(0),
+        "DynamicDefaults.EmergencyDeceleration",
+        4000.0,
+        2500.0,
+    ),
     "emergency ramp of MC_Power": (
-        lambda rig: rig.axis.power(False, stop_mode=0), "DynamicDefaults.EmergencyDeceleration", 4000.0, 6000.0,
+        lambda rig: rig.axis.power(False, stop_mode=0),
+        "DynamicDefaults.EmergencyDeceleration",
+        4000.0,
+        6000.0,
     ),
     "emergency ramp of an alarm": (
-        lambda rig: rig.axis.object.alarms.raise_alarm(321), "DynamicDefaults.EmergencyDeceleration", 4000.0, 1500.0,
+        lambda rig: rig.axis.object.alarms.raise_alarm(321),
+        "DynamicDefaults.EmergencyDeceleration",
+        4000.0,
+        1500.0,
     ),
-    "maximum dynamics": (lambda rig: rig.axis.stop(2, AbortAcceleration=True), f"{LIMITS}MaxDeceleration", 2000.0, 3000.0),
-    "given dynamics": (lambda rig: rig.axis.stop(3, Deceleration=1500.0, Jerk=0.0), f"{LIMITS}MaxDeceleration", 1500.0, 700.0),
-}  # fmt: skip
+    "maximum dynamics": (
+        lambda rig: rig.axis.stop(2, AbortAcceleration=True),
+        f"{LIMITS}MaxDeceleration",
+        2000.0,
+        3000.0,
+    ),
+    "given dynamics": (
+        lambda rig: rig.axis.stop(3, Deceleration=1500.0, Jerk=0.0),
+        f"{LIMITS}MaxDeceleration",
+        1500.0,
+        700.0,
+    ),
+}
 
 
 @pytest.mark.requirement("VAR-001", "VAR-004", "STP-125")
@@ -157,7 +182,9 @@ def test_limit_becomes_zero(rig, name, alarm):
 
 @pytest.mark.requirement("VAR-165")
 def test_warning_comes_again_while_the_velocity_is_limited(rig):
-    """Acknowledged in a motion that is still limited, 501 is pending again; in one that is not, it stays away."""
+    """Acknowledged in a motion that is still limited, 501 is pending again; in one that is not, it stays
+    away.
+    """
     rig.enabled()
     rig.axis.move_velocity(900.0)
     rig.run(0.1)
@@ -172,13 +199,16 @@ def test_warning_comes_again_while_the_velocity_is_limited(rig):
 
 @pytest.mark.requirement("STP-110", "STP-107")
 def test_stop_at_a_software_limit_keeps_the_maximum_deceleration(make_rig):
-    """LimitReachedBehavior 1: the deceleration of the job is limited, and the axis still stops at the limit."""
+    """LimitReachedBehavior 1: the deceleration of the job is limited, and the axis still stops at the
+    limit.
+    """
     rig = make_rig(
         variables={
-            "PositionLimits_SW.Active": True, "PositionLimits_SW.MaxPosition": 150.0,
+            "PositionLimits_SW.Active": True,
+            "PositionLimits_SW.MaxPosition": 150.0,
             "PositionLimits_SW.LimitReachedBehavior": 1,
         }
-    )  # fmt: skip
+    )
     rig.enabled()
     rig.until(rig.axis.home(0.0).done)
     rig.axis.move_velocity(400.0, Deceleration=9000.0, Jerk=0.0)
@@ -193,7 +223,9 @@ def test_stop_at_a_software_limit_keeps_the_maximum_deceleration(make_rig):
 @pytest.mark.requirement("STP-119", "STP-122")
 @pytest.mark.parametrize("target", [-300.0, 0.0])
 def test_deceleration_that_leads_through_zero(rig, target):
-    """It is carried over by the small jerk of a job that leads to the other side, and not through zero by a stop."""
+    """It is carried over by the small jerk of a job that leads to the other side, and not through zero by a
+    stop.
+    """
     rig.travelling(100.0)
     rig.axis.halt(Deceleration=1000.0, Jerk=0.0)
     rig.until(lambda: rig.column("velocity_setpoint")[-1] < 40.0)
@@ -213,7 +245,9 @@ def test_deceleration_that_leads_through_zero(rig, target):
 @pytest.mark.requirement("STP-116", "STP-122")
 @pytest.mark.parametrize("new", ["halt", "back", "override"])
 def test_reversal_that_is_superseded_as_it_passes_zero(rig, new):
-    """What the same jerk has built up on the way to the other side is carried through zero: no step of acceleration."""
+    """What the same jerk has built up on the way to the other side is carried through zero: no step of
+    acceleration.
+    """
     dynamics = {"Acceleration": 1000.0, "Deceleration": 1000.0, "Jerk": 5000.0}
     rig.travelling(100.0)
     rig.axis.move_velocity(-300.0, **dynamics)
@@ -248,7 +282,8 @@ CHANGES = st.one_of(
 )
 @example(changes=[(6, ("Override.Velocity", 0.0)), (1, ("target", 0.0)), (9, ("target", 1.0))], jerk=5000.0)
 def test_any_changes_on_the_way(changes, jerk):
-    """Override, limits and targets in any order: no step, no limit broken, and the end is the target, exactly, from one side.
+    """Override, limits and targets in any order: no step, no limit broken, and the end is the target,
+    exactly, from one side.
 
     The jerk of the jobs is the lowest limit of jerk, so that nothing has to be given up for a new one.
     """

@@ -1,4 +1,6 @@
-"""Positions after days of travel: to the increment, by integers, over any number of overflows of the counter (§5.10.7)."""
+"""Positions after days of travel: to the increment, by integers, over any number of overflows of the counter
+(§5.10.7).
+"""
 
 from __future__ import annotations
 
@@ -64,30 +66,49 @@ def counted(axis):
 
 
 FORMATS = {
-    "telegram 3, 2048 lines, fine 11": (32, {"Sensor[1].Parameter.StepsPerRevolution": 2048, "Sensor[1].Parameter.FineResolutionXist1": 11}),
+    "telegram 3, 2048 lines, fine 11": (
+        32,
+        {"Sensor[1].Parameter.StepsPerRevolution": 2048, "Sensor[1].Parameter.FineResolutionXist1": 11},
+    ),
     "telegram 83, 23 bit": (32, {"Sensor[1].Parameter.StepsPerRevolution": 1 << 23}),
     "CiA 402, 17 bit": (32, {"Sensor[1].Parameter.StepsPerRevolution": 131072}),
-    "odd lines": (32, {"Sensor[1].Parameter.StepsPerRevolution": 3600, "Sensor[1].Parameter.FineResolutionXist1": 2}),
-    "gear 7 : 3": (32, {"Sensor[1].Parameter.StepsPerRevolution": 2048, "Sensor[1].Parameter.FineResolutionXist1": 11} | gear(7, 3)),
+    "odd lines": (
+        32,
+        {"Sensor[1].Parameter.StepsPerRevolution": 3600, "Sensor[1].Parameter.FineResolutionXist1": 2},
+    ),
+    "gear 7 : 3": (
+        32,
+        {"Sensor[1].Parameter.StepsPerRevolution": 2048, "Sensor[1].Parameter.FineResolutionXist1": 11}
+        | gear(7, 3),
+    ),
     "gear 97 : 13": (32, {"Sensor[1].Parameter.StepsPerRevolution": 5000} | gear(97, 13)),
     "width of the encoder": (
         22,
-        {"Sensor[1].Parameter.StepsPerRevolution": 2048, "Sensor[1].Parameter.FineResolutionXist1": 11,
-         "Sensor[1].Parameter.BehaviorGx_XIST1": 0},
+        {
+            "Sensor[1].Parameter.StepsPerRevolution": 2048,
+            "Sensor[1].Parameter.FineResolutionXist1": 11,
+            "Sensor[1].Parameter.BehaviorGx_XIST1": 0,
+        },
     ),
     "width of a multi-turn encoder": (
         28,
-        {"Sensor[1].Parameter.StepsPerRevolution": 65536, "Sensor[1].Parameter.DeterminableRevolutions": 4096, "Sensor[1].Type": 1,
-         "Sensor[1].Parameter.BehaviorGx_XIST1": 0},
+        {
+            "Sensor[1].Parameter.StepsPerRevolution": 65536,
+            "Sensor[1].Parameter.DeterminableRevolutions": 4096,
+            "Sensor[1].Type": 1,
+            "Sensor[1].Parameter.BehaviorGx_XIST1": 0,
+        },
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.requirement("LIM-098", "LIM-102")
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_thousand_million_revolutions(name, direction):
-    """The counter overflows in every second reading; behind 10^9 revolutions the position is that of the count, to the increment."""
+    """The counter overflows in every second reading; behind 10^9 revolutions the position is that of the
+    count, to the increment.
+    """
     bits, parameters = FORMATS[name]
     port = CountingPort(bits)
     axis = object_with(port, **ROTARY | parameters)
@@ -104,7 +125,8 @@ def test_a_thousand_million_revolutions(name, direction):
         port.total += direction * step
         port.read()
         feedback.update()
-    # The rest of the way as one leap of the test, of which the counter shows whole overflows: the count is an integer of any length.
+    # The rest of the way as one leap of the test, of which the counter shows whole overflows: the count is an
+    # integer of any length.
     leap = (way // (1 << feedback.scale.bits) - readings) * (1 << feedback.scale.bits)
     if leap > 0:
         feedback._count += direction * leap
@@ -132,10 +154,14 @@ def test_any_gear_and_any_way(steps, motor, load, length, start, ways, turns):
     port = CountingPort()
     axis = object_with(
         port,
-        **ROTARY | gear(motor, load) | {
-            "Sensor[1].Parameter.StepsPerRevolution": steps, "Modulo.Length": length, "Modulo.StartValue": start,
+        **ROTARY
+        | gear(motor, load)
+        | {
+            "Sensor[1].Parameter.StepsPerRevolution": steps,
+            "Modulo.Length": length,
+            "Modulo.StartValue": start,
         },
-    )  # fmt: skip
+    )
     feedback = axis.feedback
     for way in ways:
         port.total += way
@@ -152,7 +178,9 @@ def test_any_gear_and_any_way(steps, motor, load, length, start, ways, turns):
 
 @pytest.mark.requirement("LIM-098")
 def test_the_time_of_a_long_motion_is_counted():
-    """Many cycles with constant velocity: the setpoint is velocity times time, and no sum of as many roundings."""
+    """Many cycles with constant velocity: the setpoint is velocity times time, and no sum of as many
+    roundings.
+    """
     gen = SetpointGenerator()
     gen.set_state(0.0, 431.7)
     for _ in range(300_000):
@@ -166,7 +194,9 @@ def test_the_time_of_a_long_motion_is_counted():
 
 @pytest.mark.requirement("LIM-099", "LIM-100")
 def test_largest_position_and_travel_time():
-    """9.0E12, with six decimals 9.0E9; at 20 m/min 4.5E8 minutes, with six decimals 4.5E5; twice as fast half of it."""
+    """9.0E12, with six decimals 9.0E9; at 20 m/min 4.5E8 minutes, with six decimals 4.5E5; twice as fast half
+    of it.
+    """
     mm, mm_fine = 1013, 1536
     assert (farthest_position(mm), farthest_position(mm_fine)) == (9.0e12, 9.0e9)
     velocity = 20_000.0 / 60.0
@@ -176,7 +206,9 @@ def test_largest_position_and_travel_time():
 
 
 def travelled(position, *, kind=0):
-    """An enabled rig that has travelled to `position`, at rest there, with the following error not watched."""
+    """An enabled rig that has travelled to `position`, at rest there, with the following error not
+    watched.
+    """
     rig = Rig(variables={"FollowingError.EnableMonitoring": False, "Sensor[1].Type": kind})
     rig.cycles(3)
     feedback = rig.axis.feedback
@@ -188,7 +220,9 @@ def travelled(position, *, kind=0):
 
 @pytest.mark.requirement("LIM-101", "LIM-103")
 def test_homing_begins_the_travel_anew():
-    """At the largest position 307 stops the axis; homed again to 0 it travels on, and its steps are increments again."""
+    """At the largest position 307 stops the axis; homed again to 0 it travels on, and its steps are
+    increments again.
+    """
     rig = travelled(9.0e12)
     job = rig.axis.move_velocity(100.0)
     rig.until(lambda: rig.axis.var("ErrorDetail.Number") == 307)
@@ -212,7 +246,9 @@ def test_homing_begins_the_travel_anew():
 
 @pytest.mark.requirement("LIM-101")
 def test_adjusting_begins_the_travel_anew():
-    """An absolute encoder: adjusted with the position that is known, the axis travels on, and the offset is kept."""
+    """An absolute encoder: adjusted with the position that is known, the axis travels on, and the offset is
+    kept.
+    """
     rig = travelled(9.0e12, kind=1)
     rig.axis.move_velocity(100.0)
     rig.until(lambda: rig.axis.var("ErrorDetail.Number") == 307)
@@ -230,7 +266,9 @@ def test_adjusting_begins_the_travel_anew():
 @pytest.mark.requirement("LIM-102")
 @pytest.mark.parametrize("kind", [0, 1])
 def test_many_shifts_leave_nothing_behind(kind):
-    """A shift there and back again, over and over, with numbers that have no binary form: the position is where it was."""
+    """A shift there and back again, over and over, with numbers that have no binary form: the position is
+    where it was.
+    """
     port = CountingPort(total=123_456)
     axis = object_with(port, **{"Sensor[1].Type": kind})
     feedback = axis.feedback

@@ -47,7 +47,9 @@ class TestRatios:
 
     @pytest.mark.requirement("CFG-509", "CFG-501", "CFG-502", "CFG-503")
     def test_encoder_at_the_load(self):
-        """Three encoder revolutions per load revolution: three of them are 360 degrees, whatever the load gear is."""
+        """Three encoder revolutions per load revolution: three of them are 360 degrees, whatever the load
+        gear is.
+        """
         for gear in (1, 7):
             ratios = mechanics(
                 ROTARY,
@@ -61,9 +63,10 @@ class TestRatios:
     def test_measuring_wheel(self):
         """Two wheel revolutions per encoder revolution, 200 mm per wheel revolution: 400 mm."""
         ratios = mechanics(
-            STEPS, EXTERNAL,
+            STEPS,
+            EXTERNAL,
             {"Sensor[1].MeasuringGear.Numerator": 2, "Sensor[1].Parameter.DistancePerRevolution": 200.0},
-        )  # fmt: skip
+        )
         assert 1000 * ratios.increment == pytest.approx(400.0)
 
     @pytest.mark.requirement("CFG-511", "CFG-302", "CFG-515")
@@ -89,7 +92,9 @@ class TestRatios:
 
     @pytest.mark.requirement("CFG-505", "CFG-506", "CFG-541", "VAR-135")
     def test_inverted_directions(self):
-        """Each flag inverts its own direction: 100 mm/s are -600 rpm, an increasing count is a negative motion."""
+        """Each flag inverts its own direction: 100 mm/s are -600 rpm, an increasing count is a negative
+        motion.
+        """
         assert mechanics({"Actor.InverseDirection": True}).rpm_per_unit * 100.0 == pytest.approx(-600.0)
         assert mechanics({"Actor.InverseDirection": True}).increment > 0.0
         assert mechanics({"Sensor[1].InverseDirection": True}).increment < 0.0
@@ -107,9 +112,14 @@ class TestRatios:
     )
     def test_linear_motor(self, unit, velocity, mm):
         """The setpoint of a linear motor is m/min of the load, without gear and screw."""
-        ratios = mechanics({
-            "Actor.MotorType": 1, "Units.LengthUnit": unit, "Units.VelocityUnit": velocity, "LoadGear.Numerator": 9,
-        })  # fmt: skip
+        ratios = mechanics(
+            {
+                "Actor.MotorType": 1,
+                "Units.LengthUnit": unit,
+                "Units.VelocityUnit": velocity,
+                "LoadGear.Numerator": 9,
+            }
+        )
         assert 1000.0 / mm * ratios.rpm_per_unit == pytest.approx(60.0)
 
     @pytest.mark.requirement("CFG-528", "CFG-529", "CFG-530")
@@ -144,7 +154,9 @@ class TestUnits:
 
     @pytest.mark.requirement("CFG-092", "CFG-093")
     def test_long_term_limit(self):
-        """At 20 m/min the limit of 9.0E12 mm is reached after 4.5E8 min, with higher resolution a thousandth of it."""
+        """At 20 m/min the limit of 9.0E12 mm is reached after 4.5E8 min, with higher resolution a thousandth
+        of it.
+        """
         velocity = 20_000.0 / 60.0
         assert travel_time_s(velocity, 1013) / 60.0 == pytest.approx(4.5e8)
         assert travel_time_s(velocity, 1536) / 60.0 == pytest.approx(4.5e5)
@@ -153,7 +165,9 @@ class TestUnits:
 
 
 class Encoder:
-    """One encoder as the axis reads it: counts of a given width, an absolute value that outlasts power-off."""
+    """One encoder as the axis reads it: counts of a given width, an absolute value that outlasts
+    power-off.
+    """
 
     def __init__(self, **settings):
         variables = {f"Sensor[1].{path.replace('__', '.')}": value for path, value in settings.items()}
@@ -192,7 +206,9 @@ class NarrowPort(SimulatedDrivePort):
 @pytest.mark.requirement("CFG-312", "CFG-601", "CTL-110")
 @pytest.mark.parametrize("behavior", [0, 1])
 def test_a_narrow_counter_of_an_axis(behavior):
-    """With BehaviorGx_XIST1 = 0 the axis passes the end of the counter; with 1 it sees a jump of a turn: alarm 521, warning 504."""
+    """With BehaviorGx_XIST1 = 0 the axis passes the end of the counter; with 1 it sees a jump of a turn:
+    alarm 521, warning 504.
+    """
     narrow = {
         "Sensor[1].Parameter.BehaviorGx_XIST1": behavior,
         "Sensor[1].Parameter.StepsPerRevolution": 65536,
@@ -243,7 +259,9 @@ class TestCounts:
 
     @pytest.mark.requirement("CFG-313")
     def test_narrow_with_a_wide_count(self):
-        """With `BehaviorGx_XIST1` = 0 a count of 32 bits is tracked too while less than half the width passes in a cycle."""
+        """With `BehaviorGx_XIST1` = 0 a count of 32 bits is tracked too while less than half the width passes
+        in a cycle.
+        """
         encoder = Encoder(
             Parameter__StepsPerRevolution=65536,
             Parameter__FineResolutionXist1=0,
@@ -308,7 +326,9 @@ class TestCounts:
 
     @pytest.mark.requirement("CFG-336")
     def test_velocity_from_the_drive(self):
-        """`ActualVelocityMode` = 1 takes the actual speed of the telegram, and the position none the less from the count."""
+        """`ActualVelocityMode` = 1 takes the actual speed of the telegram, and the position none the less
+        from the count.
+        """
         encoder = Encoder(ActualVelocityMode=1, **COARSE)
         encoder.show(0)
         encoder.port.actual_speed_rpm = 750.0
@@ -318,7 +338,9 @@ class TestCounts:
 
     @pytest.mark.requirement("CFG-342", "CFG-335")
     def test_low_resolution(self):
-        """One count per 0.1 mm at 20 mm/s: the difference shows 0 or 100 mm/s, 20 in the mean; the telegram a steady 20."""
+        """One count per 0.1 mm at 20 mm/s: the difference shows 0 or 100 mm/s, 20 in the mean; the telegram a
+        steady 20.
+        """
         coarse = {"Parameter__StepsPerRevolution": 100, "Parameter__FineResolutionXist1": 0}
         difference, told = Encoder(**coarse), Encoder(ActualVelocityMode=1, **coarse)
         told.port.actual_speed_rpm = 120.0
@@ -340,31 +362,75 @@ class TestCounts:
         assert (encoder.feedback.velocity, encoder.feedback.position) == (0.0, pytest.approx(1.0))
 
 
-@pytest.mark.requirement("CFG-019", "CFG-020", "CFG-021", "CFG-024", "CFG-028", "CFG-029",
-                         "CFG-032", "CFG-033", "CFG-035", "CFG-036", "CFG-037", "CFG-038", "CFG-022", "CFG-023", "CFG-025",
-                         "CFG-026", "CFG-031", "CFG-030", "CFG-034")  # fmt: skip
+@pytest.mark.requirement(
+    "CFG-019",
+    "CFG-020",
+    "CFG-021",
+    "CFG-024",
+    "CFG-028",
+    "CFG-029",
+    "CFG-032",
+    "CFG-033",
+    "CFG-035",
+    "CFG-036",
+    "CFG-037",
+    "CFG-038",
+    "CFG-022",
+    "CFG-023",
+    "CFG-025",
+    "CFG-026",
+    "CFG-031",
+    "CFG-030",
+    "CFG-034",
+)
 @pytest.mark.parametrize(
     ("path", "types"),
     [
-        ("Properties.MotionType", "PE"), ("Units.VelocityUnit", "SPE"), ("Modulo.Enable", "PE"),
-        ("Simulation.Mode", "SP"), ("VirtualAxis.Mode", "SP"), ("Actor.Type", "SP"),
-        ("Actor.DataAdaption", "SP"), ("Actor.Interface.EnableTorqueData", "SP"),
-        ("Sensor[1].DataAdaption", "P"), ("Sensor.DataAdaption", "E"), ("Actor.InverseDirection", "SP"),
-        ("Sensor[1].InverseDirection", "P"), ("Sensor.InverseDirection", "E"), ("LoadGear.Numerator", "SPE"),
-        ("Sensor[1].MeasuringGear.Numerator", "P"), ("Sensor.MeasuringGear.Numerator", ""),
-        ("Mechanics.LeadScrew", "PE"), ("Actor.LoadInertia", "P"), ("Sensor[1].Backlash.Enable", "P"),
-        ("Sensor.Backlash.Enable", ""), ("DynamicDefaults.EmergencyDeceleration", "SP"),
-        ("DynamicLimits.MaxVelocity", "SP"), ("TorqueLimiting.LimitBase", "SP"), ("PositionLimits_SW.Active", "P"),
-        ("PositionLimits_HW.Active", "P"), ("Clamping.PositionTolerance", "P"), ("Sensor[1].ActiveHoming.Mode", "P"),
-        ("Sensor.ActiveHoming.Mode", ""), ("Sensor[1].PassiveHoming.Mode", "P"), ("Sensor.PassiveHoming.Mode", "E"),
-        ("PositioningMonitoring.Window", "P"), ("FollowingError.MaxValue", "P"), ("StandstillSignal.MinDwellTime", "PE"),
-        ("PositionControl.EnableDSC", "P"), ("SetpointFilter.DynamicFilter.Mode", "P"),
-        ("CrossPlcSynchronousOperation.LocalLeadingValueDelayTime", "PE"), ("Extrapolation.PositionFilter.T1", "PE"),
-        ("Position", "P"), ("ActualPosition", "PE"),
+        ("Properties.MotionType", "PE"),
+        ("Units.VelocityUnit", "SPE"),
+        ("Modulo.Enable", "PE"),
+        ("Simulation.Mode", "SP"),
+        ("VirtualAxis.Mode", "SP"),
+        ("Actor.Type", "SP"),
+        ("Actor.DataAdaption", "SP"),
+        ("Actor.Interface.EnableTorqueData", "SP"),
+        ("Sensor[1].DataAdaption", "P"),
+        ("Sensor.DataAdaption", "E"),
+        ("Actor.InverseDirection", "SP"),
+        ("Sensor[1].InverseDirection", "P"),
+        ("Sensor.InverseDirection", "E"),
+        ("LoadGear.Numerator", "SPE"),
+        ("Sensor[1].MeasuringGear.Numerator", "P"),
+        ("Sensor.MeasuringGear.Numerator", ""),
+        ("Mechanics.LeadScrew", "PE"),
+        ("Actor.LoadInertia", "P"),
+        ("Sensor[1].Backlash.Enable", "P"),
+        ("Sensor.Backlash.Enable", ""),
+        ("DynamicDefaults.EmergencyDeceleration", "SP"),
+        ("DynamicLimits.MaxVelocity", "SP"),
+        ("TorqueLimiting.LimitBase", "SP"),
+        ("PositionLimits_SW.Active", "P"),
+        ("PositionLimits_HW.Active", "P"),
+        ("Clamping.PositionTolerance", "P"),
+        ("Sensor[1].ActiveHoming.Mode", "P"),
+        ("Sensor.ActiveHoming.Mode", ""),
+        ("Sensor[1].PassiveHoming.Mode", "P"),
+        ("Sensor.PassiveHoming.Mode", "E"),
+        ("PositioningMonitoring.Window", "P"),
+        ("FollowingError.MaxValue", "P"),
+        ("StandstillSignal.MinDwellTime", "PE"),
+        ("PositionControl.EnableDSC", "P"),
+        ("SetpointFilter.DynamicFilter.Mode", "P"),
+        ("CrossPlcSynchronousOperation.LocalLeadingValueDelayTime", "PE"),
+        ("Extrapolation.PositionFilter.T1", "PE"),
+        ("Position", "P"),
+        ("ActualPosition", "PE"),
     ],
-)  # fmt: skip
+)
 def test_groups_of_an_object(path, types):
-    """A technology object has the configuration groups of its type, and none of the others (CFG section 2.2)."""
+    """A technology object has the configuration groups of its type, and none of the others (CFG section
+    2.2).
+    """
     kinds = {"S": "SpeedAxis", "P": "PositioningAxis", "E": "ExternalEncoder"}
     found = "".join(letter for letter, kind in kinds.items() if path in set(VariableStore(kind).paths()))
     assert found == types
@@ -372,31 +438,83 @@ def test_groups_of_an_object(path, types):
 
 
 NUMBERS = {"LoadGear.Numerator": 2, "Mechanics.LeadScrew": 8.0, "Sensor[1].MeasuringGear.Numerator": 3,
-           "Sensor[1].Parameter.DistancePerRevolution": 5.0, "Sensor[1].Parameter.Resolution": 0.01}  # fmt: skip
+           "Sensor[1].Parameter.DistancePerRevolution": 5.0, "Sensor[1].Parameter.Resolution": 0.01}  # fmt: skip  # noqa: E501
 LINEAR_SYSTEM = {"Sensor[1].System": 0}
 
 
 @pytest.mark.parametrize(
     ("settings", "per_step", "rpm"),
     [
-        pytest.param({}, 3 / 2 * 8.0 / 1000, 60.0 / 8.0 * 2, marks=pytest.mark.requirement("CFG-513"), id="linear, motor"),
-        pytest.param(LOAD_SIDE, 3 * 8.0 / 1000, 60.0 / 8.0 * 2, marks=pytest.mark.requirement("CFG-514"), id="linear, load"),
-        pytest.param(LOAD_SIDE | LINEAR_SYSTEM, 3 * 0.01, 60.0 / 8.0 * 2, marks=pytest.mark.requirement("CFG-515"), id="linear, scale"),
-        pytest.param(EXTERNAL, 3 * 5.0 / 1000, 60.0 / 8.0 * 2, marks=pytest.mark.requirement("CFG-516", "CFG-431"), id="linear, wheel"),
-        pytest.param(EXTERNAL | {"Actor.MotorType": 1}, 3 * 5.0 / 1000, 0.06,
-                     marks=pytest.mark.requirement("CFG-517"), id="linear motor, rotary encoder"),
-        pytest.param(LINEAR_SYSTEM | {"Actor.MotorType": 1}, 3 * 0.01, 0.06,
-                     marks=pytest.mark.requirement("CFG-518"), id="linear motor, scale"),
-        pytest.param(ROTARY, 3 / 2 * 360.0 / 1000, 60.0 / 360.0 * 2, marks=pytest.mark.requirement("CFG-519"), id="rotary, motor"),
-        pytest.param(ROTARY | LOAD_SIDE, 3 * 360.0 / 1000, 60.0 / 360.0 * 2,
-                     marks=pytest.mark.requirement("CFG-520"), id="rotary, load"),
-        pytest.param(ROTARY | EXTERNAL, 3 * 5.0 / 1000, 60.0 / 360.0 * 2,
-                     marks=pytest.mark.requirement("CFG-521"), id="rotary, wheel"),
+        pytest.param(
+            {},
+            3 / 2 * 8.0 / 1000,
+            60.0 / 8.0 * 2,
+            marks=pytest.mark.requirement("CFG-513"),
+            id="linear, motor",
+        ),
+        pytest.param(
+            LOAD_SIDE,
+            3 * 8.0 / 1000,
+            60.0 / 8.0 * 2,
+            marks=pytest.mark.requirement("CFG-514"),
+            id="linear, load",
+        ),
+        pytest.param(
+            LOAD_SIDE | LINEAR_SYSTEM,
+            3 * 0.01,
+            60.0 / 8.0 * 2,
+            marks=pytest.mark.requirement("CFG-515"),
+            id="linear, scale",
+        ),
+        pytest.param(
+            EXTERNAL,
+            3 * 5.0 / 1000,
+            60.0 / 8.0 * 2,
+            marks=pytest.mark.requirement("CFG-516", "CFG-431"),
+            id="linear, wheel",
+        ),
+        pytest.param(
+            EXTERNAL | {"Actor.MotorType": 1},
+            3 * 5.0 / 1000,
+            0.06,
+            marks=pytest.mark.requirement("CFG-517"),
+            id="linear motor, rotary encoder",
+        ),
+        pytest.param(
+            LINEAR_SYSTEM | {"Actor.MotorType": 1},
+            3 * 0.01,
+            0.06,
+            marks=pytest.mark.requirement("CFG-518"),
+            id="linear motor, scale",
+        ),
+        pytest.param(
+            ROTARY,
+            3 / 2 * 360.0 / 1000,
+            60.0 / 360.0 * 2,
+            marks=pytest.mark.requirement("CFG-519"),
+            id="rotary, motor",
+        ),
+        pytest.param(
+            ROTARY | LOAD_SIDE,
+            3 * 360.0 / 1000,
+            60.0 / 360.0 * 2,
+            marks=pytest.mark.requirement("CFG-520"),
+            id="rotary, load",
+        ),
+        pytest.param(
+            ROTARY | EXTERNAL,
+            3 * 5.0 / 1000,
+            60.0 / 360.0 * 2,
+            marks=pytest.mark.requirement("CFG-521"),
+            id="rotary, wheel",
+        ),
     ],
-)  # fmt: skip
+)
 @pytest.mark.requirement("CFG-525", "CFG-526")
 def test_configurations_of_an_axis(settings, per_step, rpm):
-    """Every combination of axis, motor, mounting and measuring system has its own ratios, and an axis takes it."""
+    """Every combination of axis, motor, mounting and measuring system has its own ratios, and an axis takes
+    it.
+    """
     values = STEPS | NUMBERS | settings
     axis = PositioningAxis("a", SimulatedDrivePort(cycle_s=0.001), cycle_ns=1_000_000, variables=values)
     assert axis.mechanics.increment == pytest.approx(per_step)
@@ -440,11 +558,20 @@ class Mounted(SimulatedDrivePort):
 @pytest.mark.parametrize(
     ("turned", "counts_down", "actor", "sensor"),
     [
-        pytest.param(False, False, False, False, marks=pytest.mark.requirement("CFG-536", "CFG-535"), id="as it is"),
+        pytest.param(
+            False, False, False, False, marks=pytest.mark.requirement("CFG-536", "CFG-535"), id="as it is"
+        ),
         pytest.param(True, False, True, True, marks=pytest.mark.requirement("CFG-537"), id="machine turned"),
-        pytest.param(False, True, False, True, marks=pytest.mark.requirement("CFG-538", "CFG-532"), id="encoder counts down"),
+        pytest.param(
+            False,
+            True,
+            False,
+            True,
+            marks=pytest.mark.requirement("CFG-538", "CFG-532"),
+            id="encoder counts down",
+        ),
     ],
-)  # fmt: skip
+)
 def test_directions(make_rig, turned, counts_down, actor, sensor):
     """With the flags that fit, a positive job moves the machine forward and the axis shows it."""
     from testcases.unit.motion_axis.conftest import REFERENCE

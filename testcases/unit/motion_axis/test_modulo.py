@@ -26,11 +26,17 @@ class TestRange:
     @pytest.mark.parametrize(
         ("start", "unwrapped", "place", "cycle"),
         [
-            (0.0, 350.0, 350.0, 0), (0.0, 370.0, 10.0, 1), (0.0, -10.0, 350.0, -1), (0.0, 359.999, 359.999, 0),
-            (0.0, 360.0, 0.0, 1), (0.0, 0.0, 0.0, 0), (-180.0, 200.0, -160.0, 1), (-180.0, -180.0, -180.0, 0),
+            (0.0, 350.0, 350.0, 0),
+            (0.0, 370.0, 10.0, 1),
+            (0.0, -10.0, 350.0, -1),
+            (0.0, 359.999, 359.999, 0),
+            (0.0, 360.0, 0.0, 1),
+            (0.0, 0.0, 0.0, 0),
+            (-180.0, 200.0, -160.0, 1),
+            (-180.0, -180.0, -180.0, 0),
             (0.0, 7210.0, 10.0, 20),
         ],
-    )  # fmt: skip
+    )
     def test_place_and_cycle(self, start, unwrapped, place, cycle):
         """Start <= place < start + length, and the counter says how often the range has been passed."""
         one = modulo(StartValue=start)
@@ -60,9 +66,17 @@ class TestRange:
     @pytest.mark.requirement("MC-255")
     @pytest.mark.parametrize(
         ("direction", "place", "target"),
-        [(1, 10.0, 370.0), (2, 10.0, 10.0), (3, 10.0, 370.0), (1, 340.0, 700.0), (2, 340.0, 340.0), (3, 340.0, 340.0),
-         (1, 350.0, 350.0), (2, 350.0, 350.0)],
-    )  # fmt: skip
+        [
+            (1, 10.0, 370.0),
+            (2, 10.0, 10.0),
+            (3, 10.0, 370.0),
+            (1, 340.0, 700.0),
+            (2, 340.0, 340.0),
+            (3, 340.0, 340.0),
+            (1, 350.0, 350.0),
+            (2, 350.0, 350.0),
+        ],
+    )
     def test_direction(self, direction, place, target):
         """From 350 degrees: positive, negative, shortest."""
         assert modulo().target(place, 350.0, direction) == pytest.approx(target)
@@ -86,16 +100,23 @@ class TestRange:
         ],
     )  # fmt: skip
     def test_software_limits(self, low, high, expected):
-        """A limit outside the range gives way to the end of the range; two of them do nothing; they may stand in either order."""
+        """A limit outside the range gives way to the end of the range; two of them do nothing; they may stand
+        in either order.
+        """
         assert modulo().limits(low, high, 400.0) == expected
 
 
 FAST = {
-    "DynamicLimits.MaxVelocity": 120000.0, "DynamicLimits.Velocity": 120000.0, "DynamicLimits.MaxAcceleration": 1e6,
-    "DynamicLimits.MaxDeceleration": 1e6, "DynamicDefaults.EmergencyDeceleration": 1e6, "Modulo.Length": 360.0,
-    "Actor.DriveParameter.ReferenceSpeed": 20000.0, "Actor.DriveParameter.MaxSpeed": 30000.0,
+    "DynamicLimits.MaxVelocity": 120000.0,
+    "DynamicLimits.Velocity": 120000.0,
+    "DynamicLimits.MaxAcceleration": 1e6,
+    "DynamicLimits.MaxDeceleration": 1e6,
+    "DynamicDefaults.EmergencyDeceleration": 1e6,
+    "Modulo.Length": 360.0,
+    "Actor.DriveParameter.ReferenceSpeed": 20000.0,
+    "Actor.DriveParameter.MaxSpeed": 30000.0,
     "FollowingError.EnableMonitoring": False,
-}  # fmt: skip
+}
 
 
 class TestAxis:
@@ -114,7 +135,9 @@ class TestAxis:
         "CFG-100", "CFG-104", "CFG-105", "CFG-094", "CFG-097", "CFG-098", "VAR-111", "CFG-014"
     )
     def test_turns_through_the_border(self, make_rig):
-        """Setpoint and actual value stay in the range, their counters run apart, and the following error knows no border."""
+        """Setpoint and actual value stay in the range, their counters run apart, and the following error
+        knows no border.
+        """
         rig = self.rig(make_rig)
         rig.axis.home(350.0)
         rig.cycles(2)
@@ -148,7 +171,9 @@ class TestAxis:
 
     @pytest.mark.requirement("CFG-123", "CFG-116", "VAR-112", "VAR-110", "VAR-109")
     def test_absolute_adjustment(self, make_rig):
-        """`MC_Home` mode 7 of an absolute encoder sets the counter to 0, also in the upper half, and keeps the offset."""
+        """`MC_Home` mode 7 of an absolute encoder sets the counter to 0, also in the upper half, and keeps
+        the offset.
+        """
         rig = self.rig(make_rig, **{"Sensor[1].Type": 1})
         rig.until(rig.axis.move_relative(360.0 * 7).done, 60.0)
         assert rig.axis.var("ActualModuloCycle") in (6, 7)
@@ -164,7 +189,9 @@ class TestAxis:
     @pytest.mark.requirement("CFG-109", "CFG-115", "CFG-124", "VAR-158", "VAR-159")
     @pytest.mark.parametrize(("kind", "cycle", "homed"), [(0, 0, False), (1, 3, True)])
     def test_restart(self, make_rig, kind, cycle, homed):
-        """A restart sets the counter of an incremental encoder to 0 and keeps that of an absolute one, and with it the homing."""
+        """A restart sets the counter of an incremental encoder to 0 and keeps that of an absolute one, and
+        with it the homing.
+        """
         rig = self.rig(make_rig, **{"Sensor[1].Type": kind})
         rig.until(rig.axis.home(10.0, mode=7 if kind else 0).done)
         rig.until(rig.axis.move_relative(360.0 * 3).done, 30.0)
@@ -222,9 +249,11 @@ class TestAxis:
         rig = self.rig(
             make_rig,
             **{
-                "PositionLimits_SW.MinPosition": 300.0, "PositionLimits_SW.MaxPosition": 60.0, "PositionLimits_SW.Active": True,
+                "PositionLimits_SW.MinPosition": 300.0,
+                "PositionLimits_SW.MaxPosition": 60.0,
+                "PositionLimits_SW.Active": True,
             },
-        )  # fmt: skip
+        )
         rig.until(rig.axis.home(350.0 if velocity > 0.0 else 10.0).done)
         rig.axis.move_velocity(velocity)
         rig.until(lambda: rig.axis.var("ErrorWord") != 0, 10.0)
@@ -240,7 +269,9 @@ class TestAxis:
 
     @pytest.mark.requirement("VAR-163", "VAR-225")
     def test_faster_than_the_range(self, make_rig):
-        """More than one range per cycle is alarm 412 with reaction 4; a range of 0.8 degrees at 4 ms ends at 200 deg/s."""
+        """More than one range per cycle is alarm 412 with reaction 4; a range of 0.8 degrees at 4 ms ends at
+        200 deg/s.
+        """
         rig = self.rig(make_rig, **{"Modulo.Length": 0.8})
         rig.axis.move_velocity(190.0)
         rig.run(1.0)
@@ -256,7 +287,9 @@ class TestAxis:
         [(120000.0, 89000.0, 0, False), (120000.0, 91000.0, 412, False), (90000.0, 91000.0, 0, True)],
     )
     def test_limit_of_the_velocity(self, make_rig, limit, velocity, number, warned):
-        """360 degrees and 4 ms: 90 000 deg/s. MaxVelocity set to it keeps the axis enabled, with 501 alone."""
+        """360 degrees and 4 ms: 90 000 deg/s. MaxVelocity set to it keeps the axis enabled, with 501
+        alone.
+        """
         rig = self.rig(make_rig, **(FAST | {"DynamicLimits.MaxVelocity": limit}))
         rig.axis.move_velocity(velocity, Acceleration=1e6, Deceleration=1e6, Jerk=0.0)
         rig.run(0.5)
@@ -285,7 +318,9 @@ class TestAxis:
     @pytest.mark.requirement("CFG-108", "CFG-113", "CFG-114", "VAR-111", "VAR-112")
     @pytest.mark.parametrize(("kind", "offset", "cycle"), [(0, 0.0, 0), (1, 0.0, 2), (1, 400.0, 3)])
     def test_counter_at_power_on(self, make_rig, kind, offset, cycle):
-        """At a start of the controller it is 0 with an incremental encoder, and follows from value and offset with an absolute one."""
+        """At a start of the controller it is 0 with an incremental encoder, and follows from value and offset
+        with an absolute one.
+        """
         rig = make_rig(
             variables=ROTARY | {"Sensor[1].Type": kind, "StatusSensor[1].AbsEncoderOffset": offset}
         )
@@ -299,7 +334,9 @@ class TestAxis:
 
     @pytest.mark.requirement("CFG-117", "VAR-112")
     def test_relative_adjustment(self, make_rig):
-        """`MC_Home` mode 6 shifts by the shortest way: by 350 degrees is by -10, and the counter falls by one at the border."""
+        """`MC_Home` mode 6 shifts by the shortest way: by 350 degrees is by -10, and the counter falls by one
+        at the border.
+        """
         rig = self.rig(make_rig, **{"Sensor[1].Type": 1})
         rig.until(rig.axis.home(5.0, mode=7).done)
         rig.until(rig.axis.move_relative(360.0).done, 30.0)

@@ -1,4 +1,6 @@
-"""Monitoring at its edges: what the signals mean, values that change while they are in use, and times to the microsecond (§5.12)."""
+"""Monitoring at its edges: what the signals mean, values that change while they are in use, and times to the
+microsecond (§5.12).
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,15 @@ from testcases.unit.motion_axis.test_position_monitoring import DYNAMIC, LOOSE, 
 DELAY_TIME = "FollowingError.AdditionalSetpointDelayTime"
 
 
-# -- what the signals mean ------------------------------------------------------------------------------------------------
+# -- what the signals mean
+# ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MON-028", "MON-013", "MON-025")
 def test_done_is_about_the_position():
-    """X6 comes with the entry into the window while the axis still creeps: the position counts, the velocity does not."""
+    """X6 comes with the entry into the window while the axis still creeps: the position counts, the velocity
+    does not.
+    """
     rig, job, start, deviation = settling(0.2, **{"PositioningMonitoring.MinDwellTime": 0.0})
     rig.until(lambda: rig.axis.var("StatusWord.X6"))
     assert rig.times()[-1] - start == pytest.approx(0.2 * log(deviation), abs=4 * CYCLE)
@@ -42,7 +47,9 @@ def test_done_needs_a_disabled_control_panel(rig):
 
 
 class TogglingPort(SimulatedDrivePort):
-    """An encoder of 1000 increments a revolution whose last one comes and goes; the drive says that the motor stands."""
+    """An encoder of 1000 increments a revolution whose last one comes and goes; the drive says that the motor
+    stands.
+    """
 
     def __init__(self) -> None:
         super().__init__(cycle_s=CYCLE, increments_per_revolution=1000)
@@ -58,7 +65,9 @@ class TogglingPort(SimulatedDrivePort):
 @pytest.mark.requirement("MON-051", "MON-047")
 @pytest.mark.parametrize("mode", [0, 1])
 def test_standstill_by_the_configured_velocity(mode):
-    """An increment per cycle is 2.5 mm/s: above the threshold of 2, X7 never comes; with the speed of the telegram it does."""
+    """An increment per cycle is 2.5 mm/s: above the threshold of 2, X7 never comes; with the speed of the
+    telegram it does.
+    """
     rig = Rig(
         port=TogglingPort(),
         variables=LOOSE
@@ -86,7 +95,8 @@ def test_a_threshold_of_zero_still_knows_standstill():
     assert rig.axis.var("StatusWord.X0")  # the recovery waits for the signal (MON-052)
 
 
-# -- values that change while they are in use ------------------------------------------------------------------------------
+# -- values that change while they are in use
+# ------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MON-001", "MON-018", "MON-024")
@@ -118,7 +128,9 @@ def test_window_and_dwell_time_act_at_once():
 @pytest.mark.requirement("MON-001", "MON-018")
 @pytest.mark.parametrize(("deviation", "alarm"), [(5.0, True), (0.5, False)])
 def test_no_tolerance_time(deviation, alarm):
-    """ToleranceTime 0: whoever is not in the window when the setpoint ends is too late; who is there is not."""
+    """ToleranceTime 0: whoever is not in the window when the setpoint ends is too late; who is there is
+    not.
+    """
     rig, job, start, _ = settling(1000.0, deviation=deviation, **{"PositioningMonitoring.ToleranceTime": 0.0})
     rig.run(0.3)
     assert (541 in numbers(rig)) is alarm
@@ -129,7 +141,9 @@ def test_no_tolerance_time(deviation, alarm):
 
 @pytest.mark.requirement("MON-038", "MON-006", "MON-040", "MON-041")
 def test_a_limit_that_falls_with_the_velocity():
-    """MaxValue below MinValue, as it can be written while moving: 521 by the formula, also below the warning level of MinValue."""
+    """MaxValue below MinValue, as it can be written while moving: 521 by the formula, also below the warning
+    level of MinValue.
+    """
     falling = DYNAMIC | {"FollowingError.MinValue": 20.0, "FollowingError.MaxValue": 4.0}
     for share, alarms in ((0.85, []), (0.95, [522]), (1.1, [521])):
         rig = Rig(variables=falling | {"PositionControl.Kv": 0.01}).travelling(500.0)
@@ -140,7 +154,9 @@ def test_a_limit_that_falls_with_the_velocity():
 
 @pytest.mark.requirement("MON-007", "MON-038", "MON-005")
 def test_the_limits_change_while_moving():
-    """FE_perm(255) is 55; with MinVelocity 300 it is MinValue, and that can be raised: 521 when the error is above, not before."""
+    """FE_perm(255) is 55; with MinVelocity 300 it is MinValue, and that can be raised: 521 when the error is
+    above, not before.
+    """
     rig = Rig(variables=DYNAMIC | {"PositionControl.Kv": 0.01}).travelling(255.0)
     displace(rig, -30.0)
     rig.cycles(2)
@@ -167,11 +183,14 @@ def test_a_warning_level_of_zero():
     assert numbers(rig) == [522]
 
 
-# -- delays of the following error ---------------------------------------------------------------------------------------
+# -- delays of the following error
+# ---------------------------------------------------------------------------------------
 
 
 class DelayedPort(SimulatedDrivePort):
-    """An ideal drive whose actual values are older by a time than those of the cycle before, at constant velocity."""
+    """An ideal drive whose actual values are older by a time than those of the cycle before, at constant
+    velocity.
+    """
 
     def __init__(self, delay_s: float, **options) -> None:
         super().__init__(cycle_s=CYCLE, **options)
@@ -186,12 +205,15 @@ class DelayedPort(SimulatedDrivePort):
 @pytest.mark.requirement("MON-031", "MON-030", "CTL-101", "MON-034", "MON-032", "MON-055")
 @pytest.mark.parametrize("told", [True, False])
 def test_transmission_is_excluded_to_a_micrometre(told):
-    """T_i = T_o = 0.125 ms, T_DC = 2 ms, T_servo = 4 ms at 100 mm/s: 0.625 mm apart, 0 following error; 0.225 mm if not told."""
+    """T_i = T_o = 0.125 ms, T_DC = 2 ms, T_servo = 4 ms at 100 mm/s: 0.625 mm apart, 0 following error; 0.225
+    mm if not told.
+    """
     steps = 1 << 23
     rig = Rig(
-        port=DelayedPort(0.00225, increments_per_revolution=steps), connection="data_block",
+        port=DelayedPort(0.00225, increments_per_revolution=steps),
+        connection="data_block",
         variables=LOOSE | {"Mechanics.LeadScrew": 5.0, "Sensor[1].Parameter.StepsPerRevolution": steps},
-    )  # fmt: skip
+    )
     axis = rig.axis.object
     if told:
         for number, seconds in ((1010, 0.000125), (1011, 0.000125), (1012, 0.002)):
@@ -209,14 +231,17 @@ def test_transmission_is_excluded_to_a_micrometre(told):
         assert error == pytest.approx(0.0, abs=1e-6)
         assert rig.axis.var("StatusServo.ControlDifference") == pytest.approx(0.0, abs=1e-6)
     else:
-        # The controller takes the time on the way for a lag and corrects it; the rest of its model is the error that it shows.
+        # The controller takes the time on the way for a lag and corrects it; the rest of its model is the
+        # error that it shows.
         assert error == pytest.approx(rig.axis.var("StatusServo.ControlDifference"), abs=1e-6)
 
 
 @pytest.mark.requirement("MON-009", "MON-037", "CTL-084", "VAR-187", "MON-032")
 @pytest.mark.parametrize("tt", [0.008, 0.010, 0.0213])
 def test_an_additional_delay_is_a_delay(tt):
-    """The dead time of the filter, told as additional delay, leaves the same error in every phase, not at constant velocity only."""
+    """The dead time of the filter, told as additional delay, leaves the same error in every phase, not at
+    constant velocity only.
+    """
     own = LOOSE | {"PositioningMonitoring.Window": 5.0}
     plain, told = (
         Rig(port=LaggingDrivePort(cycle_s=CYCLE, lag_s=0.004), variables=own | more)
@@ -233,13 +258,16 @@ def test_an_additional_delay_is_a_delay(tt):
         (1.0 - rest) * error[at - whole] + rest * error[at - whole - 1] for at in range(whole + 1, len(error))
     ]
     assert max(abs(value) for value in expected) > 0.3
-    # The speed is interpolated differently within the cycle in which the acceleration changes, where the rest is not 0.
+    # The speed is interpolated differently within the cycle in which the acceleration changes, where the rest
+    # is not 0.
     assert shown[whole + 1 :] == pytest.approx(expected, abs=2e-3 if rest < 1e-6 else 0.02)
 
 
 @pytest.mark.requirement("MON-009")
 def test_an_additional_delay_that_changes_while_moving():
-    """At 100 mm/s every 10 ms are 1 mm, from the next cycle on, up and down; as long as nobody can wait it is bounded."""
+    """At 100 mm/s every 10 ms are 1 mm, from the next cycle on, up and down; as long as nobody can wait it is
+    bounded.
+    """
     rig = Rig(variables=LOOSE).travelling(100.0)
     for delay, error in ((0.01, -1.0), (0.05, -5.0), (0.003, -0.3), (0.0, 0.0)):
         rig.axis.write(DELAY_TIME, delay)
@@ -256,7 +284,8 @@ def test_an_additional_delay_that_changes_while_moving():
     assert rig.axis.var("StatusPositioning.FollowingError") == pytest.approx(0.0, abs=5e-3)
 
 
-# -- an interpolator that is slower than the servo ----------------------------------------------------------------------------
+# -- an interpolator that is slower than the servo
+# ----------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MON-016", "MON-018", "MON-030", "MON-040", "CFG-168")

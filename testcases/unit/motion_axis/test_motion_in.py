@@ -1,4 +1,6 @@
-"""Setpoints from the user program: MC_MotionInVelocity, MC_MotionInPosition, MC_MotionInSuperimposed (§5.14, §8.16)."""
+"""Setpoints from the user program: MC_MotionInVelocity, MC_MotionInPosition, MC_MotionInSuperimposed (§5.14,
+§8.16).
+"""
 
 from __future__ import annotations
 
@@ -19,14 +21,17 @@ X6_GIVEN_SUPERIMPOSED, X7_HALT_SUPERIMPOSED = 1 << 6, 1 << 7
 LOOSE = {"FollowingError.EnableMonitoring": False}
 
 
-# -- velocity ---------------------------------------------------------------------------------------------------
+# -- velocity
+# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
     "MIN-001", "MIN-018", "MIN-019", "MC-473", "MC-484", "MC-485", "MC-486", "CFG-064", "MC-082"
 )
 def test_velocity_becomes_the_setpoint_in_the_next_cycle(rig):
-    """Velocity 30 shows one application cycle later; the position advances by 30 * T per cycle; Acceleration is shown as given."""
+    """Velocity 30 shows one application cycle later; the position advances by 30 * T per cycle; Acceleration
+    is shown as given.
+    """
     rig.enabled()
     job = rig.axis.motion_in_velocity(30.0, Acceleration=7.0)
     rig.cycles()
@@ -43,7 +48,9 @@ def test_velocity_becomes_the_setpoint_in_the_next_cycle(rig):
 
 @pytest.mark.requirement("MC-488", "MC-098", "CTL-088", "MIN-020", "MC-489")
 def test_without_position_control_every_cycle_is_followed(rig):
-    """Timeline A: Velocity and Acceleration arrive unfiltered; the following error cannot be determined. B: nothing after Enable."""
+    """Timeline A: Velocity and Acceleration arrive unfiltered; the following error cannot be determined. B:
+    nothing after Enable.
+    """
     rig.enabled()
     job = rig.axis.motion_in_velocity(10.0, PositionControlled=False)
     rig.cycles(2)
@@ -78,7 +85,9 @@ def test_a_vector_that_is_not_renewed_goes_on(rig):
 
 @pytest.mark.requirement("MIN-004", "MIN-005", "MIN-012", "MC-474", "MC-479", "VAR-065")
 def test_dynamic_limits_do_not_act_but_are_told(make_rig):
-    """600 mm/s of 500: shown in StatusMotionIn.StatusWord.X0, not reduced, no warning; the bit goes with the velocity."""
+    """600 mm/s of 500: shown in StatusMotionIn.StatusWord.X0, not reduced, no warning; the bit goes with the
+    velocity.
+    """
     rig = make_rig(variables=LOOSE | {"Actor.DriveParameter.MaxSpeed": 6000.0}).enabled()
     job = rig.axis.motion_in_velocity(0.0)
     rig.feed(job, [{"Velocity": 12.0 * step} for step in range(51)])
@@ -100,7 +109,9 @@ def test_dynamic_limits_do_not_act_but_are_told(make_rig):
 
 @pytest.mark.requirement("MIN-006", "MC-475", "MC-478")
 def test_the_vector_acts_without_a_transition(make_rig):
-    """At 100 mm/s a vector with velocity 0 lets the setpoint step to 0 in one cycle; one MotionIn job follows the other at once."""
+    """At 100 mm/s a vector with velocity 0 lets the setpoint step to 0 in one cycle; one MotionIn job follows
+    the other at once.
+    """
     rig = make_rig(variables=LOOSE).travelling(100.0)
     rig.axis.motion_in_velocity(0.0)
     rig.cycles()
@@ -136,14 +147,17 @@ def test_falling_enable_is_a_step_to_zero(make_rig):
     assert rig.axis.var("ActualPosition") == pytest.approx(last, abs=0.01)
 
 
-# -- position ---------------------------------------------------------------------------------------------------
+# -- position
+# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
     "MC-498", "MC-494", "MC-495", "MC-496", "MC-499", "MIN-021", "MC-100", "CTL-089", "MC-491"
 )
 def test_position_vectors_are_followed_directly(rig):
-    """Position, Velocity, Acceleration of the axis are those given; position control is forced; nothing acts after Enable."""
+    """Position, Velocity, Acceleration of the axis are those given; position control is forced; nothing acts
+    after Enable.
+    """
     rig.enabled(start_mode=0)
     assert rig.axis.status_word & X28_NOT_CONTROLLED
     job = rig.axis.motion_in_position(0.0)
@@ -168,7 +182,9 @@ def test_position_vectors_are_followed_directly(rig):
 @pytest.mark.requirement("MC-500", "MC-493", "MIN-007")
 @pytest.mark.parametrize("watched", [True, False])
 def test_a_jump_of_the_position(make_rig, watched):
-    """Position far from the present setpoint: 521 with monitoring; without it the axis goes there as fast as it can."""
+    """Position far from the present setpoint: 521 with monitoring; without it the axis goes there as fast as
+    it can.
+    """
     rig = make_rig(variables={"FollowingError.EnableMonitoring": watched}).enabled()
     job = rig.axis.motion_in_position(40.0)
     rig.run(0.1)
@@ -195,13 +211,16 @@ def test_the_given_velocity_is_precontrolled(make_rig, velocity, lag):
 @pytest.mark.requirement("MIN-023")
 @pytest.mark.parametrize("time_constant", [0.0, 0.02])
 def test_a_velocity_that_does_not_belong_to_the_position(make_rig, time_constant):
-    """A constant position with Velocity 10 leaves a deviation of 10 * Kpc / 100 / Kv, whatever the balancing filter is set to."""
+    """A constant position with Velocity 10 leaves a deviation of 10 * Kpc / 100 / Kv, whatever the balancing
+    filter is set to.
+    """
     rig = make_rig(
         variables={
-            "PositionControl.Kv": 10.0, "PositionControl.Kpc": 50.0,
+            "PositionControl.Kv": 10.0,
+            "PositionControl.Kpc": 50.0,
             "DynamicAxisModel.VelocityTimeConstant": time_constant,
         }
-    ).enabled()  # fmt: skip
+    ).enabled()
     rig.axis.motion_in_position(0.0, Velocity=10.0)
     rig.run(2.0)
     assert rig.axis.var("ActualPosition") == pytest.approx(0.5, abs=1e-3)
@@ -225,7 +244,8 @@ def test_position_on_a_modulo_axis(make_rig):
     assert max(abs(b - a) for a, b in pairwise(positions)) < 0.21
 
 
-# -- what surrounds it --------------------------------------------------------------------------------------------
+# -- what surrounds it
+# --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MIN-011", "MIN-013", "MC-114", "VAR-120", "VAR-054")
@@ -304,7 +324,9 @@ def test_a_speed_axis_knows_velocity_only(make_rig):
     ],
 )
 def test_a_vector_that_is_no_number(rig, start, inputs, error_id):
-    """Given at the start it is rejected; given later it ends the job as a falling Enable would; negative values are raw values."""
+    """Given at the start it is rejected; given later it ends the job as a falling Enable would; negative
+    values are raw values.
+    """
     rig.enabled()
     job = getattr(rig.axis, start)(0.0)
     rig.feed(job, [{next(iter(inputs)): -0.01}])
@@ -326,7 +348,11 @@ def test_a_vector_that_is_no_number(rig, start, inputs, error_id):
 @pytest.mark.parametrize("jump", [False, True])
 def test_software_limits_remain_effective(make_rig, jump):
     """Approached with 50 mm/s: 533 and at rest on the limit; with a jump past it: 534."""
-    limits = {"PositionLimits_SW.Active": True, "PositionLimits_SW.MinPosition": -10.0, "PositionLimits_SW.MaxPosition": 20.0}  # fmt: skip
+    limits = {
+        "PositionLimits_SW.Active": True,
+        "PositionLimits_SW.MinPosition": -10.0,
+        "PositionLimits_SW.MaxPosition": 20.0,
+    }
     rig = make_rig(variables=limits | LOOSE).enabled()
     rig.axis.home(0.0)
     rig.cycles(2)

@@ -10,7 +10,9 @@ LOOSE = {"FollowingError.EnableMonitoring": False}
 
 @pytest.mark.requirement("MIN-044", "MIN-043", "MC-084", "MIN-050", "OVR-008")
 def test_a_halt_starts_from_the_given_state(rig):
-    """Velocity 80: MC_Halt with 100 mm/s2 takes 0.8 s from the first cycle; the instance stays aborted until Enable falls."""
+    """Velocity 80: MC_Halt with 100 mm/s2 takes 0.8 s from the first cycle; the instance stays aborted until
+    Enable falls.
+    """
     rig.enabled()
     job = rig.axis.motion_in_velocity(0.0)
     rig.feed(job, [{"Velocity": 1.6 * step} for step in range(51)])
@@ -36,7 +38,9 @@ def test_a_halt_starts_from_the_given_state(rig):
 
 @pytest.mark.requirement("MIN-045", "MIN-024", "MC-476", "MC-095")
 def test_a_given_acceleration_that_is_not_true_runs_away(make_rig):
-    """Acceleration 2000 at constant velocity: a job with 200 and jerk 1000 needs 1.8 s and gains up to 1980 mm/s."""
+    """Acceleration 2000 at constant velocity: a job with 200 and jerk 1000 needs 1.8 s and gains up to 1980
+    mm/s.
+    """
     fast = {
         "DynamicLimits.MaxVelocity": 5000.0,
         "DynamicLimits.Velocity": 5000.0,
@@ -95,7 +99,9 @@ def test_what_aborts_a_job(rig, active, new):
 
 @pytest.mark.requirement("MIN-047", "MC-267", "MIN-030")
 def test_what_does_not_abort_a_job(rig):
-    """Superimposed jobs run on top, positioning with BufferMode 1 waits until the job ends by Enable = FALSE."""
+    """Superimposed jobs run on top, positioning with BufferMode 1 waits until the job ends by Enable =
+    FALSE.
+    """
     rig.enabled()
     rig.axis.home(0.0)
     rig.cycles(2)

@@ -29,7 +29,9 @@ LOOSE = {"FollowingError.EnableMonitoring": False}
     "VAR-063",
 )
 def test_a_distance_on_top_of_a_basic_motion(rig):
-    """The setpoints are sums in every cycle; the command bit is X6 of the second word, not X23, and FunctionState stays 0."""
+    """The setpoints are sums in every cycle; the command bit is X6 of the second word, not X23, and
+    FunctionState stays 0.
+    """
     rig.enabled()
     rig.axis.home(0.0)
     basic = rig.axis.move_absolute(100.0)
@@ -73,7 +75,9 @@ def test_position_control_is_needed(rig):
 
 @pytest.mark.requirement("MIN-036", "MC-508", "MIN-030")
 def test_the_basic_motion_ends_first(rig):
-    """Its end does not end the superimposed job; the sum may exceed the velocity limit that holds for the basic motion."""
+    """Its end does not end the superimposed job; the sum may exceed the velocity limit that holds for the
+    basic motion.
+    """
     rig.enabled()
     basic = rig.axis.move_relative(20.0)
     top = rig.axis.motion_in_superimposed(0.0)
@@ -103,7 +107,9 @@ def test_the_sum_is_not_limited(make_rig, basic):
 @pytest.mark.requirement("MIN-040", "MC-503")
 @pytest.mark.parametrize("basic", ["none", "MC_MotionInPosition", "MC_MoveRelative"])
 def test_falling_enable_keeps_the_distance(rig, basic):
-    """The differences are 0 at once, the last distance stays in effect, also under positions that come from outside."""
+    """The differences are 0 at once, the last distance stays in effect, also under positions that come from
+    outside.
+    """
     rig.enabled()
     outer = rig.axis.motion_in_position(0.0) if basic == "MC_MotionInPosition" else None
     moving = rig.axis.move_relative(1.0) if basic == "MC_MoveRelative" else None
@@ -134,7 +140,9 @@ def test_falling_enable_keeps_the_distance(rig, basic):
 @pytest.mark.requirement("MIN-041", "MIN-015", "STP-206", "MC-506")
 @pytest.mark.parametrize("abort_acceleration", [False, True])
 def test_halt_superimposed_starts_from_the_given_state(make_rig, abort_acceleration):
-    """AbortAcceleration FALSE: the given acceleration is first reduced with the jerk, so that the velocity grows further."""
+    """AbortAcceleration FALSE: the given acceleration is first reduced with the jerk, so that the velocity
+    grows further.
+    """
     rig = make_rig(variables=LOOSE).travelling(100.0)
     top = rig.axis.motion_in_superimposed(0.0, VelocityDiff=50.0, AccelerationDiff=400.0)
     rig.cycles(3)

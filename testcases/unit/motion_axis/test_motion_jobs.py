@@ -1,4 +1,6 @@
-"""Inputs and outputs of the motion jobs (§5.8), superimposed motion on every basic motion, what one acknowledgement takes."""
+"""Inputs and outputs of the motion jobs (§5.8), superimposed motion on every basic motion, what one
+acknowledgement takes.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ def since(rig, name, start):
     return rig.column(name)[start:]
 
 
-# -- MC_MoveVelocity ---------------------------------------------------------------------------------------------------
+# -- MC_MoveVelocity
+# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-212", "STP-216")
@@ -86,9 +89,14 @@ def test_given_dynamics_are_those_of_the_motion(rig, kind):
 @pytest.mark.parametrize("kind", ["move_relative", "move_absolute"])
 @pytest.mark.parametrize(
     ("name", "value", "error"),
-    [("Velocity", 0.0, 0x8003), ("Acceleration", 0.0, 0x8004), ("Deceleration", 0.0, 0x8005), ("Jerk", 0.0, 0),
-     *((name, -1.0, 0) for name in NAMES)],
-)  # fmt: skip
+    [
+        ("Velocity", 0.0, 0x8003),
+        ("Acceleration", 0.0, 0x8004),
+        ("Deceleration", 0.0, 0x8005),
+        ("Jerk", 0.0, 0),
+        *((name, -1.0, 0) for name in NAMES),
+    ],
+)
 def test_zero_and_negative_dynamics(rig, kind, name, value, error):
     """0.0 is refused but for the jerk, where it means none; a negative value takes the default."""
     rig.enabled()
@@ -112,14 +120,17 @@ def test_target_and_distance(rig):
     rig.enabled()
     rig.until(rig.axis.home(20.0).done)
     for start, value, place in (
-        (rig.axis.move_absolute, 35.0, 35.0), (rig.axis.move_relative, -10.0, 25.0), (rig.axis.move_absolute, -12.0, -12.0),
+        (rig.axis.move_absolute, 35.0, 35.0),
+        (rig.axis.move_relative, -10.0, 25.0),
+        (rig.axis.move_absolute, -12.0, -12.0),
         (rig.axis.move_relative, 5.0, -7.0),
-    ):  # fmt: skip
+    ):
         rig.until(start(value).done)
         assert rig.axis.var("Position") == pytest.approx(place)
 
 
-# -- MC_MoveJog -----------------------------------------------------------------------------------------------------------
+# -- MC_MoveJog
+# -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-228", "STP-215")
@@ -150,7 +161,8 @@ def test_position_control_is_what_the_job_asks_for(rig, kind, controlled):
     assert rig.axis.var("StatusWord.X28") is not controlled
 
 
-# -- superimposed motion -------------------------------------------------------------------------------------------------------
+# -- superimposed motion
+# -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-193", "STP-199", "STP-203")
@@ -160,9 +172,11 @@ def test_every_motion_of_one_axis_carries_a_superimposed_one(rig, basic):
     rig.enabled()
     rig.until(rig.axis.home(0.0).done)
     job = {
-        "absolute": lambda: rig.axis.move_absolute(300.0), "relative": lambda: rig.axis.move_relative(300.0),
-        "velocity": lambda: rig.axis.move_velocity(100.0), "jog": lambda: rig.axis.jog(100.0),
-    }[basic]()  # fmt: skip
+        "absolute": lambda: rig.axis.move_absolute(300.0),
+        "relative": lambda: rig.axis.move_relative(300.0),
+        "velocity": lambda: rig.axis.move_velocity(100.0),
+        "jog": lambda: rig.axis.jog(100.0),
+    }[basic]()
     rig.run(0.4)
     more = rig.axis.move_superimposed(40.0, VelocityDiff=50.0)
     rig.run(0.4)
@@ -178,25 +192,56 @@ def test_every_motion_of_one_axis_carries_a_superimposed_one(rig, basic):
         assert rig.axis.var("Velocity") == pytest.approx(100.0)
 
 
-# -- variables ---------------------------------------------------------------------------------------------------------------------
+# -- variables
+# ------------------------------------------------------------------------------------------------------------
 
 VARIABLES = (
-    "StatusWord", "StatusWord2", "Position", "Velocity", "Acceleration", "VelocitySetpoint", "ActualPosition",
-    "ActualVelocity", "ActualAcceleration", "ActualSpeed", "StatusPositioning.SuperimposedDistance",
-    "StatusMotionIn.FunctionState", "StatusMotionIn.StatusWord", "StatusWord.X23", "StatusWord.X31", "StatusWord2.X6",
-    "StatusWord2.X7", "Override.Velocity", "DynamicLimits.MaxVelocity", "DynamicLimits.Velocity",
-    "DynamicLimits.MaxAcceleration", "DynamicLimits.MaxDeceleration", "DynamicLimits.MaxJerk", "DynamicDefaults.Velocity",
-    "DynamicDefaults.Acceleration", "DynamicDefaults.Deceleration", "DynamicDefaults.Jerk",
-    "DynamicDefaults.EmergencyDeceleration", "TorqueLimiting.LimitDefaults.Torque", "TorqueLimiting.LimitDefaults.Force",
-    "TorqueLimiting.LimitBase", "TorqueLimiting.PositionBasedMonitorings", "StatusTorqueData.CommandAdditiveTorqueActive",
-    "StatusTorqueData.CommandTorqueRangeActive", "StatusTorqueData.ActualTorque", "StatusTorqueData.ActualForce",
-    "Clamping.FollowingErrorDeviation", "Clamping.PositionTolerance",
-)  # fmt: skip
+    "StatusWord",
+    "StatusWord2",
+    "Position",
+    "Velocity",
+    "Acceleration",
+    "VelocitySetpoint",
+    "ActualPosition",
+    "ActualVelocity",
+    "ActualAcceleration",
+    "ActualSpeed",
+    "StatusPositioning.SuperimposedDistance",
+    "StatusMotionIn.FunctionState",
+    "StatusMotionIn.StatusWord",
+    "StatusWord.X23",
+    "StatusWord.X31",
+    "StatusWord2.X6",
+    "StatusWord2.X7",
+    "Override.Velocity",
+    "DynamicLimits.MaxVelocity",
+    "DynamicLimits.Velocity",
+    "DynamicLimits.MaxAcceleration",
+    "DynamicLimits.MaxDeceleration",
+    "DynamicLimits.MaxJerk",
+    "DynamicDefaults.Velocity",
+    "DynamicDefaults.Acceleration",
+    "DynamicDefaults.Deceleration",
+    "DynamicDefaults.Jerk",
+    "DynamicDefaults.EmergencyDeceleration",
+    "TorqueLimiting.LimitDefaults.Torque",
+    "TorqueLimiting.LimitDefaults.Force",
+    "TorqueLimiting.LimitBase",
+    "TorqueLimiting.PositionBasedMonitorings",
+    "StatusTorqueData.CommandAdditiveTorqueActive",
+    "StatusTorqueData.CommandTorqueRangeActive",
+    "StatusTorqueData.ActualTorque",
+    "StatusTorqueData.ActualForce",
+    "Clamping.FollowingErrorDeviation",
+    "Clamping.PositionTolerance",
+)
 
 
 @pytest.mark.requirement("STP-210")
 def test_variables_of_a_motion_in_every_cycle(rig):
-    """All are readable in every cycle, and those of the motion agree with each other and with the trace of the cycle."""
+    """All are readable in every cycle, and those of the motion agree with each other and with the trace of
+    the cycle.
+    """
     rows = []
     rig.runtime.after_cycle.append(lambda: rows.append({path: rig.axis.var(path) for path in VARIABLES}))
     rig.travelling(200.0)
@@ -207,9 +252,13 @@ def test_variables_of_a_motion_in_every_cycle(rig):
     rig.until(rig.axis.halt().done)
     assert len(rows) == len(rig.rows)
     for name, path in (
-        ("position_setpoint", "Position"), ("velocity_setpoint", "Velocity"), ("acceleration_setpoint", "Acceleration"),
-        ("actual_position", "ActualPosition"), ("actual_velocity", "ActualVelocity"), ("actual_speed", "ActualSpeed"),
-    ):  # fmt: skip
+        ("position_setpoint", "Position"),
+        ("velocity_setpoint", "Velocity"),
+        ("acceleration_setpoint", "Acceleration"),
+        ("actual_position", "ActualPosition"),
+        ("actual_velocity", "ActualVelocity"),
+        ("actual_speed", "ActualSpeed"),
+    ):
         assert [row[path] for row in rows][10:] == pytest.approx(rig.column(name)[10:]), path
     velocity = [row["ActualVelocity"] for row in rows]
     slopes = [(b - a) / CYCLE for a, b in pairwise(velocity)]
@@ -220,13 +269,16 @@ def test_variables_of_a_motion_in_every_cycle(rig):
     assert {row["Override.Velocity"] for row in rows} == {100.0, 50.0}
 
 
-# -- acknowledging ---------------------------------------------------------------------------------------------------------------------
+# -- acknowledging
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-071", "STP-066")
 @pytest.mark.parametrize("enabled", [False, True])
 def test_all_alarms_are_acknowledged_whatever_is_in_use(rig, enabled):
-    """Alarms of encoder, drive, limit switches, homing, clamping and configuration go together, also of a disabled axis."""
+    """Alarms of encoder, drive, limit switches, homing, clamping and configuration go together, also of a
+    disabled axis.
+    """
     numbers = (106, 108, 411, 421, 431, 501, 521, 522, 531, 533, 541, 542)
     if enabled:
         rig.enabled()
@@ -247,7 +299,9 @@ def test_all_alarms_are_acknowledged_whatever_is_in_use(rig, enabled):
 
 @pytest.mark.requirement("STP-608")
 def test_a_drive_that_shuts_down_by_itself(rig):
-    """Operation gone without fault and without OFF: 421 whose text says that the drive has switched itself off."""
+    """Operation gone without fault and without OFF: 421 whose text says that the drive has switched itself
+    off.
+    """
     rig.travelling(200.0)
     rig.port.stage = type(rig.port.stage).S2
     rig.cycles(3)
@@ -257,7 +311,8 @@ def test_a_drive_that_shuts_down_by_itself(rig):
     assert rig.axis.var("ErrorWord") == 1 << 4
 
 
-# -- MC_MoveRelative in nanometres -------------------------------------------------------------------------------------
+# -- MC_MoveRelative in nanometres
+# -------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-277")
@@ -275,7 +330,8 @@ def test_the_shortest_way_in_nanometres(make_rig, distance, way):
     assert rig.axis.var("Position") - before == pytest.approx(way, abs=1e-6)
 
 
-# -- MC_MoveJog that changes while it runs ------------------------------------------------------------------------------
+# -- MC_MoveJog that changes while it runs
+# ------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-071", "MC-329", "MC-085")
@@ -306,7 +362,9 @@ def test_an_input_that_gets_wrong_while_jogging(rig, name, value, error):
 
 @pytest.mark.requirement("MC-026", "MC-323", "STP-230", "MC-098", "MC-099")
 def test_position_control_is_switched_while_jogging(rig):
-    """PositionControlled is taken over with every call, without a step of the velocity; superimposed motion ends without it."""
+    """PositionControlled is taken over with every call, without a step of the velocity; superimposed motion
+    ends without it.
+    """
     rig.enabled()
     jog = rig.axis.jog(100.0)
     rig.until(jog.in_velocity)

@@ -36,7 +36,9 @@ def tuned(request):
 
 @pytest.mark.requirement("COM-055", "COM-057", "COM-058", "COM-060", "COM-065")
 def test_the_gain_is_raised_to_the_first_overshoot(tuned):
-    """From 10 1/s without precontrol; the last gain without overshoot is kept, the next one, 5 % higher, overshoots."""
+    """From 10 1/s without precontrol; the last gain without overshoot is kept, the next one, 5 % higher,
+    overshoots.
+    """
     _, _, _, result = tuned
     plain = [one for one in result.attempts if one.kpc == 0.0]
     assert (plain[0].kv, plain[0].time_constant) == (10.0, 0.0)
@@ -48,7 +50,9 @@ def test_the_gain_is_raised_to_the_first_overshoot(tuned):
 
 @pytest.mark.requirement("COM-062", "COM-063", "COM-068")
 def test_the_time_constant_is_that_of_the_drive(tuned):
-    """With precontrol it is raised by 1 ms until nothing overshoots: near the lag of the drive; without it the axis overshoots."""
+    """With precontrol it is raised by 1 ms until nothing overshoots: near the lag of the drive; without it
+    the axis overshoots.
+    """
     lag, _, _, result = tuned
     steps = [one for one in result.attempts if one.kpc == 100.0]
     assert np.diff([one.time_constant for one in steps[:-1]]) == pytest.approx(0.001)
@@ -72,7 +76,9 @@ def test_the_result_is_better_than_what_it_began_with(tuned):
 
 @pytest.mark.requirement("COM-071", "COM-064", "COM-069", "COM-018", "COM-004", "COM-020")
 def test_only_what_is_downloaded_stays(tuned):
-    """Returning control discards what was tried; gain, precontrol and time constant come with a download in STOP."""
+    """Returning control discards what was tried; gain, precontrol and time constant come with a download in
+    STOP.
+    """
     _, rig, panel, result = tuned
     panel.release()
     rig.until(lambda: not panel.active)

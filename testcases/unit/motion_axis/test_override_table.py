@@ -1,4 +1,6 @@
-"""The overriding tables, cell by cell, for all instructions that exist (section 3 of the instruction specification)."""
+"""The overriding tables, cell by cell, for all instructions that exist (section 3 of the instruction
+specification).
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ def test_the_table_is_the_printed_one():
 
 @pytest.mark.requirement("OVR-117", "OVR-118")
 def test_size_of_the_tables():
-    """Rows and columns as printed (3.4 with the row of what is not listed, OVR-053), and a letter for every cell."""
+    """Rows and columns as printed (3.4 with the row of what is not listed, OVR-053), and a letter for every
+    cell.
+    """
     sizes = [(table.section, len(table.rows), len(table.columns)) for table in TABLES]
     assert sizes == [("3.1", 13, 8), ("3.2", 14, 9), ("3.3", 3, 2), ("3.4", 7, 3), ("3.5", 4, 3)]
     assert len(UNDER_INTERPRETER) == 23
@@ -65,17 +69,27 @@ def test_the_page_is_what_the_tables_say():
 
 
 FATE_ROWS = {
-    ("OVR-013", "H5"): ["OVR-089"], ("OVR-013", "H7"): ["OVR-090"],
-    ("OVR-015", "H2"): ["OVR-091", "MC-267"], ("OVR-015", "H3"): ["OVR-091", "MC-267"], ("OVR-015", "H4"): ["OVR-092"],
-    ("OVR-015", "H5"): ["OVR-091", "MC-267"], ("OVR-015", "H7"): ["OVR-093"], ("OVR-015", "H8"): ["OVR-091", "MC-267"],
-    ("OVR-016", "H2"): ["OVR-095"], ("OVR-016", "H3"): ["OVR-094"], ("OVR-016", "H4"): ["OVR-094"],
-    ("OVR-016", "H5"): ["OVR-094"], ("OVR-016", "H8"): ["OVR-094"],
-}  # fmt: skip
+    ("OVR-013", "H5"): ["OVR-089"],
+    ("OVR-013", "H7"): ["OVR-090"],
+    ("OVR-015", "H2"): ["OVR-091", "MC-267"],
+    ("OVR-015", "H3"): ["OVR-091", "MC-267"],
+    ("OVR-015", "H4"): ["OVR-092"],
+    ("OVR-015", "H5"): ["OVR-091", "MC-267"],
+    ("OVR-015", "H7"): ["OVR-093"],
+    ("OVR-015", "H8"): ["OVR-091", "MC-267"],
+    ("OVR-016", "H2"): ["OVR-095"],
+    ("OVR-016", "H3"): ["OVR-094"],
+    ("OVR-016", "H4"): ["OVR-094"],
+    ("OVR-016", "H5"): ["OVR-094"],
+    ("OVR-016", "H8"): ["OVR-094"],
+}
 """Rows of 3.6 by row and column of a cell with "-"."""
 
 
 def identifiers(cell):
-    """Return what a cell checks: its row, the meaning of its letter (3.0), and the fate of the new job (3.6)."""
+    """Return what a cell checks: its row, the meaning of its letter (3.0), and the fate of the new job
+    (3.6).
+    """
     found = [cell.identifier, "OVR-117", "OVR-118", "OVR-001" if cell.letter == "A" else "OVR-007"]
     if cell.letter == "A" and cell.fate == "T":
         found.append("OVR-008")
@@ -117,7 +131,9 @@ def running(rig, cell):
 
 
 def steps(rig, since):
-    """Return the greatest change of the velocity setpoint from one cycle to the next, mm/s, and of the position, mm."""
+    """Return the greatest change of the velocity setpoint from one cycle to the next, mm/s, and of the
+    position, mm.
+    """
     v, s = rig.column("velocity_setpoint")[since:], rig.column("position_setpoint")[since:]
     return max(abs(b - a) for a, b in pairwise(v)), max(abs(b - a) for a, b in pairwise(s))
 
@@ -141,7 +157,8 @@ def fate_of_new_job(rig, job, cell, old):
     elif hasattr(job, "Active"):
         assert job.Active
     if reached != "busy" and (fate in "TP" or cell.active.startswith(("MC_Halt", "MC_Home"))):
-        # It gets what it wants: the axis moves, or stops, as the new job says; one that waits, after the running one.
+        # It gets what it wants: the axis moves, or stops, as the new job says; one that waits, after the
+        # running one.
         rig.until(lambda: getattr(job, reached), 12.0)
         assert fate != "W" or old.Done
 
@@ -157,7 +174,9 @@ def fate_of_new_job(rig, job, cell, old):
     ],
 )  # fmt: skip
 def test_cell(rig, cell):
-    """A new job over a running one does to both what the cell says; the setpoint has no step but that of a MotionIn job."""
+    """A new job over a running one does to both what the cell says; the setpoint has no step but that of a
+    MotionIn job.
+    """
     old = running(rig, cell)
     since = len(rig.rows) - 1
     job = NEW[cell.new].make(rig)
@@ -173,7 +192,8 @@ def test_cell(rig, cell):
     if "MotionIn" in cell.new:
         return  # takes its setpoints as they are given (OVR-008)
     velocity, position = steps(rig, since)
-    # No more than the greatest deceleration makes in a cycle, and what the emergency ramp takes from quantised actual values.
+    # No more than the greatest deceleration makes in a cycle, and what the emergency ramp takes from
+    # quantised actual values.
     assert velocity <= 4000.0 * 0.004 + 0.5
     shifts = [abs(event.data["offset"]) for event in rig.events("axis.homed") if event.data["mode"] in (3, 5)]
     assert position <= 500.0 * 0.004 + max(shifts, default=0.0)
@@ -183,7 +203,9 @@ def test_cell(rig, cell):
 @pytest.mark.parametrize("first", [0, 2, 3])
 @pytest.mark.parametrize("second", [0, 2, 3])
 def test_stop_over_stop(rig, first, second):
-    """Order 0 > 2 > 3: an equal or higher one takes over, a lower one ends with CommandAborted and changes nothing."""
+    """Order 0 > 2 > 3: an equal or higher one takes over, a lower one ends with CommandAborted and changes
+    nothing.
+    """
     rig.travelling(400.0)
     old = rig.axis.stop(first, Deceleration=800.0)
     rig.run(0.03)

@@ -1,4 +1,6 @@
-"""Position control in the controller: gain, precontrol, balancing, and what is seen of them (§5.13.2 to §5.13.4)."""
+"""Position control in the controller: gain, precontrol, balancing, and what is seen of them (§5.13.2 to
+§5.13.4).
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ def test_a_constant_disturbance_leaves_a_deviation(kv):
 @pytest.mark.requirement("CTL-039", "CTL-008", "CTL-046", "MON-035", "CTL-024", "VAR-190")
 @pytest.mark.parametrize(("kv", "difference"), [(10.0, 10.0), (20.0, 5.0)])
 def test_without_precontrol_the_axis_lags(kv, difference):
-    """Kpc = 0, 100 mm/s: the control difference is v / Kv, and so is the following error; a higher gain lowers it."""
+    """Kpc = 0, 100 mm/s: the control difference is v / Kv, and so is the following error; a higher gain
+    lowers it.
+    """
     rig = axis_with(**{KV: kv, KPC: 0.0}).travelling(100.0)
     rig.run(2.0)
     assert rig.axis.var("StatusServo.ControlDifference") == pytest.approx(difference, rel=0.01)
@@ -39,7 +43,9 @@ def test_without_precontrol_the_axis_lags(kv, difference):
 
 @pytest.mark.requirement("CTL-039", "CTL-009", "CTL-015", "CTL-041", "CTL-044", "CTL-023", "VAR-190")
 def test_precontrol_takes_the_lag_away():
-    """Kpc = 100 % and the lag of the drive as T_vtc: below 1 % of v / Kv; the balanced position is v * T_vtc behind."""
+    """Kpc = 100 % and the lag of the drive as T_vtc: below 1 % of v / Kv; the balanced position is v * T_vtc
+    behind.
+    """
     rig = axis_with(lag_s=0.02, **{KV: 10.0, KPC: 100.0, LAG: 0.02}).travelling(100.0)
     rig.run(1.0)
     assert abs(rig.axis.var("StatusServo.ControlDifference")) < 0.1
@@ -83,7 +89,9 @@ def test_overshoot_at_the_end_of_braking(constant, overshoots):
 
 @pytest.mark.requirement("CTL-038", "CTL-049")
 def test_the_output_is_the_printed_sum():
-    """Speed setpoint = Kv * control difference + Kpc / 100 * velocity, as motor speed, within the maximum speed."""
+    """Speed setpoint = Kv * control difference + Kpc / 100 * velocity, as motor speed, within the maximum
+    speed.
+    """
     rig = axis_with(lag_s=0.02, **{KV: 20.0, KPC: 80.0, "Actor.DriveParameter.MaxSpeed": 2000.0}).enabled()
     rows = []
     rig.runtime.after_cycle.append(
@@ -117,7 +125,9 @@ def test_precontrol_is_kept_in_its_range(written, acts):
 @pytest.mark.requirement("CTL-007")
 @pytest.mark.parametrize(("smoothing", "greatest"), [(0.0, 95.0), (0.05, 10.0)])
 def test_a_change_of_the_gain_can_be_smoothed(smoothing, greatest):
-    """Kv from 10 to 20 at a control difference of 10 mm: a step of 100 mm/s, or the way there with the smoothing time."""
+    """Kv from 10 to 20 at a control difference of 10 mm: a step of 100 mm/s, or the way there with the
+    smoothing time.
+    """
     rig = axis_with(
         **{KV: 10.0, KPC: 0.0, "PositionControl.SmoothingTimeByChangeDifference": smoothing}
     ).travelling(100.0)
@@ -133,7 +143,9 @@ def test_a_change_of_the_gain_can_be_smoothed(smoothing, greatest):
 
 @pytest.mark.requirement("CTL-002", "CTL-005", "CTL-004", "VAR-192")
 def test_a_disabled_axis_follows_what_moves_it():
-    """Moved by hand from 10 to 25: setpoint and actual value are 25, there is no following error and no alarm."""
+    """Moved by hand from 10 to 25: setpoint and actual value are 25, there is no following error and no
+    alarm.
+    """
     rig = Rig()
     rig.cycles(3)
     rig.axis.home(10.0)
@@ -149,7 +161,9 @@ def test_a_disabled_axis_follows_what_moves_it():
 
 @pytest.mark.requirement("CTL-004", "CTL-006", "CTL-003", "VAR-192")
 def test_following_up_during_an_alarm_stop():
-    """Reaction 4 at 100 mm/s: on the OFF3 ramp setpoint equals actual value; enabling at rest makes no jump."""
+    """Reaction 4 at 100 mm/s: on the OFF3 ramp setpoint equals actual value; enabling at rest makes no
+    jump.
+    """
     rig = axis_with().travelling(100.0)
     rig.axis.alarms.raise_alarm(531)
     rig.cycles(2)
@@ -165,12 +179,15 @@ def test_following_up_during_an_alarm_stop():
     assert max(abs(value) for value in rig.column("speed_output")[-100:]) < 1.0
 
 
-# -- switching position control -----------------------------------------------------------------------------------------
+# -- switching position control
+# -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("CTL-085", "CTL-086", "CTL-087", "CTL-090")
 def test_the_mode_stays_until_another_instruction_changes_it(rig):
-    """StartMode 0 leaves it off; MC_Halt and MC_Stop do not change it; velocity jobs choose; positioning forces it on."""
+    """StartMode 0 leaves it off; MC_Halt and MC_Stop do not change it; velocity jobs choose; positioning
+    forces it on.
+    """
     off = lambda: rig.axis.var("StatusWord.X28")  # noqa: E731 - a name for a bit
     rig.enabled(start_mode=0)
     rig.axis.home(0.0)
@@ -231,7 +248,9 @@ def test_opening_the_loop_forgets_the_following_error():
 @pytest.mark.requirement("CTL-093", "CFG-168")
 @pytest.mark.parametrize("ratio", [1, 2, 4])
 def test_closing_the_loop_between_two_interpolator_cycles(ratio):
-    """With a slower interpolator the setpoint goes on from where the loop is closed: the speed output stays as it was."""
+    """With a slower interpolator the setpoint goes on from where the loop is closed: the speed output stays
+    as it was.
+    """
     rig = Rig(ratio=ratio, variables=LOOSE).enabled()
     rig.until(rig.axis.move_velocity(100.0, PositionControlled=False).in_velocity)
     rig.run(0.1)
@@ -248,21 +267,29 @@ def test_closing_the_loop_between_two_interpolator_cycles(ratio):
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        (KV, 0.0), (LAG, 1e12), ("DynamicAxisModel.AdditionalPositionTimeConstant", 1e12),
-        ("PositionControl.SmoothingTimeByChangeDifference", 1e12), ("FollowingError.AdditionalSetpointDelayTime", 1e12),
-        ("PositioningMonitoring.ToleranceTime", 1e12), ("StandstillSignal.MinDwellTime", 1e12),
+        (KV, 0.0),
+        (LAG, 1e12),
+        ("DynamicAxisModel.AdditionalPositionTimeConstant", 1e12),
+        ("PositionControl.SmoothingTimeByChangeDifference", 1e12),
+        ("FollowingError.AdditionalSetpointDelayTime", 1e12),
+        ("PositioningMonitoring.ToleranceTime", 1e12),
+        ("StandstillSignal.MinDwellTime", 1e12),
     ],
-)  # fmt: skip
+)
 def test_the_end_of_a_range_stops_no_cycle(kind, path, value):
-    """Any value within its range may be written while moving: the axis goes on being controlled, and shows numbers."""
+    """Any value within its range may be written while moving: the axis goes on being controlled, and shows
+    numbers.
+    """
     rig = Rig(variables=LOOSE | {KPC: 0.0} | ({} if kind == "none" else {kind: 1})).travelling(50.0)
     rig.axis.write(path, value)
     rig.run(0.1)
     assert rig.axis.var(path) == value
     shown = (
-        "StatusPositioning.SetpointExecutionTime", "StatusPositioning.FollowingError", "StatusServo.ControlDifference",
+        "StatusPositioning.SetpointExecutionTime",
+        "StatusPositioning.FollowingError",
+        "StatusServo.ControlDifference",
         "VelocitySetpoint",
-    )  # fmt: skip
+    )
     assert all(np.isfinite(rig.axis.var(name)) for name in shown)
     rig.until(rig.axis.halt().ended)
     rig.axis.power(False, stop_mode=0)

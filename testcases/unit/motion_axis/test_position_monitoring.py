@@ -30,7 +30,8 @@ def numbers(rig):
 
 
 def settling(constant_s, *, deviation=5.0, **variables):
-    """Return a rig whose actual value closes a deviation with the time constant 1/Kv since its setpoint has ended.
+    """Return a rig whose actual value closes a deviation with the time constant 1/Kv since its setpoint has
+    ended.
 
     Beside it the job, the instant, and the deviation at this instant.
     """
@@ -42,7 +43,8 @@ def settling(constant_s, *, deviation=5.0, **variables):
     return rig, job, rig.times()[-1], abs(rig.axis.var("Position") - rig.axis.var("ActualPosition"))
 
 
-# -- positioning ---------------------------------------------------------------------------------------------------------
+# -- positioning
+# ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MON-001", "MON-002", "MON-003", "MON-016", "MON-017", "MON-023", "MON-013")
@@ -58,7 +60,9 @@ def test_settling_in_time():
 
 @pytest.mark.requirement("MON-018", "MON-024", "MON-020", "MON-056", "MON-015", "VAR-176")
 def test_settling_too_late():
-    """Lag 1.0 s: the window would be entered at 1.609 s; 541 with info 1 at 1.0 s, disabled, 16#8001, never Done."""
+    """Lag 1.0 s: the window would be entered at 1.609 s; 541 with info 1 at 1.0 s, disabled, 16#8001, never
+    Done.
+    """
     rig, job, start, _ = settling(1.0)
     rig.until(lambda: job.Error)
     assert rig.times()[-1] - start == pytest.approx(1.0, abs=3 * CYCLE)
@@ -165,7 +169,8 @@ def test_a_new_job_ends_the_supervision_of_the_old_one(when):
     assert not numbers(rig)
 
 
-# -- following error --------------------------------------------------------------------------------------------------------
+# -- following error
+# --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MON-005", "MON-006", "MON-007", "MON-040", "MON-012")
@@ -186,7 +191,9 @@ def test_the_limit_depends_on_the_setpoint_velocity(velocity, permitted):
 
 @pytest.mark.requirement("MON-008", "MON-041", "MON-042")
 def test_the_warning_level():
-    """90 % of 10: warning above 9 mm, no reaction; raised once per exceedance, again after it has fallen below the level."""
+    """90 % of 10: warning above 9 mm, no reaction; raised once per exceedance, again after it has fallen
+    below the level.
+    """
     rig = Rig(variables=DYNAMIC | {"PositionControl.Kv": 0.01}).enabled()
     displace(rig, 8.5)
     rig.run(0.1)
@@ -282,7 +289,9 @@ def test_a_speed_axis_has_no_standstill_signal(make_rig):
 
 @pytest.mark.requirement("MON-052")
 def test_recovery_waits_for_standstill():
-    """After remove enable at speed X7 tells when the axis rests; then the acknowledgement enables it without a jump."""
+    """After remove enable at speed X7 tells when the axis rests; then the acknowledgement enables it without
+    a jump.
+    """
     rig = Rig(port=LaggingDrivePort(cycle_s=CYCLE, lag_s=0.0), variables=LOOSE).travelling(200.0)
     rig.axis.alarms.raise_alarm(531)
     rig.cycles(2)

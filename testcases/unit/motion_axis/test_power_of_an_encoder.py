@@ -1,4 +1,6 @@
-"""`MC_Power` of an external encoder: validated and enabled, without drive and stop (section 2.1 of the specification)."""
+"""`MC_Power` of an external encoder: validated and enabled, without drive and stop (section 2.1 of the
+specification).
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ def rig():
 @pytest.mark.requirement("MC-037", "MC-134", "MC-159", "STP-035", "STP-027", "G2-010", "G2-019", "DIA-072")
 @pytest.mark.parametrize("modes", [{}, {"StartMode": 0}, {"StartMode": 7}, {"StopMode": 9}])
 def test_enabled_without_a_handshake(rig, modes):
-    """Valid value and communication: Status and X0 follow Enable at once, whatever StartMode and StopMode say."""
+    """Valid value and communication: Status and X0 follow Enable at once, whatever StartMode and StopMode
+    say.
+    """
     rig.cycles(5)
     assert rig.encoder.var("StatusWord.X0") is False
     power = rig.encoder.run(MC_Power(rig.encoder.object, **modes))
@@ -72,7 +76,9 @@ def test_enabling_waits_for_a_valid_value(rig):
 
 @pytest.mark.requirement("STP-021", "CFG-620", "STP-015")
 def test_enable_before_the_encoder_has_joined(rig):
-    """108 once, with the reaction of an external encoder; acknowledged it does not come again, and the value enables."""
+    """108 once, with the reaction of an external encoder; acknowledged it does not come again, and the value
+    enables.
+    """
     rig.port.link = False
     power = rig.encoder.power()
     rig.cycles(10)
@@ -106,7 +112,9 @@ def test_an_alarm_disables_until_it_is_acknowledged(rig):
 
 @pytest.mark.requirement("MC-170", "MC-009", "MC-181")
 def test_an_enabled_encoder_is_not_restarted(rig):
-    """Restart needs Enable FALSE: 16#800E and warning 322 before, Done after; not enabled while it is restarted."""
+    """Restart needs Enable FALSE: 16#800E and warning 322 before, Done after; not enabled while it is
+    restarted.
+    """
     rig.encoder.power()
     rig.cycles(5)
     refused = rig.encoder.reset(restart=True)

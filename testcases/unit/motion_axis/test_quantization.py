@@ -19,8 +19,14 @@ def output(difference, quantum):
     cells = [SimpleNamespace(value=value) for value in (10.0, 100.0, 0.0, 0.0)]
     kv, kpc, constant, delay = cells
     controller = PositionController(
-        kv=kv, kpc=kpc, time_constant=constant, additional_delay=delay, cycle_s=0.004, delay_s=0.008, quantum=quantum
-    )  # fmt: skip
+        kv=kv,
+        kpc=kpc,
+        time_constant=constant,
+        additional_delay=delay,
+        cycle_s=0.004,
+        delay_s=0.008,
+        quantum=quantum,
+    )
     controller.reset(difference)
     return controller.step(difference, 0.0, 0.0)
 
@@ -31,12 +37,24 @@ def output(difference, quantum):
 @pytest.mark.parametrize(
     ("difference", "quantum", "corrected"),
     [
-        (0.06, 0.1, 0.0), (0.25, 0.1, 0.2), (0.09, 0.1, 0.0), (-0.25, 0.1, -0.2), (-0.09, 0.1, 0.0), (0.3, 0.1, 0.3),
-        (-0.3, 0.1, -0.3), (0.04, 0.05, 0.0), (0.06, 0.05, 0.05), (0.03, 0.05, 0.0), (0.07, 0.05, 0.05), (0.06, 0.0, 0.06),
+        (0.06, 0.1, 0.0),
+        (0.25, 0.1, 0.2),
+        (0.09, 0.1, 0.0),
+        (-0.25, 0.1, -0.2),
+        (-0.09, 0.1, 0.0),
+        (0.3, 0.1, 0.3),
+        (-0.3, 0.1, -0.3),
+        (0.04, 0.05, 0.0),
+        (0.06, 0.05, 0.05),
+        (0.03, 0.05, 0.0),
+        (0.07, 0.05, 0.05),
+        (0.06, 0.0, 0.06),
     ],
-)  # fmt: skip
+)
 def test_difference_is_rounded_towards_zero(difference, quantum, corrected):
-    """0.25 with 0.1 is 0.2, 0.09 is 0, a whole multiple stays one; without quantisation nothing is rounded."""
+    """0.25 with 0.1 is 0.2, 0.09 is 0, a whole multiple stays one; without quantisation nothing is
+    rounded.
+    """
     assert output(difference, quantum) == pytest.approx(10.0 * corrected, abs=1e-9)
 
 

@@ -45,7 +45,9 @@ def test_times_stay_when_the_velocities_change(factor):
 
 @pytest.mark.requirement("STP-098", "STP-109", "STP-127")
 def test_times_stay_when_load_memory_changes():
-    """A new maximum velocity in load memory is in force with a restart, and so is what follows from it; the rest stays."""
+    """A new maximum velocity in load memory is in force with a restart, and so is what follows from it; the
+    rest stays.
+    """
     axis = make(times={"maximum_up_s": 0.5, "emergency_s": 0.1})
     before = axis.var(DOWN)
     axis.variables.write_start("DynamicLimits.MaxVelocity", 800.0)
@@ -56,7 +58,9 @@ def test_times_stay_when_load_memory_changes():
 
 @pytest.mark.requirement("STP-098", "STP-109")
 def test_in_the_units_of_the_axis():
-    """Of an axis in mm/min the velocity is divided by 60 first; of a speed axis in 1/min accelerations are 1/s2."""
+    """Of an axis in mm/min the velocity is divided by 60 first; of a speed axis in 1/min accelerations are
+    1/s2.
+    """
     axis = make(
         **{
             "Units.VelocityUnit": 1524,
@@ -74,10 +78,18 @@ def test_in_the_units_of_the_axis():
     [
         ({"maximum_s": 1.0}, {}, "ramp_times.maximum_s: 1.0 is not allowed; allowed: one of maximum_up_s"),
         ({"emergency_s": 0.0}, {}, "ramp_times.emergency_s: 0.0 is not allowed; allowed: a time above 0 s"),
-        ({"maximum_up_s": 1e-12}, {}, "ramp_times.maximum_up_s: 1e-12 is not allowed; allowed: a time that gives"),
-        ({"maximum_up_s": 1.0}, {UP: 1000.0}, f"{UP}: 1000.0 is not allowed; allowed: no value beside ramp_times"),
+        (
+            {"maximum_up_s": 1e-12},
+            {},
+            "ramp_times.maximum_up_s: 1e-12 is not allowed; allowed: a time that gives",
+        ),
+        (
+            {"maximum_up_s": 1.0},
+            {UP: 1000.0},
+            f"{UP}: 1000.0 is not allowed; allowed: no value beside ramp_times",
+        ),
     ],
-)  # fmt: skip
+)
 def test_mistakes(times, variables, message):
     """A time that does not exist or cannot be used, and a value beside a time, are refused by name."""
     with pytest.raises(ConfigurationError) as error:

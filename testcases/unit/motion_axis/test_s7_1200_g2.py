@@ -1,4 +1,6 @@
-"""The compatibility level S7-1200 G2: technology version V8.0, basic instructions (section 6 of the instruction specification)."""
+"""The compatibility level S7-1200 G2: technology version V8.0, basic instructions (section 6 of the
+instruction specification).
+"""
 
 from __future__ import annotations
 
@@ -167,7 +169,9 @@ class TestGeneral:
     @pytest.mark.requirement("G2-005", "G2-006")
     @pytest.mark.parametrize("end", ["Done", "CommandAborted", "Error"])
     def test_one_output_at_a_time(self, rig, end):
-        """Busy, Done, CommandAborted and Error exclude each other; without Execute the end is shown for one cycle."""
+        """Busy, Done, CommandAborted and Error exclude each other; without Execute the end is shown for one
+        cycle.
+        """
         rig.enabled()
         shown = []
         job = MC_MoveRelative(rig.axis.object, Distance=20.0, Execute=True)
@@ -232,7 +236,9 @@ class TestEnablingAndStopping:
 
     @pytest.mark.requirement("G2-011", "G2-018")
     def test_start_mode(self, rig):
-        """With 0 there is no position control until a positioning command; a velocity command may open it again."""
+        """With 0 there is no position control until a positioning command; a velocity command may open it
+        again.
+        """
         power = rig.axis.power(start_mode=0)
         rig.until(power.status)
         assert rig.axis.var("StatusDrive.InOperation")
@@ -252,7 +258,9 @@ class TestEnablingAndStopping:
         [(0, 4000.0), (1, 3000.0 / 60.0 * 10.0 / 0.5), (2, 2000.0), (3, 3000.0 / 60.0 * 10.0 / 3.0)],
     )
     def test_stop_mode(self, rig, mode, deceleration):
-        """Emergency and maximum deceleration by the axis; OFF3 ramp and friction by the drive (0.5 s and 3 s from 3000 rpm)."""
+        """Emergency and maximum deceleration by the axis; OFF3 ramp and friction by the drive (0.5 s and 3 s
+        from 3000 rpm).
+        """
         rig.travelling(400.0)
         since = len(rig.rows)
         rig.axis.power(False, stop_mode=mode)
@@ -266,7 +274,9 @@ class TestEnablingAndStopping:
 
     @pytest.mark.requirement("G2-016", "G2-017")
     def test_remove_enable(self):
-        """The configured reaction stops, whatever StopMode says; acknowledged with Enable TRUE the axis is enabled again."""
+        """The configured reaction stops, whatever StopMode says; acknowledged with Enable TRUE the axis is
+        enabled again.
+        """
         rig = make(variables={"Actor.RemoveEnableReaction": 3})
         rig.travelling(300.0)
         rig.axis.power_instance.set(StopMode=2)
@@ -317,7 +327,9 @@ class TestEnablingAndStopping:
     @pytest.mark.requirement("G2-022")
     @pytest.mark.parametrize("abort", [False, True])
     def test_abort_acceleration(self, rig, abort):
-        """While accelerating: reduced with the jerk first, so that the velocity still rises, or set to zero at once."""
+        """While accelerating: reduced with the jerk first, so that the velocity still rises, or set to zero
+        at once.
+        """
         rig.enabled()
         rig.axis.move_velocity(400.0, Acceleration=1000.0, Jerk=5000.0)
         rig.run(0.25)

@@ -1,4 +1,6 @@
-"""Control words and encoder data of the compatibility level S7-1200 G2 (sections 6.4 and 6.5 of the specification)."""
+"""Control words and encoder data of the compatibility level S7-1200 G2 (sections 6.4 and 6.5 of the
+specification).
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,9 @@ class TestControlWords:
 
     @pytest.mark.requirement("G2-043", "G2-044", "G2-032")
     def test_brake(self):
-        """16#1000 with mask 16#1000 opens, 16#0000 with the same mask closes; a restart gives the bit back."""
+        """16#1000 with mask 16#1000 opens, 16#0000 with the same mask closes; a restart gives the bit
+        back.
+        """
         rig = make(port=TorquePort())
         rig.cycles(5)
         rig.axis.set_axis_stw(STW1=0x1000, STW1BitMask=0x1000)
@@ -82,7 +86,9 @@ class TestEncoderData:
     @pytest.mark.requirement("G2-045", "G2-046", "G2-047", "G2-048")
     @pytest.mark.parametrize("way", ["the card", "a copy of the file"])
     def test_save_and_restore(self, tmp_path, way):
-        """Saved to UserFiles; a new controller takes the data from the same card or from a copied file, once, and says so."""
+        """Saved to UserFiles; a new controller takes the data from the same card or from a copied file, once,
+        and says so.
+        """
         rig, _ = self.saved(tmp_path / "card")
         rig.enabled()
         rig.until(rig.axis.home(321.0, mode=7).done)

@@ -1,4 +1,6 @@
-"""`MC_SetSensor`: the encoder in position control, positions that are taken along, steps that are smoothed."""
+"""`MC_SetSensor`: the encoder in position control, positions that are taken along, steps that are
+smoothed.
+"""
 
 from __future__ import annotations
 
@@ -67,9 +69,14 @@ class Rig:
             settings[f"Sensor[{number}].Parameter.FineResolutionXist1"] = 0
         settings |= {path.replace("__", "."): value for path, value in variables.items()}
         axis = PositioningAxis(
-            "axis1", self.port, cycle_ns=4 * MS, history=self.history, variables=settings, delay_s=0.004,
+            "axis1",
+            self.port,
+            cycle_ns=4 * MS,
+            history=self.history,
+            variables=settings,
+            delay_s=0.004,
             encoders=[self.port, *self.others],
-        )  # fmt: skip
+        )
         self.runtime = Runtime(self.scheduler, cycle_ns=4 * MS, history=self.history)
         self.runtime.add(axis)
         self.axis = AxisHandle(self.runtime, axis)
@@ -171,7 +178,9 @@ class TestModes:
 
     @pytest.mark.requirement("CFG-332", "CFG-333", "MC-389")
     def test_correction_of_an_absolute_encoder(self):
-        """What was transferred to an absolute encoder is discarded when it is left: 110.0 again, the offset untouched."""
+        """What was transferred to an absolute encoder is discarded when it is left: 110.0 again, the offset
+        untouched.
+        """
         rig = Rig(ahead=(50.0,)).enabled()
         rig.until(rig.axis.home(60.0).done)
         assert rig.shown(2) == pytest.approx(110.0, abs=0.001)
@@ -244,7 +253,9 @@ class TestConditions:
 
     @pytest.mark.requirement("CFG-320")
     def test_homing_takes_the_operative_one(self):
-        """Adjusting an incremental encoder without a number sets the one in control and leaves the other one alone."""
+        """Adjusting an incremental encoder without a number sets the one in control and leaves the other one
+        alone.
+        """
         rig = Rig(types=(0, 0))
         rig.switch(2)
         rig.until(rig.axis.home(33.0, mode=13).done)

@@ -97,7 +97,9 @@ class TestBoth:
 
     @BOTH
     def test_without_position_control(self, make_rig, mode):
-        """A motion without position control moves such an axis too, and positioning goes on from where it is."""
+        """A motion without position control moves such an axis too, and positioning goes on from where it
+        is.
+        """
         rig = make_rig(variables=mode).enabled()
         rig.until(rig.axis.home(0.0).done)
         job = rig.axis.move_velocity(100.0, PositionControlled=False)
@@ -114,8 +116,19 @@ class TestBoth:
 class TestVirtual:
     """The virtual axis from technology version 8.0 on."""
 
-    @pytest.mark.requirement("CFG-138", "CFG-139", "CFG-140", "CFG-141", "CFG-142", "CFG-143", "CFG-144", "CFG-145", "CFG-146",
-                             "CFG-147", "VAR-128")  # fmt: skip
+    @pytest.mark.requirement(
+        "CFG-138",
+        "CFG-139",
+        "CFG-140",
+        "CFG-141",
+        "CFG-142",
+        "CFG-143",
+        "CFG-144",
+        "CFG-145",
+        "CFG-146",
+        "CFG-147",
+        "VAR-128",
+    )
     def test_setpoints_one_cycle_later(self, make_rig):
         """Actual values repeat the setpoints one cycle later, control variables are 0."""
         rig = make_rig(variables=VIRTUAL).enabled()
@@ -143,8 +156,14 @@ class TestVirtual:
     def test_control_does_not_matter(self, make_rig):
         """Gains and time constants do not change the actual values."""
         paths = []
-        for gains in ({}, {"PositionControl.Kv": 3.0, "PositionControl.Kpc": 20.0,
-                           "DynamicAxisModel.VelocityTimeConstant": 0.02}):  # fmt: skip
+        for gains in (
+            {},
+            {
+                "PositionControl.Kv": 3.0,
+                "PositionControl.Kpc": 20.0,
+                "DynamicAxisModel.VelocityTimeConstant": 0.02,
+            },
+        ):
             rig = make_rig(variables=VIRTUAL | gains)
             ramp(rig)
             paths.append(rig.column("actual_position"))
@@ -161,7 +180,9 @@ class TestVirtual:
 
     @pytest.mark.requirement("CFG-128", "VAR-128")
     def test_not_homed_after_power_on(self, make_rig):
-        """A virtual axis with an absolute encoder has to be homed after power-on although it counts as adjusted."""
+        """A virtual axis with an absolute encoder has to be homed after power-on although it counts as
+        adjusted.
+        """
         rig = make_rig(variables=VIRTUAL | {"Sensor[1].Type": 1}).enabled()
         assert (rig.axis.var("StatusWord.X5"), rig.axis.var("StatusSensor[1].Adjusted")) == (False, 1)
         job = rig.axis.move_absolute(10.0)
@@ -178,15 +199,26 @@ class TestSimulated:
     @pytest.mark.parametrize(
         ("settings", "delay_s"),
         [
-            ({"PositionControl.Kpc": 100.0, "DynamicAxisModel.VelocityTimeConstant": 0.003}, 0.004 + 0.004 + 0.003),
-            ({"PositionControl.Kpc": 100.0, "DynamicAxisModel.VelocityTimeConstant": 0.003,
-              "DynamicAxisModel.AdditionalPositionTimeConstant": 0.006}, 0.004 + 0.004 + 0.003 + 0.006),
+            (
+                {"PositionControl.Kpc": 100.0, "DynamicAxisModel.VelocityTimeConstant": 0.003},
+                0.004 + 0.004 + 0.003,
+            ),
+            (
+                {
+                    "PositionControl.Kpc": 100.0,
+                    "DynamicAxisModel.VelocityTimeConstant": 0.003,
+                    "DynamicAxisModel.AdditionalPositionTimeConstant": 0.006,
+                },
+                0.004 + 0.004 + 0.003 + 0.006,
+            ),
             ({"PositionControl.Kpc": 0.0, "PositionControl.Kv": 100.0}, 0.004 + 0.010),
-            ({"PositionControl.Kpc": 0.0, "PositionControl.Kv": 100.0, "PositionControl.EnableDSC": True},
-             0.004 + 0.004 + 0.010),
+            (
+                {"PositionControl.Kpc": 0.0, "PositionControl.Kv": 100.0, "PositionControl.EnableDSC": True},
+                0.004 + 0.004 + 0.010,
+            ),
         ],
         ids=["precontrol", "precontrol and additional", "without", "without, DSC"],
-    )  # fmt: skip
+    )
     def test_lag(self, make_rig, settings, delay_s):
         """At constant velocity the actual position lags by the velocity times the delay of the model."""
         rig = make_rig(variables=SIMULATED | settings)

@@ -39,7 +39,9 @@ class TestStatusWord:
 
     @pytest.mark.requirement("VAR-034", "VAR-036", "VAR-113")
     def test_positioning(self, rig):
-        """X8 while a positioning runs, X6 when it has ended in the window; target and distance are valid meanwhile."""
+        """X8 while a positioning runs, X6 when it has ended in the window; target and distance are valid
+        meanwhile.
+        """
         rig.enabled()
         assert on(rig, 6)
         job = rig.axis.move_relative(50.0)
@@ -170,7 +172,9 @@ class TestReactions:
         [(110, 0, None), (533, 1, 1000.0), (104, 2, 2000.0), (321, 3, 4000.0), (550, 5, None)],
     )
     def test_effect(self, rig, number, reaction, deceleration):
-        """0 nothing; 1 the deceleration of the job, 2 the largest, 3 the emergency ramp; 5 puts zero out and follows the drive."""
+        """0 nothing; 1 the deceleration of the job, 2 the largest, 3 the emergency ramp; 5 puts zero out and
+        follows the drive.
+        """
         rig.travelling(300.0)
         rig.axis.alarms.raise_alarm(number, reaction=reaction if number == 533 else None)
         shown = 0 if number == 110 else reaction
@@ -237,7 +241,9 @@ class TestDrive:
 
     @pytest.mark.requirement("VAR-105")
     def test_error(self, rig):
-        """A drive error on a disabled axis is shown; on an enabled one alarm 421 with reaction 4 comes with it."""
+        """A drive error on a disabled axis is shown; on an enabled one alarm 421 with reaction 4 comes with
+        it.
+        """
         rig.run(0.1)
         rig.port.fault = True
         rig.cycles(3)
@@ -268,7 +274,9 @@ class TestDrive:
 
     @pytest.mark.requirement("VAR-123", "VAR-124")
     def test_speeds(self, make_rig):
-        """`ActualSpeed` is the motor speed in rpm; `Velocity` the setpoint after the override, `VelocitySetpoint` what goes out."""
+        """`ActualSpeed` is the motor speed in rpm; `Velocity` the setpoint after the override,
+        `VelocitySetpoint` what goes out.
+        """
         rig = make_rig(variables={"Override.Velocity": 50.0}).enabled()
         rig.axis.move_velocity(100.0)
         rig.run(1.5)
@@ -283,9 +291,13 @@ class TestDynamics:
     @pytest.mark.requirement("VAR-164", "VAR-165")
     @pytest.mark.parametrize(
         ("default", "value", "limit", "result", "warned"),
-        [(200.0, -1.0, 400.0, 200.0, False), (200.0, -1.0, 50.0, 50.0, True), (200.0, 300.0, 400.0, 300.0, False),
-         (200.0, 480.0, 400.0, 400.0, True)],
-    )  # fmt: skip
+        [
+            (200.0, -1.0, 400.0, 200.0, False),
+            (200.0, -1.0, 50.0, 50.0, True),
+            (200.0, 300.0, 400.0, 300.0, False),
+            (200.0, 480.0, 400.0, 400.0, True),
+        ],
+    )
     def test_effective_velocity(self, make_rig, default, value, limit, result, warned):
         """Negative inputs take the default, values above the limit the limit, with warning 501."""
         rig = make_rig(
@@ -313,7 +325,9 @@ class TestDynamics:
 
     @pytest.mark.requirement("VAR-169")
     def test_override(self, rig):
-        """The override acts on the running job, with its acceleration; `InVelocity` drops until it is reached."""
+        """The override acts on the running job, with its acceleration; `InVelocity` drops until it is
+        reached.
+        """
         rig.travelling(100.0)
         rig.axis.write("Override.Velocity", 200.0)
         rig.cycles(3)
@@ -333,7 +347,9 @@ class TestDynamics:
 
 @pytest.mark.requirement("CFG-010", "CFG-011", "VAR-073")
 def test_not_homed(make_rig):
-    """Without homing an absolute positioning is alarm 321 with reaction 3; jobs without a reference are executed."""
+    """Without homing an absolute positioning is alarm 321 with reaction 3; jobs without a reference are
+    executed.
+    """
     rig = make_rig().enabled()
     for job in (rig.axis.move_relative(1.0), rig.axis.move_velocity(10.0), rig.axis.jog(10.0)):
         rig.run(0.2)
@@ -347,7 +363,9 @@ def test_not_homed(make_rig):
 
 @pytest.mark.requirement("CFG-338", "VAR-125")
 def test_source_of_the_velocity_does_not_matter_for_control(make_rig):
-    """With the velocity of the telegram instead of the difference, setpoints and control differences are the same."""
+    """With the velocity of the telegram instead of the difference, setpoints and control differences are the
+    same.
+    """
     runs = []
     for mode in (0, 1):
         rig = make_rig(variables={"Sensor[1].ActualVelocityMode": mode}).enabled()
@@ -386,7 +404,9 @@ def test_enabled_again_without_an_edge(rig):
 @pytest.mark.requirement("VAR-171", "LIM-088")
 @pytest.mark.parametrize(("low", "homed"), [(50.0, True), (60.0, True), (60.0, False)])
 def test_software_limits_that_contradict(make_rig, low, homed):
-    """A negative limit that is not below the positive one is alarm 104, reaction 2; put right, an acknowledgement suffices."""
+    """A negative limit that is not below the positive one is alarm 104, reaction 2; put right, an
+    acknowledgement suffices.
+    """
     rig = make_rig(
         variables={
             "PositionLimits_SW.Active": True,
@@ -427,7 +447,9 @@ class TestInstructionsOfV9:
     @pytest.mark.requirement("CFG-004")
     @pytest.mark.parametrize("start", ["move_absolute", "move_relative"])
     def test_buffer_mode(self, rig, start):
-        """Both positioning instructions have `BufferMode` and `Active`: an appended job waits, then it is active."""
+        """Both positioning instructions have `BufferMode` and `Active`: an appended job waits, then it is
+        active.
+        """
         rig.enabled()
         rig.until(rig.axis.home(0.0).done)
         first = rig.axis.move_relative(10.0)
@@ -439,7 +461,9 @@ class TestInstructionsOfV9:
 
     @pytest.mark.requirement("VAR-166")
     def test_velocities_without_default(self, rig):
-        """`MC_MoveVelocity` takes a negative velocity as direction, `MC_MoveJog` its magnitude; 0.0 stops the axis."""
+        """`MC_MoveVelocity` takes a negative velocity as direction, `MC_MoveJog` its magnitude; 0.0 stops the
+        axis.
+        """
         rig.enabled()
         rig.axis.move_velocity(-40.0)
         rig.run(1.0)
@@ -486,13 +510,31 @@ def test_one_wrong_direction(make_rig, flag):
 
 COMMANDS = {
     "homing": ("StatusWord", 11, lambda axis: axis.home(5.0, mode=8), lambda axis, _: axis.home(mode=9)),
-    "superimposed": ("StatusWord", 23, lambda axis: axis.move_superimposed(50.0), lambda axis, _: axis.halt_superimposed()),
-    "torque limit": ("StatusWord", 26, lambda axis: axis.torque_limiting(1.0), lambda _, job: job.set(Enable=False)),
-    "motion in": ("StatusWord", 31, lambda axis: axis.motion_in_velocity(20.0), lambda _, job: job.set(Enable=False)),
-    "motion in, superimposed": (
-        "StatusWord2", 6, lambda axis: axis.motion_in_superimposed(0.0, VelocityDiff=0.0), lambda _, job: job.set(Enable=False),
+    "superimposed": (
+        "StatusWord",
+        23,
+        lambda axis: axis.move_superimposed(50.0),
+        lambda axis, _: axis.halt_superimposed(),
     ),
-}  # fmt: skip
+    "torque limit": (
+        "StatusWord",
+        26,
+        lambda axis: axis.torque_limiting(1.0),
+        lambda _, job: job.set(Enable=False),
+    ),
+    "motion in": (
+        "StatusWord",
+        31,
+        lambda axis: axis.motion_in_velocity(20.0),
+        lambda _, job: job.set(Enable=False),
+    ),
+    "motion in, superimposed": (
+        "StatusWord2",
+        6,
+        lambda axis: axis.motion_in_superimposed(0.0, VelocityDiff=0.0),
+        lambda _, job: job.set(Enable=False),
+    ),
+}
 
 
 @pytest.mark.requirement("VAR-226")
@@ -502,7 +544,9 @@ COMMANDS = {
      zip(COMMANDS, ("VAR-039", "VAR-047", "VAR-049", "VAR-054", "VAR-063"), strict=True)],
 )  # fmt: skip
 def test_bit_of_a_command(make_rig, name):
-    """The bit is there while the instruction runs and neither before nor after; bits without a name stay 0 all the time."""
+    """The bit is there while the instruction runs and neither before nor after; bits without a name stay 0
+    all the time.
+    """
     word, bit, start, end = COMMANDS[name]
     rig = make_rig(port=TorquePort()).enabled()
     axis = rig.axis

@@ -1,4 +1,6 @@
-"""An axis on a pulse module with a stepper drive: steps of the control word, stops, encoder errors, what a pulse counter cannot see."""
+"""An axis on a pulse module with a stepper drive: steps of the control word, stops, encoder errors, what a
+pulse counter cannot see.
+"""
 
 from __future__ import annotations
 
@@ -44,24 +46,36 @@ class Rig:
             **(drive or {}),
         )
         self.drive = StepperCanDrive(
-            scheduler, self.segment, StepperNodeConfig(node_id=5, drive=config), name="drive1", history=self.history
-        )  # fmt: skip
+            scheduler,
+            self.segment,
+            StepperNodeConfig(node_id=5, drive=config),
+            name="drive1",
+            history=self.history,
+        )
         self.channel = self.drive.drive.channel
         self.master = CanopenMaster(
             scheduler, self.segment, name="controller", node_id=127, history=self.history
         )
         words = PtoWords(variant="standard" if standard else "device")
         self.port = TmPtoPort(
-            self.master, TmPtoConfig(cycle_ns=CYCLE_NS, node_id=5, words=words), name="drive1", history=self.history
-        )  # fmt: skip
+            self.master,
+            TmPtoConfig(cycle_ns=CYCLE_NS, node_id=5, words=words),
+            name="drive1",
+            history=self.history,
+        )
         start = REFERENCE | {
             "Sensor[1].Parameter.StepsPerRevolution": channel["increments"],
             "StandstillSignal.VelocityThreshold": 15000.0 / channel["increments"],
             "PositionControl.ControlDifferenceQuantization.Mode": 1,
         }
         self.technology = PositioningAxis(
-            "axis1", self.port, cycle_ns=CYCLE_NS, variables=start | (variables or {}), history=self.history, delay_s=0.006
-        )  # fmt: skip
+            "axis1",
+            self.port,
+            cycle_ns=CYCLE_NS,
+            variables=start | (variables or {}),
+            history=self.history,
+            delay_s=0.006,
+        )
         self.runtime = Runtime(scheduler, cycle_ns=CYCLE_NS, history=self.history)
         self.runtime.add(self.technology)
         self.axis = AxisHandle(self.runtime, self.technology)
@@ -118,8 +132,10 @@ def test_enabling_step_by_step():
     power = rig.axis.power()
     rig.until(power.status)
     assert [(f"{word:04X}", state.name) for word, state in rig.words] == [
-        ("0456", "S2"), ("0457", "S3"), ("045F", "S3"),
-    ]  # fmt: skip
+        ("0456", "S2"),
+        ("0457", "S3"),
+        ("045F", "S3"),
+    ]
     assert rig.channel.state is AxisState.S4
     assert rig.channel.ed
 
@@ -148,7 +164,9 @@ def test_disabling(mode, words, end):
 @pytest.mark.requirement("PTO-267", "PTO-272", "PTO-281", "CFG-377", "CFG-206")
 @pytest.mark.parametrize("standard", [False, True])
 def test_positioning(standard):
-    """Telegram 3 leads the axis, the pulse counter is its encoder: 2000 increments per 10 mm make 0.005 mm each."""
+    """Telegram 3 leads the axis, the pulse counter is its encoder: 2000 increments per 10 mm make 0.005 mm
+    each.
+    """
     rig = Rig(standard=standard)
     assert rig.technology.mechanics.increment == pytest.approx(0.005)
     power = rig.axis.power()
@@ -196,7 +214,9 @@ def test_hunting_around_the_target(mode):
 @pytest.mark.requirement("PTO-166")
 @pytest.mark.parametrize(("ramp_ms", "alarm"), [(100, 0), (5000, 521)])
 def test_two_ramps_on_top_of_each_other(ramp_ms, alarm):
-    """A module with a long ramp of its own lags behind the ramps of the axis until the following error is too large."""
+    """A module with a long ramp of its own lags behind the ramps of the axis until the following error is too
+    large.
+    """
     rig = Rig(ramp_stop_ms=ramp_ms)
     power = rig.axis.power()
     rig.until(power.status)
@@ -207,7 +227,9 @@ def test_two_ramps_on_top_of_each_other(ramp_ms, alarm):
 
 @pytest.mark.requirement("PTO-275", "PTO-276", "PTO-189")
 def test_short_circuit_at_an_output():
-    """A drive error and an encoder error with code 1; `MC_Reset` acknowledges both, and the axis works again."""
+    """A drive error and an encoder error with code 1; `MC_Reset` acknowledges both, and the axis works
+    again.
+    """
     rig = Rig().travelling()
     rig.drive.short_outputs(True, 1)
     rig.run(0.05)
@@ -243,7 +265,9 @@ def test_encoder_error():
 
 @pytest.mark.requirement("PTO-277", "PTO-209")
 def test_supply_of_the_outputs():
-    """Without the load supply the module parks its encoder and asks for no control: no valid actual value, alarms, then all back."""
+    """Without the load supply the module parks its encoder and asks for no control: no valid actual value,
+    alarms, then all back.
+    """
     rig = Rig().travelling()
     rig.drive.cut_supply(True)
     rig.run(0.05)
@@ -280,7 +304,9 @@ def test_a_motor_out_of_step_is_not_noticed(how):
 
 
 def test_end_stop():
-    """At an end stop the shaft stands, whatever the pulses do; back from it the count has lost what was missed."""
+    """At an end stop the shaft stands, whatever the pulses do; back from it the count has lost what was
+    missed.
+    """
     rig = Rig(machine={"stops_m": (None, 0.05)}).travelling(100.0)
     rig.run(1.0)
     assert rig.position == pytest.approx(50.0, abs=0.01)
@@ -310,7 +336,9 @@ def test_switches_of_the_machine():
 @pytest.mark.requirement("PTO-206", "PTO-204", "PTO-295")
 @pytest.mark.parametrize("how", ["sync", "module", "power"])
 def test_the_controller_or_the_module_is_gone(how):
-    """Without SYNC the module stops by its watchdog; a module that is pulled sends zeros; without supply there is no link."""
+    """Without SYNC the module stops by its watchdog; a module that is pulled sends zeros; without supply
+    there is no link.
+    """
     rig = Rig().travelling()
     if how == "sync":
         rig.master.close()

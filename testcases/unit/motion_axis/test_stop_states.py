@@ -1,4 +1,6 @@
-"""The state machine of enabling and stopping, and which stop supersedes which (sections 9 and 10 of the stopping specification)."""
+"""The state machine of enabling and stopping, and which stop supersedes which (sections 9 and 10 of the
+stopping specification).
+"""
 
 from __future__ import annotations
 
@@ -201,10 +203,16 @@ def happen(rig, event, extra):
 @pytest.mark.parametrize(
     ("start", "event", "end"),
     [
-        pytest.param(start, event, end, id=f"{start.name}-{event.replace(' ', '_')}", marks=pytest.mark.requirement(identifier))
+        pytest.param(
+            start,
+            event,
+            end,
+            id=f"{start.name}-{event.replace(' ', '_')}",
+            marks=pytest.mark.requirement(identifier),
+        )
         for identifier, start, event, end in TRANSITIONS
     ],
-)  # fmt: skip
+)
 def test_transition(make_rig, start, event, end):
     """The event leads to the printed state; where jobs are disabled or stopped away they end."""
     rig = make_rig(variables={"Actor.RemoveEnableReaction": 7})
@@ -312,7 +320,9 @@ def test_acknowledging_while_the_drive_stops(make_rig, reaction, interrupts):
 @pytest.mark.requirement("STP-491")
 @pytest.mark.parametrize("reaction", [1, 3, 5])
 def test_disabling_while_the_drive_stops(make_rig, reaction):
-    """Enable FALSE with a value other than 16#7: OFF2, whatever StopMode says, and disabled with Busy FALSE at the end."""
+    """Enable FALSE with a value other than 16#7: OFF2, whatever StopMode says, and disabled with Busy FALSE
+    at the end.
+    """
     rig = make_rig(variables={"Actor.RemoveEnableReaction": reaction})
     reach(rig, S.ALARM_DRIVE_STOP)
     power = rig.axis.power(False, stop_mode=0)
@@ -395,7 +405,8 @@ def test_enable_during_the_disabling_is_remembered(rig):
     assert order[0] is S.DISABLING_RAMP
 
 
-# -- section 10 ------------------------------------------------------------------------------------------------------------------
+# -- section 10
+# ------------------------------------------------------------------------------------------------------------
 
 MATRIX = """
 STP-516 stop 3      N N N P N N N N N N N
@@ -413,8 +424,16 @@ STP-526 disable 3   E E E P P P P - - - -
 """
 COLUMNS = ("stop 3", "stop 2", "stop 0", "reaction 1", "reaction 2", "reaction 3", "reaction 4",
            "disable 0", "disable 1", "disable 2", "disable 3")  # fmt: skip
-SEVERITY = {"stop 3": 1, "stop 2": 2, "stop 0": 3, "reaction 1": 1, "reaction 2": 2, "reaction 3": 3, "disable 0": 3,
-            "disable 2": 2}  # fmt: skip
+SEVERITY = {
+    "stop 3": 1,
+    "stop 2": 2,
+    "stop 0": 3,
+    "reaction 1": 1,
+    "reaction 2": 2,
+    "reaction 3": 3,
+    "disable 0": 3,
+    "disable 2": 2,
+}
 
 
 def cells():
@@ -423,8 +442,12 @@ def cells():
         for column, what in zip(COLUMNS, line[20:].split(), strict=True):
             if what != "-":
                 yield pytest.param(
-                    active, column, what, id=f"{active}-{column}".replace(" ", "_"), marks=pytest.mark.requirement(identifier)
-                )  # fmt: skip
+                    active,
+                    column,
+                    what,
+                    id=f"{active}-{column}".replace(" ", "_"),
+                    marks=pytest.mark.requirement(identifier),
+                )
 
 
 def expected_severity(active, new, what):

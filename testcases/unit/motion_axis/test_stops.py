@@ -1,4 +1,6 @@
-"""Stops of an axis on exact numbers: ramps, control words, jobs (sections 0.3 and 8 of the stopping specification)."""
+"""Stops of an axis on exact numbers: ramps, control words, jobs (sections 0.3 and 8 of the stopping
+specification).
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ def test_ramp_of_power_stop_mode(rig, mode, seconds, travel):
 
 @pytest.mark.requirement("STP-010", "STP-315", "STP-316", "STP-319", "STP-320")
 def test_quick_stop_is_the_drives_own_ramp(rig):
-    """StopMode 1: setpoint zero as a step, OFF3 ramp of the drive, then OFF1 and OFF2, then the idle pattern."""
+    """StopMode 1: setpoint zero as a step, OFF3 ramp of the drive, then OFF1 and OFF2, then the idle
+    pattern.
+    """
     rig.travelling()
     start = rig.scheduler.now / 1e9
     power = rig.axis.power(False, stop_mode=1)
@@ -84,7 +88,9 @@ def test_coast_withdraws_off2_and_keeps_it(rig):
     ],
 )  # fmt: skip
 def test_ramp_of_mc_stop(rig, inputs, seconds, travel):
-    """MC_Stop brakes with the dynamics of its mode, stays enabled and locks the axis while Execute is TRUE."""
+    """MC_Stop brakes with the dynamics of its mode, stays enabled and locks the axis while Execute is
+    TRUE.
+    """
     rig.travelling()
     start = rig.scheduler.now / 1e9
     stop = rig.axis.stop(**inputs)
@@ -101,7 +107,9 @@ def test_ramp_of_mc_stop(rig, inputs, seconds, travel):
 
 @pytest.mark.requirement("STP-430", "STP-431", "MC-409", "MC-427", "MC-429")
 def test_mc_stop_blocks_until_released(rig):
-    """A job started while MC_Stop holds is refused with 16#800F; after the release a new edge moves the axis."""
+    """A job started while MC_Stop holds is refused with 16#800F; after the release a new edge moves the
+    axis.
+    """
     rig.travelling()
     stop = rig.axis.stop(0)
     rig.until(stop.done)
@@ -162,7 +170,9 @@ def test_ramp_of_alarm_reactions(rig, reaction, number, seconds, travel):
 
 @pytest.mark.requirement("STP-343", "STP-344", "STP-393", "STP-394", "STP-033")
 def test_disabling_reaction_and_automatic_enable(rig):
-    """After reaction 2 the axis is disabled with Busy TRUE; the acknowledgement enables it without a new edge."""
+    """After reaction 2 the axis is disabled with Busy TRUE; the acknowledgement enables it without a new
+    edge.
+    """
     rig.travelling()
     rig.axis.alarms.raise_alarm(104)
     rig.run(0.5)
@@ -281,7 +291,9 @@ def test_weaker_mc_stop_is_turned_away(rig):
 
 @pytest.mark.requirement("STP-384", "VAR-137")
 def test_disabling_during_remove_enable_coasts(make_rig):
-    """RemoveEnableReaction other than 16#7: Enable = FALSE during the ramp leads to OFF2 whatever StopMode says."""
+    """RemoveEnableReaction other than 16#7: Enable = FALSE during the ramp leads to OFF2 whatever StopMode
+    says.
+    """
     rig = make_rig(variables={"Actor.RemoveEnableReaction": 1})
     rig.travelling()
     rig.axis.alarms.raise_alarm(521)
@@ -323,7 +335,9 @@ def test_acknowledging_an_off1_ramp_interrupts_it(make_rig):
 
 @pytest.mark.requirement("STP-296", "STP-502", "MC-154")
 def test_disabling_cannot_be_cancelled(rig):
-    """Enable = TRUE during the ramp does not stop the braking; the axis is enabled again afterwards by itself."""
+    """Enable = TRUE during the ramp does not stop the braking; the axis is enabled again afterwards by
+    itself.
+    """
     rig.travelling()
     rig.axis.power(False, stop_mode=2)
     rig.run(0.05)
@@ -369,7 +383,9 @@ def test_alarm_that_keeps_the_axis_enabled(rig):
      (3, 1, "DISABLING_QUICK"), (1, 3, "DISABLING_COAST")],
 )  # fmt: skip
 def test_enable_falls_during_an_alarm_ramp(rig, reaction, stop_mode, state):
-    """Quick stop and coast act at once, a ramp only when it is more severe; the axis ends disabled with Busy FALSE."""
+    """Quick stop and coast act at once, a ramp only when it is more severe; the axis ends disabled with Busy
+    FALSE.
+    """
     number = {1: 533, 2: 104, 3: 304}[reaction]
     rig.travelling()
     rig.axis.alarms.raise_alarm(number, reaction=reaction)

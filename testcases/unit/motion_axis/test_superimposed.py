@@ -15,7 +15,9 @@ X7_HALT_SUPERIMPOSED = 1 << 7
 @pytest.mark.requirement("STP-192", "STP-199", "STP-203", "MC-351", "MC-359")
 @pytest.mark.parametrize("distance", [50.0, 20.0])
 def test_both_distances_add_up(rig, distance):
-    """MC_MoveRelative 50 with a superimposed distance on top ends at the sum; the axis shows the sum all the time."""
+    """MC_MoveRelative 50 with a superimposed distance on top ends at the sum; the axis shows the sum all the
+    time.
+    """
     rig.enabled()
     basic = rig.axis.move_relative(50.0)
     rig.run(0.2)
@@ -33,7 +35,9 @@ def test_both_distances_add_up(rig, distance):
 
 @pytest.mark.requirement("MC-360")
 def test_opposite_distance_takes_the_axis_back(rig):
-    """50 and -50 on top: the axis reverses, since the superimposed velocity exceeds the basic one, and ends at 0."""
+    """50 and -50 on top: the axis reverses, since the superimposed velocity exceeds the basic one, and ends
+    at 0.
+    """
     rig.enabled()
     basic = rig.axis.move_relative(50.0, Velocity=50.0)
     rig.run(0.3)
@@ -46,7 +50,9 @@ def test_opposite_distance_takes_the_axis_back(rig):
 
 @pytest.mark.requirement("STP-200", "STP-198", "MC-352", "MC-345")
 def test_the_sum_respects_the_velocity_limit(rig):
-    """At 400 of 500 mm/s the superimposed motion gets 100 mm/s, whatever VelocityDiff says; -1 is the default velocity."""
+    """At 400 of 500 mm/s the superimposed motion gets 100 mm/s, whatever VelocityDiff says; -1 is the default
+    velocity.
+    """
     rig.travelling(400.0)
     top = rig.axis.move_superimposed(60.0, VelocityDiff=300.0)
     rig.until(top.done)
@@ -73,7 +79,9 @@ def test_a_basic_motion_that_accelerates_takes_the_room_away(rig):
 
 @pytest.mark.requirement("STP-200", "MC-352")
 def test_a_basic_motion_that_reverses_takes_the_room_away_in_time(make_rig):
-    """What a reversal leads to counts from its beginning, so that the sum is within the limit when the basic motion gets there."""
+    """What a reversal leads to counts from its beginning, so that the sum is within the limit when the basic
+    motion gets there.
+    """
     rig = make_rig(variables={"DynamicLimits.MaxJerk": 1.0e6}).travelling(240.0)
     rig.axis.move_velocity(-500.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0)
     rig.cycles()
@@ -85,7 +93,9 @@ def test_a_basic_motion_that_reverses_takes_the_room_away_in_time(make_rig):
 @pytest.mark.requirement("STP-119", "STP-195", "STP-200")
 @pytest.mark.parametrize("new", ["move", "halt"])
 def test_what_is_carried_over_keeps_the_limit(rig, new):
-    """A superimposed job with a low jerk takes the acceleration of the one before over, as far as the limit of the sum allows."""
+    """A superimposed job with a low jerk takes the acceleration of the one before over, as far as the limit
+    of the sum allows.
+    """
     rig.enabled()
     rig.axis.move_superimposed(80.0, VelocityDiff=400.0, Acceleration=2000.0, Deceleration=2000.0, Jerk=0.0)
     rig.run(0.1)
@@ -99,7 +109,9 @@ def test_what_is_carried_over_keeps_the_limit(rig, new):
 
 @pytest.mark.requirement("MC-352", "MC-355")
 def test_no_room_at_all_lets_the_superimposed_motion_wait(rig):
-    """At full velocity nothing can be added in its direction: the distance comes when the basic motion leaves room."""
+    """At full velocity nothing can be added in its direction: the distance comes when the basic motion leaves
+    room.
+    """
     rig.travelling(500.0)
     before = rig.axis.var("Position")
     top = rig.axis.move_superimposed(10.0)
@@ -117,7 +129,9 @@ def test_no_room_at_all_lets_the_superimposed_motion_wait(rig):
 
 @pytest.mark.requirement("STP-197", "STP-007", "MC-353", "MC-110", "VAR-047")
 def test_status_bit_and_distance(rig):
-    """X23 while it runs, SuperimposedDistance counts what it has covered, and is 0 again when both have ended."""
+    """X23 while it runs, SuperimposedDistance counts what it has covered, and is 0 again when both have
+    ended.
+    """
     rig.enabled()
     rig.axis.move_relative(100.0)
     rig.run(0.2)
@@ -149,7 +163,9 @@ def test_superimposed_motion_outlives_the_basic_one(rig):
 
 @pytest.mark.requirement("MC-356", "OVR-093")
 def test_without_a_basic_motion_it_moves_the_axis(rig):
-    """At standstill the axis moves by the distance; an appended positioning becomes the basic motion at once."""
+    """At standstill the axis moves by the distance; an appended positioning becomes the basic motion at
+    once.
+    """
     rig.enabled()
     top = rig.axis.move_superimposed(100.0)
     rig.run(0.2)
@@ -181,7 +197,9 @@ def test_a_new_superimposed_motion_replaces_the_running_one(rig):
     "STP-196", "STP-206", "STP-209", "MC-371", "MC-372", "MC-374", "MC-370", "MC-112", "MC-367"
 )
 def test_halt_superimposed_leaves_the_basic_motion_alone(rig):
-    """X23 falls, X7 rises until the superimposed velocity is 0; the basic positioning arrives as if nothing was."""
+    """X23 falls, X7 rises until the superimposed velocity is 0; the basic positioning arrives as if nothing
+    was.
+    """
     rig.enabled()
     basic = rig.axis.move_relative(300.0)
     rig.run(0.3)
@@ -204,7 +222,9 @@ def test_halt_superimposed_leaves_the_basic_motion_alone(rig):
 
 @pytest.mark.requirement("STP-208", "MC-366", "MC-372", "MC-373")
 def test_abort_acceleration_of_the_halt(rig):
-    """Without AbortAcceleration the acceleration first ends with the jerk; with it, braking begins at once."""
+    """Without AbortAcceleration the acceleration first ends with the jerk; with it, braking begins at
+    once.
+    """
     peaks = []
     for abort in (False, True):
         rig.enabled()
@@ -321,9 +341,12 @@ def test_halt_mode_1_takes_the_basic_motion_only(rig):
 def test_software_limit_counts_the_sum(make_rig):
     """The axis stops at the software limit although the basic motion alone would stay inside."""
     rig = make_rig(
-        variables={"PositionLimits_SW.Active": True, "PositionLimits_SW.MaxPosition": 100.0,
-                   "PositionLimits_SW.MinPosition": -100.0}
-    )  # fmt: skip
+        variables={
+            "PositionLimits_SW.Active": True,
+            "PositionLimits_SW.MaxPosition": 100.0,
+            "PositionLimits_SW.MinPosition": -100.0,
+        }
+    )
     rig.enabled()
     rig.axis.home(0.0)
     rig.cycles(2)

@@ -1,4 +1,6 @@
-"""What an axis tells its drive about torque and force, by type of axis, motor and side of the limit (§5.7.8.1, VAR-132)."""
+"""What an axis tells its drive about torque and force, by type of axis, motor and side of the limit
+(§5.7.8.1, VAR-132).
+"""
 
 from __future__ import annotations
 
@@ -68,21 +70,48 @@ def limit_of(rig, value):
     ("variables", "limit", "share"),
     [
         pytest.param(ROTARY, 0.5, 0.25, marks=pytest.mark.requirement("STP-138"), id="rotary, motor side"),
-        pytest.param(ROTARY | LOAD_SIDE | GEAR, 2.0, 2.0 * 2 / 5 / 2.0,
-                     marks=pytest.mark.requirement("STP-139"), id="rotary, load side, gear"),
-        pytest.param(ROTARY | LOAD_SIDE | GEAR | {"Actor.Efficiency": 0.8}, 2.0, 2.0 * 2 / 5 / 0.8 / 2.0,
-                     marks=pytest.mark.requirement("STP-139"), id="rotary, load side, gear and efficiency"),
-        pytest.param(GEAR | {"Actor.Efficiency": 0.8}, 0.5, 0.25,
-                     marks=pytest.mark.requirement("STP-140"), id="linear, motor side"),
-        pytest.param(LOAD_SIDE | GEAR | {"Actor.Efficiency": 0.8}, 1000.0, 1000.0 * 0.010 / tau * 2 / 5 / 0.8 / 2.0,
-                     marks=pytest.mark.requirement("STP-141"), id="linear, load side"),
+        pytest.param(
+            ROTARY | LOAD_SIDE | GEAR,
+            2.0,
+            2.0 * 2 / 5 / 2.0,
+            marks=pytest.mark.requirement("STP-139"),
+            id="rotary, load side, gear",
+        ),
+        pytest.param(
+            ROTARY | LOAD_SIDE | GEAR | {"Actor.Efficiency": 0.8},
+            2.0,
+            2.0 * 2 / 5 / 0.8 / 2.0,
+            marks=pytest.mark.requirement("STP-139"),
+            id="rotary, load side, gear and efficiency",
+        ),
+        pytest.param(
+            GEAR | {"Actor.Efficiency": 0.8},
+            0.5,
+            0.25,
+            marks=pytest.mark.requirement("STP-140"),
+            id="linear, motor side",
+        ),
+        pytest.param(
+            LOAD_SIDE | GEAR | {"Actor.Efficiency": 0.8},
+            1000.0,
+            1000.0 * 0.010 / tau * 2 / 5 / 0.8 / 2.0,
+            marks=pytest.mark.requirement("STP-141"),
+            id="linear, load side",
+        ),
         pytest.param(LINEAR_MOTOR, 125.0, 0.25, marks=pytest.mark.requirement("STP-142"), id="linear motor"),
-        pytest.param(LINEAR_MOTOR | LOAD_SIDE, 125.0, 0.25,
-                     marks=pytest.mark.requirement("STP-142", "STP-137", "VAR-141"), id="linear motor, LimitBase means nothing"),
+        pytest.param(
+            LINEAR_MOTOR | LOAD_SIDE,
+            125.0,
+            0.25,
+            marks=pytest.mark.requirement("STP-142", "STP-137", "VAR-141"),
+            id="linear motor, LimitBase means nothing",
+        ),
     ],
-)  # fmt: skip
+)
 def test_conversion_of_the_limit(torque_rig, variables, limit, share):
-    """Motor side as it is; load side through gear, spindle and efficiency; a linear motor as force, without efficiency."""
+    """Motor side as it is; load side through gear, spindle and efficiency; a linear motor as force, without
+    efficiency.
+    """
     assert limit_of(torque_rig(**variables), limit) == pytest.approx(share)
 
 
@@ -97,9 +126,12 @@ def test_a_speed_axis_at_its_load(torque_rig):
 def test_the_lead_counts_in_its_unit(torque_rig):
     """A lead of 0.010 m is one of 10 mm."""
     metres = {
-        "Units.LengthUnit": 1010, "Units.VelocityUnit": 1061, "Mechanics.LeadScrew": 0.010,
-        "Clamping.FollowingErrorDeviation": 0.005, "Clamping.PositionTolerance": 0.001,
-    }  # fmt: skip
+        "Units.LengthUnit": 1010,
+        "Units.VelocityUnit": 1061,
+        "Mechanics.LeadScrew": 0.010,
+        "Clamping.FollowingErrorDeviation": 0.005,
+        "Clamping.PositionTolerance": 0.001,
+    }
     rig = torque_rig(**metres, **LOAD_SIDE)
     assert limit_of(rig, 400.0) == pytest.approx(400.0 * 0.010 / tau / 2.0)
 
@@ -117,8 +149,11 @@ def test_which_default_a_negative_limit_takes(torque_rig, variables, share):
 @pytest.mark.requirement("STP-133", "STP-179", "STP-187")
 def test_torques_are_in_the_unit_of_the_axis(torque_rig):
     """With Units.TorqueUnit in kNm limit, additive torque, range and defaults are kNm."""
-    kilo = {"Units.TorqueUnit": 1128, "Actor.DriveParameter.ReferenceTorque": 0.002,
-            "TorqueLimiting.LimitDefaults.Torque": 0.0005}  # fmt: skip
+    kilo = {
+        "Units.TorqueUnit": 1128,
+        "Actor.DriveParameter.ReferenceTorque": 0.002,
+        "TorqueLimiting.LimitDefaults.Torque": 0.0005,
+    }
     rig = torque_rig(**kilo)
     rig.enabled()
     assert limit_of(rig, 0.001) == pytest.approx(0.5)
@@ -149,7 +184,9 @@ def test_range_of_the_limit(torque_rig, limit, error):
 
 @pytest.mark.requirement("STP-186", "MC-529", "VAR-132", "STP-179")
 def test_forces_of_a_linear_motor(torque_rig):
-    """Additive force and range are forces, N, shares of ReferenceForce; the variables of the force show them."""
+    """Additive force and range are forces, N, shares of ReferenceForce; the variables of the force show
+    them.
+    """
     rig = torque_rig(**LINEAR_MOTOR)
     rig.enabled()
     rig.axis.torque_additive(50.0)
@@ -184,7 +221,9 @@ def test_limiting_goes_on_and_off_around_and_within_a_motion(torque_rig):
 @pytest.mark.requirement("STP-159", "CFG-134", "CFG-164")
 @pytest.mark.parametrize("path", ["Simulation.Mode", "VirtualAxis.Mode"])
 def test_a_simulated_axis_sends_no_torque(torque_rig, path):
-    """Limit, range and additive torque of a simulated or virtual axis are accepted and do not reach the drive."""
+    """Limit, range and additive torque of a simulated or virtual axis are accepted and do not reach the
+    drive.
+    """
     rig = torque_rig(**{path: 1})
     rig.enabled()
     jobs = [rig.axis.torque_limiting(1.0), rig.axis.torque_additive(0.5)]
@@ -198,7 +237,8 @@ def test_a_simulated_axis_sends_no_torque(torque_rig, path):
     assert (rig.port.limit, rig.port.range_, rig.port.additive_nm) == (None, None, 0.0)
 
 
-# -- configuration --------------------------------------------------------------------------------------------------------
+# -- configuration
+# --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-164", "VAR-145")

@@ -1,4 +1,6 @@
-"""Torque pre-control and the inertias it needs; torque and force in the units of the axis; the force of a linear motor."""
+"""Torque pre-control and the inertias it needs; torque and force in the units of the axis; the force of a
+linear motor.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +14,14 @@ PRECONTROL = {"TorquePreControl.Mode": 1, "TorquePreControl.Scale": 100.0}
 ROTARY = {"Properties.MotionType": 1, "LoadGear.Numerator": 3, "DynamicLimits.MaxAcceleration": 1e5}
 INERTIA = {"Actor.DriveParameter.MotorInertia": 0.001, "Actor.LoadInertia": 0.009}
 LINEAR_MOTOR = {
-    "Actor.MotorType": 1, "Sensor[1].System": 0, "Sensor[1].Parameter.Resolution": 1000.0 / 131072,
-    "Sensor[1].Parameter.FineResolutionXist1": 0, "Actor.LinearMotorDriveParameter.ReferenceVelocity": 60.0,
-    "Actor.LinearMotorDriveParameter.MaxVelocity": 60.0, "Actor.LinearMotorDriveParameter.ReferenceForce": 200.0,
-}  # fmt: skip
+    "Actor.MotorType": 1,
+    "Sensor[1].System": 0,
+    "Sensor[1].Parameter.Resolution": 1000.0 / 131072,
+    "Sensor[1].Parameter.FineResolutionXist1": 0,
+    "Actor.LinearMotorDriveParameter.ReferenceVelocity": 60.0,
+    "Actor.LinearMotorDriveParameter.MaxVelocity": 60.0,
+    "Actor.LinearMotorDriveParameter.ReferenceForce": 200.0,
+}
 
 
 def accelerating(variables, acceleration, **inputs):
@@ -49,7 +55,9 @@ class TestPrecontrol:
 
     @pytest.mark.requirement("CTL-054", "CTL-050")
     def test_the_filtered_acceleration_counts(self):
-        """With a moving average of six cycles the torque of a step of the acceleration comes in seven equal parts."""
+        """With a moving average of six cycles the torque of a step of the acceleration comes in seven equal
+        parts.
+        """
         average = {"SetpointFilter.DynamicFilter.Mode": 2, "SetpointFilter.DynamicFilter.T1": 0.024}
         rig = Rig(variables=ROTARY | INERTIA | PRECONTROL | average, port=TorquePort()).enabled()
         torques = []
@@ -61,7 +69,9 @@ class TestPrecontrol:
 
     @pytest.mark.requirement("CTL-017", "CTL-055")
     def test_position_and_velocity_wait_for_the_current_loop(self):
-        """With pre-control they reach the drive later by `CurrentTimeConstant`, the torque does not, and nothing else moves."""
+        """With pre-control they reach the drive later by `CurrentTimeConstant`, the torque does not, and
+        nothing else moves.
+        """
         behind = []
         for mode in (0, 1):
             own = {"TorquePreControl.Mode": mode, "DynamicAxisModel.CurrentTimeConstant": 0.012}
@@ -76,8 +86,10 @@ class TestPrecontrol:
     def test_linear(self):
         """A mass of 40 kg behind a screw of 10 mm and a gear of 2:1 is 40 (h / 2 pi)² / 4 at the motor."""
         variables = PRECONTROL | {
-            "LoadGear.Numerator": 2, "Actor.LoadInertia": 40.0, "Actor.DriveParameter.MotorInertia": 2e-4,
-        }  # fmt: skip
+            "LoadGear.Numerator": 2,
+            "Actor.LoadInertia": 40.0,
+            "Actor.DriveParameter.MotorInertia": 2e-4,
+        }
         rig = accelerating(variables, 1000.0)
         alpha = 1.0 / 0.01 * tau * 2
         assert rig.port.additive_nm == pytest.approx((2e-4 + 40.0 * (0.01 / tau) ** 2 / 4) * alpha)
@@ -86,10 +98,15 @@ class TestPrecontrol:
     def test_units_of_inertia(self):
         """The same machine in tonnes, lb ft², inches: the same torque."""
         variables = PRECONTROL | {
-            "Units.LengthUnit": 1019, "Units.VelocityUnit": 1066, "Mechanics.LeadScrew": 10.0 / 25.4, "LoadGear.Numerator": 2,
-            "Units.MassUnit": 1092, "Actor.LoadInertia": 0.04, "Units.InertiaUnit": 1541,
+            "Units.LengthUnit": 1019,
+            "Units.VelocityUnit": 1066,
+            "Mechanics.LeadScrew": 10.0 / 25.4,
+            "LoadGear.Numerator": 2,
+            "Units.MassUnit": 1092,
+            "Actor.LoadInertia": 0.04,
+            "Units.InertiaUnit": 1541,
             "Actor.DriveParameter.MotorInertia": 2e-4 / (0.45359237 * 0.3048**2),
-        }  # fmt: skip
+        }
         rig = accelerating(variables, 1000.0 / 25.4)
         alpha = 1.0 / 0.01 * tau * 2
         assert rig.port.additive_nm == pytest.approx((2e-4 + 40.0 * (0.01 / tau) ** 2 / 4) * alpha)
@@ -119,7 +136,9 @@ class TestPrecontrol:
 
     @pytest.mark.requirement("CTL-052", "VAR-119", "CTL-026", "CFG-399", "CFG-400")
     def test_sum(self):
-        """MC_TorqueAdditive and pre-control add up; at the end of the acceleration the instruction's share remains."""
+        """MC_TorqueAdditive and pre-control add up; at the end of the acceleration the instruction's share
+        remains.
+        """
         rig = accelerating(ROTARY | INERTIA | PRECONTROL, degrees(200.0))
         rig.axis.torque_additive(0.5)
         rig.cycles(2)
@@ -196,11 +215,15 @@ class TestLinearMotor:
     @pytest.mark.requirement("STP-142", "STP-137", "STP-133", "CFG-278")
     @pytest.mark.parametrize("side", [0, 1])
     def test_limit(self, side):
-        """A limit is a force, at either side and without efficiency; below 0 that of the technology object."""
+        """A limit is a force, at either side and without efficiency; below 0 that of the technology
+        object.
+        """
         settings = {
-            "TorqueLimiting.LimitBase": side, "TorqueLimiting.LimitDefaults.Force": 40.0, "Actor.Efficiency": 0.5,
+            "TorqueLimiting.LimitBase": side,
+            "TorqueLimiting.LimitDefaults.Force": 40.0,
+            "Actor.Efficiency": 0.5,
             "LoadGear.Numerator": 7,
-        }  # fmt: skip
+        }
         rig = Rig(variables=LINEAR_MOTOR | settings, port=TorquePort()).enabled()
         limiting = rig.axis.torque_limiting(50.0)
         rig.cycles(2)
@@ -211,7 +234,9 @@ class TestLinearMotor:
 
     @pytest.mark.requirement("CFG-276", "CFG-277", "CFG-422", "CFG-423", "CFG-424", "VAR-123", "VAR-132")
     def test_velocity(self):
-        """100 mm/s are 6 m/min; beyond the maximum velocity the output ends there; there is no ActualSpeed in rpm."""
+        """100 mm/s are 6 m/min; beyond the maximum velocity the output ends there; there is no ActualSpeed in
+        rpm.
+        """
         rig = Rig(
             variables=LINEAR_MOTOR | {"Actor.LinearMotorDriveParameter.MaxVelocity": 12.0}, port=TorquePort()
         ).enabled()
@@ -251,11 +276,17 @@ class TestTorqueUnits:
 
     @pytest.mark.requirement("CFG-082", "CFG-083", "STP-141", "STP-139")
     def test_limit_at_the_load(self):
-        """A limit at the load of a linear axis is a force in its unit, with a screw in inches: 2 pi Nm at the motor per 1000 N and 2 pi mm."""
+        """A limit at the load of a linear axis is a force in its unit, with a screw in inches: 2 pi Nm at the
+        motor per 1000 N and 2 pi mm.
+        """
         settings = {
-            "Units.LengthUnit": 1019, "Units.VelocityUnit": 1066, "Mechanics.LeadScrew": tau / 25.4, "Units.ForceUnit": 1122,
-            "TorqueLimiting.LimitBase": 1, "Actor.DriveParameter.ReferenceTorque": 4.0,
-        }  # fmt: skip
+            "Units.LengthUnit": 1019,
+            "Units.VelocityUnit": 1066,
+            "Mechanics.LeadScrew": tau / 25.4,
+            "Units.ForceUnit": 1122,
+            "TorqueLimiting.LimitBase": 1,
+            "Actor.DriveParameter.ReferenceTorque": 4.0,
+        }
         rig = Rig(variables=settings, port=TorquePort()).enabled()
         rig.axis.torque_limiting(1.0)
         rig.cycles(2)

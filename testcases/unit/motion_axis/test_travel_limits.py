@@ -22,10 +22,12 @@ X8, X9, X15, X16, X17, X18 = 1 << 8, 1 << 9, 1 << 15, 1 << 16, 1 << 17, 1 << 18
 def hard(make_rig, mode, **variables):
     rig = make_rig(
         variables={
-            "PositionLimits_HW.Active": True, "PositionLimits_HW.Mode": mode, "PositionLimits_HW.ApproachBehavior": 1,
+            "PositionLimits_HW.Active": True,
+            "PositionLimits_HW.Mode": mode,
+            "PositionLimits_HW.ApproachBehavior": 1,
         }
         | variables
-    ).enabled()  # fmt: skip
+    ).enabled()
     rig.axis.home(0.0)
     rig.cycles(2)
     return rig
@@ -54,7 +56,8 @@ def switches(rig, value):
     rig.cycles(2)
 
 
-# -- hardware: which switch, which level, when ---------------------------------------------------------------------------
+# -- hardware: which switch, which level, when
+# ---------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("LIM-002")
@@ -99,8 +102,10 @@ def test_levels(make_rig, low):
 def test_emergency_ramp_with_numbers(make_rig):
     """100 mm/s with 1000 mm/s2: 0.1 s and 5.0 mm; enabled all the time, no job before the acknowledgement."""
     rig = hard(
-        make_rig, 0, **{"DynamicDefaults.EmergencyDeceleration": 1000.0, "DynamicLimits.MaxDeceleration": 900.0}
-    )  # fmt: skip
+        make_rig,
+        0,
+        **{"DynamicDefaults.EmergencyDeceleration": 1000.0, "DynamicLimits.MaxDeceleration": 900.0},
+    )
     rig.until(rig.axis.move_velocity(100.0).in_velocity)
     rig.run(0.1)
     start = rig.times()[-1]
@@ -131,7 +136,9 @@ def test_neither_homing_nor_position_control_is_needed(make_rig):
 )
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_traversable_switch_is_passed(make_rig, side):
-    """Detected at 50, the input drops out behind it: still reached, until the axis is back inside over the switch."""
+    """Detected at 50, the input drops out behind it: still reached, until the axis is back inside over the
+    switch.
+    """
     switch, bit = (POSITIVE, X18) if side > 0 else (NEGATIVE, X17)
     rig = hard(make_rig, 1)
     rig.until(rig.axis.move_velocity(side * 50.0).in_velocity)
@@ -160,7 +167,9 @@ def test_a_traversable_switch_is_passed(make_rig, side):
 @pytest.mark.requirement("LIM-054", "LIM-060", "LIM-030")
 @pytest.mark.parametrize("mode", [0, 1])
 def test_a_switch_that_drops_out_too_early(make_rig, mode):
-    """Not traversable: outwards again without an alarm, until the input comes again; traversable: the alarm comes at once."""
+    """Not traversable: outwards again without an alarm, until the input comes again; traversable: the alarm
+    comes at once.
+    """
     rig = hard(make_rig, mode)
     rig.until(rig.axis.move_velocity(50.0).in_velocity)
     switches(rig, POSITIVE)
@@ -210,13 +219,16 @@ def test_switching_off_forgets_everything(make_rig):
     assert len(alarms(rig)) == 2
 
 
-# -- hardware: wrong wiring -----------------------------------------------------------------------------------------------
+# -- hardware: wrong wiring
+# -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("LIM-061", "LIM-063", "LIM-064", "TA-016", "VAR-174")
 @pytest.mark.parametrize("mode", [0, 1])
 def test_both_switches_active(make_rig, mode):
-    """531 for both; retraction is refused in both directions; a traversable pair needs a restart; switched off the axis gets free."""
+    """531 for both; retraction is refused in both directions; a traversable pair needs a restart; switched
+    off the axis gets free.
+    """
     rig = hard(make_rig, mode)
     rig.until(rig.axis.move_velocity(50.0).in_velocity)
     switches(rig, BOTH)
@@ -248,7 +260,9 @@ def test_both_switches_active(make_rig, mode):
 @pytest.mark.requirement("LIM-062", "LIM-063", "LIM-064", "TA-016", "VAR-174")
 @pytest.mark.parametrize("mode", [0, 1])
 def test_the_wrong_switch(make_rig, mode):
-    """The negative switch in positive direction: reversed, whichever way it goes on; for traversable ones a restart is needed."""
+    """The negative switch in positive direction: reversed, whichever way it goes on; for traversable ones a
+    restart is needed.
+    """
     rig = hard(make_rig, mode)
     rig.until(rig.axis.move_velocity(50.0).in_velocity)
     switches(rig, NEGATIVE)
@@ -287,7 +301,8 @@ def test_an_encoder_that_fails_behind_a_traversable_switch(make_rig):
     assert rig.axis.var("ErrorDetail.Number") == 531
 
 
-# -- software -------------------------------------------------------------------------------------------------------------
+# -- software
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("LIM-004", "LIM-008")
@@ -353,7 +368,9 @@ def test_a_limit_that_is_moved_away_in_time(make_rig):
 
 @pytest.mark.requirement("LIM-086", "STP-126")
 def test_a_soft_emergency_ramp_passes_the_limit(make_rig):
-    """EmergencyDeceleration below the maximum: a warning in the configuration, and the axis stops behind the limit."""
+    """EmergencyDeceleration below the maximum: a warning in the configuration, and the axis stops behind the
+    limit.
+    """
     rig = soft(
         make_rig,
         **{"DynamicDefaults.EmergencyDeceleration": 500.0, "PositionLimits_SW.LimitExceededBehavior": 1},
@@ -370,7 +387,9 @@ def test_a_soft_emergency_ramp_passes_the_limit(make_rig):
 
 @pytest.mark.requirement("LIM-089")
 def test_without_position_control_there_is_no_prediction(make_rig):
-    """The position follows the actual value: 534 when it has passed the limit, which is therefore exceeded."""
+    """The position follows the actual value: 534 when it has passed the limit, which is therefore
+    exceeded.
+    """
     rig = soft(make_rig)
     rig.axis.move_velocity(100.0, PositionControlled=False)
     rig.until(lambda: rig.axis.var("ErrorDetail.Number") != 0)
@@ -398,7 +417,9 @@ def test_a_disabled_axis_raises_nothing(make_rig):
 
 @pytest.mark.requirement("LIM-096", "LIM-097")
 def test_the_limit_follows_inwards(make_rig):
-    """Homed to 130 behind 100: at 120 the limit is 120; back outwards 533; inside the configured one holds again."""
+    """Homed to 130 behind 100: at 120 the limit is 120; back outwards 533; inside the configured one holds
+    again.
+    """
     rig = soft(make_rig)
     rig.axis.home(130.0)
     rig.cycles(2)
@@ -421,13 +442,19 @@ def test_the_limit_follows_inwards(make_rig):
     [(-10.0, 200.0, 250.0, 200.0), (400.0, 500.0, 250.0, None), (90.0, 400.0, 50.0, None)],
 )
 def test_modulo_axes(make_rig, low, high, target, stops):
-    """The modulo position counts; one limit outside of the range: the end of the range; both: no monitoring."""
+    """The modulo position counts; one limit outside of the range: the end of the range; both: no
+    monitoring.
+    """
     rig = make_rig(
         variables={
-            "Modulo.Enable": True, "Modulo.Length": 360.0, "Modulo.StartValue": 0.0, "PositionLimits_SW.Active": True,
-            "PositionLimits_SW.MinPosition": low, "PositionLimits_SW.MaxPosition": high,
+            "Modulo.Enable": True,
+            "Modulo.Length": 360.0,
+            "Modulo.StartValue": 0.0,
+            "PositionLimits_SW.Active": True,
+            "PositionLimits_SW.MinPosition": low,
+            "PositionLimits_SW.MaxPosition": high,
         }
-    ).enabled()  # fmt: skip
+    ).enabled()
     rig.axis.home(100.0)
     rig.cycles(2)
     if (low, high) == (90.0, 400.0):

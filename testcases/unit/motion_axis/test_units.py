@@ -16,18 +16,39 @@ POUND_FORCE = 4.4482216152605
 INCH, FOOT, MILE = 0.0254, 0.3048, 1609.344
 
 LENGTHS = {
-    1015: ("nm", 1e-9), 1014: ("um", 1e-6), 1013: ("mm", 1e-3), 1010: ("m", 1.0), 1011: ("km", 1e3), 1019: ("in", INCH),
-    1018: ("ft", FOOT), 1021: ("mi", MILE), 1536: ("mm", 1e-3),
-}  # fmt: skip
+    1015: ("nm", 1e-9),
+    1014: ("um", 1e-6),
+    1013: ("mm", 1e-3),
+    1010: ("m", 1.0),
+    1011: ("km", 1e3),
+    1019: ("in", INCH),
+    1018: ("ft", FOOT),
+    1021: ("mi", MILE),
+    1536: ("mm", 1e-3),
+}
 VELOCITIES = {
-    1062: ("mm/s", 1e-3), 1538: ("mm/s", 1e-3), 1524: ("mm/min", 1e-3 / 60), 1526: ("mm/h", 1e-3 / 3600), 1061: ("m/s", 1.0),
-    1525: ("m/min", 1 / 60), 1063: ("m/h", 1 / 3600), 1527: ("km/min", 1e3 / 60), 1064: ("km/h", 1 / 3.6), 1066: ("in/s", INCH),
-    1069: ("in/min", INCH / 60), 1067: ("ft/s", FOOT), 1070: ("ft/min", FOOT / 60), 1075: ("mi/h", MILE / 3600),
-}  # fmt: skip
+    1062: ("mm/s", 1e-3),
+    1538: ("mm/s", 1e-3),
+    1524: ("mm/min", 1e-3 / 60),
+    1526: ("mm/h", 1e-3 / 3600),
+    1061: ("m/s", 1.0),
+    1525: ("m/min", 1 / 60),
+    1063: ("m/h", 1 / 3600),
+    1527: ("km/min", 1e3 / 60),
+    1064: ("km/h", 1 / 3.6),
+    1066: ("in/s", INCH),
+    1069: ("in/min", INCH / 60),
+    1067: ("ft/s", FOOT),
+    1070: ("ft/min", FOOT / 60),
+    1075: ("mi/h", MILE / 3600),
+}
 ANGULAR = {
-    1521: ("deg/s", pi / 180), 1539: ("deg/s", pi / 180), 1522: ("deg/min", pi / 180 / 60), 1086: ("rad/s", 1.0),
+    1521: ("deg/s", pi / 180),
+    1539: ("deg/s", pi / 180),
+    1522: ("deg/min", pi / 180 / 60),
+    1086: ("rad/s", 1.0),
     1523: ("rad/min", 1 / 60),
-}  # fmt: skip
+}
 METRIC = (1062, 1538, 1524, 1526, 1061, 1525, 1063, 1527, 1064)
 
 
@@ -119,9 +140,13 @@ class TestCodes:
     def test_inertia(self, code, si):
         """Kg m² and lb ft²: of the motor, and of the load of a rotary axis."""
         found = store(
-            Properties__MotionType=1, Units__LengthUnit=1005, Units__VelocityUnit=1521, Units__InertiaUnit=code,
-            Actor__LoadInertia=3.0, Actor__DriveParameter__MotorInertia=2.0,
-        )  # fmt: skip
+            Properties__MotionType=1,
+            Units__LengthUnit=1005,
+            Units__VelocityUnit=1521,
+            Units__InertiaUnit=code,
+            Actor__LoadInertia=3.0,
+            Actor__DriveParameter__MotorInertia=2.0,
+        )
         assert found.bind("Actor.LoadInertia").value == pytest.approx(3.0 * si, rel=1e-12)
         assert found.bind("Actor.DriveParameter.MotorInertia").value == pytest.approx(2.0 * si, rel=1e-12)
 
@@ -159,16 +184,25 @@ class TestUserProgram:
         factor = VELOCITIES[velocity][1] * 1000.0
         rig = make_rig(
             variables={
-                "Units.LengthUnit": length, "Units.VelocityUnit": velocity, "Mechanics.LeadScrew": 10.0 / size,
-                "DynamicLimits.MaxVelocity": 500.0 / factor, "DynamicLimits.Velocity": 500.0 / factor,
-                "DynamicLimits.MaxAcceleration": 2000.0 / size, "DynamicLimits.MaxDeceleration": 2000.0 / size,
-                "DynamicLimits.MaxJerk": 20000.0 / size, "DynamicDefaults.Velocity": 100.0 / factor,
-                "DynamicDefaults.Acceleration": 1000.0 / size, "DynamicDefaults.Deceleration": 1000.0 / size,
-                "DynamicDefaults.Jerk": 10000.0 / size, "StandstillSignal.VelocityThreshold": 2.0 / factor,
-                "FollowingError.MinVelocity": 10.0 / factor, "FollowingError.MinValue": 2.0 / size,
-                "FollowingError.MaxValue": 10.0 / size, "PositioningMonitoring.Window": max(0.001, 0.1 / size),
+                "Units.LengthUnit": length,
+                "Units.VelocityUnit": velocity,
+                "Mechanics.LeadScrew": 10.0 / size,
+                "DynamicLimits.MaxVelocity": 500.0 / factor,
+                "DynamicLimits.Velocity": 500.0 / factor,
+                "DynamicLimits.MaxAcceleration": 2000.0 / size,
+                "DynamicLimits.MaxDeceleration": 2000.0 / size,
+                "DynamicLimits.MaxJerk": 20000.0 / size,
+                "DynamicDefaults.Velocity": 100.0 / factor,
+                "DynamicDefaults.Acceleration": 1000.0 / size,
+                "DynamicDefaults.Deceleration": 1000.0 / size,
+                "DynamicDefaults.Jerk": 10000.0 / size,
+                "StandstillSignal.VelocityThreshold": 2.0 / factor,
+                "FollowingError.MinVelocity": 10.0 / factor,
+                "FollowingError.MinValue": 2.0 / size,
+                "FollowingError.MaxValue": 10.0 / size,
+                "PositioningMonitoring.Window": max(0.001, 0.1 / size),
             }
-        ).enabled()  # fmt: skip
+        ).enabled()
         move = rig.axis.move_velocity(value)
         rig.until(move.in_velocity)
         start = rig.axis.var("Position")
@@ -186,11 +220,18 @@ class TestUserProgram:
 
     @pytest.mark.requirement("CFG-072", "CFG-081")
     def test_accelerations_do_not_follow_the_velocity_unit(self, make_rig):
-        """1000 mm/s² are 1000 mm/s² with mm/min, too: 6000 mm/min are reached after 0.1 s and the rounding of the jerk."""
-        rig = make_rig(variables={
-            "Units.VelocityUnit": 1524, "DynamicLimits.MaxVelocity": 30000.0, "DynamicLimits.Velocity": 30000.0,
-            "FollowingError.MinVelocity": 600.0, "StandstillSignal.VelocityThreshold": 120.0,
-        }).enabled()  # fmt: skip
+        """1000 mm/s² are 1000 mm/s² with mm/min, too: 6000 mm/min are reached after 0.1 s and the rounding of
+        the jerk.
+        """
+        rig = make_rig(
+            variables={
+                "Units.VelocityUnit": 1524,
+                "DynamicLimits.MaxVelocity": 30000.0,
+                "DynamicLimits.Velocity": 30000.0,
+                "FollowingError.MinVelocity": 600.0,
+                "StandstillSignal.VelocityThreshold": 120.0,
+            }
+        ).enabled()
         move = rig.axis.move_velocity(6000.0, Acceleration=1000.0, Jerk=0.0)
         rig.until(move.in_velocity)
         assert max(rig.column("acceleration_setpoint")) == pytest.approx(1000.0)
@@ -201,10 +242,16 @@ class TestUserProgram:
     @pytest.mark.requirement("CFG-072")
     def test_jog_and_superimposed(self, make_rig):
         """The velocities of jog and superimposed motion are in the unit of the axis."""
-        rig = make_rig(variables={
-            "Units.VelocityUnit": 1525, "DynamicLimits.MaxVelocity": 30.0, "DynamicLimits.Velocity": 30.0,
-            "DynamicDefaults.Velocity": 6.0, "StandstillSignal.VelocityThreshold": 0.12, "FollowingError.MinVelocity": 0.6,
-        }).enabled()  # fmt: skip
+        rig = make_rig(
+            variables={
+                "Units.VelocityUnit": 1525,
+                "DynamicLimits.MaxVelocity": 30.0,
+                "DynamicLimits.Velocity": 30.0,
+                "DynamicDefaults.Velocity": 6.0,
+                "StandstillSignal.VelocityThreshold": 0.12,
+                "FollowingError.MinVelocity": 0.6,
+            }
+        ).enabled()
         jog = rig.axis.jog(3.0)
         rig.until(jog.in_velocity)
         assert rig.column("velocity_setpoint")[-1] == pytest.approx(50.0)
@@ -214,36 +261,56 @@ class TestUserProgram:
 
     @pytest.mark.requirement("CFG-072")
     def test_what_the_drive_can_reach(self, make_rig):
-        """18 m/min are 300 mm/s and no more than the drive can do; 60 m/min with 3000 rpm and 10 mm are, which 551 says."""
+        """18 m/min are 300 mm/s and no more than the drive can do; 60 m/min with 3000 rpm and 10 mm are,
+        which 551 says.
+        """
         for limit, told in ((18.0, False), (60.0, True)):
-            rig = make_rig(variables={
-                "Units.VelocityUnit": 1525, "DynamicLimits.MaxVelocity": limit, "DynamicLimits.Velocity": 18.0,
-                "StandstillSignal.VelocityThreshold": 0.12, "FollowingError.MinVelocity": 0.6,
-            })  # fmt: skip
+            rig = make_rig(
+                variables={
+                    "Units.VelocityUnit": 1525,
+                    "DynamicLimits.MaxVelocity": limit,
+                    "DynamicLimits.Velocity": 18.0,
+                    "StandstillSignal.VelocityThreshold": 0.12,
+                    "FollowingError.MinVelocity": 0.6,
+                }
+            )
             rig.cycles(2)
             assert any(event.data["number"] == 551 for event in rig.events("alarm.raised")) is told
 
     @pytest.mark.requirement("CFG-072")
     def test_active_homing(self, make_rig):
         """Approach and homing velocity are in the unit of the axis: 1.2 m/min are 20 mm/s."""
-        rig = make_rig(variables={
-            "Units.VelocityUnit": 1525, "DynamicLimits.MaxVelocity": 30.0, "DynamicLimits.Velocity": 30.0,
-            "StandstillSignal.VelocityThreshold": 0.12, "FollowingError.MinVelocity": 0.6,
-            "Homing.ApproachVelocity": 1.2, "Homing.ReferencingVelocity": 0.3, "Sensor[1].ActiveHoming.Mode": 2,
-        }).enabled()  # fmt: skip
+        rig = make_rig(
+            variables={
+                "Units.VelocityUnit": 1525,
+                "DynamicLimits.MaxVelocity": 30.0,
+                "DynamicLimits.Velocity": 30.0,
+                "StandstillSignal.VelocityThreshold": 0.12,
+                "FollowingError.MinVelocity": 0.6,
+                "Homing.ApproachVelocity": 1.2,
+                "Homing.ReferencingVelocity": 0.3,
+                "Sensor[1].ActiveHoming.Mode": 2,
+            }
+        ).enabled()
         rig.axis.home(0.0, mode=3)
         rig.run(1.0)
         assert max(abs(velocity) for velocity in rig.column("velocity_setpoint")) in (
-            pytest.approx(20.0), pytest.approx(5.0),
-        )  # fmt: skip
+            pytest.approx(20.0),
+            pytest.approx(5.0),
+        )
 
     @pytest.mark.requirement("CFG-072")
     def test_setpoints_of_the_program(self, make_rig):
         """What `MC_MotionInVelocity` is given is in the unit of the axis."""
-        rig = make_rig(variables={
-            "Units.VelocityUnit": 1525, "DynamicLimits.MaxVelocity": 30.0, "DynamicLimits.Velocity": 30.0,
-            "StandstillSignal.VelocityThreshold": 0.12, "FollowingError.MinVelocity": 0.6,
-        }).enabled()  # fmt: skip
+        rig = make_rig(
+            variables={
+                "Units.VelocityUnit": 1525,
+                "DynamicLimits.MaxVelocity": 30.0,
+                "DynamicLimits.Velocity": 30.0,
+                "StandstillSignal.VelocityThreshold": 0.12,
+                "FollowingError.MinVelocity": 0.6,
+            }
+        ).enabled()
         rig.axis.motion_in_velocity(1.2)
         rig.cycles(3)
         assert rig.column("velocity_setpoint")[-1] == pytest.approx(20.0)
@@ -251,11 +318,18 @@ class TestUserProgram:
 
     @pytest.mark.requirement("CFG-072")
     def test_a_velocity_limit(self, make_rig):
-        """A limit in m/min limits in m/min, also when it is written while the axis moves; reading gives what was written."""
-        rig = make_rig(variables={
-            "Units.VelocityUnit": 1525, "DynamicLimits.MaxVelocity": 30.0, "DynamicLimits.Velocity": 30.0,
-            "StandstillSignal.VelocityThreshold": 0.12, "FollowingError.MinVelocity": 0.6,
-        }).enabled()  # fmt: skip
+        """A limit in m/min limits in m/min, also when it is written while the axis moves; reading gives what
+        was written.
+        """
+        rig = make_rig(
+            variables={
+                "Units.VelocityUnit": 1525,
+                "DynamicLimits.MaxVelocity": 30.0,
+                "DynamicLimits.Velocity": 30.0,
+                "StandstillSignal.VelocityThreshold": 0.12,
+                "FollowingError.MinVelocity": 0.6,
+            }
+        ).enabled()
         rig.axis.write("DynamicLimits.Velocity", 7.3)
         assert rig.axis.var("DynamicLimits.Velocity") == 7.3
         rig.cycles()
@@ -270,11 +344,18 @@ class TestUserProgram:
     @pytest.mark.requirement("CFG-075", "CFG-081", "CFG-008", "CFG-006")
     @pytest.mark.parametrize(("unit", "value"), [(1082, 10.0), (1083, 600.0), (1528, 36000.0)])
     def test_speed_axis(self, make_rig, unit, value):
-        """10 revolutions per second, written in any unit; the acceleration counts revolutions in seconds with each."""
+        """10 revolutions per second, written in any unit; the acceleration counts revolutions in seconds with
+        each.
+        """
         factor = value / 600.0
-        rig = make_rig(speed=True, variables={
-            "Units.VelocityUnit": unit, "DynamicLimits.MaxVelocity": 3000.0 * factor, "DynamicLimits.Velocity": 3000.0 * factor,
-        })  # fmt: skip
+        rig = make_rig(
+            speed=True,
+            variables={
+                "Units.VelocityUnit": unit,
+                "DynamicLimits.MaxVelocity": 3000.0 * factor,
+                "DynamicLimits.Velocity": 3000.0 * factor,
+            },
+        )
         rig.enabled()
         move = rig.axis.move_velocity(value, Acceleration=100.0, Jerk=0.0)
         rig.until(move.in_velocity)
@@ -288,10 +369,15 @@ class TestUserProgram:
     @pytest.mark.requirement("CFG-080", "CFG-072")
     def test_angles_per_minute(self, make_rig):
         """A rotary axis in degrees per minute: 3600 of them are 60 degrees per second, 10 rpm."""
-        rig = make_rig(variables={
-            "Properties.MotionType": 1, "Units.LengthUnit": 1005, "Units.VelocityUnit": 1522,
-            "DynamicLimits.MaxVelocity": 30000.0, "DynamicLimits.Velocity": 30000.0,
-        }).enabled()  # fmt: skip
+        rig = make_rig(
+            variables={
+                "Properties.MotionType": 1,
+                "Units.LengthUnit": 1005,
+                "Units.VelocityUnit": 1522,
+                "DynamicLimits.MaxVelocity": 30000.0,
+                "DynamicLimits.Velocity": 30000.0,
+            }
+        ).enabled()
         move = rig.axis.move_velocity(3600.0)
         rig.until(move.in_velocity)
         assert rig.axis.object.speed_output_rpm == pytest.approx(10.0, rel=1e-2)
@@ -316,6 +402,8 @@ def test_a_velocity_of_another_kind_is_refused(settings, message):
 
 @pytest.mark.requirement("CFG-073")
 def test_a_value_outside_its_range_with_another_unit():
-    """The number stays when the unit changes: 0.0001 m is below the least window, and the message says so in the unit."""
+    """The number stays when the unit changes: 0.0001 m is below the least window, and the message says so in
+    the unit.
+    """
     with pytest.raises(ConfigurationError, match=r"PositioningMonitoring.Window: 0.0001 is not allowed.* m$"):
         store(Units__LengthUnit=1010, Units__VelocityUnit=1061, PositioningMonitoring__Window=0.0001)

@@ -1,4 +1,6 @@
-"""Every variable that can be written is read by the runtime, or stands in the table of those that are kept without effect."""
+"""Every variable that can be written is read by the runtime, or stands in the table of those that are kept
+without effect.
+"""
 
 from __future__ import annotations
 
@@ -21,19 +23,36 @@ CONFIGURATIONS = {
         REFERENCE | extra
         for extra in (
             {"PositionControl.ControlDifferenceQuantization.Mode": 2, "Sensor[1].ActiveHoming.Mode": 2},
-            {"TorquePreControl.Mode": 1, "SetpointFilter.DynamicFilter.Mode": 1, "Sensor[1].Type": 1,
-             "Actor.LoadInertia": 1.0, "TorqueLimiting.LimitBase": 1},
-            {"Sensor[1].MountingMode": 2, "PositionLimits_SW.Active": True, "PositionLimits_SW.LimitReachedBehavior": 1},
-            {"Actor.MotorType": 1, "Sensor[1].System": 0, "Sensor[1].DataAdaption": 1,
-             "Actor.DataAdaption": 1, "TorquePreControl.Mode": 1},
+            {
+                "TorquePreControl.Mode": 1,
+                "SetpointFilter.DynamicFilter.Mode": 1,
+                "Sensor[1].Type": 1,
+                "Actor.LoadInertia": 1.0,
+                "TorqueLimiting.LimitBase": 1,
+            },
+            {
+                "Sensor[1].MountingMode": 2,
+                "PositionLimits_SW.Active": True,
+                "PositionLimits_SW.LimitReachedBehavior": 1,
+            },
+            {
+                "Actor.MotorType": 1,
+                "Sensor[1].System": 0,
+                "Sensor[1].DataAdaption": 1,
+                "Actor.DataAdaption": 1,
+                "TorquePreControl.Mode": 1,
+            },
             {"PositionLimits_HW.Active": True, "Modulo.Enable": True, "Sensor[1].ActualVelocityMode": 1},
             {"Simulation.Mode": 1},
         )
     ],
     "ExternalEncoder": [
-        {}, {"Sensor.System": 0}, {"Sensor.Type": 1, "Sensor.DataAdaption": 1}, {"Sensor.ActualVelocityMode": 1},
+        {},
+        {"Sensor.System": 0},
+        {"Sensor.Type": 1, "Sensor.DataAdaption": 1},
+        {"Sensor.ActualVelocityMode": 1},
     ],
-}  # fmt: skip
+}
 
 
 class Port(TorquePort):

@@ -1,4 +1,6 @@
-"""Which variables an instruction takes its values from, and which it changes (section 12 of the variable guide)."""
+"""Which variables an instruction takes its values from, and which it changes (section 12 of the variable
+guide).
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ def seen(rig, since=0):
 @pytest.mark.requirement("VAR-196", "VAR-036", "VAR-113")
 @pytest.mark.parametrize("absolute", [True, False])
 def test_positioning(make_rig, absolute):
-    """Defaults, limits and override in, X8 while it runs, X6 behind it, X28 FALSE, and what StatusPositioning tells of it."""
+    """Defaults, limits and override in, X8 while it runs, X6 behind it, X28 FALSE, and what StatusPositioning
+    tells of it.
+    """
     rig = make_rig(variables={"DynamicDefaults.Velocity": 300.0, "DynamicLimits.Velocity": 200.0})
     rig.enabled(start_mode=0)
     assert rig.axis.status_word & X28
@@ -53,7 +57,9 @@ def test_positioning(make_rig, absolute):
 @pytest.mark.parametrize("jog", [True, False])
 @pytest.mark.parametrize("controlled", [True, False])
 def test_velocity(make_rig, jog, controlled):
-    """Acceleration and deceleration by default, the velocity not; X9 or X10, X12 to X14, and X28 as the job says."""
+    """Acceleration and deceleration by default, the velocity not; X9 or X10, X12 to X14, and X28 as the job
+    says.
+    """
     rig = make_rig(variables={"DynamicDefaults.Velocity": 300.0}).enabled()
     since = len(rig.rows)
     start = rig.axis.jog if jog else rig.axis.move_velocity
@@ -71,10 +77,13 @@ def test_velocity(make_rig, jog, controlled):
 @pytest.mark.requirement("VAR-198", "VAR-199")
 @pytest.mark.parametrize("controlled", [True, False])
 @pytest.mark.parametrize(
-    ("mode", "deceleration", "jerk"), [(None, 700.0, 7000.0), (0, 4000.0, 0.0), (2, 2000.0, 20000.0), (3, 700.0, 7000.0)]
-)  # fmt: skip
+    ("mode", "deceleration", "jerk"),
+    [(None, 700.0, 7000.0), (0, 4000.0, 0.0), (2, 2000.0, 20000.0), (3, 700.0, 7000.0)],
+)
 def test_halt_and_stop(make_rig, controlled, mode, deceleration, jerk):
-    """Default, emergency or maximum dynamics; X28 unchanged, X6 and X7 at the end; StatusWord2.X0 tells of MC_Stop."""
+    """Default, emergency or maximum dynamics; X28 unchanged, X6 and X7 at the end; StatusWord2.X0 tells of
+    MC_Stop.
+    """
     rig = make_rig(variables={"DynamicDefaults.Deceleration": 700.0, "DynamicDefaults.Jerk": 7000.0})
     rig.enabled()
     rig.until(rig.axis.move_velocity(400.0, PositionControlled=controlled).in_velocity)
@@ -98,7 +107,9 @@ def test_halt_and_stop(make_rig, controlled, mode, deceleration, jerk):
 
 @pytest.mark.requirement("VAR-116", "VAR-064", "VAR-200")
 def test_superimposed_distance(rig):
-    """It grows with every superimposed motion, negative ones and halts included, and is 0 when all motion has ended."""
+    """It grows with every superimposed motion, negative ones and halts included, and is 0 when all motion has
+    ended.
+    """
     path = "StatusPositioning.SuperimposedDistance"
     rig.enabled()
     basic = rig.axis.move_relative(400.0, Velocity=100.0)
@@ -127,13 +138,17 @@ def test_superimposed_distance(rig):
 
 @pytest.mark.requirement("VAR-117")
 def test_setpoints_on_their_way_to_the_controller(make_rig):
-    """Position, then PositionAfterDynamicFilter, BalancedPosition behind T_vtc, and what is left to the actual value."""
+    """Position, then PositionAfterDynamicFilter, BalancedPosition behind T_vtc, and what is left to the
+    actual value.
+    """
     rig = make_rig(
         variables={
-            "SetpointFilter.DynamicFilter.Mode": 2, "SetpointFilter.DynamicFilter.Tt": 0.02,
-            "DynamicAxisModel.VelocityTimeConstant": 0.01, "PositionControl.Kpc": 100.0,
+            "SetpointFilter.DynamicFilter.Mode": 2,
+            "SetpointFilter.DynamicFilter.Tt": 0.02,
+            "DynamicAxisModel.VelocityTimeConstant": 0.01,
+            "PositionControl.Kpc": 100.0,
         }
-    )  # fmt: skip
+    )
     rig.travelling(100.0)
     rig.run(0.5)
     read = rig.axis.var
@@ -157,7 +172,9 @@ def test_setpoints_on_their_way_to_the_controller(make_rig):
     ],
 )
 def test_the_more_important_stop_takes_over(rig, number, reaction, mode, aborted):
-    """An alarm behind MC_Stop: of higher importance it takes over, and the job shows CommandAborted without an error."""
+    """An alarm behind MC_Stop: of higher importance it takes over, and the job shows CommandAborted without
+    an error.
+    """
     rig.travelling(400.0)
     stop = rig.axis.stop(mode)
     rig.cycles(4)
@@ -195,7 +212,9 @@ def test_control_words_of_a_simulated_axis(make_rig):
 
 @pytest.mark.requirement("VAR-228", "VAR-006")
 def test_the_data_block_is_frozen_during_a_restart(rig):
-    """What the program reads while the object is initialised is what it was at the beginning, with X2 TRUE; then it goes on."""
+    """What the program reads while the object is initialised is what it was at the beginning, with X2 TRUE;
+    then it goes on.
+    """
     rig.enabled()
     rig.until(rig.axis.home(12.0).done)
     rig.axis.power(False)

@@ -1,4 +1,6 @@
-"""Input values that no instruction can work with, and preconditions that are not met (sections 2 and 8.5 of the specification)."""
+"""Input values that no instruction can work with, and preconditions that are not met (sections 2 and 8.5 of
+the specification).
+"""
 
 from __future__ import annotations
 
@@ -11,13 +13,23 @@ from motion.axis import AxisState
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
 
 ERRORS = {
-    "Velocity": 0x8003, "VelocityDiff": 0x8003, "Acceleration": 0x8004, "AccelerationDiff": 0x8004, "Deceleration": 0x8005,
-    "Jerk": 0x8006, "Distance": 0x8008, "Position": 0x8009, "Value": 0x804A, "UpperLimit": 0x804B, "LowerLimit": 0x804C,
+    "Velocity": 0x8003,
+    "VelocityDiff": 0x8003,
+    "Acceleration": 0x8004,
+    "AccelerationDiff": 0x8004,
+    "Deceleration": 0x8005,
+    "Jerk": 0x8006,
+    "Distance": 0x8008,
+    "Position": 0x8009,
+    "Value": 0x804A,
+    "UpperLimit": 0x804B,
+    "LowerLimit": 0x804C,
     "Limit": 0x8043,
-}  # fmt: skip
+}
 """ErrorID by input."""
 WITHOUT_ZERO = ("Acceleration", "Deceleration")
-"""Inputs that 0.0 is not allowed at; the velocity is one more where it does not mean a velocity to move with."""
+"""Inputs that 0.0 is not allowed at; the velocity is one more where it does not mean a velocity to move with.
+"""
 VELOCITY_AS_AIM = (
     "MC_MoveVelocity",
     "MC_MoveJog",
@@ -28,8 +40,16 @@ VELOCITY_AS_AIM = (
 NEEDS = {"MC_Stop": {"Mode": 3}}
 """Inputs without which another one is not looked at."""
 START = {"MC_MoveJog": "JogForward"}
-MOTION = ("MC_Halt", "MC_MoveAbsolute", "MC_MoveRelative", "MC_MoveVelocity", "MC_MoveJog", "MC_MoveSuperimposed",
-          "MC_HaltSuperimposed", "MC_Stop")  # fmt: skip
+MOTION = (
+    "MC_Halt",
+    "MC_MoveAbsolute",
+    "MC_MoveRelative",
+    "MC_MoveVelocity",
+    "MC_MoveJog",
+    "MC_MoveSuperimposed",
+    "MC_HaltSuperimposed",
+    "MC_Stop",
+)
 
 
 def numeric(kind):
@@ -62,7 +82,9 @@ def moving():
 @pytest.mark.parametrize(("name", "key"), CASES)
 @pytest.mark.parametrize("value", [nan, inf, -inf, 1.0e30, -1.0e30, "5.0", None])
 def test_what_is_no_value(name, key, value):
-    """No number, infinite, or beyond the range of the variables: the ErrorID of the input; the running job goes on."""
+    """No number, infinite, or beyond the range of the variables: the ErrorID of the input; the running job
+    goes on.
+    """
     rig, running = moving()
     kind = getattr(instructions, name)
     one = rig.axis.run(kind(rig.axis.object, **NEEDS.get(name, {})))
@@ -101,13 +123,22 @@ def test_zero(name, key):
 @pytest.mark.parametrize(
     ("name", "key", "error"),
     [
-        ("MC_Halt", "Mode", 0x800A), ("MC_Stop", "Mode", 0x800A), ("MC_MoveAbsolute", "BufferMode", 0x800A),
-        ("MC_MoveRelative", "BufferMode", 0x800A), ("MC_MoveVelocity", "Direction", 0x8007), ("MC_Home", "Mode", 0x800A),
-        ("MC_SetSensor", "Sensor", 0x8050), ("MC_SetSensor", "Mode", 0x800A), ("MC_TorqueLimiting", "Mode", 0x800A),
-        ("MC_WriteParameter", "ParameterNumber", 0x805A), ("MC_SetAxisSTW", "STW1BitMask", 0x8055),
-        ("MC_SetAxisSTW", "STW2BitMask", 0x8055), ("MC_SetAxisSTW", "STW1", None), ("MC_SetAxisSTW", "STW2", None),
+        ("MC_Halt", "Mode", 0x800A),
+        ("MC_Stop", "Mode", 0x800A),
+        ("MC_MoveAbsolute", "BufferMode", 0x800A),
+        ("MC_MoveRelative", "BufferMode", 0x800A),
+        ("MC_MoveVelocity", "Direction", 0x8007),
+        ("MC_Home", "Mode", 0x800A),
+        ("MC_SetSensor", "Sensor", 0x8050),
+        ("MC_SetSensor", "Mode", 0x800A),
+        ("MC_TorqueLimiting", "Mode", 0x800A),
+        ("MC_WriteParameter", "ParameterNumber", 0x805A),
+        ("MC_SetAxisSTW", "STW1BitMask", 0x8055),
+        ("MC_SetAxisSTW", "STW2BitMask", 0x8055),
+        ("MC_SetAxisSTW", "STW1", None),
+        ("MC_SetAxisSTW", "STW2", None),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_choice(name, key, error, value):
     """Modes, directions, numbers and words that there are not: an ErrorID, never an exception."""
     if key in ("STW1", "STW2") and value == 99:
@@ -247,7 +278,9 @@ def test_a_speed_axis_has_no_limit_switches(make_rig, value):
 
 @pytest.mark.requirement("MC-447", "MC-620", "MC-451", "OVR-111")
 def test_write_parameter(rig):
-    """Without enable, over nothing: unknown number 16#805A, wrong type 16#805C, times with a direct connection 16#805D."""
+    """Without enable, over nothing: unknown number 16#805A, wrong type 16#805C, times with a direct
+    connection 16#805D.
+    """
     rig.cycles(5)
     for number, value, error in (
         (999, True, 0x805A),
@@ -299,7 +332,9 @@ def test_no_torque_instruction_during_a_stop(phase):
 @pytest.mark.requirement("MC-184", "OVR-104")
 @pytest.mark.parametrize("restart", [False, True])
 def test_nothing_aborts_a_reset(rig, restart):
-    """Neither another acknowledgement nor, on a disabled axis, a restart lets an MC_Reset show CommandAborted."""
+    """Neither another acknowledgement nor, on a disabled axis, a restart lets an MC_Reset show
+    CommandAborted.
+    """
     rig.cycles(5)
     rig.port.fault = True
     first = rig.axis.reset()

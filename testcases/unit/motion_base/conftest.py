@@ -17,7 +17,9 @@ def end_of(phase):
 
 
 def continuous(profile, *, velocity, acceleration, position=0.0):
-    """Check way, velocity and (unless None) acceleration over all joints, against rounding of the largest values."""
+    """Check way, velocity and (unless None) acceleration over all joints, against rounding of the largest
+    values.
+    """
     phases = profile.phases
     speed = max([abs(velocity), abs(profile.end_velocity)] + [abs(phase.velocity) for phase in phases])
     way = max([abs(profile.distance), abs(position)] + [abs(phase.position) for phase in phases])
@@ -37,12 +39,15 @@ def continuous(profile, *, velocity, acceleration, position=0.0):
 
 
 def within_limits(profile, limits, *, top=math.inf):
-    """Check that growth and reduction of |v| keep their limits; beyond them only the way back, with full jerk."""
+    """Check that growth and reduction of |v| keep their limits; beyond them only the way back, with full
+    jerk.
+    """
     pull = max([0.0] + [abs(phase.acceleration) for phase in profile.phases])
     speed = max([0.0] + [abs(phase.velocity) for phase in profile.phases])
     for phase in profile.phases:
         assert abs(phase.jerk) in (0.0, limits["jerk"])
-        # Points inside the phase only: at its ends rounding decides what is growth of |v| and what is reduction.
+        # Points inside the phase only: at its ends rounding decides what is growth of |v| and what is
+        # reduction.
         for part in (1e-6, 0.25, 0.5, 0.75, 1 - 1e-6):
             t = part * phase.duration
             v = phase.velocity + t * (phase.acceleration + t * phase.jerk / 2)

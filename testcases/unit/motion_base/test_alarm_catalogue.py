@@ -33,12 +33,39 @@ REACTIONS = {
     2: [104, 307, 341, 601, 608, 533],
     3: [304, 305, 306, 321, 342],
     4: [
-        101, 102, 103, 105, 106, 107, 108, 109, 113, 114, 201, 203, 204, 308, 323, 343, 401, 411, 412, 421, 431, 521,
-        531, 534, 541, 542, 552, 603, 612,
+        101,
+        102,
+        103,
+        105,
+        106,
+        107,
+        108,
+        109,
+        113,
+        114,
+        201,
+        203,
+        204,
+        308,
+        323,
+        343,
+        401,
+        411,
+        412,
+        421,
+        431,
+        521,
+        531,
+        534,
+        541,
+        542,
+        552,
+        603,
+        612,
     ],
     5: [550],
     0: [110, 111, 112, 202, 322, 501, 502, 503, 504, 511, 522, 551],
-}  # fmt: skip
+}
 """Axis alarms of each usual reaction."""
 
 
@@ -54,9 +81,25 @@ def test_size_and_order():
     assert len(error_ids()) == 162
 
 
-@pytest.mark.requirement("TA-021", "TA-022", "VAR-070", "VAR-071", "VAR-072", "VAR-073", "VAR-074", "VAR-075",
-                         "VAR-076", "VAR-077", "VAR-078", "VAR-079", "VAR-080", "VAR-081", "VAR-082", "VAR-083",
-                         "VAR-084")  # fmt: skip
+@pytest.mark.requirement(
+    "TA-021",
+    "TA-022",
+    "VAR-070",
+    "VAR-071",
+    "VAR-072",
+    "VAR-073",
+    "VAR-074",
+    "VAR-075",
+    "VAR-076",
+    "VAR-077",
+    "VAR-078",
+    "VAR-079",
+    "VAR-080",
+    "VAR-081",
+    "VAR-082",
+    "VAR-083",
+    "VAR-084",
+)
 @pytest.mark.parametrize(("field", "expected"), [("error_bit", ERROR_BITS), ("warning_bit", WARNING_BITS)])
 def test_word_bits(field, expected):
     """Every axis alarm sets the bit of its group, and no other bit is used."""
@@ -98,14 +141,26 @@ def test_no_other_alarm_keeps_the_axis_enabled():
 def test_restart_alarms():
     """These axis alarms need a restart; where that depends on the cause (531) the catalogue says so."""
     assert [entry.number for entry in of_axes() if entry.restart] == [
-        101, 102, 103, 105, 107, 109, 113, 114, 201, 202, 203,
-    ]  # fmt: skip
+        101,
+        102,
+        103,
+        105,
+        107,
+        109,
+        113,
+        114,
+        201,
+        202,
+        203,
+    ]
     assert [entry.number for entry in catalogue().values() if entry.restart is None] == [531]
 
 
 @pytest.mark.requirement("TA-023")
 def test_classes():
-    """Warnings have a bit of the warning word only, and alarms with an error bit are F, or R where they need a restart."""
+    """Warnings have a bit of the warning word only, and alarms with an error bit are F, or R where they need
+    a restart.
+    """
     for entry in catalogue().values():
         assert (entry.error_bit is None) != (entry.warning_bit is None)
         expected = "W" if entry.error_bit is None else "R" if entry.restart else "F"
@@ -199,7 +254,9 @@ def test_unknown_error_id():
 
 @pytest.mark.requirement("TA-004", "STP-432", "STP-433", "STP-434", "STP-435")
 def test_severity():
-    """Remove enable, tracking, emergency stop, maximum dynamics, current dynamics, none; MC_Stop on the same scale."""
+    """Remove enable, tracking, emergency stop, maximum dynamics, current dynamics, none; MC_Stop on the same
+    scale.
+    """
     assert sorted(range(6), key=severity) == [0, 1, 2, 3, 5, 4]
     assert len({severity(reaction) for reaction in range(6)}) == 6
     assert [stop_mode_severity(mode) for mode in (0, 2, 3)] == [severity(3), severity(2), severity(1)]

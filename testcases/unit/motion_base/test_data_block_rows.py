@@ -1,4 +1,6 @@
-"""Rows of the specification that name variables: they exist under that name, with type, access class, range and codes."""
+"""Rows of the specification that name variables: they exist under that name, with type, access class, range
+and codes.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +34,14 @@ def row(identifier, *cells):
         row("CFG-428", ("Sensor[1..4].Parameter.Resolution",), "P"),
         row("CFG-429", ("Sensor[1..4].Parameter.StepsPerRevolution",), "P"),
         row("CFG-430", ("Sensor[1..4].Parameter.DeterminableRevolutions",), "P"),
-        row("CFG-432", ("Sensor[1..4].Parameter.ReferenceSpeed", "Sensor[1..4].Parameter.ReferenceVelocity"), "P"),
-        row("CFG-433", ("Sensor[1..4].MeasuringGear.Numerator", "Sensor[1..4].MeasuringGear.Denominator"), "P"),
+        row(
+            "CFG-432",
+            ("Sensor[1..4].Parameter.ReferenceSpeed", "Sensor[1..4].Parameter.ReferenceVelocity"),
+            "P",
+        ),
+        row(
+            "CFG-433", ("Sensor[1..4].MeasuringGear.Numerator", "Sensor[1..4].MeasuringGear.Denominator"), "P"
+        ),
         row("CFG-434", ("Sensor[1..4].Parameter.FineResolutionXist1",), "P"),
         row("CFG-435", ("Sensor[1..4].Parameter.FineResolutionXist2",), "P"),
         row("CFG-436", ("Simulation.Mode",), "SP"),
@@ -44,13 +52,22 @@ def row(identifier, *cells):
         row("CFG-587", ("Actor.InverseDirection",), "SP"),
         row("CFG-587", ("Sensor[1..4].InverseDirection",), "P"),
         row("CFG-588", ("Modulo.Enable", "Modulo.Length", "Modulo.StartValue"), "PE"),
-        row("CFG-590", ("Actor.LoadInertia", "Actor.DriveParameter.MotorInertia",
-                        "Actor.LinearMotorDriveParameter.MotorMass"), "P"),
+        row(
+            "CFG-590",
+            (
+                "Actor.LoadInertia",
+                "Actor.DriveParameter.MotorInertia",
+                "Actor.LinearMotorDriveParameter.MotorMass",
+            ),
+            "P",
+        ),
         row("CFG-527", ("Mechanics.LeadScrew",), "PE"),
     ],
-)  # fmt: skip
+)
 def test_name(paths, objects):
-    """The variable can be read under this name on the objects that have it, in every element of its array, and on no other."""
+    """The variable can be read under this name on the objects that have it, in every element of its array,
+    and on no other.
+    """
     for path in paths:
         names = [path.replace("1..4", str(number)) for number in range(1, 5)] if "1..4" in path else [path]
         for letter, kind in KINDS.items():
@@ -90,7 +107,9 @@ def test_name(paths, objects):
     ],
 )  # fmt: skip
 def test_definition(path, data_type, access, low, high):
-    """Type, access class and both bounds are those of the row; what lies outside is refused at the configuration."""
+    """Type, access class and both bounds are those of the row; what lies outside is refused at the
+    configuration.
+    """
     store = VariableStore("PositioningAxis")
     found = store.describe(path)
     assert (found.data_type, found.access) == (data_type, access)
@@ -106,7 +125,9 @@ def test_definition(path, data_type, access, low, high):
 
 @pytest.mark.requirement("VAR-209", "VAR-213")
 def test_external_encoder_where_the_source_is_wrong():
-    """`Sensor.Parameter.Resolution` has the range of an axis, `PassiveHoming.SwitchLevel` is read only as printed."""
+    """`Sensor.Parameter.Resolution` has the range of an axis, `PassiveHoming.SwitchLevel` is read only as
+    printed.
+    """
     store = VariableStore("ExternalEncoder")
     assert store.describe("Sensor.Parameter.Resolution").minimum == 1e-12
     assert store.describe("Sensor.PassiveHoming.SwitchLevel").access == "RON"
@@ -123,7 +144,9 @@ def test_external_encoder_where_the_source_is_wrong():
     ],
 )  # fmt: skip
 def test_misprinted_names(wrong, right):
-    """Names that the source misprints do not exist; the right ones do, and are suggested where they look alike."""
+    """Names that the source misprints do not exist; the right ones do, and are suggested where they look
+    alike.
+    """
     store = VariableStore("PositioningAxis")
     store.read(right)
     with pytest.raises(UnknownVariableError):
@@ -131,19 +154,57 @@ def test_misprinted_names(wrong, right):
 
 
 UNITS = {
-    "CFG-076": ("LengthUnit", {"nm": 1015, "um": 1014, "mm": 1013, "m": 1010, "km": 1011, "in": 1019, "ft": 1018, "mi": 1021,
-                               "mm (6 decimals)": 1536}),
-    "CFG-078": ("VelocityUnit", {"mm/s": 1062, "mm/s (6 decimals)": 1538, "mm/min": 1524, "mm/h": 1526, "m/s": 1061,
-                                 "m/min": 1525, "m/h": 1063, "km/min": 1527, "km/h": 1064}),
+    "CFG-076": (
+        "LengthUnit",
+        {
+            "nm": 1015,
+            "um": 1014,
+            "mm": 1013,
+            "m": 1010,
+            "km": 1011,
+            "in": 1019,
+            "ft": 1018,
+            "mi": 1021,
+            "mm (6 decimals)": 1536,
+        },
+    ),
+    "CFG-078": (
+        "VelocityUnit",
+        {
+            "mm/s": 1062,
+            "mm/s (6 decimals)": 1538,
+            "mm/min": 1524,
+            "mm/h": 1526,
+            "m/s": 1061,
+            "m/min": 1525,
+            "m/h": 1063,
+            "km/min": 1527,
+            "km/h": 1064,
+        },
+    ),
     "CFG-079": ("VelocityUnit", {"in/s": 1066, "in/min": 1069, "ft/s": 1067, "ft/min": 1070, "mi/h": 1075}),
-    "CFG-080": ("VelocityUnit", {"deg/s": 1521, "deg/s (6 decimals)": 1539, "deg/min": 1522, "rad/s": 1086, "rad/min": 1523}),
+    "CFG-080": (
+        "VelocityUnit",
+        {"deg/s": 1521, "deg/s (6 decimals)": 1539, "deg/min": 1522, "rad/s": 1086, "rad/min": 1523},
+    ),
     "CFG-082": ("ForceUnit", {"N": 1120, "kN": 1122, "lbf": 1094, "ozf": 1093, "pdl": 1535}),
-    "CFG-083": ("TorqueUnit", {"Nm": 1126, "kNm": 1128, "lbf in": 1529, "lbf ft": 1530, "ozf in": 1531, "ozf ft": 1532,
-                               "pdl in": 1533, "pdl ft": 1534}),
+    "CFG-083": (
+        "TorqueUnit",
+        {
+            "Nm": 1126,
+            "kNm": 1128,
+            "lbf in": 1529,
+            "lbf ft": 1530,
+            "ozf in": 1531,
+            "ozf ft": 1532,
+            "pdl in": 1533,
+            "pdl ft": 1534,
+        },
+    ),
     "CFG-084": ("MassUnit", {"mg": 1090, "g": 1089, "kg": 1088, "t": 1092, "lb": 1540}),
     "CFG-085": ("InertiaUnit", {"kg*m^2": 1118, "lb*ft^2": 1541}),
     "CFG-086": ("TimeUnit", {"s": 1054}),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(
@@ -151,7 +212,9 @@ UNITS = {
 )
 @pytest.mark.requirement("CFG-074")
 def test_units(quantity, codes):
-    """Every unit has its code in `Units.*`, and every code of the object is in the tables of the specification."""
+    """Every unit has its code in `Units.*`, and every code of the object is in the tables of the
+    specification.
+    """
     store = VariableStore("PositioningAxis")
     enum = store.describe(f"Units.{quantity}").enum
     assert {name: enum.get(code) for name, code in codes.items()} == {name: name for name in codes}
@@ -180,8 +243,10 @@ def test_codes_of_homing():
     store = VariableStore("PositioningAxis")
     for kind in ("ActiveHoming", "PassiveHoming"):
         assert store.describe(f"Sensor[1].{kind}.Mode").enum == {
-            0: "ZERO_MARK", 1: "ZERO_MARK_AND_CAM", 2: "DIGITAL_INPUT",
-        }  # fmt: skip
+            0: "ZERO_MARK",
+            1: "ZERO_MARK_AND_CAM",
+            2: "DIGITAL_INPUT",
+        }
     assert store.describe("Sensor[1].ActiveHoming.Direction").enum == {0: "POSITIVE", 1: "NEGATIVE"}
     assert store.describe("Sensor[1].PassiveHoming.Direction").enum == {
         0: "POSITIVE",
@@ -191,17 +256,33 @@ def test_codes_of_homing():
 
 
 BITS = {
-    "VAR-028": (0, "Enable", "SPE"), "VAR-030": (2, "RestartActive", "SPE"), "VAR-031": (3, "OnlineStartValuesChanged", "SPE"),
-    "VAR-032": (4, "ControlPanelActive", "SP"), "VAR-033": (5, "HomingDone", "PE"), "VAR-034": (6, "Done", "SPE"),
-    "VAR-035": (7, "Standstill", "PE"), "VAR-036": (8, "PositioningCommand", "P"), "VAR-037": (9, "JogCommand", "SP"),
-    "VAR-038": (10, "VelocityCommand", "SP"), "VAR-039": (11, "HomingCommand", "PE"), "VAR-040": (12, "ConstantVelocity", "SP"),
-    "VAR-041": (13, "Accelerating", "SP"), "VAR-042": (14, "Decelerating", "SP"), "VAR-043": (15, "SWLimitMinActive", "P"),
-    "VAR-044": (16, "SWLimitMaxActive", "P"), "VAR-045": (17, "HWLimitMinActive", "P"), "VAR-046": (18, "HWLimitMaxActive", "P"),
-    "VAR-047": (23, "MoveSuperimposedCommand", "P"), "VAR-048": (25, "AxisSimulation", "SP"),
-    "VAR-049": (26, "TorqueLimitingCommand", "SP"), "VAR-050": (27, "InLimitation", "SP"),
-    "VAR-051": (28, "NonPositionControlled", "P"), "VAR-052": (29, "KinematicsMotionCommand", "P"),
-    "VAR-053": (30, "InClamping", "P"), "VAR-054": (31, "MotionInCommand", "P"),
-}  # fmt: skip
+    "VAR-028": (0, "Enable", "SPE"),
+    "VAR-030": (2, "RestartActive", "SPE"),
+    "VAR-031": (3, "OnlineStartValuesChanged", "SPE"),
+    "VAR-032": (4, "ControlPanelActive", "SP"),
+    "VAR-033": (5, "HomingDone", "PE"),
+    "VAR-034": (6, "Done", "SPE"),
+    "VAR-035": (7, "Standstill", "PE"),
+    "VAR-036": (8, "PositioningCommand", "P"),
+    "VAR-037": (9, "JogCommand", "SP"),
+    "VAR-038": (10, "VelocityCommand", "SP"),
+    "VAR-039": (11, "HomingCommand", "PE"),
+    "VAR-040": (12, "ConstantVelocity", "SP"),
+    "VAR-041": (13, "Accelerating", "SP"),
+    "VAR-042": (14, "Decelerating", "SP"),
+    "VAR-043": (15, "SWLimitMinActive", "P"),
+    "VAR-044": (16, "SWLimitMaxActive", "P"),
+    "VAR-045": (17, "HWLimitMinActive", "P"),
+    "VAR-046": (18, "HWLimitMaxActive", "P"),
+    "VAR-047": (23, "MoveSuperimposedCommand", "P"),
+    "VAR-048": (25, "AxisSimulation", "SP"),
+    "VAR-049": (26, "TorqueLimitingCommand", "SP"),
+    "VAR-050": (27, "InLimitation", "SP"),
+    "VAR-051": (28, "NonPositionControlled", "P"),
+    "VAR-052": (29, "KinematicsMotionCommand", "P"),
+    "VAR-053": (30, "InClamping", "P"),
+    "VAR-054": (31, "MotionInCommand", "P"),
+}
 
 
 @pytest.mark.requirement("VAR-024", "VAR-025")

@@ -43,7 +43,9 @@ class TestExamples:
     """Motions that can be calculated by hand."""
 
     def test_trapezoid(self):
-        """100 mm with 100 mm/s, 1000 and 500 mm/s2 without jerk limit: 0.1 s up, 0.85 s constant, 0.2 s down."""
+        """100 mm with 100 mm/s, 1000 and 500 mm/s2 without jerk limit: 0.1 s up, 0.85 s constant, 0.2 s
+        down.
+        """
         profile = plan_position(20, 0, 0, 120, max_velocity=100, acceleration=1000, deceleration=500, jerk=0)
 
         assert [phase.duration for phase in profile.phases] == [
@@ -61,7 +63,9 @@ class TestExamples:
         assert profile.sample(0.1)[:2] == (pytest.approx(-5), pytest.approx(-100))
 
     def test_seven_phases(self):
-        """100 mm with 100 mm/s, 1000 mm/s2, 10000 mm/s3: 2 x 0.2 s ramps with 100 ms jerk each, 0.8 s constant."""
+        """100 mm with 100 mm/s, 1000 mm/s2, 10000 mm/s3: 2 x 0.2 s ramps with 100 ms jerk each, 0.8 s
+        constant.
+        """
         profile = plan_position(
             0, 0, 0, 100, max_velocity=100, acceleration=1000, deceleration=1000, jerk=10_000
         )
@@ -85,7 +89,9 @@ class TestExamples:
         assert profile.duration == 0
 
     def test_start_faster_than_the_limit(self):
-        """A start velocity above the limit is reduced with the deceleration; the target is reached all the same."""
+        """A start velocity above the limit is reduced with the deceleration; the target is reached all the
+        same.
+        """
         profile = plan_position(
             0, 300, 0, 500, max_velocity=100, acceleration=1, deceleration=1000, jerk=10_000
         )
@@ -102,7 +108,8 @@ class TestExamples:
         )
 
         farthest = max(profile.sample(profile.duration * k / 1000)[0] for k in range(1001))
-        # With a jerk limit the deceleration does not fade out at the turn, which makes it shorter than a stop.
+        # With a jerk limit the deceleration does not fade out at the turn, which makes it shorter than a
+        # stop.
         stop = stop_distance(100, 0, 1000, jerk)
         assert farthest == pytest.approx(stop, rel=1e-3) if jerk == 0 else 5 < farthest < stop
         assert profile.sample(profile.duration) == (2, 0, 0)
@@ -159,7 +166,9 @@ class TestAlways:
     @given(plans(jerks=st.just(0.0)))
     @pytest.mark.requirement("STP-114", "STP-115")
     def test_trapezoid(self, check, plan):
-        """Without a jerk limit way and velocity have no step, accelerations are those of the limits, the end is exact."""
+        """Without a jerk limit way and velocity have no step, accelerations are those of the limits, the end
+        is exact.
+        """
         (position, velocity, present, target), limits = plan
 
         profile = plan_position(position, velocity, present, target, **limits)
@@ -172,7 +181,9 @@ class TestAlways:
     @given(plans(jerks=st.one_of(st.just(0.0), JERKS)))
     @pytest.mark.requirement("STP-116")
     def test_limits(self, check, plan):
-        """Velocity, acceleration and deceleration keep their limits; a start beyond them returns the shortest way."""
+        """Velocity, acceleration and deceleration keep their limits; a start beyond them returns the shortest
+        way.
+        """
         state, limits = plan
 
         check.within_limits(plan_position(*state, **limits), limits, top=limits["max_velocity"])
@@ -230,7 +241,9 @@ class TestAlways:
     )
     @settings(max_examples=300)
     def test_eighteen_decades(self, check, state, limits):
-        """Values from 1e-9 to 1e9 in any mixture give finite profiles that end at the target within rounding."""
+        """Values from 1e-9 to 1e9 in any mixture give finite profiles that end at the target within
+        rounding.
+        """
         position, _, _, target = state
 
         profile = plan_position(*state, **limits)
@@ -253,7 +266,9 @@ class TestAlways:
     st.tuples(*[st.sampled_from([1e-9, 1.0, 1e9])] * 4),
 )
 def test_vanishing_values(state, limits):
-    """Values next to zero, down to the smallest numbers there are, give finite profiles that end at the target."""
+    """Values next to zero, down to the smallest numbers there are, give finite profiles that end at the
+    target.
+    """
     top, acceleration, deceleration, jerk = limits
 
     profile = plan_position(

@@ -80,7 +80,9 @@ def test_the_rest_of_the_last_cycle_is_travelled_with_the_end_velocity():
 @pytest.mark.requirement("STP-116", "MC-095")
 @given(st.integers(0, 120), st.floats(-200, 200), st.sampled_from([1000.0, 20_000.0]))
 def test_takeover_keeps_the_state(cycles, target, jerk):
-    """A new jerk-limited motion starts from the present state: no cycle changes the acceleration by more than jerk * T."""
+    """A new jerk-limited motion starts from the present state: no cycle changes the acceleration by more than
+    jerk * T.
+    """
     generator = SetpointGenerator()
     generator.start_position(40.0, 150.0, 1000.0, 700.0, 20_000.0)
     for _ in range(cycles):
@@ -177,7 +179,9 @@ class TestPhase:
 
     @pytest.mark.parametrize("jerk", [0.0, 10_000.0])
     def test_sequence(self, jerk):
-        """From standstill: constant, accelerating, constant; when stopping: decelerating, constant (sequence of VAR-055)."""
+        """From standstill: constant, accelerating, constant; when stopping: decelerating, constant (sequence
+        of VAR-055).
+        """
         generator = SetpointGenerator()
         assert generator.phase is C
 
@@ -231,7 +235,9 @@ class TestOvershoot:
 
     @pytest.mark.parametrize(("velocity", "target"), [(100.0, 1.0), (-100.0, 50.0)])
     def test_until_the_turn_back(self, velocity, target):
-        """What remains of the way lies between the present position and the target once the report has ended."""
+        """What remains of the way lies between the present position and the target once the report has
+        ended.
+        """
         generator = self.start(velocity, target)
         while generator.overshoots:
             generator.advance(CYCLE)

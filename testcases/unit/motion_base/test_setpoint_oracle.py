@@ -105,7 +105,9 @@ def test_to_a_position_with_separate_limits(beyond, top, rise, fall, jerk, part)
     of_limit=PART,
 )
 def test_never_slower_from_too_high_a_velocity(way, top, limit, jerk, part, of_limit):
-    """From above the velocity limit the motion is never slower than the other planner's, and no miracle either."""
+    """From above the velocity limit the motion is never slower than the other planner's, and no miracle
+    either.
+    """
     velocity, present = part * top, of_limit * limit
     shortest = optimum(
         velocity=velocity, present=present, way=way, top=top, rise=limit, fall=limit, jerk=jerk
@@ -153,10 +155,18 @@ def test_without_jerk_limit_and_with_separate_limits(beyond, top, rise, fall, pa
 
 
 @given(
-    way=WAY, top=DECADES, rise=DECADES, fall=DECADES, jerk=st.one_of(st.just(0.0), DECADES), part=PART, of_limit=PART
-)  # fmt: skip
+    way=WAY,
+    top=DECADES,
+    rise=DECADES,
+    fall=DECADES,
+    jerk=st.one_of(st.just(0.0), DECADES),
+    part=PART,
+    of_limit=PART,
+)
 def test_separate_limits_with_reversal(way, top, rise, fall, jerk, part, of_limit):
-    """No motion, reversals included, is faster than with the higher limit on both sides, or slower than with the lower."""
+    """No motion, reversals included, is faster than with the higher limit on both sides, or slower than with
+    the lower.
+    """
     low, high = sorted((rise, fall))
     velocity, present = part * top, of_limit * low if jerk else 0.0
     assume(not jerk or abs(velocity + present * abs(present) / (2 * jerk)) <= top)
@@ -172,14 +182,21 @@ def test_separate_limits_with_reversal(way, top, rise, fall, jerk, part, of_limi
     assert profile.duration <= optimum(**facts, rise=low, fall=low) * (1 + 1e-6) + 1e-6
 
 
-CHANGE = st.fixed_dictionaries({
-    "after": st.integers(1, 60), "way": WAY, "top": DECADES, "limit": st.floats(0, 3).map(lambda value: 10.0**value),
-})  # fmt: skip
+CHANGE = st.fixed_dictionaries(
+    {
+        "after": st.integers(1, 60),
+        "way": WAY,
+        "top": DECADES,
+        "limit": st.floats(0, 3).map(lambda value: 10.0**value),
+    }
+)
 
 
 @given(first=CHANGE, second=CHANGE, third=CHANGE, jerk=DECADES)
 def test_changed_on_the_way(first, second, third, jerk):
-    """New targets and limits in the middle of a motion: from the state that is then, again the shortest time."""
+    """New targets and limits in the middle of a motion: from the state that is then, again the shortest
+    time.
+    """
     generator = SetpointGenerator()
     for change in (first, second, third):
         limit, top = change["limit"], change["top"]
@@ -202,8 +219,14 @@ def test_changed_on_the_way(first, second, third, jerk):
 
 
 @given(
-    way=WAY, top=DECADES, rise=DECADES, fall=DECADES, jerk=st.one_of(st.just(0.0), DECADES), part=PART, of_limit=PART
-)  # fmt: skip
+    way=WAY,
+    top=DECADES,
+    rise=DECADES,
+    fall=DECADES,
+    jerk=st.one_of(st.just(0.0), DECADES),
+    part=PART,
+    of_limit=PART,
+)
 def test_target_is_never_overshot(way, top, rise, fall, jerk, part, of_limit):
     """Where the axis can stop before its target it approaches it from one side; else it passes it once."""
     velocity, present = part * top, of_limit * min(rise, fall) if jerk else 0.0
@@ -231,7 +254,9 @@ def test_target_is_never_overshot(way, top, rise, fall, jerk, part, of_limit):
 
 @given(velocity=WAY, target=WAY, rise=DECADES, fall=DECADES, jerk=st.one_of(st.just(0.0), DECADES), part=PART)
 def test_velocity_is_never_overshot(velocity, target, rise, fall, jerk, part):
-    """A change of velocity stays between start and target, but for what the present acceleration still adds."""
+    """A change of velocity stays between start and target, but for what the present acceleration still
+    adds.
+    """
     present = part * min(rise, fall) if jerk else 0.0
     settled = velocity + (present * abs(present) / (2 * jerk) if jerk else 0.0)
 

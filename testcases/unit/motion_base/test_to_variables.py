@@ -70,8 +70,11 @@ class TestPaths:
     def test_existing_encoders(self):
         """One encoder exists unless more are asked for."""
         assert [VariableStore("PositioningAxis").read(f"Sensor[{n}].Existent") for n in (1, 2, 3, 4)] == [
-            True, False, False, False,
-        ]  # fmt: skip
+            True,
+            False,
+            False,
+            False,
+        ]
         assert VariableStore("PositioningAxis", sensors=3).read("Sensor[3].Existent")
 
     def test_unknown_with_suggestions(self, store):
@@ -115,8 +118,11 @@ class TestPaths:
         """The definition names bits and values."""
         assert store.describe("StatusWord").bits[7] == "Standstill"
         assert store.describe("Actor.RemoveEnableReaction").enum == {
-            1: "OFF1", 3: "OFF2", 5: "OFF3", 7: "OFF3_COMPAT",
-        }  # fmt: skip
+            1: "OFF1",
+            3: "OFF2",
+            5: "OFF3",
+            7: "OFF3_COMPAT",
+        }
 
     @pytest.mark.requirement("VAR-070", "VAR-084")
     def test_error_word_bits(self):
@@ -148,13 +154,17 @@ class TestPaths:
 
     @pytest.mark.requirement("VAR-021")
     def test_limits_of_a_speed_axis(self):
-        """A speed axis counts revolutions per minute: its acceleration and jerk limits are 1e12 / 60^2 and 1e12 / 60^3."""
+        """A speed axis counts revolutions per minute: its acceleration and jerk limits are 1e12 / 60^2 and
+        1e12 / 60^3.
+        """
         speed, position = VariableStore("SpeedAxis"), VariableStore("PositioningAxis")
         paths = [f"DynamicLimits.{name}" for name in ("MaxVelocity", "MaxAcceleration", "MaxJerk")]
 
         assert [speed.describe(path).maximum for path in paths] == [
-            1e12, pytest.approx(1e12 / 60**2), pytest.approx(1e12 / 60**3),
-        ]  # fmt: skip
+            1e12,
+            pytest.approx(1e12 / 60**2),
+            pytest.approx(1e12 / 60**3),
+        ]
         assert [position.describe(path).maximum for path in paths] == [1e12, 1e12, 1e12]
         assert set(speed.describe("Units.VelocityUnit").enum) == {1082, 1083, 1528}
 
@@ -226,7 +236,10 @@ class TestConfiguration:
             (
                 "Actor.RemoveEnableReaction",
                 2,
-                "Actor.RemoveEnableReaction: 2 is not allowed; allowed: WORD, 1 (OFF1), 3 (OFF2), 5 (OFF3), 7",
+                (
+                    "Actor.RemoveEnableReaction: 2 is not allowed; allowed: WORD, 1 (OFF1), 3 (OFF2), 5 "
+                    "(OFF3), 7"
+                ),
             ),
             (
                 "Modulo.Enable",
@@ -236,7 +249,10 @@ class TestConfiguration:
             (
                 "Mechanics.Leadscrew",
                 5.0,
-                "Mechanics.Leadscrew: 5.0 is not allowed; allowed: a variable of PositioningAxis; similar: Mech",
+                (
+                    "Mechanics.Leadscrew: 5.0 is not allowed; allowed: a variable of PositioningAxis; "
+                    "similar: Mech"
+                ),
             ),
         ],
     )
@@ -256,7 +272,9 @@ class TestConfiguration:
 
     @pytest.mark.requirement("VAR-016", "VAR-017")
     def test_ranges_by_motion_type(self):
-        """Where a range depends on the motion type it follows `Properties.MotionType`, in any order of the settings."""
+        """Where a range depends on the motion type it follows `Properties.MotionType`, in any order of the
+        settings.
+        """
         rotary = {"Homing.ApproachVelocity": 360_000.0, "Properties.MotionType": 1}
         assert VariableStore("PositioningAxis", rotary).read("Homing.ApproachVelocity") == 360_000.0
         with pytest.raises(ConfigurationError, match="LREAL, 0 to 10000"):

@@ -51,7 +51,9 @@ class TestDirect:
     @pytest.mark.requirement("VAR-001", "VAR-217")
     @pytest.mark.parametrize(("kind", "path"), every("DIR"))
     def test_next_servo_cycle(self, kind, path):
-        """An assigned value is read back at once and takes effect with the next MC_Servo, start value untouched."""
+        """An assigned value is read back at once and takes effect with the next MC_Servo, start value
+        untouched.
+        """
         store = VariableStore(kind)
         cell, before = store.bind(path), store.read(path)
         value = other_value(store, path)
@@ -187,7 +189,9 @@ class TestRestartRelevant:
     @pytest.mark.requirement("VAR-005", "VAR-009", "VAR-216", "VAR-217", "STP-064", "STP-076")
     @pytest.mark.parametrize(("kind", "path"), every("RES"))
     def test_only_by_restart(self, kind, path):
-        """An assignment is refused; a start value takes effect with the restart and X3 shows it until then."""
+        """An assignment is refused; a start value takes effect with the restart and X3 shows it until
+        then.
+        """
         store = VariableStore(kind)
         before, value = store.read(path), other_value(store, path)
         with pytest.raises(VariableAccessError, match=r"write_start.*MC_Reset with Restart = TRUE"):
@@ -223,7 +227,9 @@ class TestRestartRelevant:
 
     @pytest.mark.requirement("VAR-227")
     def test_direct_values_fall_back(self, store):
-        """DIR and CAL values return to their start values with the restart, an assignment under way included."""
+        """DIR and CAL values return to their start values with the restart, an assignment under way
+        included.
+        """
         store.write("PositionControl.Kv", 50.0)
         store.write("DynamicDefaults.Velocity", 1.0)
         store.latch()
@@ -238,7 +244,9 @@ class TestRestartRelevant:
 
     @pytest.mark.requirement("VAR-227")
     def test_start_value_of_a_direct_variable(self, store):
-        """A start value written for a DIR variable lasts; it takes effect with the restart and needs none (X3)."""
+        """A start value written for a DIR variable lasts; it takes effect with the restart and needs none
+        (X3).
+        """
         store.write_start("PositionControl.Kv", 50.0)
         assert (store.read("PositionControl.Kv"), store.online_start_values_changed) == (10.0, False)
 
@@ -321,7 +329,9 @@ class TestWriteParameter:
     @pytest.mark.parametrize("kind", TYPES)
     @pytest.mark.parametrize("number", [1010, 1011, 1012])
     def test_after_restart(self, kind, number):
-        """1010 to 1012 (default 0.0 s) set X3, take effect with the restart, outlast the next and not a power cycle."""
+        """1010 to 1012 (default 0.0 s) set X3, take effect with the restart, outlast the next and not a power
+        cycle.
+        """
         store = VariableStore(kind)
         cell = store.parameter(number)
         assert cell.value == 0.0
@@ -348,7 +358,9 @@ class TestWriteParameter:
         ],
     )
     def test_rejected(self, store, number, value, error_id):
-        """An unknown number, a wrong type and a value that is not permitted are rejected; the old value stays."""
+        """An unknown number, a wrong type and a value that is not permitted are rejected; the old value
+        stays.
+        """
         with pytest.raises(ParameterError) as caught:
             store.write_parameter(number, value)
 

@@ -53,7 +53,9 @@ class TestReferenceAxis:
 
     @pytest.mark.requirement("STP-116", "STP-327")
     def test_phases_of_the_maximum_stop(self):
-        """The stop with 2000 and 20000 has 100 ms jerk to 200 mm/s, 50 ms constant to 100 mm/s, 100 ms jerk."""
+        """The stop with 2000 and 20000 has 100 ms jerk to 200 mm/s, 50 ms constant to 100 mm/s, 100 ms
+        jerk.
+        """
         profile = plan_velocity(300, 0, 0, acceleration=1, deceleration=2000, jerk=20_000)
 
         assert [round(phase.duration, 12) for phase in profile.phases] == [0.1, 0.05, 0.1]
@@ -62,7 +64,9 @@ class TestReferenceAxis:
         assert profile.sample(0.125)[2] == -2000
 
     def test_stop_takes_over_from_a_weaker_stop(self):
-        """From 100 ms into the stop with 1000 and 10000, the stop with maximum values ends after 287.5 ms (STP-440)."""
+        """From 100 ms into the stop with 1000 and 10000, the stop with maximum values ends after 287.5 ms
+        (STP-440).
+        """
         _, velocity, present = plan_velocity(
             300, 0, 0, acceleration=1, deceleration=1000, jerk=10_000
         ).sample(0.1)
@@ -95,7 +99,9 @@ class TestReferenceAxis:
 
     @pytest.mark.requirement("STP-121", "STP-122", "STP-115")
     def test_without_jerk_limit_the_new_deceleration_acts_at_once(self):
-        """Without a jerk limit a present acceleration is dropped and the velocity falls from the first moment."""
+        """Without a jerk limit a present acceleration is dropped and the velocity falls from the first
+        moment.
+        """
         profile = plan_velocity(200, 1000, 0, acceleration=1000, deceleration=500, jerk=0)
 
         assert profile.sample(0.0) == (0, 200, -500)
@@ -112,7 +118,9 @@ class TestReferenceAxis:
     @pytest.mark.requirement("MC-095", "MC-096")
     @pytest.mark.parametrize(("jerk", "rise", "time"), [(200, 25, 0.5), (2000, 2.5, 0.05)])
     def test_vector_of_jerk_limited_overriding(self, jerk, rise, time):
-        """A = 100 overridden by velocity 0 with deceleration 100: jerk 200 rises 25 in 0.5 s, 2000 rises 2.5 in 0.05 s."""
+        """A = 100 overridden by velocity 0 with deceleration 100: jerk 200 rises 25 in 0.5 s, 2000 rises 2.5
+        in 0.05 s.
+        """
         profile = plan_velocity(50, 100, 0, acceleration=100, deceleration=100, jerk=jerk)
 
         assert profile.sample(time)[1] == pytest.approx(50 + rise)
@@ -127,7 +135,9 @@ class TestReferenceAxis:
 
     @pytest.mark.requirement("MC-227")
     def test_halt_with_and_without_abort_of_the_acceleration(self):
-        """V 50, a 100, halt 100 / 200: 1.75 s over 75 mm/s; 1.0 s and never faster with AbortAcceleration (MC-236 ff.)."""
+        """V 50, a 100, halt 100 / 200: 1.75 s over 75 mm/s; 1.0 s and never faster with AbortAcceleration
+        (MC-236 ff.).
+        """
         limits = {"acceleration": 100, "deceleration": 100, "jerk": 200}
         gentle = plan_velocity(50, 100, 0, **limits)
         abrupt = plan_velocity(50, 100, 0, **limits, abort_acceleration=True)
@@ -139,7 +149,9 @@ class TestReferenceAxis:
 
     @pytest.mark.requirement("STP-403")
     def test_abort_acceleration(self):
-        """a0 +1000, jerk 10000, v 200: the velocity rises to 250 without and never above 200 with the option."""
+        """a0 +1000, jerk 10000, v 200: the velocity rises to 250 without and never above 200 with the
+        option.
+        """
         limits = {"acceleration": 1000, "deceleration": 1000, "jerk": 10_000}
         peaks = [
             max(profile.sample(0.001 * k)[1] for k in range(1000))
@@ -153,7 +165,9 @@ class TestReferenceAxis:
 
     @pytest.mark.requirement("STP-403")
     def test_abort_acceleration_keeps_a_braking_one(self):
-        """A deceleration that is present at the start is no acceleration in the direction of motion and stays."""
+        """A deceleration that is present at the start is no acceleration in the direction of motion and
+        stays.
+        """
         limits = {"acceleration": 1000, "deceleration": 1000, "jerk": 10_000}
 
         kept = plan_velocity(200, -1000, 0, **limits, abort_acceleration=True)
@@ -199,7 +213,9 @@ class TestReversal:
         )
 
     def test_start_beyond_the_limit_of_the_other_side(self, check):
-        """Deceleration that cannot be taken back before zero is taken back behind it, with full jerk, and no further."""
+        """Deceleration that cannot be taken back before zero is taken back behind it, with full jerk, and no
+        further.
+        """
         profile = plan_velocity(1, -1000, -500, acceleration=100, deceleration=1000, jerk=10_000)
 
         assert profile.phases[0].jerk == 10_000
@@ -212,7 +228,9 @@ class TestAlways:
     @given(plans())
     @pytest.mark.requirement("STP-116")
     def test_continuous_and_exact(self, check, plan):
-        """Way, velocity and acceleration have no step, and the end is exactly the target without acceleration."""
+        """Way, velocity and acceleration have no step, and the end is exactly the target without
+        acceleration.
+        """
         velocity, present, target, limits = plan
 
         profile = plan_velocity(velocity, present, target, **limits)
@@ -257,7 +275,9 @@ class TestAlways:
 
     @given(plans(jerks=st.one_of(st.just(0.0), JERKS)))
     def test_way_is_the_integral_of_the_velocity(self, check, plan):
-        """The sampled way is the integral of the sampled velocity (Simpson's rule is exact within a phase)."""
+        """The sampled way is the integral of the sampled velocity (Simpson's rule is exact within a
+        phase).
+        """
         velocity, present, target, limits = plan
         profile = plan_velocity(velocity, present, target, **limits)
 
@@ -277,7 +297,9 @@ class TestAlways:
         plans(jerks=st.one_of(st.just(0.0), JERKS)), st.lists(st.floats(-0.1, 1.5), min_size=1, max_size=20)
     )
     def test_sampling_in_any_order(self, plan, parts):
-        """A sample depends on its time only, not on the samples before it; before the start it is the start."""
+        """A sample depends on its time only, not on the samples before it; before the start it is the
+        start.
+        """
         velocity, present, target, limits = plan
         profile = plan_velocity(velocity, present, target, **limits)
 

@@ -23,14 +23,20 @@ def test_bounded(scheduler):
         scheduler.run_for(S)
         buffer.append("controller", f"entry {number}", "coming" if number % 2 else "")
     assert [(entry.number, entry.time_ns, entry.text) for entry in buffer.entries] == [
-        (3, 3 * S, "entry 2"), (4, 4 * S, "entry 3"), (5, 5 * S, "entry 4"),
-    ]  # fmt: skip
+        (3, 3 * S, "entry 2"),
+        (4, 4 * S, "entry 3"),
+        (5, 5 * S, "entry 4"),
+    ]
     lines = buffer.text(2).splitlines()
     assert [line.split(": ")[1] for line in lines] == ["entry 4", "entry 3"]
     assert "4.000 s  + controller" in lines[1]
     assert buffer.entries[1].as_dict() == {
-        "number": 4, "time_s": 4.0, "source": "controller", "text": "entry 3", "direction": "coming",
-    }  # fmt: skip
+        "number": 4,
+        "time_s": 4.0,
+        "source": "controller",
+        "text": "entry 3",
+        "direction": "coming",
+    }
     with pytest.raises(ConfigurationError, match="1 or more"):
         DiagnosticsBuffer(scheduler, capacity=0)
 
@@ -86,8 +92,11 @@ def test_alarms_and_connections_of_an_axis(rig):
     rig.history.emit("drive1", "link.down")
     entries = rig.controller.diagnostics_buffer.entries
     assert [(entry.source, entry.direction) for entry in entries] == [
-        ("axis1", "coming"), ("axis1", "going"), ("axis1", ""), ("drive1", "coming"),
-    ]  # fmt: skip
+        ("axis1", "coming"),
+        ("axis1", "going"),
+        ("axis1", ""),
+        ("drive1", "coming"),
+    ]
     assert "technology alarm 421, reaction 4" in entries[0].text
     assert "OB 121" in entries[2].text
     assert entries[3].text == "no cyclic communication"

@@ -21,7 +21,9 @@ class TestOrder:
 
     @pytest.mark.requirement("MC-634", "CFG-253")
     def test_one_cycle(self, rig):
-        """MC_PreServo, MC_Servo, MC_PostServo, MC_PreInterpolator, then the program; a hook that is taken away is gone."""
+        """MC_PreServo, MC_Servo, MC_PostServo, MC_PreInterpolator, then the program; a hook that is taken
+        away is gone.
+        """
         calls = []
         axis = rig.axis.object
         read, write = axis.read_inputs, axis.write_outputs
@@ -61,7 +63,9 @@ class TestOrder:
     @pytest.mark.requirement("MIN-002", "MC-473")
     @pytest.mark.parametrize(("level", "cycles"), [("MC_PreServo", 1), ("MC_PreInterpolator", 2)])
     def test_setpoints_of_the_user(self, rig, level, cycles):
-        """A vector given in MC_PreServo acts in the MC_Servo of the same cycle, in MC_PreInterpolator in that of the next."""
+        """A vector given in MC_PreServo acts in the MC_Servo of the same cycle, in MC_PreInterpolator in that
+        of the next.
+        """
         rig.enabled()
         job = rig.axis.motion_in_velocity(0.0)
         rig.cycles(5)
@@ -117,8 +121,17 @@ def test_cycles_that_fit(servo, interpolator, clock, message):
 @pytest.mark.requirement("MC-635")
 @pytest.mark.parametrize(
     ("servo", "interpolator", "good"),
-    [(26, 24, True), (17, 16, True), (26, 25, True), (24, 24, False), (16, 15, False), (27, 24, False), (26, 26, False), (20, 22, False)],
-)  # fmt: skip
+    [
+        (26, 24, True),
+        (17, 16, True),
+        (26, 25, True),
+        (24, 24, False),
+        (16, 15, False),
+        (27, 24, False),
+        (26, 26, False),
+        (20, 22, False),
+    ],
+)
 def test_priorities(servo, interpolator, good):
     """17 to 26 and 16 to 25, the servo's higher by at least one."""
     if good:
@@ -141,7 +154,9 @@ class TestFineInterpolation:
         ids=["precontrol", "no precontrol"],
     )
     def test_lag_of_a_simulated_axis(self, make_rig, variables, lag_mm):
-        """T_ipo 4 ms, T_servo 2 ms, 100 mm/s: the lag is that of the formula, seen where the interpolator runs."""
+        """T_ipo 4 ms, T_servo 2 ms, 100 mm/s: the lag is that of the formula, seen where the interpolator
+        runs.
+        """
         rig = make_rig(cycle_ns=2 * MS, ratio=2, variables={"Simulation.Mode": 1, **variables})
         lags = []
         rig.controller.levels.hook(
@@ -155,7 +170,9 @@ class TestFineInterpolation:
 
     @pytest.mark.parametrize("ratio", [2, 4, 8])
     def test_the_same_profile_on_a_finer_grid(self, make_rig, ratio):
-        """At the ends of the intervals the setpoint is that of an interpolator alone; between them it is smooth."""
+        """At the ends of the intervals the setpoint is that of an interpolator alone; between them it is
+        smooth.
+        """
         coarse = make_rig(cycle_ns=8 * MS).enabled()
         fine = make_rig(cycle_ns=8 * MS // ratio, ratio=ratio).enabled()
         for rig in (coarse, fine):

@@ -1,4 +1,6 @@
-"""RUN, STOP, STARTUP and POWER OFF: what stops, what goes on, what is refused (section 1.9 of the instruction specification)."""
+"""RUN, STOP, STARTUP and POWER OFF: what stops, what goes on, what is refused (section 1.9 of the instruction
+specification).
+"""
 
 from __future__ import annotations
 
@@ -21,10 +23,14 @@ class TestStop:
 
     @pytest.mark.requirement("MC-629", "STP-506", "STP-588")
     @pytest.mark.parametrize(
-        ("reaction", "word"), [(1, 0x047E), (3, 0x047C), (5, 0x047A), (7, 0x047B)], ids=["OFF1", "OFF2", "OFF3+1", "OFF3"]
-    )  # fmt: skip
+        ("reaction", "word"),
+        [(1, 0x047E), (3, 0x047C), (5, 0x047A), (7, 0x047B)],
+        ids=["OFF1", "OFF2", "OFF3+1", "OFF3"],
+    )
     def test_the_drive_stops_as_remove_enable_says(self, make_rig, reaction, word):
-        """The job ends with CommandAborted and without alarm; the control word is that of the configured drive stop."""
+        """The job ends with CommandAborted and without alarm; the control word is that of the configured
+        drive stop.
+        """
         rig = make_rig(variables={"Actor.RemoveEnableReaction": reaction}).travelling(300.0)
         rig.controller.stop()
         rig.cycles(1)
@@ -37,7 +43,9 @@ class TestStop:
 
     @pytest.mark.requirement("MC-629", "MC-632", "STP-506")
     def test_outputs_are_off_when_the_drive_is(self, rig):
-        """Zeros are sent then, while the data block goes on: a shaft that is turned shows its position (CFG-294)."""
+        """Zeros are sent then, while the data block goes on: a shaft that is turned shows its position
+        (CFG-294).
+        """
         rig.enabled().stopped()
         assert rig.column("stw1")[-1] == 0
         before = rig.axis.var("ActualPosition")
@@ -110,7 +118,9 @@ class TestStop:
         assert len(again) == 2  # only the initialisation after STARTUP has come on top
 
     def test_the_program_may_stop_its_controller(self, rig):
-        """A stop from within a cycle acts when the cycle has ended; the instances after it do not take the axis back."""
+        """A stop from within a cycle acts when the cycle has ended; the instances after it do not take the
+        axis back.
+        """
         rig.runtime.program.insert(0, lambda: rig.controller.stop("STP"))
         rig.axis.power()
         rig.cycles(10)
@@ -167,7 +177,9 @@ class TestStartup:
 
     @pytest.mark.requirement("MC-631")
     def test_nothing_starts_by_itself(self, rig):
-        """After a warm restart inputs that start something are FALSE: the axis stays disabled until the program enables it."""
+        """After a warm restart inputs that start something are FALSE: the axis stays disabled until the
+        program enables it.
+        """
         rig.travelling(100.0).stopped().running()
         rig.run(0.2)
         assert rig.axis.state is AxisState.DISABLED
@@ -233,7 +245,9 @@ class TestPower:
     @pytest.mark.requirement("CFG-290", "CFG-291", "CFG-295")
     @pytest.mark.parametrize("kind", [0, 1], ids=["incremental", "absolute"])
     def test_position_before_the_first_run(self, make_rig, kind):
-        """After POWER ON 0 is shown, whatever the shaft does, until the first RUN; later it is followed in STOP too."""
+        """After POWER ON 0 is shown, whatever the shaft does, until the first RUN; later it is followed in
+        STOP too.
+        """
         rig = make_rig(variables={"Sensor[1].Type": kind})
         rig.enabled()
         rig.until(rig.axis.move_relative(33.0).done)
@@ -315,9 +329,14 @@ def test_states_are_told(rig):
     rig.power_cycled()
     told = [(event.data["from"], event.data["to"]) for event in rig.events("controller.state")]
     assert told == [
-        ("RUN", "STOP"), ("STOP", "STARTUP"), ("STARTUP", "RUN"), ("RUN", "power off"), ("power off", "STOP"),
-        ("STOP", "STARTUP"), ("STARTUP", "RUN"),
-    ]  # fmt: skip
+        ("RUN", "STOP"),
+        ("STOP", "STARTUP"),
+        ("STARTUP", "RUN"),
+        ("RUN", "power off"),
+        ("power off", "STOP"),
+        ("STOP", "STARTUP"),
+        ("STARTUP", "RUN"),
+    ]
     assert rig.told("RUN -> STOP") == ["RUN -> STOP: by command"]
     for call in (rig.controller.stop, rig.controller.run, rig.controller.power_on):
         call()  # harmless where they change nothing
@@ -327,7 +346,9 @@ def test_states_are_told(rig):
 @pytest.mark.parametrize("way", ["stop", "power_off"])
 @pytest.mark.parametrize("mode", [2, 3], ids=["passive", "active"])
 def test_a_homing_that_waits_for_its_mark(rig, way, mode):
-    """It ends with CommandAborted in the instant of the stop, and nothing of it is left when the controller is back."""
+    """It ends with CommandAborted in the instant of the stop, and nothing of it is left when the controller
+    is back.
+    """
     rig.enabled()
     job = rig.axis.home(10.0, mode=mode)
     rig.until(job.busy)

@@ -1,4 +1,6 @@
-"""Levels that take time: what comes later, what is missing, and what stops the controller (MC-636, MC-637)."""
+"""Levels that take time: what comes later, what is missing, and what stops the controller (MC-636,
+MC-637).
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ class TestServo:
 
     @pytest.mark.requirement("MC-636")
     def test_longer_than_the_application_cycle(self, rig):
-        """The next call finds it still running: STOP, and every axis stops as Actor.RemoveEnableReaction says."""
+        """The next call finds it still running: STOP, and every axis stops as Actor.RemoveEnableReaction
+        says.
+        """
         rig.travelling(200.0)
         rig.controller.levels.set_computing_time(servo_ns=round(1.1 * T))
         rig.cycles(3)
@@ -51,7 +55,9 @@ class TestServo:
 
     @pytest.mark.requirement("MC-636", "CFG-187")
     def test_longer_than_the_send_clock(self):
-        """With an application cycle of two send clocks: an entry, once, no longer isochronous, but no STOP."""
+        """With an application cycle of two send clocks: an entry, once, no longer isochronous, but no
+        STOP.
+        """
         scheduler = VirtualScheduler()
         runtime = Runtime(scheduler, cycle_ns=4 * MS, send_clock_ns=2 * MS, history=History(scheduler))
         calls = []
@@ -96,7 +102,9 @@ class TestInterpolator:
     @pytest.mark.requirement("MC-637")
     @pytest.mark.parametrize("hits", [1, 2, 3])
     def test_up_to_three_overflows_in_a_row(self, rig, hits):
-        """One call of MC_Servo may interrupt it: each time an entry, the setpoint stays, and it goes on afterwards."""
+        """One call of MC_Servo may interrupt it: each time an entry, the setpoint stays, and it goes on
+        afterwards.
+        """
         rig.travelling(100.0)
         levels = rig.controller.levels
         levels.set_computing_time(interpolator_ns=round(1.2 * T))

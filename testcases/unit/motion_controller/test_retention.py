@@ -1,4 +1,6 @@
-"""What is kept over RUN-STOP-RUN, restart, download, power-off, memory reset and factory reset (MC-606, CFG-616, HOM 2.21)."""
+"""What is kept over RUN-STOP-RUN, restart, download, power-off, memory reset and factory reset (MC-606,
+CFG-616, HOM 2.21).
+"""
 
 from __future__ import annotations
 
@@ -117,7 +119,9 @@ def test_incremental_encoder(make_rig, event, kept):
 )
 @table("run_stop_run", "restart", "download", "power_cycle", "memory_reset")
 def test_absolute_encoder(make_rig, event, kept):
-    """The adjustment outlasts everything but the factory reset, and the position follows a shaft that is turned meanwhile."""
+    """The adjustment outlasts everything but the factory reset, and the position follows a shaft that is
+    turned meanwhile.
+    """
     rig = make_rig(variables={"Sensor[1].Type": ABSOLUTE}).enabled()
     rig.until(rig.axis.move_relative(20.0).done)
     rig.until(rig.axis.home(50.0, mode=7).done)
@@ -132,7 +136,9 @@ def test_absolute_encoder(make_rig, event, kept):
     ("event", "position"), [("power_cycle", 27.0), ("memory_reset", 27.0), ("factory_reset", 7.0)]
 )
 def test_measuring_ranges_passed(make_rig, event, position):
-    """A cyclic absolute encoder with a range of 10 mm has gone 27 mm, and shows 7 mm from then on: the ranges are retentive."""
+    """A cyclic absolute encoder with a range of 10 mm has gone 27 mm, and shows 7 mm from then on: the ranges
+    are retentive.
+    """
     rig = make_rig(
         variables={"Sensor[1].Type": CYCLIC, "Sensor[1].Parameter.DeterminableRevolutions": 1}
     ).enabled()
@@ -228,7 +234,9 @@ def test_the_operative_encoder(make_two_encoders):
 
 @pytest.mark.requirement("CFG-269", "CFG-268")
 def test_a_time_in_milliseconds_is_told(make_rig):
-    """0.125 instead of 0.000125 s is used as it is, and doubted; the axis lags by as much, because the controller reckons with it."""
+    """0.125 instead of 0.000125 s is used as it is, and doubted; the axis lags by as much, because the
+    controller reckons with it.
+    """
     rig = make_rig(connection="data_block")
     rig.until(rig.axis.write_parameter(1010, 0.125).done)
     assert not rig.events("axis.doubt")
@@ -244,7 +252,9 @@ def test_a_time_in_milliseconds_is_told(make_rig):
 @pytest.mark.requirement("HOM-182")
 @pytest.mark.parametrize("kind", [INCREMENTAL, ABSOLUTE], ids=["incremental", "absolute"])
 def test_another_memory_card(make_rig, tmp_path, kind):
-    """It is put in without supply: an absolute encoder keeps its adjustment, an incremental one has to be homed again."""
+    """It is put in without supply: an absolute encoder keeps its adjustment, an incremental one has to be
+    homed again.
+    """
     rig = make_rig(variables={"Sensor[1].Type": kind}).enabled()
     rig.until(rig.axis.home(50.0, mode=7 if kind else 0).done)
     rig.controller.power_off()
@@ -260,7 +270,9 @@ def test_another_memory_card(make_rig, tmp_path, kind):
 @pytest.mark.parametrize("kind", [INCREMENTAL, ABSOLUTE], ids=["incremental", "absolute"])
 @pytest.mark.parametrize("saved", [False, True], ids=["no backup", "backup"])
 def test_another_controller(make_rig, tmp_path, kind, saved):
-    """A new CPU on the same drive knows nothing of an adjustment, unless a backup is on its card; an incremental encoder never."""
+    """A new CPU on the same drive knows nothing of an adjustment, unless a backup is on its card; an
+    incremental encoder never.
+    """
     rig = make_rig(variables={"Sensor[1].Type": kind})
     rig.runtime.insert_card(tmp_path)
     rig.enabled()
@@ -296,7 +308,9 @@ def test_another_project(make_rig, kind, upgraded):
 
 @pytest.mark.requirement("HOM-038", "HOM-190")
 def test_another_encoder(make_rig):
-    """An absolute encoder that was replaced shows another place, and nobody notices: homed, wrong, until it is adjusted again."""
+    """An absolute encoder that was replaced shows another place, and nobody notices: homed, wrong, until it
+    is adjusted again.
+    """
     rig = make_rig(variables={"Sensor[1].Type": ABSOLUTE}).enabled()
     rig.until(rig.axis.home(50.0, mode=7).done)
     rig.controller.power_off()

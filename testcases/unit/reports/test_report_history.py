@@ -61,7 +61,9 @@ def recorded(file, *runs: RunResult):
 
 
 def test_runs_come_back_as_they_were_recorded(file):
-    """Number, totals, times and digests of every run, newest first; cases with verdict, reason, token and numbers."""
+    """Number, totals, times and digests of every run, newest first; cases with verdict, reason, token and
+    numbers.
+    """
     remember(run("monday", a="p", b="f"), file)
     background = remember(run("tuesday", a="p", b="e", c="b"), file)
     assert [(one.number, one.started) for one in background.trend] == [(1, "monday"), (2, "tuesday")]
@@ -85,11 +87,20 @@ def test_runs_come_back_as_they_were_recorded(file):
 @pytest.mark.parametrize(
     ("before", "now", "what"),
     [
-        ("p", "f", "new failure"), ("p", "e", "new failure"), ("b", "f", "new failure"), ("", "f", "new failure"),
-        ("f", "p", "fixed"), ("e", "p", "fixed"), ("f", "e", "still failing"), ("p", "b", "newly blocked"),
-        ("p", "p", ""), ("b", "b", ""), ("", "p", ""), ("b", "p", ""),
+        ("p", "f", "new failure"),
+        ("p", "e", "new failure"),
+        ("b", "f", "new failure"),
+        ("", "f", "new failure"),
+        ("f", "p", "fixed"),
+        ("e", "p", "fixed"),
+        ("f", "e", "still failing"),
+        ("p", "b", "newly blocked"),
+        ("p", "p", ""),
+        ("b", "b", ""),
+        ("", "p", ""),
+        ("b", "p", ""),
     ],
-)  # fmt: skip
+)
 def test_what_happened_to_a_case(file, before, now, what):
     """The verdict now against the last one that the case has had."""
     first = run("1", other="p", **({"a": before} if before else {}))
@@ -172,7 +183,9 @@ def moving(
 
 
 def test_a_case_becomes_a_few_numbers():
-    """Final position, peaks of velocity and following error, the last motion, what was measured; no setpoints, no states."""
+    """Final position, peaks of velocity and following error, the last motion, what was measured; no
+    setpoints, no states.
+    """
     found = {one.name: (one.value, one.unit, one.tolerance) for one in measures(moving())}
     assert found == {
         "simulated time": (1.0, "s", 0.01),
@@ -309,7 +322,9 @@ def test_a_damaged_history_is_told_as_one(file, page):
 
 
 def test_a_history_that_another_process_holds_is_told(monkeypatch, file):
-    """After a while the run goes on without: the message says that somebody holds the file, not that it is none."""
+    """After a while the run goes on without: the message says that somebody holds the file, not that it is
+    none.
+    """
     remember(run("1", a="p"), file)
     monkeypatch.setattr("reports.history._WAIT_S", 0.05)
     holder = sqlite3.connect(file)

@@ -119,7 +119,9 @@ def test_every_case_is_embedded_in_order(run, page):
 
 
 def test_large_run_has_its_cases_beside_the_page(run, page, tmp_path):
-    """Beyond the limit every case is a script of one call with the data that a small page embeds; the page is whole else."""
+    """Beyond the limit every case is a script of one call with the data that a small page embeds; the page is
+    whole else.
+    """
     path = render_html(run, tmp_path / "report.html", embedded=100_000)
     large = Page(path.read_text("utf-8"))
     folder = tmp_path / "report-data"
@@ -227,7 +229,9 @@ def test_headline_of_the_run(verdicts, interrupted, state, title, tmp_path):
 
 
 def test_page_of_sixty_cases_is_below_fifteen_megabytes(tmp_path):
-    """60 cases, 25 signals, 1500 samples: even pure noise, which nothing can compress, stays within bounds."""
+    """60 cases, 25 signals, 1500 samples: even pure noise, which nothing can compress, stays within
+    bounds.
+    """
     rng = np.random.default_rng(7)
     time = np.arange(1500) * 1e-3
     run = RunResult("t", 1, "b", "", {}, "")
@@ -259,7 +263,9 @@ def _luminance(colour: str) -> float:
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_contrast_is_sufficient(scheme):
-    """Every pair of text and ground that the page uses reaches 4.5 : 1 (WCAG 2 AA), in both colour schemes."""
+    """Every pair of text and ground that the page uses reaches 4.5 : 1 (WCAG 2 AA), in both colour
+    schemes.
+    """
     style = (files("reports.html") / "templates" / "style.css").read_text("utf-8")
     light, _, rest = style.partition("@media screen and (prefers-color-scheme: dark)")
     colours = dict(re.findall(r"--([a-z0-9-]+): (#[0-9a-f]{3,6});", light))

@@ -67,7 +67,9 @@ def test_properties_carry_what_repeats_and_traces_a_case(run, root):
 
 
 def test_any_text_gives_well_formed_xml(hostile, tmp_path):
-    """Control characters, lone surrogates, markup and non-characters cannot break the file and stay recognisable."""
+    """Control characters, lone surrogates, markup and non-characters cannot break the file and stay
+    recognisable.
+    """
     root = ET.parse(write_junit(hostile, tmp_path / "junit.xml")).getroot()
     assert len(list(root.iter("testcase"))) == len(hostile.cases)
     messages = [

@@ -15,7 +15,9 @@ from reports.html.numbers import decode, encode, thin
 
 @given(hnp.arrays(np.float64, st.integers(0, 60), elements=st.floats(-1e9, 1e9)))
 def test_samples_come_back_to_a_millionth_of_their_range(values):
-    """Whatever the curve, no sample is off by more than a millionth of the range, or by what a float can resolve."""
+    """Whatever the curve, no sample is off by more than a millionth of the range, or by what a float can
+    resolve.
+    """
     back = decode(json.loads(json.dumps(encode(values), allow_nan=False)))
     assert len(back) == len(values)
     if len(values):

@@ -62,14 +62,20 @@ def test_story_is_completed_from_the_records():
         Check("timeless", Verdict.PASSED, "", ""),
     ]
     assert [(step.time_s, step.kind) for step in full_story(case)] == [
-        (0.5, "do"), (1.0, "inject"), (1.1, "observe"), (1.1, "expect"), (1.5, "inject"),
-    ]  # fmt: skip
+        (0.5, "do"),
+        (1.0, "inject"),
+        (1.1, "observe"),
+        (1.1, "expect"),
+        (1.5, "inject"),
+    ]
     case.story.append(Step(1.0, "inject", "told"))
     assert [step.text for step in full_story(case) if step.kind == "inject"] == ["told"]
 
 
 def test_measured_time_gets_its_interval():
-    """A reaction time without a start counts back from its moment, so that the plot can draw it; a level does not."""
+    """A reaction time without a start counts back from its moment, so that the plot can draw it; a level does
+    not.
+    """
     case = CaseResult("c", "", Verdict.FAILED)
     case.checks = [
         Check("a", Verdict.FAILED, "", "", 1.048, 48.0, "ms", None, 20.0),

@@ -29,14 +29,22 @@ def test_setpoint_and_actual_value_share_a_panel():
 
 
 def test_first_sight_is_the_controllers_view():
-    """Shown at once: position, velocity, following error, torque, each once, of the axis rather than of the drive."""
+    """Shown at once: position, velocity, following error, torque, each once, of the axis rather than of the
+    drive.
+    """
     panels, lanes = arrange(
         [
-            signal("drive1.position", "m"), signal("drive1.motor_speed", "rpm"), signal("drive1.torque", "Nm"), signal("drive1.following_error", "inc"),
-            signal("axis1.position_setpoint", "mm"), signal("axis1.velocity_setpoint", "mm/s"), signal("axis1.following_error", "mm"),
-            signal("axis1.acceleration_setpoint", "mm/s2"), signal("axis1.state", enum={0: "A"}),
+            signal("drive1.position", "m"),
+            signal("drive1.motor_speed", "rpm"),
+            signal("drive1.torque", "Nm"),
+            signal("drive1.following_error", "inc"),
+            signal("axis1.position_setpoint", "mm"),
+            signal("axis1.velocity_setpoint", "mm/s"),
+            signal("axis1.following_error", "mm"),
+            signal("axis1.acceleration_setpoint", "mm/s2"),
+            signal("axis1.state", enum={0: "A"}),
         ]
-    )  # fmt: skip
+    )
     shown = [(panel.title, panel.unit) for panel in panels if panel.shown]
     assert shown == [("Position", "mm"), ("Velocity", "mm/s"), ("Following error", "mm"), ("Torque", "Nm")]
     assert [lane.shown for lane in lanes] == [True]
@@ -68,14 +76,20 @@ def test_numbers_that_stand_for_something_become_lanes():
     """States, words, codes and bits are bands, not curves; a quantity with a unit never is."""
     _panels, lanes = arrange(
         [
-            signal("drive1.statusword", values=(0x0637, 0x0218)), signal("axis1.alarm_number", values=(0, 521)),
-            signal("axis1.power_status", values=(0, 1)), signal("axis1.state", values=(3, 4), enum={3: "STANDSTILL", 4: "MOTION"}),
-            signal("axis1.position", "mm", values=(0, 1)), signal("axis1.ratio", values=(0.5, 1.0)),
+            signal("drive1.statusword", values=(0x0637, 0x0218)),
+            signal("axis1.alarm_number", values=(0, 521)),
+            signal("axis1.power_status", values=(0, 1)),
+            signal("axis1.state", values=(3, 4), enum={3: "STANDSTILL", 4: "MOTION"}),
+            signal("axis1.position", "mm", values=(0, 1)),
+            signal("axis1.ratio", values=(0.5, 1.0)),
         ]
-    )  # fmt: skip
+    )
     assert [(lane.signal.name, lane.kind) for lane in lanes] == [
-        ("axis1.state", "state"), ("axis1.alarm_number", "code"), ("axis1.power_status", "bit"), ("drive1.statusword", "word"),
-    ]  # fmt: skip
+        ("axis1.state", "state"),
+        ("axis1.alarm_number", "code"),
+        ("axis1.power_status", "bit"),
+        ("drive1.statusword", "word"),
+    ]
 
 
 def test_bands_are_exact_changes():

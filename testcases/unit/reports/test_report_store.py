@@ -47,7 +47,9 @@ def test_run_reads_back_equal(run, tmp_path):
 
 
 def test_signals_can_stay_on_the_disk(run, tmp_path):
-    """A lazy run is equal to an eager one; texts and numbers need no archive, samples are read when they are asked for."""
+    """A lazy run is equal to an eager one; texts and numbers need no archive, samples are read when they are
+    asked for.
+    """
     save_run(tmp_path, run)
     lazy = load_run(tmp_path, lazy=True)
     assert lazy == run
@@ -106,7 +108,9 @@ def test_equality_of_signals_sees_every_difference():
 
 
 def test_case_is_durable_before_the_run_ends(run, tmp_path):
-    """After write_case returns, the case can be read although the run was never finished; the run counts as cut."""
+    """After write_case returns, the case can be read although the run was never finished; the run counts as
+    cut.
+    """
     start_run(tmp_path, bare(run))
     write_case(tmp_path, run.cases[0])
     loaded = load_run(tmp_path)
@@ -332,11 +336,15 @@ def test_texts_that_look_like_the_bus_log_of_the_journal(tmp_path):
     """The log is found by its key, whatever stands in texts, details and names around it."""
     trap = ',"messages":[[1]],"signals":{"messages":['
     case = CaseResult(
-        trap, trap, Verdict.FAILED, trap, tags=[trap, ",", "messages"],
+        trap,
+        trap,
+        Verdict.FAILED,
+        trap,
+        tags=[trap, ",", "messages"],
         story=[Step(0.0, "do", trap, {"messages": trap, "signals": "[", trap: None})],
         messages=[Message(0.1, "can0", 1, "00", trap, f"],{trap}", trap)],
         signals=[Signal(trap, "],", np.arange(2.0), np.zeros(2), {0: trap, 1: '],"signals":'})],
-    )  # fmt: skip
+    )
     run = RunResult("t", 1, "b", "", {}, "", [case, CaseResult("none", "", Verdict.PASSED)])
     save_run(tmp_path, run)
     assert load_run(tmp_path) == run

@@ -15,9 +15,15 @@ from reports import CaseResult, RunResult, Verdict, run_digest, summary, write_r
 def test_summary_has_exactly_the_agreed_keys(run):
     """Whoever parses the summary finds these keys, and no others."""
     assert summary(run, report="r.html", junit="j.xml") == {
-        "passed": 38, "failed": 4, "blocked": 2, "errors": 1, "report": "r.html", "junit": "j.xml", "seed": 20260113,
+        "passed": 38,
+        "failed": 4,
+        "blocked": 2,
+        "errors": 1,
+        "report": "r.html",
+        "junit": "j.xml",
+        "seed": 20260113,
         "trace_digest": hashlib.sha256("".join(case.trace_digest for case in run.cases).encode()).hexdigest(),
-    }  # fmt: skip
+    }
     assert list(summary(run)) == [
         "passed",
         "failed",
@@ -85,6 +91,6 @@ def test_every_public_name_exists_and_is_documented():
 
 def test_import_loads_neither_templates_nor_plots():
     """`import reports` stays cheap: the heavy libraries come when a page is made."""
-    program = "import sys, reports; print([name for name in ('jinja2', 'plotly', 'xml.dom') if name in sys.modules])"
+    program = "import sys, reports; print([name for name in ('jinja2', 'plotly', 'xml.dom') if name in sys.modules])"  # noqa: E501
     found = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
     assert found.stdout.strip() == "[]"

@@ -115,13 +115,19 @@ def overview_of(page) -> Words:
 
 
 def test_overview_tells_changes_trend_and_seeded_defects(run, tmp_path):
-    """After a second run: bars and rows of both, the case that is new, a link to the list; defects with who noticed."""
+    """After a second run: bars and rows of both, the case that is new, a link to the list; defects with who
+    noticed.
+    """
     good = RunResult(**{name: getattr(run, name) for name in run.__slots__})
     good.cases = [case for case in run.cases if case.verdict is Verdict.PASSED]
     (tmp_path / "mutants.json").write_text(
-        json.dumps([{"name": "ramp-halved", "caught_by": [good.cases[0].identifier], "seconds": 1.5},
-                    {"name": "sign-lost", "title": "<b>", "caught_by": [], "seconds": 2}])
-    )  # fmt: skip
+        json.dumps(
+            [
+                {"name": "ramp-halved", "caught_by": [good.cases[0].identifier], "seconds": 1.5},
+                {"name": "sign-lost", "title": "<b>", "caught_by": [], "seconds": 2},
+            ]
+        )
+    )
     remember(good, tmp_path / "h.sqlite")
     words = overview_of(write_report(run, tmp_path, background=remember(run, tmp_path / "h.sqlite")).report)
     text = " ".join(" ".join(words.words).split())
@@ -146,10 +152,13 @@ def test_overview_without_history_says_so(run, tmp_path):
 @pytest.mark.parametrize(
     ("content", "trouble"),
     [
-        ("{", "mutants.json: "), ("[1]", "1 is not an object"), ('{"a": 1}', "has no 'mutants'"), ('[{"name": "x"}]', "has no 'caught_by'"),
+        ("{", "mutants.json: "),
+        ("[1]", "1 is not an object"),
+        ('{"a": 1}', "has no 'mutants'"),
+        ('[{"name": "x"}]', "has no 'caught_by'"),
         ('{"mutants": 5}', "not a list"),
     ],
-)  # fmt: skip
+)
 def test_unreadable_seeding_is_said_in_the_report(run, tmp_path, content, trouble):
     """A damaged file costs the table, not the report."""
     (tmp_path / "mutants.json").write_text(content)

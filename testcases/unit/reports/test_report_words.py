@@ -115,10 +115,20 @@ def test_limits_in_symbols():
 @pytest.mark.parametrize(
     ("value", "text"),
     [
-        (0.0, "0"), (-0.0, "0"), (48.0, "48"), (0.1 + 0.2, "0.3"), (1234567.0, "1234567"), (0.000123456789, "0.000123457"), (1e-7, "1e-07"),
-        (2.5e12, "2.5e+12"), (100.0, "100"), (math.inf, "∞"), (-math.inf, "-∞"), (math.nan, "not a number"),
+        (0.0, "0"),
+        (-0.0, "0"),
+        (48.0, "48"),
+        (0.1 + 0.2, "0.3"),
+        (1234567.0, "1234567"),
+        (0.000123456789, "0.000123457"),
+        (1e-7, "1e-07"),
+        (2.5e12, "2.5e+12"),
+        (100.0, "100"),
+        (math.inf, "∞"),
+        (-math.inf, "-∞"),
+        (math.nan, "not a number"),
     ],
-)  # fmt: skip
+)
 def test_numbers_read_well(value, text):
     """Six significant digits, no trailing zeros, no exponent in the usual range."""
     assert number(value) == text

@@ -1,4 +1,6 @@
-"""The distribution: what is in the checkout is in the wheel, and the wheel can be built from the source archive."""
+"""The distribution: what is in the checkout is in the wheel, and the wheel can be built from the source
+archive.
+"""
 
 import email
 import tarfile
@@ -40,7 +42,9 @@ def files_of(package: str) -> set[str]:
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_file_of_a_package_is_in_the_wheel(wheel, package):
-    """Code, object dictionaries, catalogues, templates, type marker: whatever lies in a package is shipped with it."""
+    """Code, object dictionaries, catalogues, templates, type marker: whatever lies in a package is shipped
+    with it.
+    """
     expected = files_of(package)
     assert expected
     assert sorted(expected - set(wheel.namelist())) == []

@@ -55,7 +55,8 @@ def rows(text: str) -> dict[str, list[str]]:
     return found
 
 
-# -- bench file ------------------------------------------------------------------------------------------------------
+# -- bench file
+# ------------------------------------------------------------------------------------------------------
 
 
 def sections_of(model: type[BaseModel], heading: str = "") -> dict[str, type[BaseModel]]:
@@ -129,7 +130,8 @@ def test_every_embedded_bench_is_documented():
     assert sorted(documented) == sorted(EMBEDDED)
 
 
-# -- faults ----------------------------------------------------------------------------------------------------------
+# -- faults
+# ----------------------------------------------------------------------------------------------------------
 
 
 def number(value: float, kind: str) -> str:
@@ -157,21 +159,27 @@ def default_of(parameter) -> str:
 
 
 def test_every_fault_kind_is_in_the_catalogue_of_the_docs():
-    """The overview has exactly the kinds of the catalogue, with target, seam and the benches that can inject them."""
+    """The overview has exactly the kinds of the catalogue, with target, seam and the benches that can inject
+    them.
+    """
     documented = rows(section(page("docs/faults.md"), "## The catalogue"))
 
     assert documented == {
         entry.name: [
-            entry.target, entry.seam, "yes" if entry.lasting else "no",
+            entry.target,
+            entry.seam,
+            "yes" if entry.lasting else "no",
             ", ".join(where for where in ENVIRONMENTS if not entry.injectable(where)),
         ]
         for entry in CATALOGUE
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.name)
 def test_every_parameter_of_a_fault_is_documented(entry):
-    """The parameters of a kind stand in its own table or in that of the choice of frames, with unit, range and default."""
+    """The parameters of a kind stand in its own table or in that of the choice of frames, with unit, range
+    and default.
+    """
     text = page("docs/faults.md")
     documented = rows(section(text, "### Which frames are hit")) | rows(section(text, f"### `{entry.name}`"))
 
@@ -205,7 +213,8 @@ def test_number_of_fault_kinds_is_true(name):
     assert set(re.findall(r"(\d+) kinds", page(name))) == {str(len(CATALOGUE))}
 
 
-# -- matrices ----------------------------------------------------------------------------------------------------------
+# -- matrices
+# ----------------------------------------------------------------------------------------------------------
 
 MATRICES = ROOT / "testcases" / "campaigns"
 
@@ -244,12 +253,15 @@ def test_every_key_of_a_matrix_is_documented():
     ] == []
 
 
-# -- command line and plugin -----------------------------------------------------------------------------------------
+# -- command line and plugin
+# -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", sorted(typer.main.get_command(app).commands))
 def test_every_command_is_documented(name):
-    """Every command has a section that names all its long options; each option is explained there or in the common table."""
+    """Every command has a section that names all its long options; each option is explained there or in the
+    common table.
+    """
     text = page("docs/cli.md")
     own = section(text, f"## `hil {name}`")
     common = text.partition("\n## ")[0]
@@ -300,7 +312,9 @@ def test_every_expectation_is_documented():
 
 
 def test_every_recorded_column_is_documented():
-    """The columns of axis, drive and encoder in the page about writing tests are those that a bench records."""
+    """The columns of axis, drive and encoder in the page about writing tests are those that a bench
+    records.
+    """
     text = load_bench("reference").text + '[encoder.encoder1]\nsegment = "can0"\nnode_id = 20\n'
     with BenchFile("own.toml", text).build() as bench:
         recorded = {group.name: [name for name, _ in group.columns] for group in bench.trace().groups}
@@ -345,7 +359,8 @@ def test_every_invariant_is_documented():
     assert [name for name in names if name not in text] == []
 
 
-# -- links and pictures ----------------------------------------------------------------------------------------------
+# -- links and pictures
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", PAGES)
@@ -371,7 +386,9 @@ def test_pictures_are_small_enough(name):
 
 @pytest.mark.parametrize("name", PAGES)
 def test_nothing_is_said_twice_in_a_table_or_list(name):
-    """No two rows of a table begin with the same two cells, no two points of a page with the same words in bold."""
+    """No two rows of a table begin with the same two cells, no two points of a page with the same words in
+    bold.
+    """
     text = page(name)
     said: list[tuple[str, ...]] = []
     table = -1

@@ -44,7 +44,9 @@ def test_every_manufacturer_object_is_listed():
 
 
 def test_every_fault_rule_is_listed():
-    """Code, text, error register, torque and reset of every code of the profile, and of the two of this drive."""
+    """Code, text, error register, torque and reset of every code of the profile, and of the two of this
+    drive.
+    """
     listed = {int(row[0].rstrip("h"), 16): row[1:] for row in rows("Faults")}
     assert set(listed) == set(RULES) | {0xFF80, 0xFF81}
     for code, rule in RULES.items():

@@ -1,4 +1,6 @@
-"""The catalogue of defects fits the product as it is: every change can be made, every place is reached by a case, the page is true."""
+"""The catalogue of defects fits the product as it is: every change can be made, every place is reached by a
+case, the page is true.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def test_every_change_can_be_made(mutant):
 
 
 def test_the_places_are_reached_by_the_cases_named_as_likely(judges):
-    """No defect that never runs: in the unmutated product one of its likely cases comes to the changed statement."""
+    """No defect that never runs: in the unmutated product one of its likely cases comes to the changed
+    statement.
+    """
     missing = dict(CATALOGUE)
     reached: set[str] = set()
     with watched(CATALOGUE.values(), reached):
@@ -78,7 +82,9 @@ def test_every_area_has_its_share():
 
 @pytest.mark.parametrize("area", AREAS)
 def test_the_page_lists_the_defects(area):
-    """docs/mutants.md has the table of every area as the catalogue has it; `hil mutants --list --json` has the data."""
+    """docs/mutants.md has the table of every area as the catalogue has it; `hil mutants --list --json` has
+    the data.
+    """
     table = "\n".join(catalogue_table(CATALOGUE.values(), area))
     assert table in PAGE, f"the table of {area} should be:\n{table}"
 

@@ -85,7 +85,9 @@ def test_readme_sets_up_with_two_commands():
 
 
 def test_quick_start_of_the_readme_passes(tmp_path):
-    """Bench, test and command of the quick start, put into files as they stand, give a passed test and a report."""
+    """Bench, test and command of the quick start, put into files as they stand, give a passed test and a
+    report.
+    """
     for block in blocks("README.md"):
         if block.file:
             (tmp_path / block.file).write_text(block.text, encoding="utf-8")
@@ -158,7 +160,9 @@ def test_bench_files_in_the_docs_come_up(block, tmp_path):
 
 
 def test_encoders_in_the_docs_come_up():
-    """The encoders that the page about bench files shows fit the bench of that page, and all of them start."""
+    """The encoders that the page about bench files shows fit the bench of that page, and all of them
+    start.
+    """
     page = [block.text for block in blocks("docs/bench-file.md") if block.language == "toml"]
     whole = page[0] + next(text for text in page if text.startswith("[encoder."))
 

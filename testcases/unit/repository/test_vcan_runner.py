@@ -69,7 +69,9 @@ def test_bad_arguments_are_refused(arguments, message):
 
 
 def test_the_command_gets_its_interface_or_the_reasons_are_told():
-    """Either the command runs and finds the name in HIL_VCAN, or the exit code is 69 and the reasons are given."""
+    """Either the command runs and finds the name in HIL_VCAN, or the exit code is 69 and the reasons are
+    given.
+    """
     check = "import os, sys; sys.exit(0 if os.environ['HIL_VCAN'] == 'hiltest0' else 3)"
     done = subprocess.run(
         [

@@ -37,8 +37,11 @@ def _word_of_a_ramp(rows: Sequence[Row]) -> Iterator[Row]:
     return (
         row
         for row in rows
-        if row.axis_state in RAMPS and row.setpoint != 0.0 and row.acceleration != 0.0 and row.stw1 & 0x047F != 0x047F
-    )  # fmt: skip
+        if row.axis_state in RAMPS
+        and row.setpoint != 0.0
+        and row.acceleration != 0.0
+        and row.stw1 & 0x047F != 0x047F
+    )
 
 
 def _phases_at_once(rows: Sequence[Row]) -> Iterator[Row]:
@@ -54,8 +57,10 @@ def _jobs_despite_an_alarm(rows: Sequence[Row]) -> Iterator[Row]:
         row
         for row in rows
         if 1 <= row.reaction <= 4
-        and any(outputs["Busy"] and outputs["instruction"] not in NO_MOTION_JOB for outputs in row.jobs.values())
-    )  # fmt: skip
+        and any(
+            outputs["Busy"] and outputs["instruction"] not in NO_MOTION_JOB for outputs in row.jobs.values()
+        )
+    )
 
 
 def _bits_of_the_axis(rows: Sequence[Row]) -> Iterator[Row]:
@@ -85,7 +90,8 @@ RULES: Final[dict[str, Rule]] = {
 def violations(rows: Sequence[Row]) -> list[str]:
     """Return what is violated when, in words."""
     return [
-        f"{identifier} at {row.time_s:.3f} s in {row.axis_state}: STW1 {row.stw1:04X}, ZSW1 {row.zsw1:04X}, StatusWord {row.x:X}"
+        f"{identifier} at {row.time_s:.3f} s in {row.axis_state}: STW1 {row.stw1:04X}, ZSW1 {row.zsw1:04X}, "
+        f"StatusWord {row.x:X}"
         for identifier, rule in RULES.items()
         for row in rule(rows)
     ]

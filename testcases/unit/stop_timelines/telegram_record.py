@@ -1,7 +1,8 @@
 """An axis on its bench, and what stands in the telegrams on the wire in every cycle of a stop.
 
-A timeline of the specification is a list of steps; a step names a moment and what is to be seen at it. Control and status words,
-speed setpoint and actual speed are read from the frames of the bus, everything else is what a user program can see.
+A timeline of the specification is a list of steps; a step names a moment and what is to be seen at it.
+Control and status words, speed setpoint and actual speed are read from the frames of the bus, everything else
+is what a user program can see.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from testcases.unit.stop_timelines.invariants import violations
 
 CYCLE_S = 0.004
 STW1_MASK, ZSW1_MASK = 0x04FF, 0x027F
-"""Bits 8, 9 and 11 to 15 of STW1 belong to MC_SetAxisSTW; of ZSW1 the states are in bits 0 to 6 and 9 (section 0.1)."""
+"""Bits 8, 9 and 11 to 15 of STW1 belong to MC_SetAxisSTW; of ZSW1 the states are in bits 0 to 6 and 9
+(section 0.1).
+"""
 WORDS = Struct("<4H")
 RPDO1, TPDO1 = 0x205, 0x185
 MM_S_PER_SHARE = 500.0 / 0x4000_0000
@@ -37,7 +40,9 @@ def _speed(high: int, low: int) -> float:
 
 @dataclass(slots=True)
 class Row:
-    """One application cycle: the answer of the drive that it has read, the telegram that it has sent, and what the program sees."""
+    """One application cycle: the answer of the drive that it has read, the telegram that it has sent, and
+    what the program sees.
+    """
 
     time_s: float
     x: int
@@ -103,7 +108,8 @@ class StopBench:
     def __exit__(self, *_: object) -> None:
         self.machine.close()
 
-    # -- what happens -------------------------------------------------------------------------------------------
+    # -- what happens
+    # -------------------------------------------------------------------------------------------
 
     def run(self, seconds: float) -> None:
         self.machine.run_for(seconds)
@@ -133,27 +139,44 @@ class StopBench:
         return job
 
     def now(self) -> None:
-        """Say that what is done now is the event of the timeline: the user program of the next cycle sees it first."""
+        """Say that what is done now is the event of the timeline: the user program of the next cycle sees it
+        first.
+        """
         self.edge = len(self.rows)
 
     def alarm(self, number: int, reaction: int | None = None) -> None:
         self.axis.object.alarms.raise_alarm(number, reaction=reaction)
 
-    # -- what is written down -----------------------------------------------------------------------------------
+    # -- what is written down
+    # -----------------------------------------------------------------------------------
 
     def _note(self) -> None:
         axis = self.axis
         read = axis.var
         self.rows.append(
             Row(
-                self.machine.now_s, read("StatusWord"), read("StatusWord2"), self.power.Status, self.power.Busy,
-                read("StatusDrive.InOperation"), read("StatusDrive.CommunicationOK"), read("ErrorDetail.Number"),
-                read("ErrorDetail.Reaction"), axis.motion.total.v, axis.motion.total.a, read("VelocitySetpoint"),
-                read("Position"), read("ActualPosition"), read("ActualVelocity"), *self._drive(),
-                {name: _outputs(job) for name, job in self.jobs.items()}, axis.state.name, axis.enabling.enable,
+                self.machine.now_s,
+                read("StatusWord"),
+                read("StatusWord2"),
+                self.power.Status,
+                self.power.Busy,
+                read("StatusDrive.InOperation"),
+                read("StatusDrive.CommunicationOK"),
+                read("ErrorDetail.Number"),
+                read("ErrorDetail.Reaction"),
+                axis.motion.total.v,
+                axis.motion.total.a,
+                read("VelocitySetpoint"),
+                read("Position"),
+                read("ActualPosition"),
+                read("ActualVelocity"),
+                *self._drive(),
+                {name: _outputs(job) for name, job in self.jobs.items()},
+                axis.state.name,
+                axis.enabling.enable,
                 any(pending.entry.alarm_class != "W" for pending in axis.alarms.engine.pending),
             )
-        )  # fmt: skip
+        )
 
     def _drive(self) -> tuple[str, bool, bool]:
         """Return the state of the drive, whether it has pulses, and whether its brake is closed."""
@@ -185,7 +208,9 @@ class StopBench:
         return self.rows
 
     def sequence(self, word: str, since: int | None = None) -> list[int]:
-        """Return the different values of `stw1` or `zsw1`, in their order, from the event of the timeline on."""
+        """Return the different values of `stw1` or `zsw1`, in their order, from the event of the timeline
+        on.
+        """
         mask = STW1_MASK if word == "stw1" else ZSW1_MASK
         values = [getattr(row, word) & mask for row in self.rows[self.edge if since is None else since :]]
         return [values[0], *(value for before, value in pairwise(values) if value != before)]
@@ -199,7 +224,9 @@ class StopBench:
         return list(self.machine.history.select(kind=kind))
 
     def ramp(self, value: str) -> tuple[float, float]:
-        """Return (duration in s, travel in mm) from the last full value of `setpoint` or `nact` around the event to its zero."""
+        """Return (duration in s, travel in mm) from the last full value of `setpoint` or `nact` around the
+        event to its zero.
+        """
         rows = self.rows[self.edge - 1 :]
         place, tolerance, zero = (
             ("position", 1e-6, 1e-9) if value == "setpoint" else ("actual_position", 0.05, 0.5)
@@ -217,7 +244,9 @@ class StopBench:
 
 
 class AnalogBench(StopBench):
-    """The reference axis on a drive with an analog setpoint: the terminals of its station in place of words."""
+    """The reference axis on a drive with an analog setpoint: the terminals of its station in place of
+    words.
+    """
 
     name = "analog"
 
@@ -238,7 +267,8 @@ def _outputs(job: Any) -> dict[str, Any]:
     return {name: getattr(job, name) for name in names if hasattr(job, name)}
 
 
-# -- moments -----------------------------------------------------------------------------------------------------------------
+# -- moments
+# ------------------------------------------------------------------------------------------------------------
 
 
 def before(bench: StopBench) -> int:
@@ -276,7 +306,8 @@ drive_off = when(lambda row: row.zsw1 & 0x0006 == 0)
 """ZSW1.1 = 0 and ZSW1.2 = 0 received (STP-290)."""
 
 
-# -- steps -------------------------------------------------------------------------------------------------------------------
+# -- steps
+# ------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(slots=True, frozen=True)
@@ -286,9 +317,10 @@ class Step:
     Args:
         ids: Its requirements.
         moment: When.
-        seen: What is to be seen then. `stw1`, `zsw1`: the words under their masks; `state`: of the drive; `on`, `off`: bits of
-            StatusWord; `on2`, `off2`: of StatusWord2; `job_<name>`: the one output that is TRUE, or `Error 8001`; `follows`:
-            the setpoint of the position is the actual value; the rest by the names of `Row`, floats as (value, tolerance).
+        seen: What is to be seen then. `stw1`, `zsw1`: the words under their masks; `state`: of the drive;
+            `on`, `off`: bits of StatusWord; `on2`, `off2`: of StatusWord2; `job_<name>`: the one output that
+            is TRUE, or `Error 8001`; `follows`: the setpoint of the position is the actual value; the rest by
+            the names of `Row`, floats as (value, tolerance).
 
     """
 

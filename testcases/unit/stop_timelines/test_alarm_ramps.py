@@ -1,4 +1,6 @@
-"""Alarm reactions 1, 2 and 3 behind a PROFIdrive telegram, and what every alarm does to the enable (sections 8.7 and 8.9)."""
+"""Alarm reactions 1, 2 and 3 behind a PROFIdrive telegram, and what every alarm does to the enable (sections
+8.7 and 8.9).
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ ACKNOWLEDGED_MS = 800
 
 @cache
 def alarmed(name):
-    """Return the record of a travelling axis with an alarm that is acknowledged at standstill, and that is moved again."""
+    """Return the record of a travelling axis with an alarm that is acknowledged at standstill, and that is
+    moved again.
+    """
     with StopBench().travelling() as bench:
         bench.now()
         bench.alarm(*ALARMS[name])
@@ -63,21 +67,86 @@ def disabling(name):
     shown = {"reaction": reaction, "number": number, "busy": True}
     acknowledged = when(lambda row: row.reaction == 0)
     return [
-        step("STP-390", before, stw1=0x047F, zsw1=0x0237, on="0", off="1", setpoint=(300.0, 0.001), job_move="Busy"),
-        step("STP-390 STP-482", event, on="0 1 14", off="10 12", status=True, job_move="Error 8001", state="S4", **shown),
-        step("STP-391 STP-454", after(40), stw1=0x047F, zsw1=0x0237, state="S4", on="0 1 14", status=True, in_operation=True, **shown),
+        step(
+            "STP-390",
+            before,
+            stw1=0x047F,
+            zsw1=0x0237,
+            on="0",
+            off="1",
+            setpoint=(300.0, 0.001),
+            job_move="Busy",
+        ),
+        step(
+            "STP-390 STP-482",
+            event,
+            on="0 1 14",
+            off="10 12",
+            status=True,
+            job_move="Error 8001",
+            state="S4",
+            **shown,
+        ),
+        step(
+            "STP-391 STP-454",
+            after(40),
+            stw1=0x047F,
+            zsw1=0x0237,
+            state="S4",
+            on="0 1 14",
+            status=True,
+            in_operation=True,
+            **shown,
+        ),
         step("STP-391 STP-252 STP-454", after(44), job_late="Error 8001"),
-        step("STP-392", setpoint_zero, stw1=0x047E, on="0 1", off="14", status=True, nset=(0.0, 0.001), **shown),
-        step("STP-392", when(lambda row: row.setpoint == 0.0, plus=1), stw1=0x047E, zsw1=0x0233, in_operation=False, **shown),
-        step("STP-393 STP-485 STP-344 STP-290", drive_off, stw1=0x047E, zsw1=0x0231, state="S2", on="1 6", off="0", follows=True,
-             status=False, **shown),
-        step("STP-393 STP-456", after(700), stw1=0x047E, zsw1=0x0231, on="1 6 7", off="0", follows=True, status=False, **shown),
+        step(
+            "STP-392", setpoint_zero, stw1=0x047E, on="0 1", off="14", status=True, nset=(0.0, 0.001), **shown
+        ),
+        step(
+            "STP-392",
+            when(lambda row: row.setpoint == 0.0, plus=1),
+            stw1=0x047E,
+            zsw1=0x0233,
+            in_operation=False,
+            **shown,
+        ),
+        step(
+            "STP-393 STP-485 STP-344 STP-290",
+            drive_off,
+            stw1=0x047E,
+            zsw1=0x0231,
+            state="S2",
+            on="1 6",
+            off="0",
+            follows=True,
+            status=False,
+            **shown,
+        ),
+        step(
+            "STP-393 STP-456",
+            after(700),
+            stw1=0x047E,
+            zsw1=0x0231,
+            on="1 6 7",
+            off="0",
+            follows=True,
+            status=False,
+            **shown,
+        ),
         step("STP-393 STP-456", after(510), job_refused="Error 8001"),
         step("STP-394", acknowledged, off="1", number=0, job_reset="Done"),
-        step("STP-394 STP-493", when(_enabled_again), stw1=0x047F, zsw1=0x0237,
-             state="S4", on="0", status=True, busy=True),
+        step(
+            "STP-394 STP-493",
+            when(_enabled_again),
+            stw1=0x047F,
+            zsw1=0x0237,
+            state="S4",
+            on="0",
+            status=True,
+            busy=True,
+        ),
         step("STP-394", end, on="0 10", job_again="Busy", nact=(-50.0, 1.0)),
-    ]  # fmt: skip
+    ]
 
 
 def _enabled_again(row):
@@ -95,9 +164,18 @@ def staying_enabled(name):
         step(f"{rule} STP-597", setpoint_zero, stw1=0x047F, zsw1=0x0237, on="0 1 6", off="14", **shown),
         step(f"{rule} STP-597", after(700), stw1=0x047F, zsw1=0x0237, state="S4", on="0 1 6 7", **shown),
         step(f"{rule} STP-597", after(510), job_refused="Error 8001", **shown),
-        step(f"{rule} STP-598", when(lambda row: row.reaction == 0), stw1=0x047F, zsw1=0x0237, on="0 6", off="1", status=True, busy=True),
+        step(
+            f"{rule} STP-598",
+            when(lambda row: row.reaction == 0),
+            stw1=0x047F,
+            zsw1=0x0237,
+            on="0 6",
+            off="1",
+            status=True,
+            busy=True,
+        ),
         step("STP-598", end, stw1=0x047F, on="0 10", job_again="Busy", nact=(-50.0, 1.0)),
-    ]  # fmt: skip
+    ]
 
 
 TIMELINES = {name: disabling(name) for name in ("reaction 2", "reaction 3")} | {
@@ -136,14 +214,31 @@ def test_ramp(name):
 @pytest.mark.parametrize(
     ("name", "words", "states"),
     [
-        pytest.param("reaction 2", [0x047F, 0x047E, 0x04FE, 0x047E, 0x047F], ["S4", "S2", "S3", "S4"],
-                     marks=pytest.mark.requirement("STP-389", "STP-392", "STP-394", "STP-511")),
-        pytest.param("reaction 3", [0x047F, 0x047E, 0x04FE, 0x047E, 0x047F], ["S4", "S5", "S2", "S3", "S4"],
-                     marks=pytest.mark.requirement("STP-389", "STP-392", "STP-394", "STP-511")),
-        *(pytest.param(name, [0x047F, 0x04FF, 0x047F], ["S4"], marks=pytest.mark.requirement(rule, "STP-598"))
-          for name, rule in (("reaction 1", "STP-590"), ("533", "STP-590"), ("531", "STP-589"), ("534", "STP-591"))),
+        pytest.param(
+            "reaction 2",
+            [0x047F, 0x047E, 0x04FE, 0x047E, 0x047F],
+            ["S4", "S2", "S3", "S4"],
+            marks=pytest.mark.requirement("STP-389", "STP-392", "STP-394", "STP-511"),
+        ),
+        pytest.param(
+            "reaction 3",
+            [0x047F, 0x047E, 0x04FE, 0x047E, 0x047F],
+            ["S4", "S5", "S2", "S3", "S4"],
+            marks=pytest.mark.requirement("STP-389", "STP-392", "STP-394", "STP-511"),
+        ),
+        *(
+            pytest.param(
+                name, [0x047F, 0x04FF, 0x047F], ["S4"], marks=pytest.mark.requirement(rule, "STP-598")
+            )
+            for name, rule in (
+                ("reaction 1", "STP-590"),
+                ("533", "STP-590"),
+                ("531", "STP-589"),
+                ("534", "STP-591"),
+            )
+        ),
     ],
-)  # fmt: skip
+)
 def test_words_of_a_stop(name, words, states):
     """ON is withdrawn at the end of the ramp, or never; bit 7 is the acknowledgement."""
     bench = alarmed(name)
@@ -151,7 +246,8 @@ def test_words_of_a_stop(name, words, states):
     assert bench.states() == states
 
 
-# -- what else happens during the ramp ----------------------------------------------------------------------------------------------
+# -- what else happens during the ramp
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-345", "MC-167")
@@ -175,7 +271,9 @@ def test_stop_mode_has_no_say(mode):
     [(1, 2, 0.288), (1, 3, 0.1625), (2, 3, 0.150), (2, 1, 0.250), (3, 1, 0.075), (3, 2, 0.075)],
 )
 def test_two_alarms(first, second, seconds):
-    """The more severe reaction takes the ramp over after 100 ms, a less severe one changes nothing; ErrorDetail shows the former."""
+    """The more severe reaction takes the ramp over after 100 ms, a less severe one changes nothing;
+    ErrorDetail shows the former.
+    """
     numbers = {1: (533, 1), 2: (104, 2), 3: (321, 3)}
     with StopBench().travelling() as bench:
         bench.now()
@@ -235,7 +333,9 @@ DISABLED_MEANWHILE = [
 @pytest.mark.requirement("STP-396", "STP-519", "STP-520", "STP-521")
 @pytest.mark.parametrize(("reaction", "mode", "words", "ramp"), DISABLED_MEANWHILE)
 def test_disabled_during_the_ramp(reaction, mode, words, ramp):
-    """Quick stop and coasting act at once, a ramp only if it is more severe; at the end Busy and Status are FALSE."""
+    """Quick stop and coasting act at once, a ramp only if it is more severe; at the end Busy and Status are
+    FALSE.
+    """
     with StopBench().travelling() as bench:
         bench.now()
         bench.alarm(*ALARMS[f"reaction {reaction}"])
@@ -284,7 +384,8 @@ def test_link_lost_during_the_ramp(name):
         assert not bench.machine.drive().core.enabled
 
 
-# -- every alarm ------------------------------------------------------------------------------------------------------------------------
+# -- every alarm
+# ------------------------------------------------------------------------------------------------------------
 
 KEPT, RAMPED, AT_ONCE, TRACKED, NOTHING = (
     "kept enabled",
@@ -299,13 +400,51 @@ TABLE = [
     ("STP-591", [(534, 3)], KEPT),
     ("STP-592", [(number, 2) for number in (104, 307, 341, 601, 608)], RAMPED),
     ("STP-593", [(number, 3) for number in (304, 305, 306, 321, 342)], RAMPED),
-    ("STP-594", [(number, 4) for number in (
-        101, 102, 103, 105, 106, 107, 108, 109, 113, 114, 201, 203, 204, 308, 323, 343, 401, 411, 412, 421, 431, 521, 541, 542, 552,
-        603, 612, 531, 534,
-    )], AT_ONCE),
+    (
+        "STP-594",
+        [
+            (number, 4)
+            for number in (
+                101,
+                102,
+                103,
+                105,
+                106,
+                107,
+                108,
+                109,
+                113,
+                114,
+                201,
+                203,
+                204,
+                308,
+                323,
+                343,
+                401,
+                411,
+                412,
+                421,
+                431,
+                521,
+                541,
+                542,
+                552,
+                603,
+                612,
+                531,
+                534,
+            )
+        ],
+        AT_ONCE,
+    ),
     ("STP-595", [(550, 5)], TRACKED),
-    ("STP-596", [(number, 0) for number in (110, 111, 112, 322, 501, 502, 503, 504, 511, 522, 551, 202)], NOTHING),
-]  # fmt: skip
+    (
+        "STP-596",
+        [(number, 0) for number in (110, 111, 112, 322, 501, 502, 503, 504, 511, 522, 551, 202)],
+        NOTHING,
+    ),
+]
 OF_SYNCHRONOUS_AXES = (114, 601, 603, 608, 612)
 WARNINGS = (110, 111, 112, 322, 501, 502, 503, 504, 511, 522, 551)
 
@@ -313,12 +452,18 @@ WARNINGS = (110, 111, 112, 322, 501, 502, 503, 504, 511, 522, 551)
 @pytest.mark.parametrize(
     ("number", "reaction", "effect"),
     [
-        pytest.param(number, reaction, effect, id=f"{number}-{reaction}", marks=pytest.mark.requirement(identifier, "STP-342", "STP-343"))
+        pytest.param(
+            number,
+            reaction,
+            effect,
+            id=f"{number}-{reaction}",
+            marks=pytest.mark.requirement(identifier, "STP-342", "STP-343"),
+        )
         for identifier, alarms, effect in TABLE
         for number, reaction in alarms
         if number not in OF_SYNCHRONOUS_AXES
     ],
-)  # fmt: skip
+)
 def test_every_alarm(number, reaction, effect):
     """X0, Status and the words on the wire, in the cycle of the alarm, while it brakes, and afterwards."""
     with StopBench().travelling(100.0) as bench:

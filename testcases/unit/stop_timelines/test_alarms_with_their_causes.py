@@ -1,4 +1,6 @@
-"""Alarms that keep the axis enabled or not, raised by their causes: switches, software limits, the drive, the bus (sections 8.9.1 and 11.6)."""
+"""Alarms that keep the axis enabled or not, raised by their causes: switches, software limits, the drive, the
+bus (sections 8.9.1 and 11.6).
+"""
 
 from __future__ import annotations
 
@@ -40,15 +42,57 @@ def approach(number, variables):
 @pytest.mark.parametrize(
     ("number", "variables", "reaction", "words"),
     [
-        pytest.param(531, {f"{HW}.Mode": 0, f"{HW}.ApproachBehavior": 1}, 3, KEPT, marks=pytest.mark.requirement("STP-589")),
-        pytest.param(531, {f"{HW}.Mode": 0, f"{HW}.ApproachBehavior": 0}, 4, REMOVED, marks=pytest.mark.requirement("STP-594")),
-        pytest.param(531, {f"{HW}.Mode": 1, f"{HW}.ApproachBehavior": 1}, 4, REMOVED, marks=pytest.mark.requirement("STP-594")),
-        pytest.param(533, {f"{SW}.Active": True, f"{SW}.LimitReachedBehavior": 0}, 2, KEPT, marks=pytest.mark.requirement("STP-590")),
-        pytest.param(533, {f"{SW}.Active": True, f"{SW}.LimitReachedBehavior": 1}, 1, KEPT, marks=pytest.mark.requirement("STP-590")),
-        pytest.param(534, {f"{SW}.Active": True, f"{SW}.LimitExceededBehavior": 1}, 3, KEPT, marks=pytest.mark.requirement("STP-591")),
-        pytest.param(534, {f"{SW}.Active": True, f"{SW}.LimitExceededBehavior": 0}, 4, REMOVED, marks=pytest.mark.requirement("STP-594")),
+        pytest.param(
+            531,
+            {f"{HW}.Mode": 0, f"{HW}.ApproachBehavior": 1},
+            3,
+            KEPT,
+            marks=pytest.mark.requirement("STP-589"),
+        ),
+        pytest.param(
+            531,
+            {f"{HW}.Mode": 0, f"{HW}.ApproachBehavior": 0},
+            4,
+            REMOVED,
+            marks=pytest.mark.requirement("STP-594"),
+        ),
+        pytest.param(
+            531,
+            {f"{HW}.Mode": 1, f"{HW}.ApproachBehavior": 1},
+            4,
+            REMOVED,
+            marks=pytest.mark.requirement("STP-594"),
+        ),
+        pytest.param(
+            533,
+            {f"{SW}.Active": True, f"{SW}.LimitReachedBehavior": 0},
+            2,
+            KEPT,
+            marks=pytest.mark.requirement("STP-590"),
+        ),
+        pytest.param(
+            533,
+            {f"{SW}.Active": True, f"{SW}.LimitReachedBehavior": 1},
+            1,
+            KEPT,
+            marks=pytest.mark.requirement("STP-590"),
+        ),
+        pytest.param(
+            534,
+            {f"{SW}.Active": True, f"{SW}.LimitExceededBehavior": 1},
+            3,
+            KEPT,
+            marks=pytest.mark.requirement("STP-591"),
+        ),
+        pytest.param(
+            534,
+            {f"{SW}.Active": True, f"{SW}.LimitExceededBehavior": 0},
+            4,
+            REMOVED,
+            marks=pytest.mark.requirement("STP-594"),
+        ),
     ],
-)  # fmt: skip
+)
 def test_limits(number, variables, reaction, words):
     """The reaction of the configuration; enabled to the end with 16#047F, or the enable removed at once."""
     with approach(number, variables) as bench:
@@ -68,7 +112,9 @@ def test_limits(number, variables, reaction, words):
 @pytest.mark.requirement("STP-598", "STP-072")
 @pytest.mark.parametrize("number", [531, 533])
 def test_the_way_back(number):
-    """Acknowledged at the limit, no word changes but bit 7; the way back is free at once, the way on raises the alarm again."""
+    """Acknowledged at the limit, no word changes but bit 7; the way back is free at once, the way on raises
+    the alarm again.
+    """
     variables = {f"{SW}.Active": number == 533}
     with approach(number, variables) as bench:
         bench.now()
@@ -108,7 +154,9 @@ def test_the_way_back(number):
     ],
 )
 def test_drive_that_drops_out(kind, parameters):
-    """Fault, control taken away, safe torque off, switched off by itself: 421 with reaction 4, Status FALSE, Busy TRUE."""
+    """Fault, control taken away, safe torque off, switched off by itself: 421 with reaction 4, Status FALSE,
+    Busy TRUE.
+    """
     with StopBench().travelling() as bench:
         fault = Injector(bench.machine).inject(kind, "drive1", **parameters)
         bench.until(lambda: bench.axis.var("ErrorDetail.Number"), 0.1)

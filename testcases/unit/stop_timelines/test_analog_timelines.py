@@ -1,4 +1,6 @@
-"""The same stops on a drive with an analog setpoint, step by step at its terminals (sections 8.3 to 8.6, 8.8.4 and 8.9)."""
+"""The same stops on a drive with an analog setpoint, step by step at its terminals (sections 8.3 to 8.6,
+8.8.4 and 8.9).
+"""
 
 from __future__ import annotations
 
@@ -69,36 +71,89 @@ TIMELINES = {
     "StopMode 1": [
         step("STP-321", event, job_move="CommandAborted", on="0", off="10", status=True, busy=True),
         step("STP-321", after(8), on="0 14", status=True, busy=True, in_operation=False, **AT_ZERO),
-        step("STP-322", after(160), state="Stopping", actual_velocity=(150.0, 5.0), status=True, busy=True, **AT_ZERO),
+        step(
+            "STP-322",
+            after(160),
+            state="Stopping",
+            actual_velocity=(150.0, 5.0),
+            status=True,
+            busy=True,
+            **AT_ZERO,
+        ),
         step("STP-323", when(lambda row: not row.busy), on="6", actual_velocity=(0.0, 2.0), **AT_ZERO, **OFF),
         step("STP-323", end, on="6 7", **AT_ZERO, **OFF),
     ],
     "StopMode 3": [
         step("STP-341", event, job_move="CommandAborted", off="10", busy=True),
-        step("STP-332 STP-341", after(8), on="6", off="0 7", actual_velocity=(300.0, 2.0), status=False, busy=False, **AT_ZERO),
+        step(
+            "STP-332 STP-341",
+            after(8),
+            on="6",
+            off="0 7",
+            actual_velocity=(300.0, 2.0),
+            status=False,
+            busy=False,
+            **AT_ZERO,
+        ),
         step("STP-341", end, on="6 7", **AT_ZERO, **OFF),
     ],
     "Reaction 4": [
         step("STP-377", event, on="1", off="0", status=False, busy=True, reaction=4, job_move="Error 8001"),
         step("STP-377", after(4), status=False, busy=True, reaction=4, on="1", off="0", **AT_ZERO),
-        step("STP-378", after(160), state="Stopping", actual_velocity=(150.0, 8.0), status=False, busy=True, **AT_ZERO),
+        step(
+            "STP-378",
+            after(160),
+            state="Stopping",
+            actual_velocity=(150.0, 8.0),
+            status=False,
+            busy=True,
+            **AT_ZERO,
+        ),
         step("STP-378", after(400), state="Standby", on="1 6 7", off="0", status=False, busy=True, **AT_ZERO),
         step("STP-380", when(lambda row: row.reaction == 0), off="1", status=False, job_reset="Done"),
         step("STP-380", when(lambda row: row.reaction == 0 and row.enable_output), status=False, busy=True),
-        step("STP-380", end, enable_output=True, ready_input=True, on="0 6", status=True, busy=True, in_operation=True),
+        step(
+            "STP-380",
+            end,
+            enable_output=True,
+            ready_input=True,
+            on="0 6",
+            status=True,
+            busy=True,
+            in_operation=True,
+        ),
     ],
     **{
         f"Reaction {reaction}": [
             step("STP-398", event, on="0 1 14", job_move="Error 8001", reaction=reaction, **MOVING),
-            step("STP-398", after(half), analog_output=(volts, 0.3), on="0 1 14", reaction=reaction, **MOVING),
-            step("STP-399", when(lambda row: row.setpoint == 0.0, plus=2), status=False, busy=True, on="1", off="0", **AT_ZERO),
-            step("STP-399", after(600), status=False, busy=True, on="1 6 7", off="0", reaction=reaction, **AT_ZERO),
+            step(
+                "STP-398", after(half), analog_output=(volts, 0.3), on="0 1 14", reaction=reaction, **MOVING
+            ),
+            step(
+                "STP-399",
+                when(lambda row: row.setpoint == 0.0, plus=2),
+                status=False,
+                busy=True,
+                on="1",
+                off="0",
+                **AT_ZERO,
+            ),
+            step(
+                "STP-399",
+                after(600),
+                status=False,
+                busy=True,
+                on="1 6 7",
+                off="0",
+                reaction=reaction,
+                **AT_ZERO,
+            ),
             step("STP-401", when(lambda row: row.reaction == 0), off="1", job_reset="Done"),
             step("STP-401", end, enable_output=True, on="0 6", status=True, busy=True, in_operation=True),
         ]
         for reaction, half, volts in ((2, 104, 4.0), (3, 40, 2.5))
     },
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("timeline", "step"), steps(TIMELINES))
@@ -145,9 +200,12 @@ def test_ramp_of_the_drive(what, off3_s):
 def test_remove_enable_reaction_means_nothing():
     """There is one enable wire: whatever the value, the same happens at the terminals in every cycle."""
     seen = [
-        [(row.enable_output, row.analog_output, round(row.actual_velocity)) for row in bench.rows[bench.edge : bench.edge + 120]]
+        [
+            (row.enable_output, row.analog_output, round(row.actual_velocity))
+            for row in bench.rows[bench.edge : bench.edge + 120]
+        ]
         for bench in (record("Reaction 4", value=value) for value in (1, 3, 5, 7))
-    ]  # fmt: skip
+    ]
     assert seen.count(seen[0]) == 4
 
 
@@ -164,11 +222,16 @@ def test_remove_enable_reaction_means_nothing():
     ],
 )
 def test_nothing_waits_for_the_ready_signal(what):
-    """Whether it falls with the enable, at standstill or never: outputs, Status and Busy are the same in every cycle."""
+    """Whether it falls with the enable, at standstill or never: outputs, Status and Busy are the same in
+    every cycle.
+    """
     seen = [
-        [(row.enable_output, row.analog_output, row.status, row.busy, row.x & 0x43) for row in bench.rows[bench.edge : bench.edge + 150]]
+        [
+            (row.enable_output, row.analog_output, row.status, row.busy, row.x & 0x43)
+            for row in bench.rows[bench.edge : bench.edge + 150]
+        ]
         for bench in (record(what, falls=falls) for falls in READY_FALLS)
-    ]  # fmt: skip
+    ]
     assert seen.count(seen[0]) == 3
     levels = [record(what, falls=falls).rows[record(what).edge + 150].ready_input for falls in READY_FALLS]
     assert levels == [False, False, True]

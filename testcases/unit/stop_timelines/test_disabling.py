@@ -1,4 +1,6 @@
-"""What holds for disabling with MC_Power whatever its stop mode: general rules, brake, enabling again (sections 8.0, 8.2, 8.4, 8.6)."""
+"""What holds for disabling with MC_Power whatever its stop mode: general rules, brake, enabling again
+(sections 8.0, 8.2, 8.4, 8.6).
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ MODES = pytest.mark.parametrize("mode", [0, 1, 2, 3])
 @MODES
 @pytest.mark.requirement("STP-251", "STP-291", "MC-163")
 def test_all_jobs_end_in_the_cycle_of_the_falling_edge(mode):
-    """The job in control, a waiting and a superimposed one show CommandAborted at once, and nobody is Busy any more."""
+    """The job in control, a waiting and a superimposed one show CommandAborted at once, and nobody is Busy
+    any more.
+    """
     with StopBench().enabled() as bench:
         axis = bench.axis
         bench.watch("basic", axis.move_relative(400.0, Velocity=200.0))
@@ -51,7 +55,9 @@ def test_disabling_at_standstill(mode):
 @pytest.mark.requirement("STP-299", "STP-573")
 @MODES
 def test_a_drive_that_never_shows_that_it_is_off(mode):
-    """ZSW1.2 stuck at 1: Busy and Status stay, for as long as one waits; when it lets go the disabling completes."""
+    """ZSW1.2 stuck at 1: Busy and Status stay, for as long as one waits; when it lets go the disabling
+    completes.
+    """
     with StopBench().travelling(100.0) as bench:
         bench.now()
         fault = Injector(bench.machine).inject("telegram.bits", "drive1", signal="ZSW1", set=0x0004)
@@ -67,12 +73,15 @@ def test_quick_stop_knows_the_drives_ramp_only():
     """Other dynamics of the object and of the job change nothing; p1135 = 0.25 s halves the time."""
     times = {}
     other = {
-        "DynamicDefaults.EmergencyDeceleration": 9000.0, "DynamicLimits.MaxDeceleration": 900.0,
+        "DynamicDefaults.EmergencyDeceleration": 9000.0,
+        "DynamicLimits.MaxDeceleration": 900.0,
         "DynamicDefaults.Deceleration": 300.0,
-    }  # fmt: skip
+    }
     for name, variables, drive in (
-        ("as it is", {}, {}), ("other dynamics", other, {}), ("p1135", {}, {"off3_ramp_s": 0.25}),
-    ):  # fmt: skip
+        ("as it is", {}, {}),
+        ("other dynamics", other, {}),
+        ("p1135", {}, {"off3_ramp_s": 0.25}),
+    ):
         with StopBench(variables=variables, drive=drive).travelling() as bench:
             bench.now()
             bench.until(bench.axis.power(False, stop_mode=1).off)
@@ -87,7 +96,9 @@ def test_quick_stop_knows_the_drives_ramp_only():
 @pytest.mark.parametrize("other", [0, 1, 2, 3])
 @pytest.mark.parametrize("mode", [0, 1, 2])
 def test_nothing_cancels_or_changes_a_disabling(mode, other):
-    """Enable TRUE and FALSE again with another StopMode during the ramp: words and time stay; afterwards the axis is enabled."""
+    """Enable TRUE and FALSE again with another StopMode during the ramp: words and time stay; afterwards the
+    axis is enabled.
+    """
 
     def stopped(disturbed):
         with StopBench().travelling() as bench:
@@ -135,7 +146,8 @@ def test_axis_without_a_drive(kind, mode, seconds):
     assert rig.axis.var("ActualVelocity") == pytest.approx(0.0, abs=0.5)
 
 
-# -- brake and control words of the user ---------------------------------------------------------------------------------------
+# -- brake and control words of the user
+# ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -172,7 +184,9 @@ def test_coasting_with_a_holding_brake(open_brake, closes):
 
 @pytest.mark.requirement("STP-335", "STP-257")
 def test_control_word_job_during_disabling():
-    """MC_SetAxisSTW is aborted while the object is being disabled and its bit stays 0; written again afterwards it is there."""
+    """MC_SetAxisSTW is aborted while the object is being disabled and its bit stays 0; written again
+    afterwards it is there.
+    """
     with StopBench().travelling() as bench:
         bench.now()
         power = bench.axis.power(False, stop_mode=1)
@@ -190,12 +204,15 @@ def test_control_word_job_during_disabling():
         assert rows[-1].stw1 == 0x047E | 0x1000
 
 
-# -- enabling again ---------------------------------------------------------------------------------------------------------------
+# -- enabling again
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-340", "STP-288", "STP-039", "STP-046", "STP-510")
 def test_enabling_while_the_axis_coasts():
-    """16#047C, then 16#047E until the drive shows S2, then 16#047F; the axis is caught with MaxDeceleration."""
+    """16#047C, then 16#047E until the drive shows S2, then 16#047F; the axis is caught with
+    MaxDeceleration.
+    """
     with StopBench().travelling() as bench:
         bench.until(bench.axis.power(False, stop_mode=3).off)
         bench.run(0.1)
@@ -207,9 +224,14 @@ def test_enabling_while_the_axis_coasts():
         bench.run(0.5)
         bench.telegrams()
         assert bench.sequence("stw1") == [0x047C, 0x047E, 0x047F]
-        assert bench.sequence("zsw1") == [0x0260, 0x0270, 0x0231, 0x0233, 0x0237] or bench.sequence("zsw1") == [
-            0x0260, 0x0231, 0x0233, 0x0237,
-        ]  # fmt: skip
+        assert bench.sequence("zsw1") == [0x0260, 0x0270, 0x0231, 0x0233, 0x0237] or bench.sequence(
+            "zsw1"
+        ) == [
+            0x0260,
+            0x0231,
+            0x0233,
+            0x0237,
+        ]
         assert bench.states() == ["S1", "S2", "S3", "S4"]
         assert bench.axis.state is AxisState.STANDSTILL
 
@@ -217,7 +239,9 @@ def test_enabling_while_the_axis_coasts():
 @MODES
 @pytest.mark.requirement("STP-287", "STP-288", "STP-340", "STP-373")
 def test_enabling_after_every_stop(mode):
-    """From the word in which the stop has left the drive the next Enable leads through S2 and S3 to S4, without motion."""
+    """From the word in which the stop has left the drive the next Enable leads through S2 and S3 to S4,
+    without motion.
+    """
     with StopBench().travelling(100.0) as bench:
         bench.until(bench.axis.power(False, stop_mode=mode).off)
         bench.run(3.0)

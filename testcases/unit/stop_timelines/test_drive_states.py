@@ -1,4 +1,6 @@
-"""Bits of STW1 and ZSW1, states and transitions of a PROFIdrive drive, led word by word over the bus (section 8.1)."""
+"""Bits of STW1 and ZSW1, states and transitions of a PROFIdrive drive, led word by word over the bus (section
+8.1).
+"""
 
 from __future__ import annotations
 
@@ -89,15 +91,19 @@ class Led:
 @pytest.mark.parametrize(
     ("words", "state", "zsw1", "brake_closed"),
     [
-        pytest.param([OFF2_OFF1, OPERATE], "S1", 0x0270, True, id="S1", marks=pytest.mark.requirement("STP-268")),
+        pytest.param(
+            [OFF2_OFF1, OPERATE], "S1", 0x0270, True, id="S1", marks=pytest.mark.requirement("STP-268")
+        ),
         pytest.param([OFF2_OFF1], "S1", 0x0260, True, id="S1 OFF2", marks=pytest.mark.requirement("STP-268")),
         pytest.param([0x047A], "S1", 0x0250, True, id="S1 OFF3", marks=pytest.mark.requirement("STP-268")),
-        pytest.param([ALL_OFF], "S1", 0x0240, True, id="S1 OFF2 OFF3", marks=pytest.mark.requirement("STP-268")),
+        pytest.param(
+            [ALL_OFF], "S1", 0x0240, True, id="S1 OFF2 OFF3", marks=pytest.mark.requirement("STP-268")
+        ),
         pytest.param(WAY["S2"], "S2", 0x0231, True, id="S2", marks=pytest.mark.requirement("STP-269")),
         pytest.param(WAY["S3"], "S3", 0x0233, None, id="S3", marks=pytest.mark.requirement("STP-270")),
         pytest.param(WAY["S4"], "S4", 0x0237, False, id="S4", marks=pytest.mark.requirement("STP-271")),
     ],
-)  # fmt: skip
+)
 def test_states_and_their_status_word(words, state, zsw1, brake_closed):
     """Every state shows its bits; the brake is closed below S3 and open in S4."""
     with Led(brake=BRAKE) as led:
@@ -145,10 +151,12 @@ TRANSITIONS = [
 @pytest.mark.parametrize(
     ("start", "word", "state", "pulses"),
     [
-        pytest.param(start, word, state, pulses, id=f"{start}-{word:04X}", marks=pytest.mark.requirement(identifier))
+        pytest.param(
+            start, word, state, pulses, id=f"{start}-{word:04X}", marks=pytest.mark.requirement(identifier)
+        )
         for identifier, start, word, state, pulses in TRANSITIONS
     ],
-)  # fmt: skip
+)
 def test_transition(start, word, state, pulses):
     """The word leads from the state into the next; where the pulses go the motor coasts."""
     with Led().reach(start) as led:
@@ -163,12 +171,26 @@ def test_transition(start, word, state, pulses):
 @pytest.mark.parametrize(
     ("word", "seconds", "state", "zsw1"),
     [
-        pytest.param(IDLE, 0.5, "S2", 0x0231, marks=pytest.mark.requirement("STP-258", "STP-284", "STP-358", "STP-360", "STP-361")),
-        pytest.param(OFF3, 0.25, "S1", 0x0250, marks=pytest.mark.requirement("STP-260", "STP-285", "STP-358", "STP-360", "STP-361")),
+        pytest.param(
+            IDLE,
+            0.5,
+            "S2",
+            0x0231,
+            marks=pytest.mark.requirement("STP-258", "STP-284", "STP-358", "STP-360", "STP-361"),
+        ),
+        pytest.param(
+            OFF3,
+            0.25,
+            "S1",
+            0x0250,
+            marks=pytest.mark.requirement("STP-260", "STP-285", "STP-358", "STP-360", "STP-361"),
+        ),
     ],
-)  # fmt: skip
+)
 def test_ramp_of_the_drive(word, seconds, state, zsw1):
-    """From 1500 of 3000 rpm the ramp takes half its time (p1121 = 1.0 s, p1135 = 0.5 s); then pulses off, S2 or S1."""
+    """From 1500 of 3000 rpm the ramp takes half its time (p1121 = 1.0 s, p1135 = 0.5 s); then pulses off, S2
+    or S1.
+    """
     with Led().reach("S4") as led:
         started = led.bench.now_s
         led.master.send(STW1=word)
@@ -199,7 +221,9 @@ def test_coasting(word, state):
     ],
 )
 def test_what_can_be_interrupted(start, word, interrupted):
-    """Given back at once, ON ends an OFF1 ramp; a quick stop goes on to standstill; after OFF2 the drive waits for ON = 0."""
+    """Given back at once, ON ends an OFF1 ramp; a quick stop goes on to standstill; after OFF2 the drive
+    waits for ON = 0.
+    """
     with Led().reach(start) as led:
         led.send(word, cycles=2)
         led.send(OPERATE, rpm=1500.0, cycles=150)
@@ -220,7 +244,9 @@ def test_what_can_be_interrupted(start, word, interrupted):
     ],
 )
 def test_bits_of_the_ramp_generator(word, low, high):
-    """Mode 1, a new setpoint of 900 rpm: the drive stays in S4 and its ramp generator does what the bit says."""
+    """Mode 1, a new setpoint of 900 rpm: the drive stays in S4 and its ramp generator does what the bit
+    says.
+    """
     with Led(mode=1, more="ramp_up_s = 1.0").reach("S4", 600.0) as led:
         led.send(word, rpm=900.0, cycles=150)
         assert (led.state, led.zsw1) == ("S4", 0x0237)

@@ -39,7 +39,9 @@ def halted():
 
 @cache
 def stopped(mode=2, **inputs):
-    """Return the record of a travelling axis that MC_Stop stops and holds; jobs before, during and after the hold."""
+    """Return the record of a travelling axis that MC_Stop stops and holds; jobs before, during and after the
+    hold.
+    """
     with StopBench().travelling() as bench:
         bench.now()
         stop = bench.watch("stop", bench.axis.stop(mode, **inputs))
@@ -120,14 +122,30 @@ def test_the_drive_stays_on(record):
 @pytest.mark.parametrize(
     ("mode", "inputs", "seconds", "travel"),
     [
-        pytest.param(None, (), 0.400, 60.0, marks=pytest.mark.requirement("STP-012", "STP-247", "STP-402", "STP-410")),
+        pytest.param(
+            None, (), 0.400, 60.0, marks=pytest.mark.requirement("STP-012", "STP-247", "STP-402", "STP-410")
+        ),
         pytest.param(0, (), 0.075, 11.25, marks=pytest.mark.requirement("STP-008", "STP-248", "STP-416")),
-        pytest.param(2, (), 0.250, 37.5, marks=pytest.mark.requirement("STP-009", "STP-249", "STP-418", "STP-428")),
+        pytest.param(
+            2, (), 0.250, 37.5, marks=pytest.mark.requirement("STP-009", "STP-249", "STP-418", "STP-428")
+        ),
         pytest.param(3, (), 0.400, 60.0, marks=pytest.mark.requirement("STP-012", "STP-250", "STP-419")),
-        pytest.param(3, (("Deceleration", 3000.0), ("Jerk", 10000.0)), 0.346, 51.96, marks=pytest.mark.requirement("STP-013", "STP-419")),
-        pytest.param(3, (("Deceleration", 1500.0), ("Jerk", 0.0)), 0.200, 30.0, marks=pytest.mark.requirement("STP-419")),
+        pytest.param(
+            3,
+            (("Deceleration", 3000.0), ("Jerk", 10000.0)),
+            0.346,
+            51.96,
+            marks=pytest.mark.requirement("STP-013", "STP-419"),
+        ),
+        pytest.param(
+            3,
+            (("Deceleration", 1500.0), ("Jerk", 0.0)),
+            0.200,
+            30.0,
+            marks=pytest.mark.requirement("STP-419"),
+        ),
     ],
-)  # fmt: skip
+)
 def test_ramp(mode, inputs, seconds, travel):
     """Duration and travel of the setpoint, which the drive follows in every telegram."""
     bench = halted() if mode is None else stopped(mode, **dict(inputs))
@@ -206,7 +224,8 @@ def test_a_job_that_is_through():
         assert bench.sequence("stw1") == [0x047F]
 
 
-# -- superimposed motion -------------------------------------------------------------------------------------------------------------
+# -- superimposed motion
+# ------------------------------------------------------------------------------------------------------------
 
 
 def superimposed(bench):
@@ -249,7 +268,8 @@ def test_halt_mode_1_stops_the_basic_motion():
         assert bench.axis.state is AxisState.MOTION
 
 
-# -- position control, torque limit, what aborts it ------------------------------------------------------------------------------------
+# -- position control, torque limit, what aborts it
+# ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -261,7 +281,9 @@ def test_halt_mode_1_stops_the_basic_motion():
     ],
 )
 def test_position_control_is_left_as_it_is(give, controlled):
-    """X28 does not change from before the stop to its end; without position control Done comes with setpoint zero."""
+    """X28 does not change from before the stop to its end; without position control Done comes with setpoint
+    zero.
+    """
     with StopBench().enabled() as bench:
         bench.axis.move_velocity(200.0, PositionControlled=controlled)
         bench.run(0.5)
@@ -300,9 +322,11 @@ def test_position_monitoring_after_a_halt():
 def test_done_with_an_active_torque_limit(give, monitored):
     """Done comes with the standstill signal, whether positions are monitored meanwhile or not."""
     variables = {
-        "TorqueLimiting.PositionBasedMonitorings": monitored, "Actor.DriveParameter.ReferenceTorque": 2.0,
-        "FollowingError.EnableMonitoring": False, "StandstillSignal.MinDwellTime": 0.1,
-    }  # fmt: skip
+        "TorqueLimiting.PositionBasedMonitorings": monitored,
+        "Actor.DriveParameter.ReferenceTorque": 2.0,
+        "FollowingError.EnableMonitoring": False,
+        "StandstillSignal.MinDwellTime": 0.1,
+    }
     with StopBench(variables=variables).enabled() as bench:
         bench.axis.torque_limiting(0.5)
         bench.axis.move_velocity(150.0)
@@ -318,7 +342,9 @@ def test_done_with_an_active_torque_limit(give, monitored):
 
 @pytest.mark.requirement("STP-422", "STP-477")
 def test_released_during_the_ramp():
-    """Execute FALSE after 40 ms: the ramp is completed, the block ends at standstill, jobs are possible again."""
+    """Execute FALSE after 40 ms: the ramp is completed, the block ends at standstill, jobs are possible
+    again.
+    """
     with StopBench().travelling() as bench:
         bench.now()
         stop = bench.watch("stop", bench.axis.stop(2))
@@ -336,7 +362,9 @@ def test_released_during_the_ramp():
 
 @pytest.mark.requirement("STP-424", "STP-423", "STP-578")
 def test_what_aborts_mc_stop():
-    """No motion job does; another MC_Stop of the same or a higher severity does; a lower one is aborted itself, without error."""
+    """No motion job does; another MC_Stop of the same or a higher severity does; a lower one is aborted
+    itself, without error.
+    """
     severity = {3: 1, 2: 2, 0: 3}
     with StopBench().enabled() as bench:
         axis = bench.axis
@@ -347,9 +375,13 @@ def test_what_aborts_mc_stop():
                 first = axis.stop(running)
                 bench.cycles(4)
                 jobs = [
-                    axis.move_velocity(20.0), axis.move_absolute(0.0), axis.move_relative(1.0), axis.halt(),
-                    axis.move_superimposed(5.0), axis.jog(20.0),
-                ]  # fmt: skip
+                    axis.move_velocity(20.0),
+                    axis.move_absolute(0.0),
+                    axis.move_relative(1.0),
+                    axis.halt(),
+                    axis.move_superimposed(5.0),
+                    axis.jog(20.0),
+                ]
                 bench.cycles(2)
                 assert [one.ErrorID for one in jobs] == [0x800F] * len(jobs)
                 assert first.Busy

@@ -1,4 +1,6 @@
-"""The invariants of section 9.2 in every cycle of every timeline; each record is checked against them when it is made, too."""
+"""The invariants of section 9.2 in every cycle of every timeline; each record is checked against them when it
+is made, too.
+"""
 
 from __future__ import annotations
 

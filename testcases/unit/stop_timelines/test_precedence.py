@@ -15,8 +15,16 @@ ALARMS = {
     "alarm-4": (521, 4),
     "alarm-7": (521, 4),
 }
-AXIS_RAMP = {"stop-3": 1000.0, "alarm-1": 1000.0, "stop-2": 2000.0, "alarm-2": 2000.0, "power-2": 2000.0, "stop-0": 4000.0,
-             "alarm-3": 4000.0, "power-0": 4000.0}  # fmt: skip
+AXIS_RAMP = {
+    "stop-3": 1000.0,
+    "alarm-1": 1000.0,
+    "stop-2": 2000.0,
+    "alarm-2": 2000.0,
+    "power-2": 2000.0,
+    "stop-0": 4000.0,
+    "alarm-3": 4000.0,
+    "power-0": 4000.0,
+}
 """Deceleration of the ramps that the axis makes, mm/s2; alarm 533 takes that of the job."""
 PATTERN = {1: 0x047E, 3: 0x047C, 5: 0x047A, 7: 0x047B}
 AFTERWARDS = {1: [0x047E], 3: [0x047C], 5: [0x047A], 7: [0x047B, 0x0478]}
@@ -24,7 +32,9 @@ DISABLES = {"alarm-2", "alarm-3", "alarm-4", "alarm-7"}
 
 
 def pairs():
-    """Return a parameter for every cell and, where reaction 4 takes part, every value of RemoveEnableReaction."""
+    """Return a parameter for every cell and, where reaction 4 takes part, every value of
+    RemoveEnableReaction.
+    """
     for line in MATRIX.strip().splitlines():
         identifier, active, *letters = line.split()
         for new, letter in zip(COLUMNS, letters, strict=True):
@@ -41,9 +51,13 @@ def pairs():
             )
             for value in values:
                 yield pytest.param(
-                    active, new, letter, value, id=f"{active}-{new}-16#{value}",
+                    active,
+                    new,
+                    letter,
+                    value,
+                    id=f"{active}-{new}-16#{value}",
                     marks=pytest.mark.requirement(identifier, *EXTRA.get((active[:5], new[:5]), ())),
-                )  # fmt: skip
+                )
 
 
 EXTRA = {
@@ -95,7 +109,9 @@ def expected_words(active, new, letter, value):
 
 @pytest.mark.parametrize(("active", "new", "letter", "value"), list(pairs()))
 def test_pair(active, new, letter, value):
-    """Who brakes and how, what the MC_Stop jobs show, the words from the first to the last, and how it ends."""
+    """Who brakes and how, what the MC_Stop jobs show, the words from the first to the last, and how it
+    ends.
+    """
     with StopBench(variables={"Actor.RemoveEnableReaction": value}).travelling() as bench:
         bench.now()
         first = give(bench, active)
@@ -158,12 +174,15 @@ def test_pair(active, new, letter, value):
             assert bench.axis.state is (AxisState.ALARM_STANDSTILL if alarm else AxisState.STOP_HOLD)
 
 
-# -- the examples with their numbers -----------------------------------------------------------------------------------------------
+# -- the examples with their numbers
+# -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-439", "STP-443", "STP-484")
 def test_example_1():
-    """Reaction 2, 100 ms later MC_Stop Mode 0: 150 ms and 31.7 mm in all, Done, then disabled; no job while the alarm is pending."""
+    """Reaction 2, 100 ms later MC_Stop Mode 0: 150 ms and 31.7 mm in all, Done, then disabled; no job while
+    the alarm is pending.
+    """
     with StopBench().travelling() as bench:
         bench.now()
         bench.alarm(104)
@@ -220,7 +239,9 @@ def test_alarm_of_equal_severity_during_mc_stop():
 
 @pytest.mark.requirement("STP-445", "STP-576")
 def test_an_emergency_ramp_that_is_flatter():
-    """EmergencyDeceleration 1000 below MaxDeceleration 2000: MC_Stop Mode 0 takes reaction 2 over and brakes less."""
+    """EmergencyDeceleration 1000 below MaxDeceleration 2000: MC_Stop Mode 0 takes reaction 2 over and brakes
+    less.
+    """
     with StopBench(variables={"DynamicDefaults.EmergencyDeceleration": 1000.0}).travelling() as bench:
         bench.now()
         bench.alarm(104)
@@ -231,15 +252,21 @@ def test_an_emergency_ramp_that_is_flatter():
         assert stop.Done
         assert rows[bench.edge + 24].acceleration == pytest.approx(-2000.0, abs=100.0)
         assert rows[bench.edge + 40].acceleration == pytest.approx(-1000.0, abs=1.0)
-        # The emergency ramp begins with the actual velocity, which lags behind the setpoint by the transport delay.
+        # The emergency ramp begins with the actual velocity, which lags behind the setpoint by the transport
+        # delay.
         assert bench.ramp("setpoint")[0] == pytest.approx(0.100 + 216.0 / 1000.0, abs=3 * CYCLE_S)
 
 
 @pytest.mark.requirement("STP-481", "STP-577")
-@pytest.mark.parametrize(("number", "reaction", "words", "state"), [
-    (533, 1, [0x047F], AxisState.ALARM_STANDSTILL), (104, 2, [0x047E], AxisState.ALARM_DISABLED),
-    (321, 3, [0x047E], AxisState.ALARM_DISABLED), (521, 4, [0x047B, 0x0478], AxisState.ALARM_DISABLED),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("number", "reaction", "words", "state"),
+    [
+        (533, 1, [0x047F], AxisState.ALARM_STANDSTILL),
+        (104, 2, [0x047E], AxisState.ALARM_DISABLED),
+        (321, 3, [0x047E], AxisState.ALARM_DISABLED),
+        (521, 4, [0x047B, 0x0478], AxisState.ALARM_DISABLED),
+    ],
+)
 def test_alarm_while_mc_stop_holds(number, reaction, words, state):
     """Nothing moves; the drive is switched off, or stays on where the alarm lets it."""
     with StopBench().travelling() as bench:

@@ -28,7 +28,9 @@ ACKNOWLEDGED_MS = {1: 800, 3: 2000, 5: 800, 7: 800}
 
 @cache
 def removed(value):
-    """Return the record of a travelling axis whose enable is removed, acknowledged long after its standstill, and moved again."""
+    """Return the record of a travelling axis whose enable is removed, acknowledged long after its standstill,
+    and moved again.
+    """
     with StopBench(variables={"Actor.RemoveEnableReaction": value}).travelling() as bench:
         bench.now()
         bench.alarm(ALARM)
@@ -56,7 +58,9 @@ enabled_again = when(lambda row: row.reaction == 0 and row.status)
 
 
 def timeline(value):
-    """Return the steps for a value of `Actor.RemoveEnableReaction`; those of 16#7 are printed, the others follow from STP-375."""
+    """Return the steps for a value of `Actor.RemoveEnableReaction`; those of 16#7 are printed, the others
+    follow from STP-375.
+    """
     first, last, ramp, rest, state = WORDS[value]
     printed = value == 7
     halfway = {1: after(300), 3: after(600), 5: after(152), 7: after(152)}[value]
@@ -74,21 +78,80 @@ def timeline(value):
         **ALARMED,
     }
     return [
-        step(ids("STP-368"), before, stw1=0x047F, zsw1=0x0237, state="S4", on="0", off="1", setpoint=(300.0, 0.001),
-             status=True, busy=True, job_move="Busy"),
-        step(ids("STP-369") + " STP-376 STP-348 STP-346", event, stw1=first, nset=(0.0, 0.001), on="1", off="0", follows=True,
-             job_move="Error 8001", **ALARMED),
-        step(ids("STP-370"), after(4), stw1=first, zsw1=ramp, state="S1" if coasts else "S5", pulses=not coasts, **moving),
+        step(
+            ids("STP-368"),
+            before,
+            stw1=0x047F,
+            zsw1=0x0237,
+            state="S4",
+            on="0",
+            off="1",
+            setpoint=(300.0, 0.001),
+            status=True,
+            busy=True,
+            job_move="Busy",
+        ),
+        step(
+            ids("STP-369") + " STP-376 STP-348 STP-346",
+            event,
+            stw1=first,
+            nset=(0.0, 0.001),
+            on="1",
+            off="0",
+            follows=True,
+            job_move="Error 8001",
+            **ALARMED,
+        ),
+        step(
+            ids("STP-370"),
+            after(4),
+            stw1=first,
+            zsw1=ramp,
+            state="S1" if coasts else "S5",
+            pulses=not coasts,
+            **moving,
+        ),
         step(ids("STP-370"), halfway, stw1=first, zsw1=ramp, state="S1" if coasts else "S5", **moving),
         step(ids("STP-369") + " STP-252", after(44), job_late="Error 8001"),
-        step(ids("STP-371"), when(lambda row: row.zsw1 & 0x0006 == 0), stw1=last, zsw1=rest if value != 7 else 0x0250,
-             pulses=False, **ALARMED),
-        step(ids("STP-371"), when(lambda row: row.x >> 7 & 1), stw1=last, zsw1=rest, state=state, on="1 6 7", off="0", **ALARMED),
-        step(ids("STP-372"), when(lambda row: row.reaction == 0), stw1=0x047E, off="1", number=0, job_reset="Done"),
-        step(ids("STP-373"), enabled_again, stw1=0x047F, zsw1=0x0237, state="S4", on="0 6", in_operation=True, busy=True),
+        step(
+            ids("STP-371"),
+            when(lambda row: row.zsw1 & 0x0006 == 0),
+            stw1=last,
+            zsw1=rest if value != 7 else 0x0250,
+            pulses=False,
+            **ALARMED,
+        ),
+        step(
+            ids("STP-371"),
+            when(lambda row: row.x >> 7 & 1),
+            stw1=last,
+            zsw1=rest,
+            state=state,
+            on="1 6 7",
+            off="0",
+            **ALARMED,
+        ),
+        step(
+            ids("STP-372"),
+            when(lambda row: row.reaction == 0),
+            stw1=0x047E,
+            off="1",
+            number=0,
+            job_reset="Done",
+        ),
+        step(
+            ids("STP-373"),
+            enabled_again,
+            stw1=0x047F,
+            zsw1=0x0237,
+            state="S4",
+            on="0 6",
+            in_operation=True,
+            busy=True,
+        ),
         step(ids("STP-374"), enabled_again, on="6", setpoint=(0.0, 0.001), job_move="Error 8001"),
         step(ids("STP-374"), end, on="0 10", job_again="Busy", nact=(50.0, 1.0), job_move="Error 8001"),
-    ]  # fmt: skip
+    ]
 
 
 TIMELINES = {f"16#{value}": timeline(value) for value in VALUES}
@@ -103,18 +166,38 @@ def test_step(timeline, step):
 @pytest.mark.parametrize(
     ("value", "words", "answers", "states"),
     [
-        pytest.param(1, [0x047E, 0x04FE, 0x047E, 0x047F], [0x0237, 0x0233, 0x0231, 0x0233, 0x0237], ["S4", "S5", "S2", "S3", "S4"],
-                     marks=pytest.mark.requirement("STP-363", "STP-375", "STP-350")),
-        pytest.param(3, [0x047C, 0x04FC, 0x047E, 0x047F], [0x0237, 0x0260, 0x0231, 0x0233, 0x0237], ["S4", "S1", "S2", "S3", "S4"],
-                     marks=pytest.mark.requirement("STP-364", "STP-375", "STP-350", "STP-288")),
-        pytest.param(5, [0x047A, 0x04FA, 0x047E, 0x047F], [0x0237, 0x0213, 0x0250, 0x0231, 0x0233, 0x0237],
-                     ["S4", "S5", "S1", "S2", "S3", "S4"],
-                     marks=pytest.mark.requirement("STP-365", "STP-375", "STP-350", "STP-288")),
-        pytest.param(7, [0x047B, 0x0478, 0x04F8, 0x047E, 0x047F], [0x0237, 0x0213, 0x0250, 0x0240, 0x0231, 0x0233, 0x0237],
-                     ["S4", "S5", "S1", "S2", "S3", "S4"],
-                     marks=pytest.mark.requirement("STP-366", "STP-371", "STP-372", "STP-362", "STP-350", "STP-288", "STP-005")),
+        pytest.param(
+            1,
+            [0x047E, 0x04FE, 0x047E, 0x047F],
+            [0x0237, 0x0233, 0x0231, 0x0233, 0x0237],
+            ["S4", "S5", "S2", "S3", "S4"],
+            marks=pytest.mark.requirement("STP-363", "STP-375", "STP-350"),
+        ),
+        pytest.param(
+            3,
+            [0x047C, 0x04FC, 0x047E, 0x047F],
+            [0x0237, 0x0260, 0x0231, 0x0233, 0x0237],
+            ["S4", "S1", "S2", "S3", "S4"],
+            marks=pytest.mark.requirement("STP-364", "STP-375", "STP-350", "STP-288"),
+        ),
+        pytest.param(
+            5,
+            [0x047A, 0x04FA, 0x047E, 0x047F],
+            [0x0237, 0x0213, 0x0250, 0x0231, 0x0233, 0x0237],
+            ["S4", "S5", "S1", "S2", "S3", "S4"],
+            marks=pytest.mark.requirement("STP-365", "STP-375", "STP-350", "STP-288"),
+        ),
+        pytest.param(
+            7,
+            [0x047B, 0x0478, 0x04F8, 0x047E, 0x047F],
+            [0x0237, 0x0213, 0x0250, 0x0240, 0x0231, 0x0233, 0x0237],
+            ["S4", "S5", "S1", "S2", "S3", "S4"],
+            marks=pytest.mark.requirement(
+                "STP-366", "STP-371", "STP-372", "STP-362", "STP-350", "STP-288", "STP-005"
+            ),
+        ),
     ],
-)  # fmt: skip
+)
 def test_words_of_a_stop(value, words, answers, states):
     """All words of both directions from the alarm to the enabled axis; bit 7 is the acknowledgement."""
     bench = removed(value)
@@ -188,7 +271,8 @@ def test_the_drive_says_when_it_stands(give):
         assert not any(row.state == "S5" and not row.pulses for row in rows)
 
 
-# -- the value ---------------------------------------------------------------------------------------------------------------------
+# -- the value
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-356", "STP-357")
@@ -273,7 +357,8 @@ def test_value_means_nothing_without_a_drive(kind):
     assert seen[0][0][-1] == 0.0
 
 
-# -- enabling again ------------------------------------------------------------------------------------------------------------------
+# -- enabling again
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("STP-381", "MC-158", "STP-033")
@@ -299,7 +384,9 @@ def test_enabling_in_the_right_order_moves_nothing(value):
 
 @pytest.mark.requirement("STP-382", "STP-489", "STP-568", "MC-158")
 def test_acknowledging_an_off1_ramp():
-    """At 100 ms ON comes back, S5 goes to S4 while the axis moves, and it settles after a bounded compensating motion."""
+    """At 100 ms ON comes back, S5 goes to S4 while the axis moves, and it settles after a bounded
+    compensating motion.
+    """
     with StopBench(variables={"Actor.RemoveEnableReaction": 1}).travelling() as bench:
         bench.now()
         bench.alarm(ALARM)
@@ -324,11 +411,17 @@ def test_acknowledging_an_off1_ramp():
 
 @pytest.mark.requirement("STP-383", "STP-490", "STP-568")
 @pytest.mark.parametrize(
-    ("value", "states"), [(3, ["S4", "S1", "S2", "S3", "S4"]), (5, ["S4", "S5", "S1", "S2", "S3", "S4"]),
-                          (7, ["S4", "S5", "S1", "S2", "S3", "S4"])]
-)  # fmt: skip
+    ("value", "states"),
+    [
+        (3, ["S4", "S1", "S2", "S3", "S4"]),
+        (5, ["S4", "S5", "S1", "S2", "S3", "S4"]),
+        (7, ["S4", "S5", "S1", "S2", "S3", "S4"]),
+    ],
+)
 def test_acknowledging_a_stop_that_cannot_be_interrupted(value, states):
-    """The alarm goes at once, but the drive comes through S1, S2 and S3 to S4, after a quick stop from standstill."""
+    """The alarm goes at once, but the drive comes through S1, S2 and S3 to S4, after a quick stop from
+    standstill.
+    """
     with StopBench(variables={"Actor.RemoveEnableReaction": value}).travelling() as bench:
         bench.now()
         bench.alarm(ALARM)
@@ -355,7 +448,9 @@ def test_acknowledging_a_stop_that_cannot_be_interrupted(value, states):
 @pytest.mark.parametrize("mode", [0, 1, 2, 3])
 @pytest.mark.parametrize("value", VALUES)
 def test_disabling_during_the_stop(value, mode):
-    """16#7: the quick stop ends first, STW1.1 stays 1 until standstill. Any other value: OFF2 at once, the axis coasts."""
+    """16#7: the quick stop ends first, STW1.1 stays 1 until standstill. Any other value: OFF2 at once, the
+    axis coasts.
+    """
     with StopBench(variables={"Actor.RemoveEnableReaction": value}).travelling() as bench:
         bench.alarm(ALARM)
         bench.run(0.1)

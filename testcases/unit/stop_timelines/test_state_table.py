@@ -1,4 +1,6 @@
-"""States and transitions of the technology object on a PROFIdrive drive: outputs as printed, the control word from the wire (section 9)."""
+"""States and transitions of the technology object on a PROFIdrive drive: outputs as printed, the control word
+from the wire (section 9).
+"""
 
 from __future__ import annotations
 
@@ -12,13 +14,26 @@ from testcases.unit.stop_timelines.telegram_record import STW1_MASK, StopBench
 
 S = AxisState
 CONTROLLED = {
-    S.ENABLE_RAMP, S.STANDSTILL, S.MOTION, S.HALTING, S.STOPPING, S.STOP_HOLD, S.ALARM_RAMP, S.ALARM_STANDSTILL, S.DISABLING_RAMP,
-}  # fmt: skip
+    S.ENABLE_RAMP,
+    S.STANDSTILL,
+    S.MOTION,
+    S.HALTING,
+    S.STOPPING,
+    S.STOP_HOLD,
+    S.ALARM_RAMP,
+    S.ALARM_STANDSTILL,
+    S.DISABLING_RAMP,
+}
 """Position and speed control are on (column of section 9.1)."""
 DRIVE_STATES = {
-    S.DISABLED: "S2", S.ENABLING: "S1 S2 S3 S4", S.ALARM_DRIVE_STOP: "S5", S.ALARM_DISABLED: "S1", S.DISABLING_QUICK: "S5",
-    S.DISABLING_COAST: "S4 S1", S.RESTARTING: "S2",
-}  # fmt: skip
+    S.DISABLED: "S2",
+    S.ENABLING: "S1 S2 S3 S4",
+    S.ALARM_DRIVE_STOP: "S5",
+    S.ALARM_DISABLED: "S1",
+    S.DISABLING_QUICK: "S5",
+    S.DISABLING_COAST: "S4 S1",
+    S.RESTARTING: "S2",
+}
 """Where the drive is then; S4 where nothing is said."""
 SHORT = {S.ENABLING, S.RESTARTING}
 """States that last some cycles only: what is read there is the telegram of the present cycle."""
@@ -75,10 +90,16 @@ def test_outputs_of_a_state(wanted, x0, x1, status, busy, stw1, error):
 @pytest.mark.parametrize(
     ("start", "event", "end"),
     [
-        pytest.param(start, event, end, id=f"{start.name}-{event.replace(' ', '_')}", marks=pytest.mark.requirement(identifier))
+        pytest.param(
+            start,
+            event,
+            end,
+            id=f"{start.name}-{event.replace(' ', '_')}",
+            marks=pytest.mark.requirement(identifier),
+        )
         for identifier, start, event, end in TRANSITIONS
     ],
-)  # fmt: skip
+)
 def test_transition(start, event, end):
     """The event leads to the printed state, through none that is not printed."""
     with Rig() as rig:

@@ -1,4 +1,6 @@
-"""A drive that brakes by itself, behind a PROFIdrive telegram (states TRACKING and ALARM_DRIVE_STOP of section 9)."""
+"""A drive that brakes by itself, behind a PROFIdrive telegram (states TRACKING and ALARM_DRIVE_STOP of
+section 9).
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ from testcases.unit.stop_timelines.telegram_record import StopBench
 
 @pytest.mark.requirement("CFG-446", "CTL-003", "CFG-561", "STP-460", "STP-595")
 def test_setpoints_follow_a_drive_that_brakes_by_itself():
-    """Safe stop 1: alarm 550, STW1 stays 16#047F, position and velocity are the actual ones, nothing is put out."""
+    """Safe stop 1: alarm 550, STW1 stays 16#047F, position and velocity are the actual ones, nothing is put
+    out.
+    """
     with StopBench().travelling() as bench:
         bench.now()
         Injector(bench.machine).inject("drive.ss1", "drive1")

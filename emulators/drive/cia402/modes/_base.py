@@ -68,7 +68,9 @@ class ModeOfOperation:
         self.axis.demand_excess = 0.0
 
     def control(self, word: int, changed: int) -> None:
-        """Take the mode-specific bits of a new control word; `changed` has the bits that differ from the last."""
+        """Take the mode-specific bits of a new control word; `changed` has the bits that differ from the
+        last.
+        """
 
     def sync(self) -> None:
         """Take the cyclic set-point that has become effective with SYNC."""

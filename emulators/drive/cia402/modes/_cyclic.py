@@ -40,8 +40,8 @@ class _CyclicMode(ModeOfOperation):
             self.missed = 0
             self._started = True
         elif axis.supervised and self._started:
-            # Monitoring begins with the first set-point. Velocity and torque stay as they are; a position goes on
-            # with its velocity for one more period (C402-104).
+            # Monitoring begins with the first set-point. Velocity and torque stay as they are; a position
+            # goes on with its velocity for one more period (C402-104).
             self.missed += 1
             axis.missing_count += 1
             return
@@ -135,8 +135,8 @@ class CyclicTorque(_CyclicMode):
 class CyclicPosition(_CyclicMode):
     """csp: 607Ah + 60B0h, reached linearly within 60C2h.
 
-    It starts with the present velocity, for at most one period, so that a controller that goes on as the axis moves
-    makes no jump.
+    It starts with the present velocity, for at most one period, so that a controller that goes on as the axis
+    moves makes no jump.
     """
 
     __slots__ = ("_last_target", "_velocity")
@@ -214,7 +214,9 @@ class CyclicPosition(_CyclicMode):
             core.torque_offset = torque * units.torque * units.torque_sign
 
     def _speed_range(self, target: float, distance: float, duration: float) -> tuple[float, float]:
-        """Return the highest and lowest velocity of this period: 6080h, 60C5h, 60C6h, and a stop at the target."""
+        """Return the highest and lowest velocity of this period: 6080h, 60C5h, 60C6h, and a stop at the
+        target.
+        """
         axis = self.axis
         values = axis.values
         last = self._velocity

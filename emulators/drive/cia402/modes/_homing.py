@@ -1,8 +1,8 @@
 """Homing mode (C402-105 to C402-141).
 
-Switches are seen as the drive's inputs show them, at servo instants and behind the input filter; the index is latched by the
-encoder. The mode moves the axis with the drive's own position profile, so that jerk limits and following error
-monitoring hold.
+Switches are seen as the drive's inputs show them, at servo instants and behind the input filter; the index is
+latched by the encoder. The mode moves the axis with the drive's own position profile, so that jerk limits and
+following error monitoring hold.
 """
 
 from __future__ import annotations
@@ -96,7 +96,8 @@ class Homing(HomingMotion):
         self.on_search_failed: Callable[[bool], None] | None = None
         """Called with True when a search has failed (EMCY 8612h), with False when that is over."""
 
-    # -- mode --------------------------------------------------------------------------------------------------
+    # -- mode
+    # --------------------------------------------------------------------------------------------------
 
     def enter(self) -> None:
         """See `ModeOfOperation.enter`."""
@@ -158,7 +159,8 @@ class Homing(HomingMotion):
             self._pass_edge(method, bool(inputs & reference))
         self._heed_limits()
 
-    # -- start and end -----------------------------------------------------------------------------------------
+    # -- start and end
+    # -----------------------------------------------------------------------------------------
 
     def _start(self) -> None:
         axis = self.axis
@@ -262,7 +264,8 @@ class Homing(HomingMotion):
             status |= BIT_13
         self.status = status
 
-    # -- switches ----------------------------------------------------------------------------------------------
+    # -- switches
+    # ----------------------------------------------------------------------------------------------
 
     def _look_for_switch(self, method: OnSwitch) -> None:
         axis = self.axis
@@ -329,7 +332,8 @@ class Homing(HomingMotion):
             return POSITIVE_LIMIT
         return 0
 
-    # -- index -------------------------------------------------------------------------------------------------
+    # -- index
+    # -------------------------------------------------------------------------------------------------
 
     def _look_for_index(self, direction: int) -> None:
         self._phase = _Phase.INDEX
@@ -345,7 +349,8 @@ class Homing(HomingMotion):
         if self._index is None:
             self._index = increments
 
-    # -- hard stop ---------------------------------------------------------------------------------------------
+    # -- hard stop
+    # ---------------------------------------------------------------------------------------------
 
     def _leave_stop(self, method: OnStop) -> None:
         axis = self.axis
@@ -362,7 +367,8 @@ class Homing(HomingMotion):
         else:
             self._take_home(axis.core.encoder.increments)
 
-    # -- every control cycle -----------------------------------------------------------------------------------
+    # -- every control cycle
+    # -----------------------------------------------------------------------------------
 
     def _watch(self) -> None:
         axis = self.axis

@@ -1,4 +1,6 @@
-"""How a homing run moves: speeds and acceleration of its start, the drive's own position profile, torque-limited pressing."""
+"""How a homing run moves: speeds and acceleration of its start, the drive's own position profile,
+torque-limited pressing.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ class HomingMotion(ModeOfOperation):
         self._form = axis.profile_form()
 
     def _move(self, direction: int) -> None:
-        """Move in a direction until told otherwise: fast, or slowly once an edge has been passed (C402-133)."""
+        """Move in a direction until told otherwise: fast, or slowly once an edge has been passed
+        (C402-133).
+        """
         self._direction = direction
         self._go_to(
             self.axis.core.position_command + direction * _FAR_RAD,

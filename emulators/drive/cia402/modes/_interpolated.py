@@ -17,9 +17,9 @@ _ENABLE: Final = 0x10
 class InterpolatedPosition(CyclicPosition):
     """ip: one set-point of the buffer in every period 60C2h, joined by straight lines, while bit 4 is 1.
 
-    With SYNC the periods begin at every SYNC, without one the drive counts them. When no set-point waits, the axis holds the
-    last one, bit 12 is 0, and a warning tells of it; the next set-point goes on. While a halt lasts, the set-points run
-    out unseen. Limits and the offsets 60B1h and 60B2h act as in csp.
+    With SYNC the periods begin at every SYNC, without one the drive counts them. When no set-point waits, the
+    axis holds the last one, bit 12 is 0, and a warning tells of it; the next set-point goes on. While a halt
+    lasts, the set-points run out unseen. Limits and the offsets 60B1h and 60B2h act as in csp.
     """
 
     __slots__ = ("_active", "_arrival", "_elapsed", "_last", "_word", "buffer", "on_empty", "starved")

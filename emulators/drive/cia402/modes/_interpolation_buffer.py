@@ -13,9 +13,9 @@ MAXIMUM: Final = 16
 class InterpolationBuffer:
     """Positions in the order in which they are to be reached.
 
-    While access is disabled (60C4h:6 = 0) the data record itself is the buffer: one place, and a new set-point takes that of
-    one that still waits. Enabled, there are as many places as 60C4h:2 says. A full first-in-first-out buffer refuses a
-    set-point; a full ring gives the place of the oldest to it.
+    While access is disabled (60C4h:6 = 0) the data record itself is the buffer: one place, and a new
+    set-point takes that of one that still waits. Enabled, there are as many places as 60C4h:2 says. A full
+    first-in-first-out buffer refuses a set-point; a full ring gives the place of the oldest to it.
     """
 
     __slots__ = ("_places", "_read", "_waiting", "enabled", "organisation", "size", "write")

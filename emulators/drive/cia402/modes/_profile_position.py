@@ -1,4 +1,6 @@
-"""Profile position mode: handshake, buffer of one set-point, linear and rotary axes, four profiles (C402-091 to C402-095)."""
+"""Profile position mode: handshake, buffer of one set-point, linear and rotary axes, four profiles (C402-091
+to C402-095).
+"""
 
 from __future__ import annotations
 
@@ -72,7 +74,9 @@ class ProfilePosition(ModeOfOperation):
         self._forget()
 
     def _forget(self) -> None:
-        """Give all set-points up. Until the next one the target is the demand: where a motion comes to rest."""
+        """Give all set-points up. Until the next one the target is the demand: where a motion comes to
+        rest.
+        """
         self._current = self._next = None
         self._acknowledge = self._held = False
         self._arrived = True
@@ -128,7 +132,8 @@ class ProfilePosition(ModeOfOperation):
             self._start(self._current)
             self._pass_by()
 
-    # -- set-points --------------------------------------------------------------------------------------------
+    # -- set-points
+    # --------------------------------------------------------------------------------------------
 
     def _take(self, word: int) -> None:
         quirks = self.axis.config.quirks

@@ -13,7 +13,8 @@ from emulators.drive.ramp import STEEPNESS, RampShape, ramp_height
 class ProfileTorque(ModeOfOperation):
     """tq: 6071h, reached along a line or an S whose steepest slope is 6087h, within torque and speed limits.
 
-    Quick stop, halt and the other stops with the options 1 and 2 take the torque to zero with 6087h; the axis then coasts.
+    Quick stop, halt and the other stops with the options 1 and 2 take the torque to zero with 6087h; the axis
+    then coasts.
     """
 
     __slots__ = ("_elapsed", "_length", "_shape", "_slope", "_start", "_target")

@@ -19,8 +19,9 @@ _REFERENCE_RAMP: Final = 0x40
 class Velocity(ModeOfOperation):
     """vl: 6042h, times 604Bh and 604Ch in rpm, limited by 6047h, reached with the ramps 6048h and 6049h.
 
-    Bit 4 of the control word = 0 brakes as a halt does, bit 5 = 0 keeps the output of the ramp, bit 6 = 0 puts zero on its
-    input. All three have to be 1 for the target to count. The target 0 is standstill, also with a minimum speed.
+    Bit 4 of the control word = 0 brakes as a halt does, bit 5 = 0 keeps the output of the ramp, bit 6 = 0
+    puts zero on its input. All three have to be 1 for the target to count. The target 0 is standstill, also
+    with a minimum speed.
     """
 
     __slots__ = ("_command", "_word")
@@ -105,7 +106,9 @@ def scale(axis: ProfileAxis) -> float:
 
 
 def ramp_slope(axis: ProfileAxis, index: int, limit_index: int) -> float:
-    """Return a ramp of delta speed (rpm) per delta time (s) within its limit object, rad/s^2; 0 stands for the limit."""
+    """Return a ramp of delta speed (rpm) per delta time (s) within its limit object, rad/s^2; 0 stands for
+    the limit.
+    """
     values = axis.values
     speed, time = values[index << 8 | 1], values[index << 8 | 2]
     limit = values[limit_index << 8] * axis.units.acceleration or float("inf")

@@ -1,0 +1,91 @@
+"""The trace digests of all shipped cases: proof that a change of structure leaves behaviour alone.
+
+    python -m testcases.digests record FILE [--part I/N]     run all shipped cases, write their digests
+    python -m testcases.digests compare FILE [--part I/N]    run them again, name every case that differs
+
+A digest covers signals, bus log and event log of a case, so equal digests mean equal behaviour to the bit. With
+`--part 1/20` every twentieth case is run, which takes seconds instead of minutes; a file recorded in full
+serves for parts too. `compare` ends with 1 when anything differs.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+CAMPAIGNS = Path(__file__).parent / "campaigns"
+ENCODERS = "testcases.campaigns.external_encoder"
+RUNS = (
+    (("",), ""),  # everything on its own bench
+    (("axis_faults", "commissioning", "control", "drive_faults", "fault_reactions", "homing", "limits", "monitoring",  # noqa: E501
+      "motion_in", "stop_modes"), "profidrive"),
+    (("stop_modes",), "profidrive_tcp"),
+    (("stop_modes",), "profidrive_rtu"),
+    (("stop_modes",), "analog"),
+    (("stop_modes",), "stepper"),
+    (("external_encoder",), f"{ENCODERS}:REFERENCE"),
+    (("external_encoder",), f"{ENCODERS}:PROFIDRIVE"),
+)  # fmt: skip
+"""Campaigns and the bench they run on; no bench: that of the case."""
+
+
+def digests_of(campaigns: tuple[str, ...], bench: str, part: str) -> dict[str, str]:
+    """Run cases and return `bench, group, identifier: verdict, digest`."""
+    paths = [str(CAMPAIGNS / f"{name}.py" if name else CAMPAIGNS) for name in campaigns]
+    with tempfile.TemporaryDirectory() as folder:
+        command = [
+            sys.executable, "-m", "hil.cli", "run", *paths, "--report", folder, "-j", "auto",
+            "--evidence", "none", "--history", "none", *(["--bench", bench] if bench else []),
+            *(["--shard", part] if part else []),
+        ]  # fmt: skip
+        done = subprocess.run(
+            command, check=False, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+        table = Path(folder) / "cases.csv"
+        if not table.exists():
+            sys.exit(f"no result from: {' '.join(command)}\n{done.stdout}")
+        with table.open(encoding="utf-8", newline="") as file:
+            return {
+                f"{bench or 'own'}, {row['group']}, {row['identifier']}": f"{row['verdict']} {row['trace_digest']}"  # noqa: E501
+                for row in csv.DictReader(file)
+            }
+
+
+def all_digests(part: str) -> dict[str, str]:
+    """Run all shipped cases."""
+    result: dict[str, str] = {}
+    for campaigns, bench in RUNS:
+        result |= digests_of(campaigns, bench, part)
+    return result
+
+
+def main() -> int:
+    """Run the command line and return the exit code."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("action", choices=("record", "compare"))
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--part", default="", help="I/N: run only the I-th of N parts")
+    arguments = parser.parse_args()
+    now = all_digests(arguments.part)
+    if arguments.action == "record":
+        arguments.file.write_text(json.dumps(now, indent=0, sort_keys=True), encoding="utf-8")
+        print(f"{len(now)} digests written to {arguments.file}")
+        return 0
+    before: dict[str, str] = json.loads(arguments.file.read_text("utf-8"))
+    wanted = before if not arguments.part else {name: before[name] for name in now if name in before}
+    differing = [name for name in wanted.keys() | now.keys() if wanted.get(name) != now.get(name)]
+    for name in sorted(differing)[:40]:
+        print(f"{name}: before {wanted.get(name, 'not there')[:24]}, now {now.get(name, 'not there')[:24]}")
+    print(f"{len(now)} cases, {len(differing)} differ")
+    return 1 if differing else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
