@@ -185,8 +185,7 @@ class AnalogDrive(MachineFaults):
             self.fault_number,
         )
 
-    # -- life
-    # --------------------------------------------------------------------------------------------------------
+    # -- life ------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the supply on."""
@@ -212,8 +211,7 @@ class AnalogDrive(MachineFaults):
             self._inhibit()
             self._enter(AnalogState.OFF)
 
-    # -- terminals
-    # ---------------------------------------------------------------------------------------------------
+    # -- terminals -------------------------------------------------------------------------------------
 
     def set_voltage(self, volts: float) -> None:
         """Bring a voltage to the setpoint input, V.
@@ -250,8 +248,7 @@ class AnalogDrive(MachineFaults):
         """Level of the ready output."""
         return self._ready if self._forced_ready is None else self._forced_ready and self.powered
 
-    # -- inside
-    # ------------------------------------------------------------------------------------------------------
+    # -- inside ----------------------------------------------------------------------------------------
 
     @property
     def _wanted(self) -> bool:
@@ -348,8 +345,7 @@ class AnalogDrive(MachineFaults):
         if self._history is not None:
             self._history.emit(self.name, kind, **data)
 
-    # -- faults
-    # ------------------------------------------------------------------------------------------------------
+    # -- faults ----------------------------------------------------------------------------------------
 
     def raise_fault(self, code: int = EXTERNAL_FAULT, *, persistent: bool = False) -> None:
         """Trip: the motor coasts and the ready output falls, until the enable has been taken away once.

@@ -26,23 +26,28 @@ All quantities are those of the motor shaft: rad, rad/s, Nm, as the encoder show
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final
 
-from emulators.drive._servo_state import (
-    POSITION,
-    PROFILE,
-    RAMP,
-    SERVO,
-    SMOOTHED,
-    TORQUE,
-    VELOCITY,
-    ServoState,
-)
+from emulators.drive.brake import HoldingBrake
 from emulators.drive.ramp import PositionProfile
 from emulators.drive.rounded_ramp import RoundedRamp, Rounding
 from emulators.drive.tuning import RPM, ServoTuning
+from emulators.encoder import RotaryEncoder
+from emulators.mechanics import AxisMechanics
+from fieldbus.errors import ConfigurationError
 
 __all__ = ["RPM", "ServoCore", "ServoTuning"]
+
+# What the demand comes from.
+_VELOCITY: Final = 0
+_RAMP: Final = 1
+_POSITION: Final = 2
+_PROFILE: Final = 3
+_TORQUE: Final = 4
+_SMOOTHED: Final = 5
+_SERVO: Final = 6
+
 
 _HEADROOM: Final = 1.05
 """Share of the speed limit up to which the position controller may catch up: at the limit itself it needs
@@ -50,7 +55,7 @@ some room.
 """
 
 
-class ServoCore(ServoState):
+class ServoCore:
     """Cascade, ramp generator, pulse enable and brake on a plant and an encoder.
 
     Args:
@@ -62,7 +67,238 @@ class ServoCore(ServoState):
 
     """
 
-    __slots__ = ()
+    __slots__ = (
+        "_braking_step",
+        "_catching_up_limit",
+        "_coast",
+        "_coast_length",
+        "_correction_gain",
+        "_encoder",
+        "_feedforward",
+        "_inertia_per_step",
+        "_integral",
+        "_integral_gain",
+        "_inverse_period",
+        "_lag",
+        "_left",
+        "_limit_high",
+        "_limit_low",
+        "_mechanics",
+        "_middle",
+        "_model",
+        "_model_share",
+        "_next_position",
+        "_offset_left",
+        "_offset_step",
+        "_offset_target",
+        "_period",
+        "_position_target",
+        "_predicted",
+        "_profile",
+        "_proportional_gain",
+        "_ramped_velocity",
+        "_reference_share",
+        "_reference_step",
+        "_rounded",
+        "_sample",
+        "_servo_gain",
+        "_source",
+        "_speed_limit",
+        "_standing_steps",
+        "_step_mechanics",
+        "_stop_pending",
+        "_stop_steps",
+        "_torque",
+        "_tracks_position",
+        "_velocity_source",
+        "_velocity_step",
+        "_velocity_target",
+        "brake",
+        "enabled",
+        "on_standstill",
+        "position",
+        "position_demand",
+        "speed_limited",
+        "standstill_speed",
+        "standstill_steps",
+        "standstill_timeout_s",
+        "torque",
+        "torque_demand",
+        "torque_limited",
+        "torque_offset",
+        "tuning",
+        "velocity",
+        "velocity_demand",
+    )
+
+    def __init__(
+        self,
+        *,
+        mechanics: AxisMechanics,
+        encoder: RotaryEncoder,
+        period_s: float,
+        tuning: ServoTuning | None = None,
+        brake: HoldingBrake | None = None,
+    ) -> None:
+        tuning = ServoTuning() if tuning is None else tuning
+        if not 0.0 < period_s <= tuning.velocity_time_constant_s / 3.0:
+            raise ConfigurationError(
+                "period_s", period_s, "0 < period <= a third of velocity_time_constant_s"
+            )
+        self._mechanics = mechanics
+        self._encoder = encoder
+        self._step_mechanics = mechanics.step
+        self._sample = encoder.sample
+        self._period = period_s
+        self._inverse_period = 1.0 / period_s
+        self.tuning = tuning
+        self.brake = HoldingBrake(mechanics) if brake is None else brake
+        inertia = mechanics.motor_inertia if tuning.inertia_kgm2 is None else tuning.inertia_kgm2
+        self._proportional_gain = inertia / tuning.velocity_time_constant_s
+        self._integral_gain = (
+            self._proportional_gain * period_s / tuning.velocity_integral_time_s
+            if tuning.velocity_integral_time_s
+            else 0.0
+        )
+        self._model_share = period_s / tuning.velocity_time_constant_s
+        self._inertia_per_step = inertia / period_s
+        self._correction_gain = tuning.position_gain
+        self._reference_share = period_s / (tuning.velocity_time_constant_s + period_s)
+        self._velocity_source = _VELOCITY if tuning.torque_feedforward else _SMOOTHED
+        time_constant = tuning.current_time_constant_s
+        self._lag = period_s / (time_constant + period_s) if time_constant else 0.0
+        self.standstill_speed = tuning.standstill_speed_rpm * RPM
+        """Speed below which the axis counts as standing, rad/s."""
+        self.standstill_steps = max(1, round(tuning.standstill_time_s / period_s))
+        self.standstill_timeout_s = tuning.standstill_timeout_s
+        """Time after the end of a ramp to zero from which on the stop counts as finished anyway, s."""
+        self.position = encoder.sample(mechanics.motor_angle)
+        """Measured angle, rad."""
+        self.velocity = 0.0
+        """Measured velocity (mean of the last servo period), rad/s."""
+        self.position_demand = self.position
+        """Position demand for now, rad; without position control the measured angle."""
+        self.velocity_demand = 0.0
+        """Velocity demand including the position controller's part, rad/s."""
+        self.torque_demand = 0.0
+        """Demand to the current loop, Nm."""
+        self.torque = 0.0
+        """Torque in the air gap, Nm."""
+        self.torque_offset = 0.0
+        """Additive torque demand, Nm."""
+        self.torque_limited = False
+        """Whether the last torque demand was cut."""
+        self.speed_limited = False
+        """Whether the last torque command was cut because of the speed limit."""
+        self.enabled = False
+        """Whether the pulses are enabled."""
+        self.on_standstill: Callable[[], None] | None = None
+        """Called once when a stop commanded by `stop` has ended in standstill."""
+        self._limit_high = math.inf
+        self._limit_low = -math.inf
+        self._speed_limit = math.inf
+        self._catching_up_limit = math.inf
+        self._profile = PositionProfile(step_s=period_s)
+        self._offset_left = 0
+        self._offset_step = self._offset_target = 0.0
+        self._source = _VELOCITY
+        self._feedforward = self._middle = self._integral = 0.0
+        self._model = self._predicted = 0.0
+        self._velocity_target = self._velocity_step = self._braking_step = 0.0
+        self._next_position = self._position_target = self.position
+        self._ramped_velocity = self._torque = 0.0
+        self._rounded: RoundedRamp | None = None
+        self._reference_step = self._servo_gain = 0.0
+        self._left = self._coast = self._coast_length = 0
+        self._tracks_position = False
+        self._stop_pending = False
+        self._standing_steps = self._stop_steps = 0
+
+    # -- what a profile reads ---------------------------------------------------------------------------
+
+    @property
+    def profile(self) -> PositionProfile:
+        """Generator used by `follow_profile`."""
+        return self._profile
+
+    @property
+    def mechanics(self) -> AxisMechanics:
+        """The plant."""
+        return self._mechanics
+
+    @property
+    def encoder(self) -> RotaryEncoder:
+        """The motor encoder."""
+        return self._encoder
+
+    @property
+    def period_s(self) -> float:
+        """Servo period, s."""
+        return self._period
+
+    @property
+    def speed_rpm(self) -> float:
+        """Measured speed, rpm."""
+        return self.velocity / RPM
+
+    @property
+    def following_error(self) -> float:
+        """Position demand minus measured position, rad; 0 without position control."""
+        return self.position_demand - self.position
+
+    @property
+    def controls_position(self) -> bool:
+        """Whether a position is controlled, rather than velocity or torque alone."""
+        return self._source in (_POSITION, _PROFILE) or (self._source == _RAMP and self._tracks_position)
+
+    @property
+    def position_command(self) -> float:
+        """Where the position demand will be at the end of the servo interval, rad."""
+        return self._next_position if self.controls_position else self.position
+
+    @property
+    def position_ahead(self) -> float:
+        """Where the demand, or an axis without position control, will be at the next servo instant, rad."""
+        if self.controls_position:
+            return self._next_position
+        return self.position + self.velocity * self._period
+
+    @property
+    def interpolating(self) -> bool:
+        """Whether the last `command_velocity` or `command_position` is still on its way."""
+        return self._left > 0
+
+    @property
+    def phase_steps(self) -> int:
+        """Servo steps by which the present instant lies before (> 0) or behind the end of the
+        interpolation.
+        """
+        return self._left or self._coast - self._coast_length
+
+    @property
+    def precontrol_velocity(self) -> float:
+        """Velocity demand without the position controller's part, rad/s."""
+        return self._feedforward
+
+    @property
+    def commanded_torque(self) -> float:
+        """Present value of the torque command without the offset, Nm; meaningful in torque control."""
+        return self._torque
+
+    @property
+    def controls_torque(self) -> bool:
+        """Whether the torque is commanded."""
+        return self._source == _TORQUE
+
+    @property
+    def stopping(self) -> bool:
+        """Whether a stop commanded by `stop` has not ended yet."""
+        return self._stop_pending
+
+    @property
+    def standing(self) -> bool:
+        """Whether the measured speed is below the standstill speed."""
+        return abs(self.velocity) <= self.standstill_speed
 
     def reinitialise(self) -> None:
         """Read the encoder anew, as after its power-on; pulses are inhibited."""
@@ -71,8 +307,7 @@ class ServoCore(ServoState):
         self.velocity = 0.0
         self._clear_setpoints()
 
-    # -- commands
-    # ----------------------------------------------------------------------------------------------
+    # -- commands --------------------------------------------------------------------------------------
 
     def set_torque_limits(self, positive_Nm: float, negative_Nm: float) -> None:
         """Limit the torque to -negative..positive, Nm, both >= 0."""
@@ -111,7 +346,7 @@ class ServoCore(ServoState):
         self._velocity_target = target
         self._left = steps
         self._velocity_step = (
-            target - (self._feedforward if source == VELOCITY else self._ramped_velocity)
+            target - (self._feedforward if source == _VELOCITY else self._ramped_velocity)
         ) / steps
 
     def command_position(
@@ -126,8 +361,8 @@ class ServoCore(ServoState):
             coast: Servo steps for which the demand goes on beyond the target when nothing new comes.
 
         """
-        if self._source != POSITION:
-            self._take_over(POSITION)
+        if self._source != _POSITION:
+            self._take_over(_POSITION)
         self._velocity_step = step = (target - self._next_position) / steps
         if precontrol is None:
             precontrol = step * self._inverse_period * self.tuning.velocity_feedforward
@@ -150,8 +385,8 @@ class ServoCore(ServoState):
             steps: Servo steps, >= 1; 1 = at once.
 
         """
-        if self._source != SERVO:
-            self._take_over(SERVO)
+        if self._source != _SERVO:
+            self._take_over(_SERVO)
         self._velocity_target = velocity
         self._velocity_step = (velocity - self._feedforward) / steps
         self._servo_gain = gain
@@ -171,8 +406,8 @@ class ServoCore(ServoState):
         """Take the demand from `profile`, which starts from the present demand when another source was
         active.
         """
-        if self._source != PROFILE:
-            self._take_over(PROFILE)
+        if self._source != _PROFILE:
+            self._take_over(_PROFILE)
             self._profile.reset(self._next_position, self._feedforward)
         return self._profile
 
@@ -184,9 +419,9 @@ class ServoCore(ServoState):
             steps: Servo steps within which it is reached linearly; 1 = with the next one.
 
         """
-        if self._source != TORQUE:
+        if self._source != _TORQUE:
             present = self.torque_demand - self.torque_offset
-            self._take_over(TORQUE)
+            self._take_over(_TORQUE)
             self._torque = present
         self._stop_pending = False
         self._velocity_target = torque_Nm
@@ -217,8 +452,8 @@ class ServoCore(ServoState):
 
         """
         self._rounded = rounded
-        if self._source != RAMP or track_position is not self._tracks_position:
-            self._take_over(RAMP)
+        if self._source != _RAMP or track_position is not self._tracks_position:
+            self._take_over(_RAMP)
         self._tracks_position = track_position
         self._stop_pending = False
         self._velocity_target = target
@@ -236,7 +471,7 @@ class ServoCore(ServoState):
 
         A slope of infinity brakes at the torque limit; a ramp with rounding has its own slope.
         """
-        if not (self._source == RAMP and self._stop_pending):
+        if not (self._source == _RAMP and self._stop_pending):
             self._feedforward = self._middle = self.velocity
         if rounded is not None:
             rounded[0].aim(self._feedforward, 0.0, rounded[1])
@@ -248,13 +483,33 @@ class ServoCore(ServoState):
         """Take the torque to zero with a slope (Nm/s) and report by `on_standstill` when it is; the axis
         coasts.
         """
-        present = self._torque if self._source == TORQUE else self.torque_demand - self.torque_offset
+        present = self._torque if self._source == _TORQUE else self.torque_demand - self.torque_offset
         steps = abs(present) / (slope * self._period) if slope > 0.0 else 0.0
         self.command_torque(0.0, max(1, math.ceil(steps - 1e-9)))
         self._stop_pending = True
 
-    # -- one servo step
-    # ----------------------------------------------------------------------------------------
+    # -- additive torque -------------------------------------------------------------------------------
+
+    def add_torque(self, torque_Nm: float, steps: int = 1) -> None:
+        """Add a torque to what the velocity controller wants, Nm, reached linearly within servo steps; 1 = at
+        once.
+        """
+        if steps == 1:
+            self.torque_offset = torque_Nm
+            self._offset_left = 0
+            return
+        self._offset_target = torque_Nm
+        self._offset_step = (torque_Nm - self.torque_offset) / steps
+        self._offset_left = steps
+
+    def take_torque_offset(self, torque_Nm: float) -> None:
+        """Replace the additive torque without changing the torque: the integral part takes the difference,
+        Nm.
+        """
+        self._integral += self.torque_offset - torque_Nm
+        self.add_torque(torque_Nm)
+
+    # -- one servo step --------------------------------------------------------------------------------
 
     def step(self) -> None:
         """Advance plant and control by one servo period."""
@@ -271,7 +526,7 @@ class ServoCore(ServoState):
         if self._offset_left:
             self._offset_left = left = self._offset_left - 1
             self.torque_offset = self.torque_offset + self._offset_step if left else self._offset_target
-        if source == VELOCITY:
+        if source == _VELOCITY:
             left = self._left
             if left:
                 self._left = left = left - 1
@@ -281,7 +536,7 @@ class ServoCore(ServoState):
             self.position_demand = angle
             wanted = self._middle
             self.velocity_demand = new
-        elif source == SERVO:
+        elif source == _SERVO:
             self.position_demand = demand = self._next_position
             left = self._left
             if left:
@@ -310,7 +565,7 @@ class ServoCore(ServoState):
         self._feedforward = new
         self._middle = 0.5 * (old + new)
         step = new - old
-        if source == TORQUE:
+        if source == _TORQUE:
             torque = self._torque_command(velocity)
         else:
             torque = (
@@ -342,8 +597,7 @@ class ServoCore(ServoState):
         if self.brake.busy:
             self.brake.step(self._period)
 
-    # -- inside
-    # ------------------------------------------------------------------------------------------------
+    # -- inside ----------------------------------------------------------------------------------------
 
     def _switched_off(self) -> bool:
         return not self.enabled
@@ -352,7 +606,7 @@ class ServoCore(ServoState):
         """Return the velocity that the controller wants to see now, and the pre-control for the end of the
         interval.
         """
-        if source == POSITION:
+        if source == _POSITION:
             self.position_demand = demand = self._next_position
             correction = self._correction_gain * (demand - angle)
             left = self._left
@@ -368,14 +622,14 @@ class ServoCore(ServoState):
                 wanted_velocity = 0.0
             # Linear positions have steps in velocity; the reference model turns them into bounded torque.
             new = old + (wanted_velocity - old) * self._reference_share
-        elif source == PROFILE:
+        elif source == _PROFILE:
             self.position_demand = demand = self._next_position
             correction = self._correction_gain * (demand - angle)
             profile = self._profile
             profile.advance()
             self._next_position = profile.position
             new = profile.velocity
-        elif source == RAMP:
+        elif source == _RAMP:
             rounded = self._rounded
             new = self._ramped(old) if rounded is None else rounded.step(self._period)
             if self._tracks_position:
@@ -387,7 +641,7 @@ class ServoCore(ServoState):
                 correction = 0.0
             if self._stop_pending and new == 0.0:
                 self._watch_standstill()
-        elif source == SMOOTHED:
+        elif source == _SMOOTHED:
             left = self._left
             if left:
                 self._left = left = left - 1
@@ -463,10 +717,10 @@ class ServoCore(ServoState):
     def _take_over(self, source: int) -> None:
         """Change the setpoint source without a bump."""
         previous = self._source
-        if previous == TORQUE:
+        if previous == _TORQUE:
             self._feedforward = self._middle = self._model = self._predicted = self.velocity
             self._integral = self.torque_demand - self.torque_offset
-        elif previous == SERVO and source == self._velocity_source:
+        elif previous == _SERVO and source == self._velocity_source:
             # What the position loop has added belongs to the speed from which the new one is reached.
             self._feedforward = self._middle = self.velocity_demand
         self.speed_limited = False
@@ -479,7 +733,7 @@ class ServoCore(ServoState):
         self._stop_pending = False
 
     def _clear_setpoints(self) -> None:
-        self._source = VELOCITY
+        self._source = _VELOCITY
         self._left = self._coast = self._coast_length = 0
         self._stop_pending = False
         self._integral = self._feedforward = self._middle = self._model = self._predicted = 0.0

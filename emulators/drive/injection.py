@@ -103,8 +103,7 @@ class MachineFaults(TravelFaults, EncoderFaults):
         _drift_rest: float
         _drift_timer: Timer | None
 
-    # -- encoder
-    # -----------------------------------------------------------------------------------------------------
+    # -- encoder ---------------------------------------------------------------------------------------
 
     def miss_index(self, missing: bool) -> None:
         """Let the zero mark of the encoder never come, or come again."""
@@ -133,8 +132,7 @@ class MachineFaults(TravelFaults, EncoderFaults):
 
         drift()
 
-    # -- coupling and guides
-    # -------------------------------------------------------------------------------------------
+    # -- coupling and guides ---------------------------------------------------------------------------
 
     def add_friction(self, force: float) -> None:
         """Add dry friction at the load, N or Nm; 0 = as new."""
@@ -160,8 +158,7 @@ class MachineFaults(TravelFaults, EncoderFaults):
         """
         self.mechanics.wear_out(backlash, growth_s)
 
-    # -- brake
-    # -------------------------------------------------------------------------------------------------------
+    # -- brake -----------------------------------------------------------------------------------------
 
     def stick_brake(self, closed: bool | None) -> None:
         """Let the brake be stuck closed or open; None = it works again.

@@ -251,8 +251,7 @@ class StepperDrive:
         self._fault = False
         scheduler.every(config.servo_period_ns, self._step)
 
-    # -- machine
-    # -----------------------------------------------------------------------------------------------------
+    # -- machine ---------------------------------------------------------------------------------------
 
     def _step(self) -> None:
         channel = self.channel
@@ -317,8 +316,7 @@ class StepperDrive:
         if number == 1:
             self.channel.drive_input("MI", switch.state)
 
-    # -- evidence
-    # ----------------------------------------------------------------------------------------------------
+    # -- evidence --------------------------------------------------------------------------------------
 
     def told(self) -> None:
         """Write what has changed since the last bus cycle into the log."""

@@ -144,8 +144,7 @@ class StepperCanDrive(TravelFaults, NodeFaults):
         generator.advance(self.scheduler.now)
         return generator.count
 
-    # -- life
-    # --------------------------------------------------------------------------------------------------------
+    # -- life ------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the supply on."""
@@ -186,8 +185,7 @@ class StepperCanDrive(TravelFaults, NodeFaults):
         self.slave.set(objects.DIGITAL_INPUTS, 0, self.drive.digital_inputs.value)
         self.slave.set(objects.FAULT_NUMBER, 0, int(self.drive.channel.fault))
 
-    # -- bus cycle
-    # ---------------------------------------------------------------------------------------------------
+    # -- bus cycle -------------------------------------------------------------------------------------
 
     def _on_sync(self, time_ns: int) -> None:
         self._sync_ns = time_ns
@@ -212,8 +210,7 @@ class StepperCanDrive(TravelFaults, NodeFaults):
             self._show_inputs()
         self._words.give(module.transmit(0)[0])
 
-    # -- faults
-    # ------------------------------------------------------------------------------------------------------
+    # -- faults ----------------------------------------------------------------------------------------
 
     def short_outputs(self, present: bool, channel: int = 0) -> None:
         """Bring about a short circuit at the outputs of a channel, or remove it: both channels stop

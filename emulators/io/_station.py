@@ -145,8 +145,7 @@ class ModbusIoStation:
             outputs.read = lambda at, count: self._output_words()[at : at + count]
             outputs.write = self._write_image
 
-    # -- channels
-    # ----------------------------------------------------------------------------------------------------
+    # -- channels --------------------------------------------------------------------------------------
 
     def input(self, number: int) -> DigitalInput:
         """Return a digital input by its number, from 0 on.
@@ -193,8 +192,7 @@ class ModbusIoStation:
             raise ConfigurationError(f"{self.name}: {kind}", number, allowed)
         return channels[number]
 
-    # -- faults
-    # ------------------------------------------------------------------------------------------------------
+    # -- faults ----------------------------------------------------------------------------------------
 
     def power_off(self) -> None:
         """Take its supply away: it answers nothing, its outputs are off at once."""
@@ -298,8 +296,7 @@ class ModbusIoStation:
         elif isinstance(channel, DigitalOutput) and channel.on_change is not None:
             channel.on_change(channel.level)
 
-    # -- bus
-    # --------------------------------------------------------------------------------------------------------
+    # -- bus -------------------------------------------------------------------------------------------
 
     def _input_words(self) -> list[int]:
         return self.image.pack_inputs(
@@ -355,8 +352,7 @@ class ModbusIoStation:
             if analog.substitute is not None:
                 analog.set(analog.substitute)
 
-    # -- evidence
-    # ----------------------------------------------------------------------------------------------------
+    # -- evidence --------------------------------------------------------------------------------------
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the present values of `trace_columns`: inputs behind their filter, outputs at the end of

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from emulators.mechanics._axis import AxisMechanics
-from emulators.mechanics._parted import checked
+from emulators.mechanics._checks import checked
 from emulators.mechanics._switch import SwitchModel
 
 _TAU: Final = 2.0 * math.pi

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from emulators.mechanics._parted import checked
+from emulators.mechanics._checks import checked
 from fieldbus.clock import S, Scheduler, seconds_to_ns
 from fieldbus.errors import ConfigurationError
 

@@ -76,8 +76,7 @@ class FaultReactions:
             )
         )
 
-    # -- faults that clear themselves
-    # --------------------------------------------------------------------------------
+    # -- faults that clear themselves ------------------------------------------------------------------
 
     def reset_commanded(self) -> None:
         """Note that the controller wants a reset: attempts of the drive's own count anew."""
@@ -104,8 +103,7 @@ class FaultReactions:
             drive.function.execute(drive.machine.reset_itself())
             drive.refresh_status()
 
-    # -- communication
-    # -----------------------------------------------------------------------------------------------
+    # -- communication ---------------------------------------------------------------------------------
 
     def communication_lost(self, reason: str) -> None:
         """React to lost communication as 6007h says (C402-077)."""

@@ -29,8 +29,7 @@ class InjectableDrive(MachineFaults, PowerFaults, NodeFaults, DriveDevice):
     _storm_timer: Timer | None
     _toggle_timer: Timer | None
 
-    # -- state machine and status word
-    # -------------------------------------------------------------------------------
+    # -- state machine and status word -----------------------------------------------------------------
 
     def set_local_control(self, active: bool) -> None:
         """Take the control away from the bus: bit 9 of the status word 0, control words are ignored."""
@@ -93,8 +92,7 @@ class InjectableDrive(MachineFaults, PowerFaults, NodeFaults, DriveDevice):
         """Models of heat and supply."""
         return self.protection.power
 
-    # -- power stage
-    # -------------------------------------------------------------------------------------------------
+    # -- power stage -----------------------------------------------------------------------------------
 
     def scale_ramps(self, share: float) -> None:
         """Make all ramps of the drive with this share of their slope; 1 = as set."""
@@ -105,8 +103,7 @@ class InjectableDrive(MachineFaults, PowerFaults, NodeFaults, DriveDevice):
         self.protection.cap_torque(math.inf if share is None else share * self.config.rated_torque_Nm)
         self.refresh_status()
 
-    # -- encoder
-    # -----------------------------------------------------------------------------------------------------
+    # -- encoder ---------------------------------------------------------------------------------------
 
     def break_encoder(self, broken: bool) -> None:
         """Cut the wire of the encoder: the value stands, and the drive notices (7305h, absolute 7320h); or

@@ -66,8 +66,7 @@ class SafetyFunctions:
             | self.interlock_open << 4
         )
 
-    # -- inputs
-    # ----------------------------------------------------------------------------------------------------
+    # -- inputs ----------------------------------------------------------------------------------------
 
     def set_sto(self, active: bool) -> None:
         """Demand safe torque off, or release it."""
@@ -128,8 +127,7 @@ class SafetyFunctions:
         if drive.config.safety.interlock != "none":
             drive.digital_inputs.set_level(_INTERLOCK, not self.interlock_open)
 
-    # -- safe stop 1
-    # -----------------------------------------------------------------------------------------------
+    # -- safe stop 1 -----------------------------------------------------------------------------------
 
     def watch(self) -> None:
         """Compare the speed with the ramp of safe stop 1; call in every control cycle while `monitoring`."""
@@ -169,8 +167,7 @@ class SafetyFunctions:
         self.monitoring = False
         self._drive.protection.warn(DriveWarning.SAFE_STOP, False)
 
-    # -- safe torque off
-    # -------------------------------------------------------------------------------------------
+    # -- safe torque off -------------------------------------------------------------------------------
 
     def _settle(self, *, silent: bool = False) -> None:
         """Put safe torque off in force, or release it (C402-030)."""

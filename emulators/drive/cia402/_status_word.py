@@ -149,8 +149,7 @@ class StatusWord:
             status &= ~_TARGET_REACHED
         return status
 
-    # -- lies
-    # ------------------------------------------------------------------------------------------------------
+    # -- lies ------------------------------------------------------------------------------------------
 
     def lie(self, *, set_bits: int = 0, clear_bits: int = 0) -> None:
         """Show bits as 1 or 0, whatever they should be; none = the truth."""

@@ -92,8 +92,7 @@ class TouchProbe:
             channel.edges = channel.stored = 0
         self.show()
 
-    # -- objects
-    # -----------------------------------------------------------------------------------------------
+    # -- objects ---------------------------------------------------------------------------------------
 
     def on_function(self, value: int) -> None:
         """Take 60B8h: a probe looks at its bits when it is switched on and at no other time (C402-151).
@@ -153,8 +152,7 @@ class TouchProbe:
             status |= half << 8 * channel.number
         self._slave.set(0x60B9, 0, status)
 
-    # -- events
-    # ------------------------------------------------------------------------------------------------
+    # -- events ----------------------------------------------------------------------------------------
 
     def on_input(self, source: int, switch: SwitchModel) -> None:
         """Take an edge of probe input 1 or 2 at the instant at which it comes."""

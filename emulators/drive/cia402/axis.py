@@ -136,8 +136,7 @@ class ProfileAxis:
         self.software_limits: tuple[int, int] | None = None
         """Effective 607Dh in position units; None = off."""
 
-    # -- parameters
-    # --------------------------------------------------------------------------------------------
+    # -- parameters ------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
         """Take all parameters over from the values."""
@@ -176,8 +175,7 @@ class ProfileAxis:
         off = (low, high) == RANGE_OFF or low > high
         self.software_limits = None if off else (low - offset, high - offset)
 
-    # -- positions
-    # ---------------------------------------------------------------------------------------------
+    # -- positions -------------------------------------------------------------------------------------
 
     @property
     def internal_increments(self) -> int:
@@ -240,8 +238,7 @@ class ProfileAxis:
             return position
         return min(max(position, limits[0]), limits[1])
 
-    # -- velocities, torques
-    # -------------------------------------------------------------------------------------
+    # -- velocities, torques ---------------------------------------------------------------------------
 
     @property
     def actual_velocity(self) -> int:
@@ -270,8 +267,7 @@ class ProfileAxis:
             return 0.0
         return velocity
 
-    # -- accelerations
-    # -----------------------------------------------------------------------------------------
+    # -- accelerations ---------------------------------------------------------------------------------
 
     def acceleration(self, index: int, limit_index: int) -> float:
         """Return an acceleration object within its limit object, rad/s^2; 0 stands for the limit

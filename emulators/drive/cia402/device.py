@@ -209,8 +209,7 @@ class DriveDevice:
                 raise ConfigurationError("objects", f"{index:04X}h:{sub}", "an object of the drive")
         store.load(application=True)
 
-    # -- what it is doing
-    # ------------------------------------------------------------------------------------------
+    # -- what it is doing ------------------------------------------------------------------------------
 
     @property
     def state(self) -> DriveState:
@@ -237,8 +236,7 @@ class DriveDevice:
         """Whether safe torque off is in force."""
         return self.safety.torque_off
 
-    # -- life
-    # ------------------------------------------------------------------------------------------------------
+    # -- life ------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the control supply on: self-test, boot-up, Switch on disabled."""
@@ -322,8 +320,7 @@ class DriveDevice:
         if old is not new:
             self.emit("drive.state", **{"from": old.text, "to": new.text}, transition=number)
 
-    # -- commands
-    # --------------------------------------------------------------------------------------------------
+    # -- commands --------------------------------------------------------------------------------------
 
     def on_controlword(self, word: int) -> None:
         """Take 6040h, from PDO or SDO."""
@@ -372,8 +369,7 @@ class DriveDevice:
             self.outputs = outputs
             self.emit("drive.outputs", outputs=outputs)
 
-    # -- cycles
-    # ----------------------------------------------------------------------------------------------------
+    # -- cycles ----------------------------------------------------------------------------------------
 
     def _on_sync(self, _time_ns: int) -> None:
         self.axis.synchronised = True
@@ -412,8 +408,7 @@ class DriveDevice:
             pdo.valid and pdo.synchronous and key in pdo.layout.keys for pdo in self.slave.pdos.receive
         )
 
-    # -- warnings and faults
-    # ---------------------------------------------------------------------------------------
+    # -- warnings and faults ---------------------------------------------------------------------------
 
     def show_warnings(self, warnings: DriveWarning) -> None:
         """Show the causes of bit 7 in 1002h and 2100h, and log them."""
@@ -438,8 +433,7 @@ class DriveDevice:
         if self._history is not None:
             self._history.emit(self.name, kind, **data)
 
-    # -- machine
-    # ---------------------------------------------------------------------------------------------------
+    # -- machine ---------------------------------------------------------------------------------------
 
     def _on_homed(self, success: bool) -> None:
         self.status_word.homing_refused = not success

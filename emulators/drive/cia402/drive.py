@@ -61,8 +61,7 @@ class CiA402Drive(InjectableDrive):
         """
         return trace_row(self)
 
-    # -- drive
-    # -----------------------------------------------------------------------------------------------------
+    # -- drive -----------------------------------------------------------------------------------------
 
     def clear_fault_cause(self, emcy_code: int | None = None) -> None:
         """End the cause of a persistent fault, or of all; the fault itself waits for its reset."""

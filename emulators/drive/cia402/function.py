@@ -80,8 +80,7 @@ class DriveFunction:
         """Bits of the mode that have risen while the brake opens, and are still set."""
         axis.core.on_standstill = self._on_standstill
 
-    # -- from outside
-    # ----------------------------------------------------------------------------------------------
+    # -- from outside ----------------------------------------------------------------------------------
 
     def start(self) -> None:
         """Begin as after power-on: everything off, no mode."""
@@ -234,8 +233,7 @@ class DriveFunction:
                 self.axis.demand_excess = 0.0
                 self.mode.limited = False
 
-    # -- inside
-    # ------------------------------------------------------------------------------------------------------
+    # -- inside ----------------------------------------------------------------------------------------
 
     def _power_is_on(self) -> None:
         self._power_timer = None

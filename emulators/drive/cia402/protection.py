@@ -123,8 +123,7 @@ class Protection:
         self.warnings = 0
         """Present warnings, bits of `DriveWarning`."""
 
-    # -- life
-    # ------------------------------------------------------------------------------------------------------
+    # -- life ------------------------------------------------------------------------------------------
 
     def restart(self) -> None:
         """Start after power-on or reset: i2t forgets, what is hot has cooled meanwhile, the DC link is
@@ -145,8 +144,7 @@ class Protection:
             self._look_at_phase(power_stage.dt_s)
             self._look_at_heat()
 
-    # -- heat
-    # ------------------------------------------------------------------------------------------------------
+    # -- heat ------------------------------------------------------------------------------------------
 
     def _look_at_heat(self) -> None:
         drive = self._drive
@@ -185,8 +183,7 @@ class Protection:
         if self._phase_s >= link.config.phase_loss_time_s:
             self._drive.raise_fault(faults.PHASE_LOSS)
 
-    # -- supply
-    # ----------------------------------------------------------------------------------------------------
+    # -- supply ----------------------------------------------------------------------------------------
 
     def look_at_link(self) -> None:
         """React to the voltage of the DC link and to the mains (C402-029)."""
@@ -240,8 +237,7 @@ class Protection:
             self._power_timer.cancel()
             self._power_timer = None
 
-    # -- torque and warnings
-    # ---------------------------------------------------------------------------------------
+    # -- torque and warnings ---------------------------------------------------------------------------
 
     def cap_torque(self, torque_Nm: float) -> None:
         """Limit the torque from outside, Nm; inf = not."""
@@ -268,8 +264,7 @@ class Protection:
             self.warnings = before & ~mask | bits
             self._drive.show_warnings(DriveWarning(self.warnings))
 
-    # -- faults
-    # ----------------------------------------------------------------------------------------------------
+    # -- faults ----------------------------------------------------------------------------------------
 
     def holds(self, code: int) -> bool:
         """Return whether the cause of a latched fault is still there (C402-016)."""

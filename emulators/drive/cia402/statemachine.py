@@ -118,8 +118,7 @@ class PowerStateMachine:
         self._quick_stop_option = 2
         self._quick_stopped = False
 
-    # -- what the drive asks
-    # -----------------------------------------------------------------------------------
+    # -- what the drive asks ---------------------------------------------------------------------------
 
     @property
     def status_bits(self) -> int:
@@ -147,8 +146,7 @@ class PowerStateMachine:
         """Whether set-points are executed: Operation enabled and no stop under way."""
         return self.state is _OPERATION_ENABLED and self._ramp_target is None
 
-    # -- life
-    # ----------------------------------------------------------------------------------------------------
+    # -- life ------------------------------------------------------------------------------------------
 
     def start(self) -> Action:
         """Power-on or reset of the application: transition 0; forgets everything."""
@@ -164,8 +162,7 @@ class PowerStateMachine:
             self._go(1, DriveState.SWITCH_ON_DISABLED)
         return Action.NOTHING
 
-    # -- commands
-    # ------------------------------------------------------------------------------------------------
+    # -- commands --------------------------------------------------------------------------------------
 
     def control(self, word: int) -> Action:
         """Evaluate a control word: at most one transition (C402-027)."""
@@ -275,8 +272,7 @@ class PowerStateMachine:
         self._go(4, DriveState.OPERATION_ENABLED)
         return Action.ENABLE
 
-    # -- events
-    # ----------------------------------------------------------------------------------------------------
+    # -- events ----------------------------------------------------------------------------------------
 
     def power_is_on(self) -> Action:
         """High-level power is on: transition 3."""
@@ -360,8 +356,7 @@ class PowerStateMachine:
         """Have the control word evaluated again, because an obstacle is gone."""
         self.settled = False
 
-    # -- inside
-    # ------------------------------------------------------------------------------------------------------
+    # -- inside ----------------------------------------------------------------------------------------
 
     def _forget(self) -> None:
         self._waits_for_power = False

@@ -105,8 +105,7 @@ class Cia402Objects:
             (0x6504, 0): _Row("drive manufacturer", _STRING, lambda: _MANUFACTURER),
         }
 
-    # -- as the dictionary sees it
-    # ---------------------------------------------------------------------------------
+    # -- as the dictionary sees it ---------------------------------------------------------------------
 
     def entry(self, index: int, sub: int) -> Entry | None:
         """See `ForeignObjects.entry`."""
@@ -138,8 +137,7 @@ class Cia402Objects:
         assert isinstance(value, (int, float))
         row.put(value)
 
-    # -- what is behind
-    # ----------------------------------------------------------------------------------------------
+    # -- what is behind --------------------------------------------------------------------------------
 
     @property
     def _factor(self) -> float:

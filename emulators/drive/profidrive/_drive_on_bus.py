@@ -112,8 +112,7 @@ class DriveOnBus(MachineFaults, PowerFaults):
         """Models of heat and supply."""
         return self.drive.power
 
-    # -- faults
-    # --------------------------------------------------------------------------------------------------------
+    # -- faults ----------------------------------------------------------------------------------------
 
     def raise_fault(self, code: int, *, persistent: bool = False) -> None:
         """Raise a fault by its number, or by the EMCY code of one; see `ProfidriveDrive.raise_fault`."""

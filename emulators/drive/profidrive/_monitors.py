@@ -81,8 +81,7 @@ class Monitors:
         limit_s = drive.settings.setpoint_monitoring_s
         return bool(limit_s) and drive.now_ns - drive.data_at_ns > seconds_to_ns(limit_s)
 
-    # -- heat and supply
-    # ---------------------------------------------------------------------------------------------
+    # -- heat and supply -------------------------------------------------------------------------------
 
     def look_at_models(self) -> None:
         """React to temperatures, overload and DC link."""

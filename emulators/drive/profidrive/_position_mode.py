@@ -95,8 +95,7 @@ class PositionMode:
         self._drive.faults.warn(DriveWarning.JOG_CONTRADICTION, stw1 & _JOG == _JOG)
         return False
 
-    # -- setpoint words
-    # ------------------------------------------------------------------------------------------------
+    # -- setpoint words --------------------------------------------------------------------------------
 
     def words(self, row: tuple[int, ...]) -> Words:
         """Return the setpoint words in force, whichever telegram brings them."""
@@ -131,8 +130,7 @@ class PositionMode:
             deceleration=deceleration,
         )
 
-    # -- cycle
-    # --------------------------------------------------------------------------------------------------------
+    # -- cycle -----------------------------------------------------------------------------------------
 
     def lead(self, row: tuple[int, ...]) -> None:
         """Let the setpoints act; the positioner does, in `watch`."""
@@ -181,8 +179,7 @@ class PositionMode:
     def inhibited(self) -> None:
         """The pulses have been taken away."""
 
-    # -- status words
-    # --------------------------------------------------------------------------------------------------
+    # -- status words ----------------------------------------------------------------------------------
 
     def zsw1(self) -> int:
         """Return the bits of ZSW1 that position mode has in its own way (PD-068 to PD-075)."""

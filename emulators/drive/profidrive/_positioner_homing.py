@@ -45,8 +45,7 @@ class Homing:
         """Forget what is under way."""
         self.passing = False
 
-    # -- active
-    # --------------------------------------------------------------------------------------------------
+    # -- active ----------------------------------------------------------------------------------------
 
     def start(self, words: Words) -> None:
         """Begin: the home position is lost."""
@@ -108,8 +107,7 @@ class Homing:
             axis.homed = True
             axis.finish()
 
-    # -- in passing
-    # ----------------------------------------------------------------------------------------------
+    # -- in passing ------------------------------------------------------------------------------------
 
     def watch(self, words: Words, rising: int) -> None:
         """Begin or end passive homing: it takes part in no motion."""

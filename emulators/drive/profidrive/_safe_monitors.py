@@ -77,8 +77,7 @@ class SafeMonitors:
         """Limit of the selected level, m/s or rad/s of the load."""
         return self._drive.config.safe_motion.sls_limits[self.sls_level - 1]
 
-    # -- selection
-    # ---------------------------------------------------------------------------------------------------
+    # -- selection -------------------------------------------------------------------------------------
 
     def select_sos(self, selected: bool) -> None:
         """Select or deselect safe operating stop."""
@@ -135,8 +134,7 @@ class SafeMonitors:
         self._sos_ns = self._sls_ns = self._sdi_ns = self._slp_ns = now
         self.sls_active = self.sdi_active = self.slp_active = False
 
-    # -- control cycle
-    # -----------------------------------------------------------------------------------------------
+    # -- control cycle ---------------------------------------------------------------------------------
 
     def watch(self) -> tuple[DriveWarning, str] | None:
         """Look at the load; returns message and reaction of the first function that is violated."""

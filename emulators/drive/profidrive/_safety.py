@@ -119,8 +119,7 @@ class SafetyFunctions:
         self.watching = False
         """`watch` has something to do."""
 
-    # -- what it shows
-    # -----------------------------------------------------------------------------------------------
+    # -- what it shows ---------------------------------------------------------------------------------
 
     @property
     def braking(self) -> bool:
@@ -165,8 +164,7 @@ class SafetyFunctions:
         """Whether a function has reacted by itself (internal event)."""
         return self._reaction != _NOTHING
 
-    # -- selection
-    # ---------------------------------------------------------------------------------------------------
+    # -- selection -------------------------------------------------------------------------------------
 
     def set_sto(self, active: bool) -> None:
         """Demand safe torque off, or release it; the release acknowledges safety messages."""
@@ -250,8 +248,7 @@ class SafetyFunctions:
         self._reaction = _NOTHING
         self.monitors.restart()
 
-    # -- control cycle
-    # -----------------------------------------------------------------------------------------------
+    # -- control cycle ---------------------------------------------------------------------------------
 
     def watch(self) -> None:
         """Watch what is in force; call in every control cycle while `watching`."""
@@ -311,8 +308,7 @@ class SafetyFunctions:
         self._reaction = max(self._reaction, _BY_NAME[reaction])
         self._settle()
 
-    # -- stops
-    # -------------------------------------------------------------------------------------------------------
+    # -- stops -----------------------------------------------------------------------------------------
 
     def _settle(self) -> None:
         """Bring into force what is selected and what reacts."""
@@ -360,8 +356,7 @@ class SafetyFunctions:
         with_sto = self.torque_off and drive.config.safe_motion.sbc
         drive.core.brake.forced_closed = self.sbc_input or with_sto or self.brake_test.active
 
-    # -- words
-    # -------------------------------------------------------------------------------------------------------
+    # -- words -----------------------------------------------------------------------------------------
 
     def _tell(self) -> None:
         word = self.s_zsw1b()

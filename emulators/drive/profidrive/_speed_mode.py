@@ -86,8 +86,7 @@ class SpeedMode:
         """The pulses have been taken away."""
         self.channel.inhibited()
 
-    # -- status words
-    # --------------------------------------------------------------------------------------------------
+    # -- status words ----------------------------------------------------------------------------------
 
     def zsw1(self) -> int:
         """Return the bits of ZSW1 that speed mode has in its own way (PD-068 to PD-075)."""

@@ -96,8 +96,7 @@ class StatusWords:
         self._deviation.reset()
         self.in_tolerance = True
 
-    # -- lies
-    # -------------------------------------------------------------------------------------------------------
+    # -- lies ------------------------------------------------------------------------------------------
 
     def freeze(self, frozen: bool) -> None:
         """Let ZSW1 show what it shows now, whatever happens."""
@@ -112,8 +111,7 @@ class StatusWords:
         self._set = set_bits & 0xFFFF
         self._cleared = clear_bits & 0xFFFF
 
-    # -- words
-    # ------------------------------------------------------------------------------------------------------
+    # -- words -----------------------------------------------------------------------------------------
 
     def watch_deviation(self) -> None:
         """Look at the speed deviation; once per bus cycle (PD-079)."""

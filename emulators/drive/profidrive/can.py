@@ -152,8 +152,7 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         """
         return trace_row(self.drive, self.slave.nmt_state)
 
-    # -- life
-    # --------------------------------------------------------------------------------------------------------
+    # -- life ------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the control supply on."""
@@ -178,8 +177,7 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
             self._emcys.clear()
         self._show_all()
 
-    # -- memory of the parameters (PD-250, PD-344)
-    # ------------------------------------------------------------------------
+    # -- memory of the parameters (PD-250, PD-344) -----------------------------------------------------
 
     def _save_parameters(self, group: int) -> None:
         if group in _WITH_PARAMETERS:
@@ -209,8 +207,7 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         if new is NmtState.OPERATIONAL:
             self._words.begin()
 
-    # -- bus cycle
-    # --------------------------------------------------------------------------------------------------------
+    # -- bus cycle -------------------------------------------------------------------------------------
 
     def _on_sync(self, time_ns: int) -> None:
         self._sync_ns = time_ns
@@ -230,8 +227,7 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         drive.cycle()
         self._words.give(drive.transmit())
 
-    # -- faults
-    # --------------------------------------------------------------------------------------------------------
+    # -- faults ----------------------------------------------------------------------------------------
 
     def _on_communication_error(self, reason: str) -> None:
         """React to a lost controller as 6007h says (PD-345)."""

@@ -94,8 +94,7 @@ class ControlUnit:
         self._cycle_ns = scheduler.now
         self._frame = bytes(self._telegram.actual.length)
 
-    # -- process
-    # ------------------------------------------------------------------------------------------------------
+    # -- process ---------------------------------------------------------------------------------------
 
     @property
     def outputs(self) -> int:
@@ -127,8 +126,7 @@ class ControlUnit:
         """Enter a fault, 1..65535."""
         self.faults.enter(FaultMessage(number, time_ms=self._scheduler.now // MS, code=number))
 
-    # -- bus
-    # --------------------------------------------------------------------------------------------------------
+    # -- bus -------------------------------------------------------------------------------------------
 
     def receive(self, frame: bytes) -> bool:
         """Take a frame for the next cycle; False: its length is wrong (PD-030)."""

@@ -237,8 +237,7 @@ class ProfidriveDrive:
         self.sign_of_life.tolerance = self.settings.sign_of_life_tolerance
         self.torque.renew()
 
-    # -- what it is doing
-    # ------------------------------------------------------------------------------------------
+    # -- what it is doing ------------------------------------------------------------------------------
 
     @property
     def state(self) -> AxisState:
@@ -280,8 +279,7 @@ class ProfidriveDrive:
         """Whether the axis is parked: STW2 bit 7, while there are no pulses (PD-082, PD-083)."""
         return bool(self.stw2 & _PARK_AXIS) and not self.core.enabled
 
-    # -- life
-    # --------------------------------------------------------------------------------------------------------
+    # -- life ------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the control supply on."""
@@ -323,8 +321,7 @@ class ProfidriveDrive:
         self.mode.restart()
         self.operation.reset()
 
-    # -- bus cycle
-    # ---------------------------------------------------------------------------------------------------
+    # -- bus cycle -------------------------------------------------------------------------------------
 
     def receive(self, frame: bytes) -> None:
         """Take a telegram of the controller; it acts in the next `cycle`. One of a wrong length does not
@@ -403,8 +400,7 @@ class ProfidriveDrive:
         """Let the state machine make one step: in every bus cycle, and when something happens in between."""
         self.operation.act()
 
-    # -- faults and warnings
-    # -------------------------------------------------------------------------------------------
+    # -- faults and warnings ---------------------------------------------------------------------------
 
     def raise_fault(
         self, code: int, *, value: int = 0, persistent: bool = False, reaction: Off | None = None
@@ -458,8 +454,7 @@ class ProfidriveDrive:
         if self._history is not None:
             self._history.emit(self.name, kind, **data)
 
-    # -- control cycle
-    # -------------------------------------------------------------------------------------------------
+    # -- control cycle ---------------------------------------------------------------------------------
 
     def _control_cycle(self) -> None:
         if self.powered:

@@ -133,8 +133,7 @@ class DriveParameters:
         self.memory = ParameterMemory(store, self._restart)
         store.save()
 
-    # -- for a test
-    # ----------------------------------------------------------------------------------------------
+    # -- for a test ------------------------------------------------------------------------------------
 
     def request(self, data: bytes) -> bytes:
         """Return the answer to a request of base mode parameter access, as a bus would bring it (PD-199 to
@@ -175,16 +174,14 @@ class DriveParameters:
         """
         self.store.write(parameter_number(parameter), value, sub_index)
 
-    # -- life
-    # ----------------------------------------------------------------------------------------------------
+    # -- life ------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Begin with what is saved; what was written since then is lost."""
         self.memory.reset = 0
         self.store.load()
 
-    # -- settings
-    # ------------------------------------------------------------------------------------------------
+    # -- settings --------------------------------------------------------------------------------------
 
     def _connect_settings(self) -> None:
         store, settings = self.store, self.drive.settings
@@ -278,8 +275,7 @@ class DriveParameters:
         setattr(self.drive.settings, name, value)
         self.drive.refresh()
 
-    # -- what the drive shows
-    # --------------------------------------------------------------------------------------
+    # -- what the drive shows --------------------------------------------------------------------------
 
     def _connect_display(self) -> None:
         drive, store = self.drive, self.store
@@ -350,8 +346,7 @@ class DriveParameters:
         for at, value in enumerate(p979(*self.drive.config.encoder_formats)):
             self.store.set(979, value, at)
 
-    # -- what parameters cause
-    # -------------------------------------------------------------------------------------
+    # -- what parameters cause -------------------------------------------------------------------------
 
     def _cleared(self) -> None:
         """Take the reactions back too, as an acknowledgement does (PD-136)."""

@@ -176,8 +176,7 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         """
         return trace_row(self.drive)
 
-    # -- bus
-    # --------------------------------------------------------------------------------------------------------
+    # -- bus -------------------------------------------------------------------------------------------
 
     def listen(self, network: TcpLink | SocketNetwork, *, connections: int = 16) -> TcpStation[Any]:
         """Serve a TCP network; every unit is answered, and every process data register keeps the time-out off
@@ -280,8 +279,7 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         """Let an analog input show a value; see `Terminals.set_analog_input`."""
         self.parameters.terminals.set_analog_input(number, percent)
 
-    # -- life
-    # --------------------------------------------------------------------------------------------------------
+    # -- life ------------------------------------------------------------------------------------------
 
     @property
     def _online(self) -> bool:
@@ -316,8 +314,7 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
         if self.station is not None:
             self.station.online = self._online
 
-    # -- the drive as its registers see it
-    # -------------------------------------------------------------------------------
+    # -- the drive as its registers see it -------------------------------------------------------------
 
     def receive(self, frame: bytes) -> None:
         """Take a telegram of the client; it acts in the next cycle of the drive."""

@@ -67,8 +67,7 @@ class ParameterStore:
         for number in (*ALL_LISTS, *CHANGED_LISTS):
             self.define(_list_definition(number))
 
-    # -- what there is
-    # -----------------------------------------------------------------------------------------
+    # -- what there is ---------------------------------------------------------------------------------
 
     def define(self, definition: ParameterDefinition) -> None:
         """Add a parameter, or put another definition in its place; it has its factory value."""
@@ -97,8 +96,7 @@ class ParameterStore:
             return False
         return self.values(number, 0, definition.elements) != definition.defaults
 
-    # -- the device's side
-    # -------------------------------------------------------------------------------------
+    # -- the device's side -----------------------------------------------------------------------------
 
     def value(self, number: int, sub_index: int = 0) -> int | float:
         """Return the present value of an element, as its data type can show it.
@@ -147,8 +145,7 @@ class ParameterStore:
         for at, byte in enumerate(text.encode("latin-1", "replace")[:size].ljust(size, b"\0")):
             self.set(number, byte, at)
 
-    # -- writing from outside
-    # ----------------------------------------------------------------------------------
+    # -- writing from outside --------------------------------------------------------------------------
 
     def check_value(self, number: int, sub_index: int, value: float) -> Refusal | None:
         """Return why a value may not be written for what it is; None if it may (PD-212, PD-222, PD-216,
@@ -224,8 +221,7 @@ class ParameterStore:
             raise ParameterAccessError(f"parameter {number}: {refusal.text}", refusal.error)
         self.put(number, sub_index, value)
 
-    # -- saving
-    # ------------------------------------------------------------------------------------------------
+    # -- saving ----------------------------------------------------------------------------------------
 
     def save(self) -> None:
         """Keep all settings over power-off (PNU 971)."""
@@ -275,8 +271,7 @@ class ParameterStore:
                 except ParameterAccessError:
                     continue  # the machine does not take it: what is in force stays
 
-    # -- inside
-    # ------------------------------------------------------------------------------------------------
+    # -- inside ----------------------------------------------------------------------------------------
 
     def _found(self, number: int, sub_index: int) -> ParameterDefinition:
         definition = self._definitions.get(number)

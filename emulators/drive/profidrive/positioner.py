@@ -128,8 +128,7 @@ class Positioner:
         """Return POS_STW1 for SATZANW and MDI_MOD of the telegrams 7, 9 and 110 (PD-086, PD-092)."""
         return show.pos_stw1_of(satzanw, mdi_mod)
 
-    # -- what it shows
-    # -----------------------------------------------------------------------------------------
+    # -- what it shows ---------------------------------------------------------------------------------
 
     @property
     def position(self) -> float:
@@ -162,8 +161,7 @@ class Positioner:
         tolerance = self.settings.following_tolerance * self.motion.scale
         return self.core.controls_position and abs(self.core.following_error) > tolerance
 
-    # -- one bus cycle
-    # -----------------------------------------------------------------------------------------
+    # -- one bus cycle ---------------------------------------------------------------------------------
 
     def restart(self, *, keep_home: bool) -> None:
         """Begin as after power-on; the home position is lost unless the encoder has kept it."""
@@ -267,8 +265,7 @@ class Positioner:
         """Take an edge of probe input 1 or 2 at a measured angle, rad (passive homing)."""
         self.homing.probe_edge(self._last, number, rising, angle)
 
-    # -- which task
-    # --------------------------------------------------------------------------------------------
+    # -- which task ------------------------------------------------------------------------------------
 
     def _operate(self, words: Words, rising: int) -> None:
         stw1 = words.stw1
@@ -404,8 +401,7 @@ class Positioner:
             ),
         )
 
-    # -- motion
-    # ------------------------------------------------------------------------------------------------
+    # -- motion ----------------------------------------------------------------------------------------
 
     def _watch_cams(self, words: Words, minus_cam: bool, plus_cam: bool) -> None:
         wanted = self.wanted

@@ -135,8 +135,7 @@ class Channel:
         self.unfolded = 0
         """6008h: the position before it is folded into 6002h."""
 
-    # -- position
-    # -----------------------------------------------------------------------------------------------
+    # -- position --------------------------------------------------------------------------------------
 
     def _count(self) -> int:
         """Sample; returns the count in the direction of the code sequence, not folded."""
@@ -180,8 +179,7 @@ class Channel:
         self._derived = True
         self._speed = self._acceleration = self._jerk = 0
 
-    # -- motion
-    # -------------------------------------------------------------------------------------------------
+    # -- motion ----------------------------------------------------------------------------------------
 
     def cycle(self) -> int:
         """Take note of the position of this millisecond; returns the raw steps moved since the last one."""
@@ -248,8 +246,7 @@ class Channel:
         if len(differences) > 2:
             self._jerk = _limited(differences[2], 1)
 
-    # -- cams and work area
-    # -------------------------------------------------------------------------------------
+    # -- cams and work area ----------------------------------------------------------------------------
 
     def _find_cams(self) -> int:
         """Return the state register 6300h at the present position (C406-049)."""

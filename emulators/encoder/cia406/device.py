@@ -156,8 +156,7 @@ class EncoderDevice:
                 raise ConfigurationError("objects", f"{index:04X}h:{sub}", "an object of the encoder")
         store.load(application=True)
 
-    # -- life
-    # ---------------------------------------------------------------------------------------------------
+    # -- life ------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the supply on: absolute encoders know their position at once, others begin at zero
@@ -198,8 +197,7 @@ class EncoderDevice:
         running = self._scheduler.now - self._powered_ns if self.slave.powered else 0
         return (self._operating_ns + running) // _TENTH_HOUR_NS
 
-    # -- parameters
-    # ---------------------------------------------------------------------------------------------
+    # -- parameters ------------------------------------------------------------------------------------
 
     def invalidate(self) -> None:
         """Note that a parameter of the position formation is being written: the preset counts no more
@@ -246,8 +244,7 @@ class EncoderDevice:
                 self.name, "encoder.preset", value=value, offset=one.offset, channel=channel + 1
             )
 
-    # -- measuring
-    # ----------------------------------------------------------------------------------------------
+    # -- measuring -------------------------------------------------------------------------------------
 
     def sample(self) -> None:
         """Form positions, cams and work areas of this instant, once per instant."""

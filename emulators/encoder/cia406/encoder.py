@@ -99,8 +99,7 @@ class CiA406Encoder(EncoderDevice, OwnShaft):
             self.slave.nmt_state,
         )
 
-    # -- sensor
-    # -------------------------------------------------------------------------------------------------
+    # -- sensor ----------------------------------------------------------------------------------------
 
     def freeze_encoder(self, frozen: bool) -> None:
         """Let the value stand still, or follow the shaft again."""
@@ -145,8 +144,7 @@ class CiA406Encoder(EncoderDevice, OwnShaft):
         for channel in self.channels:
             channel.sensor.encoder.zero_mark_present = not missing
 
-    # -- device
-    # -------------------------------------------------------------------------------------------------
+    # -- device ----------------------------------------------------------------------------------------
 
     def preset_encoder(self, value: int) -> None:
         """Write a preset to 6003h, whatever moves; the value is taken into the range of 6002h."""

@@ -208,8 +208,7 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
             self.slave.nmt_state,
         )
 
-    # -- life
-    # -----------------------------------------------------------------------------------------------------
+    # -- life ------------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Switch the supply on: absolute encoders know their position at once, others begin to count."""
@@ -236,8 +235,7 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
         if new is NmtState.OPERATIONAL:
             self._words.begin()
 
-    # -- bus cycle
-    # ------------------------------------------------------------------------------------------------
+    # -- bus cycle -------------------------------------------------------------------------------------
 
     def _on_sync(self, time_ns: int) -> None:
         self._sync_ns = time_ns
@@ -277,8 +275,7 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
         if self._history is not None:
             self._history.emit(self.name, "encoder.error", code=code, text=ENCODER_ERRORS.get(code, "none"))
 
-    # -- node
-    # -----------------------------------------------------------------------------------------------------
+    # -- node ------------------------------------------------------------------------------------------
 
     def stop_heartbeat(self, stopped: bool) -> None:
         """Keep the heartbeat back, or send it again."""

@@ -214,8 +214,7 @@ class ProfidriveEncoder:
         """Let the encoder's sign of life stand still, or count again."""
         self._frozen_sign = self._signs.value if frozen else None
 
-    # -- bus
-    # ---------------------------------------------------------------------------------------------------
+    # -- bus -------------------------------------------------------------------------------------------
 
     def receive(self, frame: bytes) -> bool:
         """Take a frame for the next cycle; return False when it is refused: wrong length (PD-030), or no
@@ -248,8 +247,7 @@ class ProfidriveEncoder:
             self._enter_fault(self.interface.error)
         self._build(words)
 
-    # -- edges
-    # -------------------------------------------------------------------------------------------------
+    # -- edges -----------------------------------------------------------------------------------------
 
     def probe_edge(self, number: int, rising: bool, coordinate: float | None = None) -> None:
         """Bring an edge of probe 1 or 2.
@@ -266,8 +264,7 @@ class ProfidriveEncoder:
         """Bring reference mark 2, 3 or 4; arguments as `probe_edge`."""
         self.interface.reference_mark(number, self._increments(coordinate))
 
-    # -- inside
-    # ------------------------------------------------------------------------------------------------
+    # -- inside ----------------------------------------------------------------------------------------
 
     def _reset(self) -> None:
         self._pending = None

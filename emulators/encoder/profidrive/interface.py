@@ -149,8 +149,7 @@ class EncoderInterface:
         """Error code that is shown, 0: none."""
         return self._code if self.state in {SD2, SD3} else 0
 
-    # -- what happens at the encoder
-    # ---------------------------------------------------------------------------
+    # -- what happens at the encoder -------------------------------------------------------------------
 
     def reference_mark(self, number: int, increments: int) -> None:
         """Latch the position of a reference mark (1..4), increments of the model; the zero mark comes by
@@ -334,8 +333,7 @@ class EncoderInterface:
         self._code = code
         self.state = SD3
 
-    # -- functions
-    # ---------------------------------------------------------------------------------------------
+    # -- functions -------------------------------------------------------------------------------------
 
     def _activate(self, functions: int, measure: bool) -> None:
         """Start functions; what they have found before is forgotten (PTO-249)."""
@@ -395,8 +393,7 @@ class EncoderInterface:
                 self.report(0x0002)
         self._last_mark = increments
 
-    # -- words
-    # -------------------------------------------------------------------------------------------------
+    # -- words -----------------------------------------------------------------------------------------
 
     def _words(self, stw: int) -> tuple[int, int, int]:
         state = self.state

@@ -162,8 +162,7 @@ class PtoChannel:
         self._zsw1 = self._zsw = 0
         self._frame = self._build(self.interface.words())
 
-    # -- bus
-    # ---------------------------------------------------------------------------------------------------
+    # -- bus -------------------------------------------------------------------------------------------
 
     @property
     def state(self) -> AxisState:
@@ -203,8 +202,7 @@ class PtoChannel:
             self.motor.follow()
         self._frame = self._build(self.interface.step(self._g1_stw, now))
 
-    # -- what happens outside
-    # ---------------------------------------------------------------------------------
+    # -- what happens outside --------------------------------------------------------------------------
 
     def drive_input(self, terminal: str, level: bool) -> None:
         """Bring a level to `DR`, `RS` or `MI`, now.
@@ -285,8 +283,7 @@ class PtoChannel:
         """Present speed of the pulses, rpm, with its sign."""
         return self.generator.frequency * 60.0 / self.config.increments
 
-    # -- inside
-    # ------------------------------------------------------------------------------------------------
+    # -- inside ----------------------------------------------------------------------------------------
 
     def _take_over(self, frame: bytes) -> None:
         before = self._stw1
@@ -397,8 +394,7 @@ class PtoChannel:
         requested = ZSW2_ENC.CONTROL_REQUESTED if self._supply else 0
         return self._telegram.actual.pack(zsw1, to_n2(share), requested, self._zsw, xist1, xist2)
 
-    # -- terminals
-    # -----------------------------------------------------------------------------------------------
+    # -- terminals -------------------------------------------------------------------------------------
 
     def _on_dr(self, level: bool) -> None:
         if not level and self.config.use_dr and self._machine.state in _STOPPING:

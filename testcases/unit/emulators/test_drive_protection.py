@@ -26,8 +26,7 @@ def with_parts(**parts):
     return replace(REFERENCE, **parts)
 
 
-# -- DC link alone
-# -------------------------------------------------------------------------------------------------------
+# -- DC link alone -------------------------------------------------------------------------------------
 
 
 def test_braking_energy_raises_the_voltage_as_the_capacitor_says():
@@ -116,8 +115,7 @@ def test_impossible_supplies_are_refused(values):
         SupplyConfig(**values)
 
 
-# -- heat alone
-# ----------------------------------------------------------------------------------------------------------
+# -- heat alone ----------------------------------------------------------------------------------------
 
 
 def test_temperature_is_of_first_order():
@@ -143,8 +141,7 @@ def test_i2t_of_a_changing_torque_is_that_of_its_square():
     assert pulsed.utilisation == pytest.approx(steady.utilisation, rel=1e-3)
 
 
-# -- in the drive
-# --------------------------------------------------------------------------------------------------------
+# -- in the drive --------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-160", "C402-041")
@@ -369,8 +366,7 @@ def test_a_missing_phase(make_bench):
     assert bench.state is S.SWITCH_ON_DISABLED
 
 
-# -- safety
-# ------------------------------------------------------------------------------------------------------------
+# -- safety --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-030")
@@ -484,8 +480,7 @@ def test_interlock(make_bench, reaction, state, emcys):
     assert bench.state is S.READY_TO_SWITCH_ON
 
 
-# -- brake
-# ------------------------------------------------------------------------------------------------------------
+# -- brake ---------------------------------------------------------------------------------------------
 
 HANGING = LinearAxisConfig(gravity_force=-400.0, coulomb_friction=0.0, stops_m=(-0.6, 0.6))
 

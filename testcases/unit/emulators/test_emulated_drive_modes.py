@@ -42,8 +42,7 @@ def setpoint(bench, revolutions: float, word: int = 0x1F, wait: float = 0.002) -
     bench.control(word, wait)
 
 
-# -- changing modes
-# -------------------------------------------------------------------------------------------
+# -- changing modes ------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -100,8 +99,7 @@ def test_mode_change_in_operation_starts_from_the_actual_values(bench):
     assert bench.state is S.OPERATION_ENABLED
 
 
-# -- profile position
-# -------------------------------------------------------------------------------------------
+# -- profile position ----------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-091", "C402-033")
@@ -335,8 +333,7 @@ def test_polarity_inverts_demand_and_actual_values(make_bench):
     assert refusal.value.code == 0x08000022
 
 
-# -- profile velocity
-# ---------------------------------------------------------------------------------------------
+# -- profile velocity ----------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-097", "C402-157", "C402-158", "C402-044", "C402-046")
@@ -392,8 +389,7 @@ def test_speed_limits_in_profile_velocity(bench):
         assert bench.status & 0x800
 
 
-# -- homing
-# -------------------------------------------------------------------------------------------------------
+# -- homing --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-127", "C402-129", "C402-134", "C402-135", "C402-138")
@@ -437,8 +433,7 @@ def test_homing_in_motionless_control_does_not_move_the_axis(make_bench):
     assert max(abs(position - samples[0][1]) for _, position, _ in samples) < 1e-7
 
 
-# -- cyclic modes
-# -------------------------------------------------------------------------------------------------
+# -- cyclic modes --------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-101", "C402-102", "C301-035")

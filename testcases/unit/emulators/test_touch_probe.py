@@ -358,8 +358,7 @@ def test_reset_and_power_off_switch_the_probes_off(make_bench):
         assert (bench.read(0x60B8), bench.read(0x60B9), bench.read(0x60D5)) == (0, 0, 0)
 
 
-# -- digital outputs
-# ----------------------------------------------------------------------------------------------
+# -- digital outputs -----------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("C402-169", "C402-270")

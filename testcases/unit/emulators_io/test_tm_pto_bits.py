@@ -27,8 +27,7 @@ def moving(share=1.0, **config):
     return rig
 
 
-# -- terminals
-# -------------------------------------------------------------------------------------------------------
+# -- terminals -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PTO-001")
@@ -121,8 +120,7 @@ def test_capture_terminals(terminal, level, words, active, shown):
     assert rig.got["G1_XIST1"] == rig.count
 
 
-# -- STW1
-# ------------------------------------------------------------------------------------------------------------
+# -- STW1 ----------------------------------------------------------------------------------------------
 
 WITHDRAWN = [  # identifiers, bit, state one cycle later, frequency then, share of the ramp, state at the end, ED at the end  # noqa: E501
     (("PTO-045",), 0, S5A, True, 1.0, S2, False),
@@ -186,8 +184,7 @@ def test_bits_without_meaning(bit):
         assert plain.channel.state is other.channel.state
 
 
-# -- STW2, G1_STW
-# ----------------------------------------------------------------------------------------------------
+# -- STW2, G1_STW --------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PTO-038")
@@ -260,8 +257,7 @@ def test_error_and_its_acknowledgement():
     assert (rig.got["G1_ZSW"], rig.got["G1_XIST2"]) == (0, 0)
 
 
-# -- ZSW1, NIST_A
-# ----------------------------------------------------------------------------------------------------
+# -- ZSW1, NIST_A --------------------------------------------------------------------------------------
 
 BITS = {
     "PTO-088": 0,
@@ -357,8 +353,7 @@ def test_bus_interruption_is_a_stop_of_the_controller():
         rig.start()
 
 
-# -- error codes
-# -----------------------------------------------------------------------------------------------------
+# -- error codes ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PTO-221")
@@ -435,8 +430,7 @@ def test_codes_that_the_module_never_uses():
     assert {4, 6, 8, 0xF01, 0xF02} <= seen
 
 
-# -- what is decided where sources differ
-# ----------------------------------------------------------------------------
+# -- what is decided where sources differ --------------------------------------------------------------
 
 
 @pytest.mark.requirement("PTO-135", "PTO-281", "PTO-290")

@@ -104,8 +104,7 @@ def test_configuration_is_checked(wrong):
         PtoConfig(**wrong)
 
 
-# -- states
-# ----------------------------------------------------------------------------------------------------
+# -- states --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -304,8 +303,7 @@ def test_drive_enable_and_drive_ready():
     assert [ready(word) for word in SEQUENCE] == [S1, S2, S3, S4]
 
 
-# -- pulses
-# ----------------------------------------------------------------------------------------------------
+# -- pulses --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PTO-164", "PTO-067", "PTO-120")
@@ -477,8 +475,7 @@ def test_time_of_a_count(target, slope, count, back):
     assert abs(probe.count) == count
 
 
-# -- everything at random
-# ------------------------------------------------------------------------------------------
+# -- everything at random ------------------------------------------------------------------------------
 
 WORDS = st.sampled_from(
     [*SEQUENCE, RUN, RUN, RUN, 0x045E, 0x045B, 0x045D, 0x0457, 0x044F, 0x041F, 0x005F, 0x04DF, 0]

@@ -148,8 +148,7 @@ def test_bounce():
     assert rig.got["G1_XIST2"] == 1132
 
 
-# -- errors
-# ----------------------------------------------------------------------------------------------------
+# -- errors --------------------------------------------------------------------------------------------
 
 
 def idle(_):
@@ -293,8 +292,7 @@ def test_sign_of_life(tolerance, failing):
     assert rig.channel.state is S4
 
 
-# -- stop of the controller, supply, outputs
-# -----------------------------------------------------------------------
+# -- stop of the controller, supply, outputs -----------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -399,8 +397,7 @@ def test_module_fault_and_wrong_frames():
     assert rig.channel.state is S1
 
 
-# -- everything at random
-# --------------------------------------------------------------------------------------------
+# -- everything at random ------------------------------------------------------------------------------
 
 WORDS = st.builds(
     lambda functions, command, measure, rest: functions | command << 4 | measure << 7 | rest,
@@ -448,8 +445,7 @@ def test_any_encoder_words(steps):
                 assert xist2 == 0
 
 
-# -- the motor behind it
-# -----------------------------------------------------------------------------------------------
+# -- the motor behind it -------------------------------------------------------------------------------
 
 
 def with_motor(**config):

@@ -29,8 +29,7 @@ def reference(**changes):
     return replace(config, settings=replace(config.settings, **settings), **changes)
 
 
-# -- states and their bits
-# -------------------------------------------------------------------------------------------
+# -- states and their bits -----------------------------------------------------------------------------
 
 PATTERNS = [
     ("PD-098", [], S2, 0x0001),
@@ -168,8 +167,7 @@ def test_a_frame_of_a_wrong_length_is_not_taken_over():
     assert rig.drive.state is S5B
 
 
-# -- ramps
-# ------------------------------------------------------------------------------------------------------------
+# -- ramps ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("MC-571", "PD-110", "PD-113", "PD-116")
@@ -284,8 +282,7 @@ def test_jogging_starts_from_s2_and_ends_there():
     assert not rig.cycle(ready, count=2)["ZSW1"] & ZSW1.WARNING
 
 
-# -- faults
-# ------------------------------------------------------------------------------------------------------------
+# -- faults --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PD-115", "PD-133")
@@ -405,8 +402,7 @@ def test_safe_stop_1_brakes_and_then_takes_the_torque():
     assert not rig.drive.faults.present
 
 
-# -- further words
-# ---------------------------------------------------------------------------------------------------------
+# -- further words -------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PD-079", "PD-068")
@@ -474,8 +470,7 @@ def test_g1_xist1_counts_with_fine_resolution():
     assert 0 < (rig.actual["G1_XIST1"] - before) % 2**32 < 2**22
 
 
-# -- dynamic servo control
-# ------------------------------------------------------------------------------------------------
+# -- dynamic servo control -----------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("CTL-031", "PD-195", "PD-196", "PD-041", "PD-042")

@@ -49,8 +49,7 @@ def time_to_standstill(rig, rpm, **signals):
     return cycles * CYCLE_S
 
 
-# -- safe stopping
-# -------------------------------------------------------------------------------------------------------
+# -- safe stopping -------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("CFG-443", "CFG-471", "CFG-472", "CFG-439")
@@ -257,8 +256,7 @@ def test_selected_safe_brake_control_is_an_off2():
     assert rig.actual["S_ZSW1B"] == STO
 
 
-# -- safe motion monitoring
-# ------------------------------------------------------------------------------------------------
+# -- safe motion monitoring ----------------------------------------------------------------------------
 
 
 @pytest.mark.requirement(
@@ -397,8 +395,7 @@ def test_messages_do_not_outlive_the_supply_but_selections_do():
     assert not rig.drive.faults.warnings
 
 
-# -- safe brake test
-# -------------------------------------------------------------------------------------------------------
+# -- safe brake test -----------------------------------------------------------------------------------
 
 SELECT, START, NEGATIVE = 0x0001, 0x0002, 0x0008
 
@@ -456,8 +453,7 @@ def test_a_brake_test_needs_an_axis_at_rest():
     assert not [event for event in rig.history.events if event.kind == "drive.brake_test"]
 
 
-# -- telegrams and configuration
-# -----------------------------------------------------------------------------------------------
+# -- telegrams and configuration -----------------------------------------------------------------------
 
 
 @pytest.mark.requirement("PD-028", "CFG-241")

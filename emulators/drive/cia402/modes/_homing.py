@@ -96,8 +96,7 @@ class Homing(HomingMotion):
         self.on_search_failed: Callable[[bool], None] | None = None
         """Called with True when a search has failed (EMCY 8612h), with False when that is over."""
 
-    # -- mode
-    # --------------------------------------------------------------------------------------------------
+    # -- mode ------------------------------------------------------------------------------------------
 
     def enter(self) -> None:
         """See `ModeOfOperation.enter`."""
@@ -159,8 +158,7 @@ class Homing(HomingMotion):
             self._pass_edge(method, bool(inputs & reference))
         self._heed_limits()
 
-    # -- start and end
-    # -----------------------------------------------------------------------------------------
+    # -- start and end ---------------------------------------------------------------------------------
 
     def _start(self) -> None:
         axis = self.axis
@@ -264,8 +262,7 @@ class Homing(HomingMotion):
             status |= BIT_13
         self.status = status
 
-    # -- switches
-    # ----------------------------------------------------------------------------------------------
+    # -- switches --------------------------------------------------------------------------------------
 
     def _look_for_switch(self, method: OnSwitch) -> None:
         axis = self.axis
@@ -332,8 +329,7 @@ class Homing(HomingMotion):
             return POSITIVE_LIMIT
         return 0
 
-    # -- index
-    # -------------------------------------------------------------------------------------------------
+    # -- index -----------------------------------------------------------------------------------------
 
     def _look_for_index(self, direction: int) -> None:
         self._phase = _Phase.INDEX
@@ -349,8 +345,7 @@ class Homing(HomingMotion):
         if self._index is None:
             self._index = increments
 
-    # -- hard stop
-    # ---------------------------------------------------------------------------------------------
+    # -- hard stop -------------------------------------------------------------------------------------
 
     def _leave_stop(self, method: OnStop) -> None:
         axis = self.axis
@@ -367,8 +362,7 @@ class Homing(HomingMotion):
         else:
             self._take_home(axis.core.encoder.increments)
 
-    # -- every control cycle
-    # -----------------------------------------------------------------------------------
+    # -- every control cycle ---------------------------------------------------------------------------
 
     def _watch(self) -> None:
         axis = self.axis

@@ -132,8 +132,7 @@ class ProfilePosition(ModeOfOperation):
             self._start(self._current)
             self._pass_by()
 
-    # -- set-points
-    # --------------------------------------------------------------------------------------------
+    # -- set-points ------------------------------------------------------------------------------------
 
     def _take(self, word: int) -> None:
         quirks = self.axis.config.quirks
