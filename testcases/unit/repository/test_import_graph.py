@@ -1,0 +1,341 @@
+"""No import circle between the modules of the product, and no base class with a single subclass."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+ROOT: Final = Path(__file__).parents[3]
+PACKAGES: Final = ("fieldbus", "emulators", "motion", "hil", "reports")
+
+# Modules that still are in a circle. The lists may only shrink.
+IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
+    "fieldbus": frozenset(
+        {
+            "fieldbus.can.account",
+            "fieldbus.can.arbitration",
+            "fieldbus.can.bitwise",
+            "fieldbus.can.controller",
+            "fieldbus.can.live",
+            "fieldbus.can.live_port",
+            "fieldbus.can.medium",
+            "fieldbus.can.partition",
+            "fieldbus.can.port",
+            "fieldbus.can.trouble",
+            "fieldbus.canopen.boot",
+            "fieldbus.canopen.boot_runner",
+            "fieldbus.canopen.master",
+            "fieldbus.canopen.mpdo",
+            "fieldbus.canopen.node",
+            "fieldbus.canopen.pdo",
+            "fieldbus.canopen.pdo_engine",
+            "fieldbus.canopen.sdo_client",
+        }
+    ),
+    "emulators": frozenset(
+        {
+            "emulators.drive.cia402._eds",
+            "emulators.drive.cia402._fault_reactions",
+            "emulators.drive.cia402._mode_rules",
+            "emulators.drive.cia402._object_rules",
+            "emulators.drive.cia402._objects_profile",
+            "emulators.drive.cia402._objects_protection",
+            "emulators.drive.cia402._safety",
+            "emulators.drive.cia402._status_word",
+            "emulators.drive.cia402._sync_jitter",
+            "emulators.drive.cia402.device",
+            "emulators.drive.cia402.faults",
+            "emulators.drive.cia402.objects",
+            "emulators.drive.cia402.protection",
+            "emulators.drive.profidrive._brake_test",
+            "emulators.drive.profidrive._data_sets",
+            "emulators.drive.profidrive._monitors",
+            "emulators.drive.profidrive._operation",
+            "emulators.drive.profidrive._position_mode",
+            "emulators.drive.profidrive._positioner_blocks",
+            "emulators.drive.profidrive._positioner_homing",
+            "emulators.drive.profidrive._positioner_show",
+            "emulators.drive.profidrive._positioner_stop",
+            "emulators.drive.profidrive._safe_monitors",
+            "emulators.drive.profidrive._safety",
+            "emulators.drive.profidrive._signals",
+            "emulators.drive.profidrive._speed_mode",
+            "emulators.drive.profidrive._torque",
+            "emulators.drive.profidrive._words",
+            "emulators.drive.profidrive.config",
+            "emulators.drive.profidrive.device",
+            "emulators.drive.profidrive.positioner",
+            "emulators.drive.profidrive.second_encoder",
+            "emulators.drive.profidrive.setpoint_channel",
+            "emulators.encoder.cia406._object_rules",
+            "emulators.encoder.cia406.device",
+        }
+    ),
+    "motion": frozenset(
+        {
+            "motion.axis.acceptance",
+            "motion.axis.assembly",
+            "motion.axis.axis",
+            "motion.axis.backlash",
+            "motion.axis.control_words",
+            "motion.axis.data_block",
+            "motion.axis.enabling",
+            "motion.axis.encoder_enabling",
+            "motion.axis.external_encoder",
+            "motion.axis.homing",
+            "motion.axis.homing.active",
+            "motion.axis.homing.direct",
+            "motion.axis.homing.passive",
+            "motion.axis.limits",
+            "motion.axis.limits.hardware",
+            "motion.axis.limits.software",
+            "motion.axis.monitoring",
+            "motion.axis.motion",
+            "motion.axis.planning",
+            "motion.axis.reactions",
+            "motion.axis.reset",
+            "motion.axis.servo",
+            "motion.axis.status",
+            "motion.axis.torque",
+            "motion.axis.trace",
+            "motion.controller",
+            "motion.controller.controller",
+            "motion.controller.levels",
+            "motion.instructions",
+            "motion.instructions.save_encoder_data",
+            "motion.runtime",
+        }
+    ),
+    "hil": frozenset(
+        {
+            "hil._plugin_cases",
+            "hil._plugin_report",
+            "hil.bench._profidrive_encoder",
+            "hil.bench.axis_config",
+            "hil.bench.bench",
+            "hil.bench.config",
+            "hil.bench.device_config",
+            "hil.bench.drive_config",
+            "hil.bench.drive_host",
+            "hil.bench.encoder_config",
+            "hil.bench.encoders",
+            "hil.bench.io_config",
+            "hil.bench.io_devices",
+            "hil.bench.modbus_config",
+            "hil.bench.remote",
+            "hil.bench.telegram_master",
+            "hil.bench.vocabulary",
+            "hil.faults._compose",
+            "hil.faults._trigger",
+            "hil.pytest_plugin",
+            "hil.record._storage",
+            "hil.record._trace",
+        }
+    ),
+}
+
+# Base classes that rightly have one subclass, with the reason. Exceptions are exempt: users catch the base.
+SINGLE_SUBCLASS: Final[dict[str, str]] = {}
+
+# Base classes with one subclass that are still to be replaced by composition. The list may only shrink.
+STILL_SINGLE: Final = frozenset(
+    {
+        "emulators.drive._servo_state.ServoState",
+        "emulators.drive.cia402._injection.InjectableDrive",
+        "emulators.drive.cia402.device.DriveDevice",
+        "emulators.drive.cia402.modes._cyclic.CyclicPosition",
+        "emulators.drive.cia402.modes._homing_motion.HomingMotion",
+        "emulators.drive.profidrive._modbus_faults.ModbusFaults",
+        "emulators.encoder.cia406.device.EncoderDevice",
+        "emulators.mechanics._parted.PartedBodies",
+        "fieldbus.can.account.FrameAccount",
+        "fieldbus.can.arbitration.Arbitration",
+        "fieldbus.can.bitwise.BitwiseSegment",
+        "fieldbus.can.parser.FrameParser",
+        "fieldbus.can.partition.DivisibleSegment",
+        "fieldbus.can.trouble.ErrorHandling",
+        "fieldbus.canopen.slave_access.DeviceAccess",
+        "fieldbus.modbus.server.ModbusServer",
+        "hil.bench._parts.BenchParts",
+        "hil.campaign._case.Campaign",
+        "hil.protocols.Job",
+        "motion.axis.acceptance.JobAcceptance",
+        "motion.axis.assembly.AxisAssembly",
+        "motion.axis.axis.PositioningAxis",
+        "motion.axis.feedback.Feedback",
+        "motion.axis.homing.direct.MayHome",
+        "motion.axis.limits.hardware.HardwareLimits",
+        "motion.axis.planning.SetpointPlanning",
+        "motion.axis.servo.ServoCycle",
+        "motion.axis.simulation.VirtualController",
+        "motion.drives.profidrive.TelegramConfig",
+        "motion.drives.profidrive_can.ProfidriveCanConfig",
+        "motion.drives.profidrive_can.ProfidriveCanPort",
+        "reports.model.Signal",
+    }
+)
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Return the files of the product by module name."""
+    found = {}
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Return the syntax trees of the product by module name."""
+    return {module: ast.parse(path.read_text(encoding="utf-8")) for module, path in modules().items()}
+
+
+def source_of(module: str, node: ast.ImportFrom) -> str:
+    """Return the absolute name behind `from`."""
+    if not node.level:
+        return node.module or ""
+    package = module if modules()[module].name == "__init__.py" else module.rpartition(".")[0]
+    for _ in range(node.level - 1):
+        package = package.rpartition(".")[0]
+    return f"{package}.{node.module}" if node.module else package
+
+
+def imported(module: str, tree: ast.Module) -> set[str]:
+    """Return the product modules that a module imports: also for types alone, and within functions."""
+    known = modules()
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            source = source_of(module, node)
+            for alias in node.names:
+                name = f"{source}.{alias.name}"
+                found.add(name if name in known else source)
+    return {name for name in found if name in known and name != module}
+
+
+@cache
+def circles() -> list[list[str]]:
+    """Return the sets of modules that import each other (strongly connected components, after Tarjan)."""
+    graph = {module: sorted(imported(module, tree)) for module, tree in trees().items()}
+    number: dict[str, int] = {}
+    lowest: dict[str, int] = {}
+    open_modules: list[str] = []
+    found: list[list[str]] = []
+
+    def visit(module: str) -> None:
+        number[module] = lowest[module] = len(number)
+        open_modules.append(module)
+        for other in graph[module]:
+            if other not in number:
+                visit(other)
+            if other in open_modules:
+                lowest[module] = min(lowest[module], lowest[other])
+        if lowest[module] == number[module]:
+            place = open_modules.index(module)
+            circle = open_modules[place:]
+            del open_modules[place:]
+            if len(circle) > 1:
+                found.append(sorted(circle))
+
+    for module in graph:
+        if module not in number:
+            visit(module)
+    return found
+
+
+@cache
+def names(module: str) -> dict[str, str]:
+    """Return what the names in a module stand for: classes of its own, and what it imports."""
+    found: dict[str, str] = {}
+    for node in ast.walk(trees()[module]):
+        if isinstance(node, ast.ClassDef):
+            found[node.name] = f"{module}.{node.name}"
+        elif isinstance(node, ast.ImportFrom):
+            source = source_of(module, node)
+            found.update({alias.asname or alias.name: f"{source}.{alias.name}" for alias in node.names})
+    return found
+
+
+def definition(name: str) -> str | None:
+    """Return where a class is defined that a package may re-export; None: it is not of the product."""
+    module, _, short = name.rpartition(".")
+    if module not in modules():
+        return None
+    place = names(module).get(short)
+    return place if place is None or place == name else definition(place)
+
+
+def base_name(module: str, base: ast.expr) -> str | None:
+    """Return the full name of a base class; None: it is not of the product."""
+    if isinstance(base, ast.Subscript):
+        base = base.value
+    if isinstance(base, ast.Name):
+        return definition(f"{module}.{base.id}")
+    if isinstance(base, ast.Attribute) and isinstance(base.value, ast.Name):
+        return definition(f"{names(module).get(base.value.id, '')}.{base.attr}")
+    return None
+
+
+def subclasses() -> dict[str, set[str]]:
+    """Return the product classes that have subclasses in the product, with these."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for module, tree in trees().items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                for base in node.bases:
+                    name = base_name(module, base)
+                    if name is not None:
+                        found[name].add(f"{module}.{node.name}")
+    return found
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_modules_of_a_package_import_each_other_in_a_circle(package: str) -> None:
+    """No module imports itself through others; imports for types and within functions count."""
+    found = {module for circle in circles() for module in circle if module.split(".")[0] == package}
+    known = IN_CIRCLES.get(package, frozenset())
+    new = [circle for circle in circles() if any(module in found - known for module in circle)]
+    assert not new, f"new import circle: {new}"
+    assert found == known, f"no longer in a circle, take them off the list: {sorted(known - found)}"
+
+
+def test_no_base_class_has_one_subclass() -> None:
+    """What one class inherits alone is a part of it, or the same class."""
+    single = {
+        base: next(iter(children))
+        for base, children in subclasses().items()
+        if len(children) == 1 and not base.endswith(("Error", "Failure"))
+    }
+    listed = STILL_SINGLE | set(SINGLE_SUBCLASS)
+    new = {base: child for base, child in single.items() if base not in listed}
+    assert not new, f"a base class with one subclass: {new}"
+    assert set(single) == listed, f"take off the list: {sorted(listed - set(single))}"
+
+
+def test_the_graph_counts_every_kind_of_import() -> None:
+    """Imports of submodules from their package, imports for types and imports within functions are edges."""
+    source = (
+        "from fieldbus import clock\n"
+        "from typing import TYPE_CHECKING\n"
+        "if TYPE_CHECKING:\n"
+        "    from fieldbus.history import History\n"
+        "def load():\n"
+        "    import fieldbus.errors\n"
+        "    from .can import frame\n"
+    )
+    assert imported("fieldbus", ast.parse(source)) == {
+        "fieldbus.clock",
+        "fieldbus.history",
+        "fieldbus.errors",
+        "fieldbus.can.frame",
+    }
