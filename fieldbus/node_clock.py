@@ -207,7 +207,7 @@ class NodeClock(Scheduler):
 
 
 class OwnClock:
-    """Doors for faults of a node's clock. The owner has the attributes named here."""
+    """Fault methods of a node's clock. The owner has the attributes named here."""
 
     __slots__ = ()
 
@@ -215,7 +215,7 @@ class OwnClock:
         name: str
         scheduler: Scheduler
 
-    def drift_clock(self, ppm: float) -> None:
+    def set_clock_drift(self, ppm: float) -> None:
         """Let the clock of the node run fast or slow, ppm; 0 = as fast as the others.
 
         Raises:
@@ -224,7 +224,7 @@ class OwnClock:
         """
         self._clock().drift(ppm)
 
-    def jitter_clock(self, longest_ns: int) -> None:
+    def set_clock_jitter(self, longest_ns: int) -> None:
         """Let the cycles of the node begin late by up to so many ns; 0 = in time again.
 
         Raises:

@@ -95,13 +95,13 @@ class Drive(Protocol):
     def jump_encoder(self, increments: int) -> None:
         """Displace the reported position."""
 
-    def miss_index(self, missing: bool) -> None:
+    def suppress_index(self, missing: bool) -> None:
         """Let the zero mark of the encoder never come."""
 
     def jam(self, active: bool) -> None:
         """Block the mechanics."""
 
-    def load_force(self, newton: float) -> None:
+    def set_load_force(self, newton: float) -> None:
         """Set the external force at the load, N."""
 
     def force_input(self, name: str, state: bool | None) -> None:
@@ -144,7 +144,7 @@ class Encoder(Protocol):
     def preset_encoder(self, value: int) -> None:
         """Write a preset."""
 
-    def near_overflow(self, margin: int) -> None:
+    def move_near_overflow(self, margin: int) -> None:
         """Place the position before an end of its range."""
 
     def set_alarm(self, bit: int, active: bool) -> None:

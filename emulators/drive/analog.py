@@ -410,9 +410,9 @@ class AnalogDrive(MachineFaults):
         """Make the stop ramp with this share of its slope; 1 = as set."""
         self._share = share
 
-    def break_encoder(self, broken: bool) -> None:
+    def break_encoder_wire(self, broken: bool) -> None:
         """Cut the wire of the encoder, for drive and controller: the count stands, and the drive trips; or
-        mend it.
+        repair it.
         """
         self.encoder.freeze(broken)
         if broken:

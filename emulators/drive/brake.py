@@ -100,12 +100,12 @@ class HoldingBrake:
         closed = self.closed if self._stuck is None else self._stuck
         return self.torque_Nm * self._slip_share if closed else 0.0
 
-    def stick(self, closed: bool | None) -> None:
+    def set_stuck(self, closed: bool | None) -> None:
         """Let the brake be stuck closed or open whatever is commanded, or let it work again (None)."""
         self._stuck = closed
         self._mechanics.set_brake_torque(self.holding_torque_Nm)
 
-    def slip(self, share: float) -> None:
+    def set_torque_share(self, share: float) -> None:
         """Let the closed brake hold with a share 0..1 of its torque only; 1 = as new."""
         if not 0.0 <= share <= 1.0:
             raise ConfigurationError("brake slip share", share, "0..1")

@@ -40,7 +40,7 @@ class TravelFaults(OwnClock):
         """Block the shaft, or release it."""
         self.mechanics.jam(jammed)
 
-    def load_force(self, force: float) -> None:
+    def set_load_force(self, force: float) -> None:
         """Set the force (N; Nm on a rotary axis) from outside on the load."""
         self.mechanics.apply_force(force)
 
@@ -105,15 +105,15 @@ class MachineFaults(TravelFaults, EncoderFaults):
 
     # -- encoder ---------------------------------------------------------------------------------------
 
-    def miss_index(self, missing: bool) -> None:
+    def suppress_index(self, missing: bool) -> None:
         """Let the zero mark of the encoder never come, or come again."""
         self.encoder.zero_mark_present = not missing
 
-    def scale_encoder(self, factor: float) -> None:
+    def set_encoder_scale(self, factor: float) -> None:
         """Let the encoder count so many times what the shaft moves; 1 = rightly again."""
         self.encoder.scale(factor)
 
-    def drift_encoder(self, increments_per_s: float) -> None:
+    def set_encoder_drift(self, increments_per_s: float) -> None:
         """Let the encoder value drift away from the shaft; 0 = no further."""
         cancel(self, "_drift_timer")
         self._drift_rest = 0.0  # type: ignore[misc]  # a slot of the drive
@@ -134,9 +134,9 @@ class MachineFaults(TravelFaults, EncoderFaults):
 
     # -- coupling and guides ---------------------------------------------------------------------------
 
-    def add_friction(self, force: float) -> None:
+    def set_added_friction(self, force: float) -> None:
         """Add dry friction at the load, N or Nm; 0 = as new."""
-        self.mechanics.add_friction(force)
+        self.mechanics.set_added_friction(force)
 
     def slip_coupling(self, revolutions: float) -> None:
         """Let the load slip by so many revolutions of the motor, which itself turns on: its encoder sees
@@ -152,15 +152,15 @@ class MachineFaults(TravelFaults, EncoderFaults):
         """Part motor and load for good; see `AxisMechanics.break_coupling`."""
         self.mechanics.break_coupling(motor_share)
 
-    def wear_out(self, backlash: float, growth_s: float = 0.0) -> None:
+    def set_added_backlash(self, backlash: float, growth_s: float = 0.0) -> None:
         """Let the play between motor and load grow by `backlash`, m or rad, within a time; 0 = as it was
         built.
         """
-        self.mechanics.wear_out(backlash, growth_s)
+        self.mechanics.set_added_backlash(backlash, growth_s)
 
     # -- brake -----------------------------------------------------------------------------------------
 
-    def stick_brake(self, closed: bool | None) -> None:
+    def set_brake_stuck(self, closed: bool | None) -> None:
         """Let the brake be stuck closed or open; None = it works again.
 
         Raises:
@@ -168,9 +168,9 @@ class MachineFaults(TravelFaults, EncoderFaults):
 
         """
         self._need_brake()
-        self.core.brake.stick(closed)
+        self.core.brake.set_stuck(closed)
 
-    def slip_brake(self, share: float) -> None:
+    def set_brake_torque_share(self, share: float) -> None:
         """Let the closed brake hold with this share of its torque; 1 = as new.
 
         Raises:
@@ -178,7 +178,7 @@ class MachineFaults(TravelFaults, EncoderFaults):
 
         """
         self._need_brake()
-        self.core.brake.slip(share)
+        self.core.brake.set_torque_share(share)
 
     def _need_brake(self) -> None:
         if not self.core.brake.fitted:
@@ -199,7 +199,7 @@ class PowerFaults:
             """Models of heat and supply."""
 
         def _link_changed(self) -> None:
-            """Look at the DC link anew."""
+            """Evaluate the DC link again."""
 
     def set_dc_link_voltage(self, voltage_V: float) -> None:
         """Hold the DC link voltage, V; below and above its thresholds the drive reacts (C402-029)."""
@@ -211,22 +211,22 @@ class PowerFaults:
         self.power.dc_link.force(None)
         self._link_changed()
 
-    def cut_mains(self, missing: bool) -> None:
+    def disconnect_mains(self, missing: bool) -> None:
         """Take the mains away, or give them back; the DC link lives on its charge and on braking energy."""
         self.power.dc_link.mains_on = not missing
         self._link_changed()
 
-    def sag_mains(self, share: float) -> None:
+    def set_mains_voltage_share(self, share: float) -> None:
         """Let the mains have this share of their voltage, above 0; 1 = all of it."""
         self.power.dc_link.mains_share = share
         self._link_changed()
 
-    def cut_phase(self, missing: bool) -> None:
+    def disconnect_phase(self, missing: bool) -> None:
         """Take one phase of the mains away, or give it back."""
         self.power.dc_link.phase_missing = missing
         self._link_changed()
 
-    def break_chopper(self, broken: bool) -> None:
+    def disable_chopper(self, broken: bool) -> None:
         """Let the brake chopper conduct no more, or work again."""
         self.power.dc_link.chopper_failed = broken
 
@@ -246,7 +246,7 @@ class PowerFaults:
 class NodeFaults:
     """What a test can do to the CANopen services of a drive.
 
-    The drive has the attributes named here, and slots for `_storm_code` and `_storm_timer`.
+    The drive has the attributes named here, and slots for `_repeated_emcy` and `_emcy_timer`.
     """
 
     __slots__ = ()
@@ -254,8 +254,8 @@ class NodeFaults:
     if TYPE_CHECKING:
         scheduler: Scheduler
         slave: CanopenSlave
-        _storm_code: int
-        _storm_timer: Timer | None
+        _repeated_emcy: int
+        _emcy_timer: Timer | None
 
         def power_on(self) -> None:
             """Switch the control supply on."""
@@ -280,23 +280,23 @@ class NodeFaults:
         """Abort every SDO access (to `index`, 0 = any) with `code`; None = serve it again."""
         self.slave.sdo.refusal = None if code is None else (index, code)
 
-    def silence_sdo(self, silent: bool) -> None:
+    def suppress_sdo_responses(self, silent: bool) -> None:
         """Leave SDO requests unanswered, or answer again."""
         self.slave.sdo.silent = silent
 
-    def storm_emcy(self, code: int | None, period_s: float = 0.001) -> None:
+    def repeat_emcy(self, code: int | None, period_s: float = 0.001) -> None:
         """Send an EMCY every `period_s` without any state change; None = end, with EMCY 0000h."""
-        cancel(self, "_storm_timer")
+        cancel(self, "_emcy_timer")
         if code is None:
-            self.slave.emcy_clear(self._storm_code)
+            self.slave.emcy_clear(self._repeated_emcy)
             return
-        self._storm_code = code  # type: ignore[misc]  # a slot of the drive
+        self._repeated_emcy = code  # type: ignore[misc]  # a slot of the drive
 
-        def storm() -> None:
+        def repeat() -> None:
             self.slave.emcy(code, repeat=True)
-            self._storm_timer = self.scheduler.after(seconds_to_ns(period_s), storm)  # type: ignore[misc]  # a slot of the drive
+            self._emcy_timer = self.scheduler.after(seconds_to_ns(period_s), repeat)  # type: ignore[misc]  # a slot of the drive
 
-        storm()
+        repeat()
 
 
 def cancel(owner: object, name: str) -> None:

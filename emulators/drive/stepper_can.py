@@ -75,8 +75,8 @@ class StepperCanDrive(TravelFaults, NodeFaults):
     """
 
     __slots__ = (
-        "_storm_code",
-        "_storm_timer",
+        "_emcy_timer",
+        "_repeated_emcy",
         "_sync_ns",
         "_words",
         "config",
@@ -123,8 +123,8 @@ class StepperCanDrive(TravelFaults, NodeFaults):
         )
         self._words = ProcessWords(slave, telegram(3) if config.drive.channel.standard else pto_telegram())
         self._sync_ns = 0
-        self._storm_code = 0
-        self._storm_timer: Timer | None = None
+        self._repeated_emcy = 0
+        self._emcy_timer: Timer | None = None
         self.trace_columns = (*drive.trace_columns(), ("nmt_state", ""))
         """(name, unit) of the values of `trace_row`."""
         slave.on_sync.append(self._on_sync)
@@ -219,21 +219,21 @@ class StepperCanDrive(TravelFaults, NodeFaults):
         self.drive.module.short_circuit(channel, present)
         self._show_inputs()
 
-    def mend_outputs(self) -> None:
+    def restore_outputs(self) -> None:
         """Remove all short circuits."""
         for channel in range(len(self.drive.module.channels)):
             self.short_outputs(False, channel)
 
-    def heal_encoder(self) -> None:
+    def clear_encoder_error(self) -> None:
         """End the causes of all errors of the encoder feedback."""
         for code in ENCODER_ERRORS:
-            self.drive.channel.interface.heal(code)
+            self.drive.channel.interface.clear_error(code)
 
-    def cut_supply(self, missing: bool) -> None:
+    def disconnect_load_supply(self, missing: bool) -> None:
         """Take the load supply of the outputs away, or give it back (PTO-209)."""
         self.drive.module.supply(not missing)
 
-    def fail_module(self, failed: bool) -> None:
+    def unplug_module(self, failed: bool) -> None:
         """Let the module be pulled out of its station, or plugged in again (PTO-210)."""
         self.drive.module.failed = failed
         if failed:
@@ -250,7 +250,7 @@ class StepperCanDrive(TravelFaults, NodeFaults):
         interface = self.drive.channel.interface
         if code not in ENCODER_ERRORS:
             raise ConfigurationError("encoder error", code, ", ".join(map(str, ENCODER_ERRORS)))
-        (interface.fail if present else interface.heal)(code)
+        (interface.set_error if present else interface.clear_error)(code)
 
     def force_ready(self, level: bool | None) -> None:
         """Bring a level to the ready input DR; None: that of the power stage."""

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 class EncoderFaults:
-    """Doors for faults of an encoder's value. The owner has the attribute named here."""
+    """Fault methods of an encoder's value. The owner has the attribute named here."""
 
     __slots__ = ()
 

@@ -32,13 +32,13 @@ class _DigitalChannel(ABC):
         self._stuck: bool | None = None
         self._broken = False
 
-    def stick(self, level: bool | None) -> None:
+    def hold(self, level: bool | None) -> None:
         """Let the channel have a level whatever comes or is written; None: it works again."""
         self._stuck = level
         self._changed()
 
     def break_wire(self, broken: bool) -> None:
-        """Break the wire, so that no level arrives at its end (an input reads 0); or mend it."""
+        """Break the wire, so that no level arrives at its end (an input reads 0); or repair it."""
         self._broken = broken
         self._changed()
 
@@ -373,13 +373,13 @@ class CounterInput:
         """Begin at 0, as after a loss of supply."""
         self.set(0)
 
-    def stick(self, stuck: bool) -> None:
+    def hold(self, stuck: bool) -> None:
         """Let the count stand still; or go on from there: what has passed meanwhile is lost."""
         self._stuck = stuck
         self._settle()
 
     def break_wire(self, broken: bool) -> None:
-        """Break the wire: the count stands still; or mend it."""
+        """Break the wire: the count stands still; or repair it."""
         self._broken = broken
         self._settle()
 

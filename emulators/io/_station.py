@@ -213,21 +213,21 @@ class ModbusIoStation:
             for counter in self.counters:
                 counter.restart()
 
-    def stick(self, kind: str, number: int, value: float | None) -> None:
+    def hold(self, kind: str, number: int, value: float | None) -> None:
         """Let a channel stand at a value, a level or a quantity in its unit, whatever comes; None: it works
         again.
         """
         channel = self._wired(kind, number)
         if kind in ("input", "output"):
-            channel.stick(None if value is None else bool(value))
+            channel.hold(None if value is None else bool(value))
         elif kind == "counter":
-            channel.stick(value is not None)
+            channel.hold(value is not None)
         else:
             channel.disturbance.stuck = value
             self._refresh(channel)
 
     def break_wire(self, kind: str, number: int, broken: bool) -> None:
-        """Break the wire of a channel, or mend it."""
+        """Break the wire of a channel, or repair it."""
         channel = self._wired(kind, number)
         if kind in ("analog_input", "analog_output"):
             channel.disturbance.broken = broken

@@ -215,7 +215,7 @@ class AxisMechanics:
         self._dt = 0.0
         self._refresh_forces()
 
-    def add_friction(self, force: float) -> None:
+    def set_added_friction(self, force: float) -> None:
         """Add dry friction to that of the load, N or Nm, >= 0: bearings or ways that have gone bad; 0 = as
         new.
         """
@@ -284,7 +284,7 @@ class AxisMechanics:
         self._motor_share = share
         self._part(math.inf)
 
-    def wear_out(self, backlash: float, growth_s: float = 0.0) -> None:
+    def set_added_backlash(self, backlash: float, growth_s: float = 0.0) -> None:
         """Let the play between motor and load grow by `backlash` (load unit) within a time; 0 = as it was
         built.
 

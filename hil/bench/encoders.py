@@ -43,9 +43,9 @@ ENCODER_METHODS: Final = frozenset(
         "set_encoder_noise",
         "reverse_encoder",
         "lose_encoder_steps",
-        "miss_index",
+        "suppress_index",
         "preset_encoder",
-        "near_overflow",
+        "move_near_overflow",
         "set_alarm",
         "set_warning",
         "force_cycle_time",
@@ -55,10 +55,10 @@ ENCODER_METHODS: Final = frozenset(
         "turn_shaft",
         "place_shaft",
         "set_encoder_error",
-        "break_encoder",
+        "break_encoder_wire",
         "freeze_sign_of_life",
-        "drift_clock",
-        "jitter_clock",
+        "set_clock_drift",
+        "set_clock_jitter",
     )
 )
 """Methods of an encoder that may be called through the pipe to another process."""

@@ -54,46 +54,50 @@ _PAIRS: Final[dict[str, _Pair]] = {
     "drive.interlock": _Pair("open_interlock"),
     "drive.heartbeat_loss": _Pair("stop_heartbeat"),
     "drive.heartbeat_late": _Pair("delay_heartbeat", lambda value: (value("delay_s"),), (0.0,)),
-    "drive.mains_off": _Pair("cut_mains"),
-    "drive.brown_out": _Pair("sag_mains", lambda value: (value("mains_percent") / 100.0,), (1.0,)),
-    "drive.phase_loss": _Pair("cut_phase"),
+    "drive.mains_off": _Pair("disconnect_mains"),
+    "drive.brown_out": _Pair(
+        "set_mains_voltage_share", lambda value: (value("mains_percent") / 100.0,), (1.0,)
+    ),
+    "drive.phase_loss": _Pair("disconnect_phase"),
     "drive.dc_link": _Pair("set_dc_link_voltage", lambda value: (value("voltage_V"),), (), "restore_dc_link"),
-    "drive.chopper_failure": _Pair("break_chopper"),
+    "drive.chopper_failure": _Pair("disable_chopper"),
     "drive.torque_limit": _Pair("limit_torque", lambda value: (value("share"),), (None,)),
-    "drive.brake_stuck": _Pair("stick_brake", lambda value: (value("closed"),), (None,)),
-    "drive.brake_slip": _Pair("slip_brake", lambda value: (value("share"),), (1.0,)),
+    "drive.brake_stuck": _Pair("set_brake_stuck", lambda value: (value("closed"),), (None,)),
+    "drive.brake_slip": _Pair("set_brake_torque_share", lambda value: (value("share"),), (1.0,)),
     "drive.slow_ramp": _Pair("scale_ramps", lambda value: (value("share"),), (1.0,)),
     "drive.local_control": _Pair("set_local_control"),
     "drive.refuse_transition": _Pair("refuse_transitions", lambda value: (value("transition"),), ()),
-    "drive.switch_on_disabled": _Pair("fall_to_switch_on_disabled", lambda _value: (), None),
-    "drive.warning": _Pair("show_warning"),
+    "drive.switch_on_disabled": _Pair("force_switch_on_disabled", lambda _value: (), None),
+    "drive.warning": _Pair("force_warning"),
     "drive.statusword_stuck": _Pair("freeze_statusword"),
-    "drive.statusword_bits": _Pair("lie_in_statusword", lambda value: (value("set"), value("clear")), (0, 0)),
+    "drive.statusword_bits": _Pair(
+        "override_statusword_bits", lambda value: (value("set"), value("clear")), (0, 0)
+    ),
     "drive.target_toggle": _Pair("toggle_target_reached", lambda value: (value("period_s"),), (None,)),
-    "drive.mode_display": _Pair("show_mode_as", lambda value: (value("mode"),), (None,)),
+    "drive.mode_display": _Pair("override_mode_display", lambda value: (value("mode"),), (None,)),
     "drive.reset": _Pair("reset_node", lambda value: (value("boot_s"),), None),
     "drive.sdo_abort": _Pair("abort_sdo", lambda value: (value("code"), value("index")), (None,)),
-    "drive.sdo_timeout": _Pair("silence_sdo"),
-    "drive.emcy_storm": _Pair("storm_emcy", lambda value: (value("code"), value("period_s")), (None,)),
-    "drive.clock_drift": _Pair("drift_clock", lambda value: (value("drift_ppm"),), (0.0,)),
-    "drive.clock_jitter": _Pair("jitter_clock", lambda value: (round(value("jitter_us") * US),), (0,)),
+    "drive.sdo_timeout": _Pair("suppress_sdo_responses"),
+    "drive.emcy_storm": _Pair("repeat_emcy", lambda value: (value("code"), value("period_s")), (None,)),
+    "drive.clock_drift": _Pair("set_clock_drift", lambda value: (value("drift_ppm"),), (0.0,)),
+    "drive.clock_jitter": _Pair("set_clock_jitter", lambda value: (round(value("jitter_us") * US),), (0,)),
     "terminal.ready_stuck": _Pair("force_ready", lambda value: (value("level"),), (None,)),
-    "pto.output_short": _Pair("short_outputs", lambda value: (True, value("channel")), (), "mend_outputs"),
-    "pto.supply_off": _Pair("cut_supply"),
-    "pto.module_fault": _Pair("fail_module"),
+    "pto.output_short": _Pair("short_outputs", lambda value: (True, value("channel")), (), "restore_outputs"),
+    "pto.supply_off": _Pair("disconnect_load_supply"),
+    "pto.module_fault": _Pair("unplug_module"),
     "pto.encoder_error": _Pair(
-        "report_encoder_error", lambda value: (value("code"), True), (), "heal_encoder"
+        "report_encoder_error", lambda value: (value("code"), True), (), "clear_encoder_error"
     ),
     "pto.step_loss": _Pair("lose_steps", lambda value: (value("periods"),), None),
     "mechanics.jam": _Pair("jam"),
     "switch.swapped": _Pair("swap_limit_switches"),
-    "mechanics.friction": _Pair("add_friction", lambda value: (value("force_N"),), (0.0,), adds=True),
+    "mechanics.friction": _Pair("set_added_friction", lambda value: (value("force_N"),), (0.0,), adds=True),
     "mechanics.slip": _Pair("slip_coupling", lambda value: (value("revolutions"),), None),
     "mechanics.coupling_break": _Pair("break_coupling", lambda value: (value("motor_share"),), None),
     "mechanics.backlash": _Pair(
-        "wear_out", lambda value: (value("backlash_mm") / 1000.0, value("growth_s")), (0.0,)
+        "set_added_backlash", lambda value: (value("backlash_mm") / 1000.0, value("growth_s")), (0.0,)
     ),
-    "mechanics.load_step": _Pair("load_force", lambda value: (value("force_N"),), (0.0,), adds=True),
+    "mechanics.load_step": _Pair("set_load_force", lambda value: (value("force_N"),), (0.0,), adds=True),
 }
 
 
@@ -221,7 +225,7 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
         case "encoder.freeze":
             return pair("freeze_encoder", (True,), (False,))
         case "encoder.index_missing":
-            return pair("miss_index", (True,), (False,))
+            return pair("suppress_index", (True,), (False,))
         case "encoder.jump":
             return once("jump_encoder", int(value("increments")))
         case "encoder.noise":
@@ -229,11 +233,11 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
         case "encoder.reverse":
             return pair("reverse_encoder", (True,), (False,))
         case "encoder.drift":
-            return pair("drift_encoder", (value("increments_per_s"),), (0.0,))
+            return pair("set_encoder_drift", (value("increments_per_s"),), (0.0,))
         case "encoder.scale":
-            return pair("scale_encoder", (value("factor"),), (1.0,))
+            return pair("set_encoder_scale", (value("factor"),), (1.0,))
         case "encoder.wire_break":
-            return pair("break_encoder", (True,), (False,))
+            return pair("break_encoder_wire", (True,), (False,))
         case "encoder.error":
             code = int(value("code"))
             return pair("set_encoder_error", (code, True), (code, False), code)
@@ -243,7 +247,7 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
             return once("preset_encoder", int(value("value")))
         case "encoder.overflow":
             margin = int(value("margin"))
-            return once("near_overflow", margin if value("end") == "upper" else -margin)
+            return once("move_near_overflow", margin if value("end") == "upper" else -margin)
         case "encoder.alarm":
             bit = ALARM_BITS[str(value("alarm"))]
             return pair("set_alarm", (bit, True), (bit, False), bit)
@@ -253,7 +257,7 @@ def encoder_action(bench: Bench, fault: Fault) -> Action:
         case "encoder.cycle":
             return pair("force_cycle_time", (value("period_ms"),), (None,))
         case "encoder.clock_drift":
-            return pair("drift_clock", (value("drift_ppm"),), (0.0,))
+            return pair("set_clock_drift", (value("drift_ppm"),), (0.0,))
         case "encoder.power_off":
             return _supply(bench, fault, device)
         case "encoder.heartbeat_loss":

@@ -62,5 +62,5 @@ def io_action(bench: Bench, fault: Fault, stream: str) -> Action:
 def _stuck(bench: Bench, station: Any, kind: str, number: int, value: float = 0.0) -> Claim:
     """Return the claim of a value at a channel."""
     station.channel(kind, number)
-    stick = partial(station.stick, kind, number)
+    stick = partial(station.hold, kind, number)
     return Claim(bench, (str(station.name), "stuck", kind, number), stick, partial(stick, None), (value,))

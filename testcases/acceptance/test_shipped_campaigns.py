@@ -55,8 +55,8 @@ ON_PROFIDRIVE = (
 )
 WITH_ENCODERS = "testcases.campaigns.external_encoder:{}"
 BLOCKED = {
-    ("profidrive", "drive-faults/withdrawn/constant"): "offers no fall_to_switch_on_disabled",
-    ("profidrive", "drive-faults/withdrawn/standstill"): "offers no fall_to_switch_on_disabled",
+    ("profidrive", "drive-faults/withdrawn/constant"): "offers no force_switch_on_disabled",
+    ("profidrive", "drive-faults/withdrawn/standstill"): "offers no force_switch_on_disabled",
     **{
         ("reference", f"homing/search-fails/{code}"): "an encoder with a PROFIdrive interface"
         for code in ("0001", "0002", "0004", "0005")

@@ -1,5 +1,5 @@
-"""Faults of a CiA 402 drive that a test can inject beyond those of supply, safety and machine: lies, ramps,
-sensor (C402-310, C402-311).
+"""Faults of a CiA 402 drive that a test can inject beyond those of supply, safety and machine: status word,
+ramps, sensor (C402-310, C402-311).
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ _TARGET_REACHED: Final = 1 << 10
 class InjectableDrive(MachineFaults, PowerFaults, NodeFaults, DriveDevice):
     """A drive that can be made to fail; use `CiA402Drive`."""
 
-    __slots__ = ("_drift_rest", "_drift_timer", "_storm_code", "_storm_timer", "_toggle_timer")
+    __slots__ = ("_drift_rest", "_drift_timer", "_emcy_timer", "_repeated_emcy", "_toggle_timer")
 
     _drift_rest: float
-    _storm_code: int
+    _repeated_emcy: int
     _drift_timer: Timer | None
-    _storm_timer: Timer | None
+    _emcy_timer: Timer | None
     _toggle_timer: Timer | None
 
     # -- state machine and status word -----------------------------------------------------------------
@@ -47,7 +47,7 @@ class InjectableDrive(MachineFaults, PowerFaults, NodeFaults, DriveDevice):
             self.refresh_status()
         self.machine.release()
 
-    def fall_to_switch_on_disabled(self) -> None:
+    def force_switch_on_disabled(self) -> None:
         """Change to Switch on disabled without being told to and without a fault; the motor coasts."""
         self.function.execute(self.machine.disable_voltage())
         self.refresh_status()
@@ -57,33 +57,33 @@ class InjectableDrive(MachineFaults, PowerFaults, NodeFaults, DriveDevice):
         self.status_word.frozen = frozen
         self.refresh_status()
 
-    def lie_in_statusword(self, set_bits: int, clear_bits: int) -> None:
-        """Show bits of 6041h as 1, or as 0, whatever they should be; 0 and 0 = the truth again."""
-        self.status_word.lie(set_bits=set_bits, clear_bits=clear_bits)
+    def override_statusword_bits(self, set_bits: int, clear_bits: int) -> None:
+        """Show bits of 6041h as 1, or as 0, whatever they should be; 0 and 0 = the true bits again."""
+        self.status_word.override_bits(set_bits=set_bits, clear_bits=clear_bits)
 
     def toggle_target_reached(self, period_s: float | None) -> None:
-        """Let bit 10 of 6041h change every `period_s`, whatever the motor does; None = the truth again."""
+        """Let bit 10 of 6041h change every `period_s`, whatever the motor does; None = the true bit."""
         cancel(self, "_toggle_timer")
         if period_s is None:
-            self.status_word.lie()
+            self.status_word.override_bits()
             return
         reached = False
 
         def toggle() -> None:
             nonlocal reached
             reached = not reached
-            self.status_word.lie(
+            self.status_word.override_bits(
                 set_bits=_TARGET_REACHED if reached else 0, clear_bits=0 if reached else _TARGET_REACHED
             )
             self._toggle_timer = self.scheduler.after(seconds_to_ns(period_s), toggle)
 
         toggle()
 
-    def show_mode_as(self, number: int | None) -> None:
+    def override_mode_display(self, number: int | None) -> None:
         """Show a wrong mode in 6061h, or the true one again (None)."""
-        self.status_word.show_mode_as(number)
+        self.status_word.override_mode_display(number)
 
-    def show_warning(self, active: bool) -> None:
+    def force_warning(self, active: bool) -> None:
         """Show a warning without cause: bit 7, bit 31 of 2100h."""
         self.protection.warn(DriveWarning.INJECTED, active)
 
@@ -105,11 +105,11 @@ class InjectableDrive(MachineFaults, PowerFaults, NodeFaults, DriveDevice):
 
     # -- encoder ---------------------------------------------------------------------------------------
 
-    def break_encoder(self, broken: bool) -> None:
+    def break_encoder_wire(self, broken: bool) -> None:
         """Cut the wire of the encoder: the value stands, and the drive notices (7305h, absolute 7320h); or
-        mend it.
+        repair it.
 
-        A mended incremental encoder has lost its reference.
+        A repaired incremental encoder has lost its reference.
         """
         absolute = isinstance(self.encoder, AbsoluteEncoder)
         code = faults.POSITION_SENSOR if absolute else faults.INCREMENTAL_SENSOR

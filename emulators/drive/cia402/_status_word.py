@@ -1,4 +1,4 @@
-"""Status word 6041h and mode display 6061h, with the lies that a test may make them tell (C402-039 to
+"""Status word 6041h and mode display 6061h, with what a test overrides in them (C402-039 to
 C402-048).
 """
 
@@ -38,9 +38,9 @@ class StatusWord:
         "_core",
         "_drive",
         "_function",
-        "_lies",
         "_machine",
         "_mode_display",
+        "_overridden",
         "_protection",
         "_quirky",
         "_set",
@@ -57,7 +57,7 @@ class StatusWord:
         self._core = drive.core
         self._protection = drive.protection
         self._quirky = drive.config.quirks.shown_in_status
-        self._lies = False
+        self._overridden = False
         self._set = self._cleared = 0
         self._mode_display: int | None = None
         self._value = 0
@@ -126,7 +126,7 @@ class StatusWord:
             status |= _TARGET_REACHED
         if self._quirky:
             status = self._with_quirks(status)
-        if self._lies:
+        if self._overridden:
             status = status & ~self._cleared | self._set
         if status != self._value:
             self._value = status
@@ -149,16 +149,16 @@ class StatusWord:
             status &= ~_TARGET_REACHED
         return status
 
-    # -- lies ------------------------------------------------------------------------------------------
+    # -- overridden bits -------------------------------------------------------------------------------
 
-    def lie(self, *, set_bits: int = 0, clear_bits: int = 0) -> None:
+    def override_bits(self, *, set_bits: int = 0, clear_bits: int = 0) -> None:
         """Show bits as 1 or 0, whatever they should be; none = the truth."""
         self._set = set_bits
         self._cleared = clear_bits
-        self._lies = bool(set_bits or clear_bits)
+        self._overridden = bool(set_bits or clear_bits)
         self.refresh()
 
-    def show_mode_as(self, number: int | None) -> None:
+    def override_mode_display(self, number: int | None) -> None:
         """Show a wrong mode in 6061h, or the true one again (None)."""
         self._mode_display = number
         self.show_mode()

@@ -30,7 +30,7 @@ _NOT_VALID: Final = 0x0001
 
 
 class DriveOnBus(MachineFaults, PowerFaults):
-    """A drive with its machine and the doors for faults; a transport inherits it and carries the telegrams.
+    """A drive with its machine and the fault methods; a transport inherits it and carries the telegrams.
 
     Args:
         scheduler: Time of the bench.
@@ -182,11 +182,11 @@ class DriveOnBus(MachineFaults, PowerFaults):
         """Let ZSW1 show what it shows now, whatever happens."""
         self.drive.words.freeze(frozen)
 
-    def lie_in_statusword(self, set_bits: int, clear_bits: int) -> None:
-        """Show bits of ZSW1 as 1, or as 0, whatever they should be; 0 and 0 = the truth again."""
-        self.drive.words.lie(set_bits=set_bits, clear_bits=clear_bits)
+    def override_statusword_bits(self, set_bits: int, clear_bits: int) -> None:
+        """Show bits of ZSW1 as 1, or as 0, whatever they should be; 0 and 0 = the true bits again."""
+        self.drive.words.override_bits(set_bits=set_bits, clear_bits=clear_bits)
 
-    def show_warning(self, active: bool) -> None:
+    def force_warning(self, active: bool) -> None:
         """Show a warning without cause."""
         self.drive.faults.warn(DriveWarning.INJECTED, active)
 
@@ -207,25 +207,25 @@ class DriveOnBus(MachineFaults, PowerFaults):
 
     @property
     def second_encoder(self) -> SecondEncoder | None:
-        """The second encoder with its own doors for faults; None = not fitted."""
+        """The second encoder with its own fault methods; None = not fitted."""
         return self.drive.second
 
     def set_encoder_error(self, code: int, active: bool) -> None:
-        """Bring about the cause of an error of G1_XIST2, or end it; see `EncoderInterface.fail`."""
+        """Bring about the cause of an error of G1_XIST2, or end it; see `EncoderInterface.set_error`."""
         if active:
-            self.drive.encoder_words.fail(code)
+            self.drive.encoder_words.set_error(code)
         else:
-            self.drive.encoder_words.heal(code)
+            self.drive.encoder_words.clear_error(code)
 
-    def break_encoder(self, broken: bool) -> None:
-        """Cut the wire of the encoder: the value stands, G1_ZSW and a fault say so; or mend it."""
+    def break_encoder_wire(self, broken: bool) -> None:
+        """Cut the wire of the encoder: the value stands, G1_ZSW and a fault say so; or repair it."""
         drive = self.drive
         absolute = isinstance(drive.encoder, AbsoluteEncoder)
         number = numbers.ENCODER_SERIAL if absolute else numbers.ENCODER_SIGNAL
         drive.encoder.freeze(broken)
         if broken:
-            drive.encoder_words.fail(_NOT_VALID)
+            drive.encoder_words.set_error(_NOT_VALID)
             drive.raise_fault(number, persistent=True)
         else:
-            drive.encoder_words.heal(_NOT_VALID)
+            drive.encoder_words.clear_error(_NOT_VALID)
             drive.clear_fault_cause(number)

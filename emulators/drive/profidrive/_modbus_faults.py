@@ -52,7 +52,7 @@ class ModbusFaults:
             )
         self.server.exception_hook = lambda _unit, pdu: code if function in (None, pdu[0]) else 0
 
-    def silence_modbus(self, silent: bool) -> None:
+    def suppress_modbus_responses(self, silent: bool) -> None:
         """Carry requests out without answering them, or answer again.
 
         Raises:

@@ -96,7 +96,7 @@ class StatusWords:
         self._deviation.reset()
         self.in_tolerance = True
 
-    # -- lies ------------------------------------------------------------------------------------------
+    # -- overridden bits -------------------------------------------------------------------------------
 
     def freeze(self, frozen: bool) -> None:
         """Let ZSW1 show what it shows now, whatever happens."""
@@ -106,7 +106,7 @@ class StatusWords:
         """Let the drive's sign of life stand still, or count again."""
         self._sign = self._drive.sign_of_life.value if frozen else None
 
-    def lie(self, *, set_bits: int = 0, clear_bits: int = 0) -> None:
+    def override_bits(self, *, set_bits: int = 0, clear_bits: int = 0) -> None:
         """Show bits of ZSW1 as 1, or as 0, whatever they should be."""
         self._set = set_bits & 0xFFFF
         self._cleared = clear_bits & 0xFFFF
@@ -129,7 +129,7 @@ class StatusWords:
         )
 
     def zsw1(self) -> int:
-        """Return ZSW1, or the lie about it."""
+        """Return ZSW1, or what a test makes of it."""
         word = self._true_zsw1() if self._frozen is None else self._frozen
         return (word | self._set) & ~self._cleared & 0xFFFF
 

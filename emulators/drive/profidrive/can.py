@@ -91,7 +91,14 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
     """
 
     __slots__ = (
-        "_configured", "_emcys", "_storm_code", "_storm_timer", "_sync_ns", "_words", "node_config", "slave",
+        "_configured",
+        "_emcy_timer",
+        "_emcys",
+        "_repeated_emcy",
+        "_sync_ns",
+        "_words",
+        "node_config",
+        "slave",
     )  # fmt: skip
 
     trace_enums: ClassVar = {**TRACE_ENUMS, "nmt_state": {int(state): state.name for state in NmtState}}
@@ -123,7 +130,7 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         self._words = ProcessWords(self.slave, drive.telegram)
         self._sync_ns = 0
         self._emcys: set[int] = set()
-        self._storm_timer: Timer | None = None
+        self._emcy_timer: Timer | None = None
         slave = self.slave
         slave.on_write(objects.ABORT_CONNECTION, 0, _check_abort_connection)
         store = slave.store

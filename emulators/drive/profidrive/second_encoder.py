@@ -121,11 +121,11 @@ class SecondEncoder(SensorFaults):
         place = self._mounting.at(machine) * self._per_coordinate
         self.interface.probe_edge(number, rising, self.encoder.increments_at(place))
 
-    def break_encoder(self, broken: bool) -> None:
-        """Cut its wire, or mend it: G2_ZSW says so, and the drive warns; it does not control with this
+    def break_encoder_wire(self, broken: bool) -> None:
+        """Cut its wire, or repair it: G2_ZSW says so, and the drive warns; it does not control with this
         encoder.
         """
-        SensorFaults.break_encoder(self, broken)
+        SensorFaults.break_encoder_wire(self, broken)
         self._drive.faults.warn(DriveWarning.SECOND_ENCODER, broken)
 
 

@@ -131,7 +131,7 @@ class CiA406Encoder(EncoderDevice, OwnShaft):
             channel.sensor.encoder.lose_steps(every)
         self.forget_sample()
 
-    def miss_index(self, missing: bool) -> None:
+    def suppress_index(self, missing: bool) -> None:
         """Let the reference mark never come, or come again; an incremental encoder that waits for it goes on
         warning.
 
@@ -151,7 +151,7 @@ class CiA406Encoder(EncoderDevice, OwnShaft):
         self.take_parameters()
         self.preset(value % self.scaling.total)
 
-    def near_overflow(self, margin: int) -> None:
+    def move_near_overflow(self, margin: int) -> None:
         """Place the position `margin` units before the end of 6002h (>= 1), or behind its beginning (<= 0).
 
         A margin beyond the range is taken into it.

@@ -14,7 +14,7 @@ NOT_VALID: Final = 0x0001
 
 
 class SensorFaults(EncoderFaults):
-    """Doors for faults of one encoder with its interface. The owner has the attributes named here."""
+    """Fault methods of one encoder with its interface. The owner has the attributes named here."""
 
     __slots__ = ()
 
@@ -22,7 +22,7 @@ class SensorFaults(EncoderFaults):
         name: str
         interface: EncoderInterface
 
-    def miss_index(self, missing: bool) -> None:
+    def suppress_index(self, missing: bool) -> None:
         """Let the zero mark never come, or come again.
 
         Raises:
@@ -34,18 +34,18 @@ class SensorFaults(EncoderFaults):
         self.encoder.zero_mark_present = not missing
 
     def set_encoder_error(self, code: int, active: bool) -> None:
-        """Bring about the cause of an error of Gx_XIST2, or end it; see `EncoderInterface.fail`.
+        """Bring about the cause of an error of Gx_XIST2, or end it; see `EncoderInterface.set_error`.
 
         Raises:
             ConfigurationError: There is no such code.
 
         """
         if active:
-            self.interface.fail(code)
+            self.interface.set_error(code)
         else:
-            self.interface.heal(code)
+            self.interface.clear_error(code)
 
-    def break_encoder(self, broken: bool) -> None:
-        """Cut its wire: the value stands, Gx_ZSW says so (0001h); or mend it."""
+    def break_encoder_wire(self, broken: bool) -> None:
+        """Cut its wire: the value stands, Gx_ZSW says so (0001h); or repair it."""
         self.encoder.freeze(broken)
         self.set_encoder_error(NOT_VALID, broken)

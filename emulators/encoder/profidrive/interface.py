@@ -182,7 +182,7 @@ class EncoderInterface:
         """
         self._event = self._event or _ABORTED.get(self.state, 0)
 
-    def fail(self, code: int) -> None:
+    def set_error(self, code: int) -> None:
         """Bring about the lasting cause of an error.
 
         0003h makes parking fail, 0004h to 0007h abort the function that they belong to, 0008h and 000Ah the
@@ -196,7 +196,7 @@ class EncoderInterface:
         if code == 0x0001:
             self.valid = False
 
-    def heal(self, code: int) -> None:
+    def clear_error(self, code: int) -> None:
         """Take the cause of an error away; with 0001h Gx_XIST1 is valid again. Harmless if it was not
         there.
         """

@@ -257,10 +257,10 @@ class PtoChannel:
         self._short = present
         if present:
             self.fault = True
-            self.interface.fail(OUTPUT_ERROR)
+            self.interface.set_error(OUTPUT_ERROR)
             self._halt()
         else:
-            self.interface.heal(OUTPUT_ERROR)
+            self.interface.clear_error(OUTPUT_ERROR)
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the present values of `TRACE_COLUMNS`; the state as 1 to 5."""

@@ -248,9 +248,9 @@ def test_machine_switches_brake_and_faults():
     rig.drive.set_enable(False)
     rig.scheduler.run_until(lambda: rig.drive.state is AnalogState.STANDBY, S)
     assert (rig.scheduler.now - begin) / S == pytest.approx(0.2, abs=0.01)
-    rig.drive.break_encoder(True)
+    rig.drive.break_encoder_wire(True)
     assert rig.drive.state is AnalogState.FAULT
-    rig.drive.break_encoder(False)
+    rig.drive.break_encoder_wire(False)
     assert rig.drive.state is AnalogState.STANDBY
     with pytest.raises(UnsupportedFaultError):
         rig.drive.force_input("home", True)

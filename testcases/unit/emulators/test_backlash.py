@@ -108,14 +108,14 @@ def test_play_grows_and_is_mended(growth_s):
     """
     plant = slide(0.0, gravity_force=-200.0)
     plant.set_brake_torque(5.0)
-    plant.wear_out(0.002, growth_s)
+    plant.set_added_backlash(0.002, growth_s)
     run(plant, 0.0, 200)
     assert plant.backlash == pytest.approx(0.001 if growth_s else 0.002)
     run(plant, 0.0, 800)
     assert plant.backlash == pytest.approx(0.002)
     assert motor_at(plant) - plant.position == pytest.approx(0.001)
     angle = plant.motor_angle
-    plant.wear_out(0.0)
+    plant.set_added_backlash(0.0)
     run(plant, 0.0, 10)
     assert (plant.motor_angle, plant.position, plant.backlash) == (
         angle,
@@ -151,7 +151,7 @@ def test_stop_jam_slip_and_break_in_the_play():
     turned = plant.motor_angle
     assert not plant.slip(0.001)
     assert plant.motor_angle == turned
-    plant.wear_out(0.001)
+    plant.set_added_backlash(0.001)
     assert math.isinf(plant.backlash)
 
 
@@ -187,6 +187,6 @@ def test_what_is_no_play_is_refused(values):
     with pytest.raises(ConfigurationError, match="backlash"):
         slide(**values)
     with pytest.raises(ConfigurationError, match="backlash"):
-        slide().wear_out(-1e-3)
+        slide().set_added_backlash(-1e-3)
     with pytest.raises(ConfigurationError, match="growth_s"):
-        slide().wear_out(1e-3, -1.0)
+        slide().set_added_backlash(1e-3, -1.0)

@@ -79,7 +79,7 @@ def test_no_motion_at_standstill(new):
 def test_the_torque_offset_is_no_jump(old, new):
     """60B2h holds a load up; when modes with and without it change, the torque goes on."""
     bench = MovingDrive(_60B2=100)
-    bench.drive.load_force(-0.2)
+    bench.drive.set_load_force(-0.2)
     bench.enable(3)
     bench.run(0.5)
     bench.prime(8)

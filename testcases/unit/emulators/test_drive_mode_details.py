@@ -80,7 +80,7 @@ def test_torque_offset(mode):
         bench.enable_cyclic()
         bench.run(0.05)
         bench.write(0x60B2, offset)
-        bench.drive.load_force(-0.2)
+        bench.drive.set_load_force(-0.2)
         bench.run(0.008)
         sag[offset] = abs(bench.drive.mechanics.position)
     assert sag[100] < 0.3 * sag[0]
@@ -96,7 +96,7 @@ def test_slippage(reaction):
     bench.write(0x60FF, 600_000)
     bench.run(0.3)
     assert not bench.status & 0x2000
-    bench.drive.load_force(-3.0)
+    bench.drive.set_load_force(-3.0)
     bench.run(0.03)
     if reaction == "status":
         assert bench.status & 0x2000

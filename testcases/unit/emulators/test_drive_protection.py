@@ -286,7 +286,7 @@ def test_braking_against_a_chopper_that_gives_up(make_bench, failed, first):
             objects={(0x6083, 0): 60000, (0x605E, 0): 1, (0x6084, 0): 600},
         )
     )
-    bench.drive.break_chopper(failed)
+    bench.drive.disable_chopper(failed)
     bench.enable(3)
     bench.write(0x60FF, 2000)
     bench.until(lambda: bench.emcys, 20.0)
@@ -303,7 +303,7 @@ def test_mains_lost_and_back(make_bench):
     """
     bench = make_bench()
     bench.enable(3)
-    bench.drive.cut_mains(True)
+    bench.drive.disconnect_mains(True)
     bench.run(0.01)
     assert bench.read(0x2100) == DriveWarning.MAINS_MISSING
     assert bench.read(0x2103, 1) == 1
@@ -315,7 +315,7 @@ def test_mains_lost_and_back(make_bench):
     assert bench.read(0x6079) < 400_000
     bench.control(0x80)
     assert bench.state is S.FAULT, "the DC link is still empty"
-    bench.drive.cut_mains(False)
+    bench.drive.disconnect_mains(False)
     bench.run(0.1)
     assert bench.status & 0x10
     bench.control(0x00)
@@ -331,13 +331,13 @@ def test_mains_lost_out_of_operation(make_bench):
     """
     bench = make_bench()
     bench.to_state(S.SWITCHED_ON)
-    bench.drive.cut_mains(True)
+    bench.drive.disconnect_mains(True)
     bench.run(4.0)
     assert (bench.state, bench.emcys) == (S.SWITCH_ON_DISABLED, [])
     bench.control(0x06)
     bench.control(0x07)
     assert bench.state is S.READY_TO_SWITCH_ON
-    bench.drive.cut_mains(False)
+    bench.drive.disconnect_mains(False)
     bench.run(0.1)
     assert bench.state is S.SWITCHED_ON
 
@@ -349,7 +349,7 @@ def test_a_missing_phase(make_bench):
     """
     bench = make_bench()
     bench.to_state(S.READY_TO_SWITCH_ON)
-    bench.drive.cut_phase(True)
+    bench.drive.disconnect_phase(True)
     bench.run(2.0)
     assert (bench.emcys, bench.read(0x2100)) == ([], DriveWarning.PHASE_MISSING)
     bench.control(0x07)
@@ -360,7 +360,7 @@ def test_a_missing_phase(make_bench):
     assert bench.emcys == [(0x3130, 0x05)]
     bench.control(0x80)
     assert bench.state is S.FAULT
-    bench.drive.cut_phase(False)
+    bench.drive.disconnect_phase(False)
     bench.control(0x00)
     bench.control(0x80)
     assert bench.state is S.SWITCH_ON_DISABLED
@@ -518,9 +518,9 @@ def test_a_brake_that_does_not_hold(make_bench, how, moves):
     bench.enable(3)
     brake = bench.drive.core.brake
     if how == "stuck open":
-        brake.stick(False)
+        brake.set_stuck(False)
     elif how.startswith("slips"):
-        brake.slip(0.1 if how == "slips" else 0.5)
+        brake.set_torque_share(0.1 if how == "slips" else 0.5)
     bench.control(0x00)
     bench.run(0.3)
     assert (bench.drive.mechanics.position < -0.01) is moves
@@ -533,7 +533,7 @@ def test_a_brake_that_does_not_open(make_bench):
     tell.
     """
     bench = make_bench(with_parts(brake=BrakeConfig(torque_Nm=10.0), thermal_time_constant_s=1.0))
-    bench.drive.core.brake.stick(True)
+    bench.drive.core.brake.set_stuck(True)
     bench.enable(3)
     bench.write(0x60FF, 1_000_000)
     bench.run(1.0)

@@ -151,7 +151,7 @@ def test_overflow_at_the_end_of_the_range():
         positions.append(bench.position)
     # -1 is raw step 15999: 16000 is no multiple of 2500, so that there is a gap at the end of the turns.
     assert positions == [2498, 2499, 0, 1, 0, 15999 % 2500, 15998 % 2500]
-    bench.encoder.near_overflow(1)
+    bench.encoder.move_near_overflow(1)
     assert bench.position == 2499
     bench.count(-1)
     assert bench.position == 0

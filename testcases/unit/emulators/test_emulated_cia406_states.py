@@ -229,9 +229,9 @@ def test_faults_of_the_device():
     bench.start()
     bench.encoder.preset_encoder(123)
     assert bench.position == 123
-    bench.encoder.near_overflow(5)
+    bench.encoder.move_near_overflow(5)
     assert bench.position == 33554432 - 5
-    bench.encoder.near_overflow(-4)
+    bench.encoder.move_near_overflow(-4)
     assert bench.position == 4
     counts = []
     for period in (25, 0, None):

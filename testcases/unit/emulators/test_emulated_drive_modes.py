@@ -251,7 +251,7 @@ def test_position_window(make_bench):
     start = bench.scheduler.now
     bench.until(lambda: bench.status & 0x400, 1.0)
     assert (bench.scheduler.now - start) / 1e9 == pytest.approx(0.1, abs=0.003)
-    bench.drive.load_force(3000.0)
+    bench.drive.set_load_force(3000.0)
     bench.until(lambda: not bench.status & 0x400, 0.1)
 
 

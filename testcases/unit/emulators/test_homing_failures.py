@@ -184,14 +184,14 @@ def test_time_and_way_are_limited(make_bench, index, value):
 def test_index_that_does_not_come(make_bench, method, start):
     """Without zero mark: error one and a half revolutions behind the place from where it is looked for."""
     bench = make_bench(machine(start_mm=start, home=CAM if method > 0 else None, limits=method > 0))
-    bench.drive.miss_index(True)
+    bench.drive.suppress_index(True)
     run = home(bench, method)
     fails(run)
     final = run.samples[-1][1]
     if method in (33, 34):
         assert abs(final - start) == pytest.approx(1.5 * LEAD_MM, abs=0.1)
     # The next run, with the zero mark, takes the error back.
-    bench.drive.miss_index(False)
+    bench.drive.suppress_index(False)
     run.command(0x0F)
     bench.run(0.01)
     run.statuses.clear()
@@ -445,7 +445,7 @@ def test_any_parameters_and_commands_leave_a_working_drive(make_bench_factory, d
                 name = data.draw(st.sampled_from(["negative_limit", "positive_limit", "home"]))
                 bench.drive.force_input(name, data.draw(st.sampled_from([True, False, None])))
             case "index":
-                bench.drive.miss_index(data.draw(st.booleans()))
+                bench.drive.suppress_index(data.draw(st.booleans()))
             case "method":
                 bench.write(0x6098, data.draw(st.sampled_from([-3, 1, 7, 12, 24, 33, 37])))
             case "profile":
@@ -453,7 +453,7 @@ def test_any_parameters_and_commands_leave_a_working_drive(make_bench_factory, d
         bench.run(data.draw(st.sampled_from([0.001, 0.02, 0.15])))
     for name in ("negative_limit", "positive_limit", "home"):
         bench.drive.force_input(name, None)
-    bench.drive.miss_index(False)
+    bench.drive.suppress_index(False)
     bench.drive.power_off()
     bench.run(2.0)
     bench.drive.mechanics.place(0.010)

@@ -167,14 +167,14 @@ def test_faults_of_the_device():
     new situation.
     """
     rig = Rig()
-    rig.device.interface.fail(0x1001)
+    rig.device.interface.set_error(0x1001)
     assert rig()["G1_XIST2"] == 0x1001
     assert rig.got["ZSW2_ENC"] == 0x0208
     assert [message.number for message in rig.device.faults.present] == [0x1001]
     rig(stw2=CONTROL | ACKNOWLEDGE_FAULT)
     assert rig.got["ZSW2_ENC"] == 0x0208
     assert rig.device.faults.situations == 2
-    rig.device.interface.heal(0x1001)
+    rig.device.interface.clear_error(0x1001)
     rig(ACKNOWLEDGE, stw2=CONTROL | ACKNOWLEDGE_FAULT)
     assert rig.got["ZSW2_ENC"] == 0x0208  # no edge
     rig(0)

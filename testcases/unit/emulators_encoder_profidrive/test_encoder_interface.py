@@ -150,11 +150,11 @@ def falling(rig):
 
 
 def broken(rig):
-    rig.gx.fail(0x0001)
+    rig.gx.set_error(0x0001)
 
 
 def broken_code_only(rig):
-    rig.gx.fail(0x0002)
+    rig.gx.set_error(0x0002)
 
 
 def invalid(rig):
@@ -288,7 +288,7 @@ def test_parking_is_shown_for_100_ms():
 def test_parking_goes_before_an_error():
     """An error and a parking request in the same cycle: parking."""
     rig = Rig()
-    rig.gx.fail(0x0001)
+    rig.gx.set_error(0x0001)
     assert rig(PARK) is SD12
 
 
@@ -484,7 +484,7 @@ def test_lasting_fault(code):
     state = ABORTS.get(code, SD1)
     INTO[state](rig)
     word |= HOLDS.get(state, 0)
-    rig.gx.fail(code)
+    rig.gx.set_error(code)
     if code in LEADS_TO:
         assert rig(0) is SD1
     assert rig(word) is SD3
@@ -500,7 +500,7 @@ def test_lasting_fault(code):
         assert (rig.zsw, rig.xist2) == (0x8800, code)
         assert rig(word) is SD3
         assert (rig.zsw, rig.xist2) == (0x8000, code)
-    rig.gx.heal(code)
+    rig.gx.clear_error(code)
     assert rig(0) is SD3
     assert rig.xist2 == code
     assert rig(ACKNOWLEDGE) is SD2
@@ -530,7 +530,7 @@ def test_reported_once(code):
 def test_unknown_code_is_refused():
     """Only codes of the profile can be brought about; the message lists them."""
     with pytest.raises(ConfigurationError, match="0F02h"):
-        Rig().gx.fail(0x0042)
+        Rig().gx.set_error(0x0042)
     with pytest.raises(ConfigurationError, match="0F02h"):
         Rig().gx.report(0x0042)
 
@@ -640,7 +640,7 @@ def test_any_sequence(steps):
         if isinstance(event, tuple):
             rig.edge(place, probe=event[0], rising=event[1])
         elif event is not None:
-            (rig.gx.fail if event > 0 else rig.gx.heal)(abs(event))
+            (rig.gx.set_error if event > 0 else rig.gx.clear_error)(abs(event))
         rig.now += time
         zsw, xist1, xist2 = rig.words = rig.gx.step(word, rig.now)
         state = rig.gx.state

@@ -135,21 +135,21 @@ def test_stuck_and_broken_channels():
     """
     rig = Rig()
     station = rig.station
-    station.stick("input", 0, True)
+    station.hold("input", 0, True)
     station.input(1).set(True)
     station.break_wire("input", 1, True)
     assert rig.exchange()[0] == 1
-    station.stick("input", 0, None)
+    station.hold("input", 0, None)
     station.break_wire("input", 1, False)
     assert rig.exchange()[0] == 2
-    station.stick("output", 0, False)
+    station.hold("output", 0, False)
     station.break_wire("output", 1, True)
     rig.exchange(0b111)
     assert rig.arrived == [(2, True)]
-    station.stick("output", 0, None)
+    station.hold("output", 0, None)
     station.break_wire("output", 1, False)
     assert rig.arrived[1:] == [(0, True), (1, True)]
-    station.stick("output", 3, True)
+    station.hold("output", 3, True)
     assert rig.arrived[-1] == (3, True)
 
 
@@ -157,7 +157,7 @@ def test_a_stuck_input_passes_the_filter_too():
     """A level that comes by a fault takes as long as one that comes by the wire."""
     scheduler = VirtualScheduler()
     channel = DigitalInput(scheduler, filter_ms=3.0)
-    channel.stick(True)
+    channel.hold(True)
     scheduler.run_for(3 * MS - 1)
     assert not channel.value
     scheduler.run_for(1)
@@ -178,9 +178,9 @@ def test_analog_channels_break():
     seen = {rig.exchange()[1][0] for _ in range(20)}
     assert len(seen) > 10
     assert max(abs(word - 13824) for word in seen) <= 277
-    station.stick("analog_input", 0, -2.5)
+    station.hold("analog_input", 0, -2.5)
     assert rig.exchange()[1][0] == -6912
-    station.stick("analog_input", 0, None)
+    station.hold("analog_input", 0, None)
     station.disturb("analog_input", 0)
     station.analog_input(1).set(12.0)
     station.break_wire("analog_input", 1, True)
@@ -192,7 +192,7 @@ def test_analog_channels_break():
     assert rig.arrived[-1] == ("a0", 0.0)
     station.break_wire("analog_output", 0, False)
     station.disturb("analog_output", 0)
-    station.stick("analog_output", 0, 3.0)
+    station.hold("analog_output", 0, 3.0)
     rig.exchange(analog=(27648, 0))
     assert rig.arrived[-1] == ("a0", 3.0)
     with pytest.raises(UnsupportedFaultError):
@@ -275,4 +275,4 @@ def test_channels_that_do_not_exist():
     with pytest.raises(ConfigurationError, match=r"0\.\.17"):
         station.input(18)
     with pytest.raises(ConfigurationError, match="analog_output"):
-        station.stick("relay", 0, True)
+        station.hold("relay", 0, True)

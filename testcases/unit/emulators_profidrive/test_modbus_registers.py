@@ -155,7 +155,7 @@ def test_displays_of_a_drive_that_turns(rig):
     rig.enable()
     rig.keep(0.5, RUN, to_n2(-0.25))
     core = rig.drive.core
-    rig.drive.load_force(-400.0)
+    rig.drive.set_load_force(-400.0)
     rig.keep(0.2, RUN, to_n2(-0.25))
     setpoint, actual, frequency, output, link, current, torque, power = (
         word - 0x10000 if word & 0x8000 else word for word in rig.read(40340, 8)
@@ -196,7 +196,7 @@ def test_faults_alarms_and_the_error_code(rig):
     access.
     """
     rig.enable()
-    rig.drive.show_warning(True)
+    rig.drive.force_warning(True)
     alarm = rig.drive.drive.faults.warning_number
     assert rig.read(40408, 2) == [alarm, alarm]
     rig.drive.raise_fault(numbers.OVERSPEED)

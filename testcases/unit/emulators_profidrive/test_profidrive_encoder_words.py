@@ -121,10 +121,10 @@ def test_errors_and_their_acknowledgement():
         rig.cycle(RUN, G1_STW=ACKNOWLEDGE)
         rig.cycle(RUN)
         assert rig.actual["G1_ZSW"] == 0
-    rig.drive.encoder_words.fail(0x0002)
+    rig.drive.encoder_words.set_error(0x0002)
     rig.cycle(RUN, G1_STW=ACKNOWLEDGE, count=2)
     assert (rig.actual["G1_ZSW"], rig.actual["G1_XIST2"]) == (0x8800, 0x0002)
-    rig.drive.encoder_words.heal(0x0002)
+    rig.drive.encoder_words.clear_error(0x0002)
     rig.cycle(RUN, G1_STW=ACKNOWLEDGE)
     assert (rig.actual["G1_ZSW"], rig.actual["G1_XIST2"]) == (0x0800, 0)
     rig.cycle(RUN)

@@ -309,9 +309,9 @@ def test_exceptions_silence_and_delay_on_demand(rig):
     assert rig.write(40100, 0) == "done"
     with pytest.raises(ConfigurationError, match="gateway"):
         rig.drive.refuse_requests(9)
-    rig.drive.silence_modbus(True)
+    rig.drive.suppress_modbus_responses(True)
     assert rig.write(40101, 5) is Outcome.TIMEOUT
-    rig.drive.silence_modbus(False)
+    rig.drive.suppress_modbus_responses(False)
     assert rig.read(40101) == [5]  # it was carried out
     before = rig.scheduler.now
     rig.drive.delay_responses(0.3)
@@ -350,10 +350,10 @@ def test_faults_and_doors_are_those_of_every_transport(rig):
     assert rig.read(40400, 8) == [numbers.OVERCURRENT, 0, 0, 0, 0, 0, 0, 0]
     rig.keep(0.1, ACKNOWLEDGE, 0)
     rig.enable()
-    rig.drive.lie_in_statusword(0x0008, 0x0004)
+    rig.drive.override_statusword_bits(0x0008, 0x0004)
     zsw1, _ = rig.keep(0.05, RUN, 0)
     assert zsw1 & 0x0F == 0x0B
-    rig.drive.lie_in_statusword(0, 0)
+    rig.drive.override_statusword_bits(0, 0)
     rig.drive.set_sto(True)
     zsw1, _ = rig.keep(0.05, RUN, 0)
     assert not zsw1 & 4
@@ -378,7 +378,7 @@ def test_one_bus_and_what_needs_one():
     scheduler = VirtualScheduler()
     drive = ProfidriveModbusDrive(scheduler, ProfidriveModbusConfig(), name="alone")
     with pytest.raises(UnsupportedFaultError, match="no Modbus link"):
-        drive.silence_modbus(True)
+        drive.suppress_modbus_responses(True)
     drive.listen(TcpLink(scheduler))
     with pytest.raises(ConfigurationError, match="one bus"):
         drive.attach(SerialLine(scheduler))

@@ -181,12 +181,12 @@ def test_a_broken_wire_is_a_warning():
     """The value stands, G2 shows 0001h, the drive warns and goes on; mended it can be acknowledged."""
     rig = build()
     rig.turn(300.0)
-    rig.drive.second.break_encoder(True)
+    rig.drive.second.break_encoder_wire(True)
     rig.cycle(RUN, count=5, **rig.speed(300.0))
     assert (rig.actual["G2_ZSW"], rig.actual["G2_XIST2"]) == (0x8000, 1)
     assert rig.drive.faults.warns(32410)
     assert rig.drive.state is AxisState.S4
-    rig.drive.second.break_encoder(False)
+    rig.drive.second.break_encoder_wire(False)
     rig.cycle(RUN, G2_STW=ACKNOWLEDGE, count=2, **rig.speed(300.0))
     rig.cycle(RUN, count=2, **rig.speed(300.0))
     assert rig.actual["G2_ZSW"] == 0
@@ -219,11 +219,11 @@ def test_doors_for_faults():
     second.reverse_encoder(False)
     second.lose_encoder_steps(2)
     assert moved() == pytest.approx(usual / 2, rel=0.01)
-    second.miss_index(True)
+    second.suppress_index(True)
     rig.cycle(RUN, G2_STW=SEARCH, count=100, **rig.speed(300.0))
     assert rig.actual["G2_ZSW"] == 1
     with pytest.raises(UnsupportedFaultError, match=r"drive\.encoder2: an absolute encoder has no index"):
-        build(form=replace(SCALE, revolutions=1)).drive.second.miss_index(True)
+        build(form=replace(SCALE, revolutions=1)).drive.second.suppress_index(True)
     assert rig.drive.core.speed_rpm == pytest.approx(300.0, abs=0.5)
 
 

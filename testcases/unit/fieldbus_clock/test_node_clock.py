@@ -134,4 +134,4 @@ def test_what_is_no_pace_is_refused(clock):
         scheduler = VirtualScheduler()
 
     with pytest.raises(UnsupportedFaultError, match="device has no clock of its own"):
-        Device().drift_clock(1.0)
+        Device().set_clock_drift(1.0)

@@ -174,7 +174,7 @@ class Stage:
 
     def _push(self) -> None:
         """Let the load drive the motor, which then feeds the DC link."""
-        self.bench.drive().load_force(2500.0)
+        self.bench.drive().set_load_force(2500.0)
 
     def _press(self) -> None:
         self.bench.drive().force_input("positive_limit", True)
@@ -194,7 +194,7 @@ class Stage:
         if self.situation.meanwhile == "press":
             drive.force_input("positive_limit", None)
         if self.situation.meanwhile == "push":
-            drive.load_force(0.0)
+            drive.set_load_force(0.0)
         if bench.controller.state.value != "RUN":
             bench.controller.run()
         bench.run_for(0.05)

@@ -191,7 +191,7 @@ def test_chopper_failure(rig):
     """A load that drives the motor: the chopper holds the DC link, broken it does not."""
     rig.drive.dc_link.voltage_V = 719.0
     rig.move(-400.0)
-    rig.bench.drive().load_force(-2500.0)
+    rig.bench.drive().set_load_force(-2500.0)
     rig.run(0.2)
     assert rig.emcy_codes() == []
     assert rig.drive.dc_link.voltage_V < 725.0
@@ -284,7 +284,7 @@ def test_brake_slip(rig):
     rig.run(0.5)
     rig.inject("drive.brake_slip", share=0.1)
     assert rig.drive.core.brake.holding_torque_Nm == pytest.approx(0.5)
-    rig.drive.load_force(800.0)
+    rig.drive.set_load_force(800.0)
     rig.run(0.2)
     assert rig.drive.mechanics.position > 0.01
     rig.remove()

@@ -242,7 +242,7 @@ class TestModes:
     def test_survives_motion_but_not_a_stop(self):
         """Jobs of every kind leave it; MC_Stop, another homing with motion, and disabling end it."""
         with machine(ZERO_MARK) as bench:
-            bench.drive().miss_index(True)
+            bench.drive().suppress_index(True)
             run = Machine(bench)
             job = run.axis.home(0.0, mode=2)
             run.done(0.0, mode=0)

@@ -107,7 +107,7 @@ class TestReversal:
         with machine(
             ZERO_MARK, variables=REVERSAL | {"Homing.ReferencingVelocity": 300.0}, start=300.0
         ) as bench:
-            bench.drive().miss_index(True)
+            bench.drive().suppress_index(True)
             run = Machine(bench)
             job = run.home()
             assert job.ErrorID == 0x8001
@@ -184,7 +184,7 @@ class TestWithoutReversal:
     def test_stopped_by_the_switch(self, mode):
         """The limit switch stops the axis as in any motion (531), and the mark counts as not found (342)."""
         with machine(mode, start=500.0, switches=NOWHERE) as bench:
-            bench.drive().miss_index(True)
+            bench.drive().suppress_index(True)
             run = Machine(bench)
             job = run.home()
             run.run(0.1)

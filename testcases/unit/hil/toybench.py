@@ -182,7 +182,7 @@ class ToyDrive:
     def jump_encoder(self, increments):
         self.offset += increments
 
-    def miss_index(self, missing):
+    def suppress_index(self, missing):
         pass
 
     def invert_input(self, name, inverted):
@@ -194,7 +194,7 @@ class ToyDrive:
     def jam(self, active):
         self.jammed = active
 
-    def load_force(self, newton):
+    def set_load_force(self, newton):
         self.force = newton
 
     def force_input(self, name, state):

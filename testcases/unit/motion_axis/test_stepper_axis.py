@@ -269,12 +269,12 @@ def test_supply_of_the_outputs():
     alarms, then all back.
     """
     rig = Rig().travelling()
-    rig.drive.cut_supply(True)
+    rig.drive.disconnect_load_supply(True)
     rig.run(0.05)
     assert rig.axis.var("StatusSensor[1].State") == 0
     assert not rig.axis.var("StatusDrive.CommunicationOK")
     assert rig.axis.var("StatusWord.X1")
-    rig.drive.cut_supply(False)
+    rig.drive.disconnect_load_supply(False)
     rig.run(0.3)
     rig.axis.reset()
     rig.run(0.5)
@@ -292,7 +292,7 @@ def test_a_motor_out_of_step_is_not_noticed(how):
     elif how == "slip":
         rig.drive.lose_steps(5)
     else:
-        rig.drive.load_force(-3000.0)
+        rig.drive.set_load_force(-3000.0)
     rig.run(0.5)
     assert rig.axis.var("ErrorDetail.Number") == 0
     assert rig.shown - rig.position > 0.7
@@ -343,7 +343,7 @@ def test_the_controller_or_the_module_is_gone(how):
     if how == "sync":
         rig.master.close()
     elif how == "module":
-        rig.drive.fail_module(True)
+        rig.drive.unplug_module(True)
     else:
         rig.drive.power_off()
     rig.run(0.4)
@@ -351,7 +351,7 @@ def test_the_controller_or_the_module_is_gone(how):
     assert rig.channel.state is AxisState.S1
     if how != "sync":
         assert rig.axis.var("StatusWord.X1")
-        (rig.drive.fail_module(False) if how == "module" else rig.drive.power_on())
+        (rig.drive.unplug_module(False) if how == "module" else rig.drive.power_on())
         rig.until(lambda: rig.technology.communication_ok)
         rig.run(0.5)
         rig.axis.reset()
