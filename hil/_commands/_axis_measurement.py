@@ -15,10 +15,10 @@ from typing import Any, Final
 from fieldbus.clock import VirtualScheduler
 from hil._commands._measurements import Figure
 from hil.errors import CannotRunError
-from motion.axis import PositioningAxis
 from motion.drives.port import STW1_OPERATE, DrivePort
-from motion.instructions import MC_Home, MC_MoveAbsolute, MC_MoveVelocity, MC_Power
-from motion.runtime import Runtime
+from motion.s7.axis import PositioningAxis
+from motion.s7.instructions import MC_Home, MC_MoveAbsolute, MC_MoveVelocity, MC_Power
+from motion.s7.runtime import Runtime
 
 CYCLE_NS: Final = 1_000_000
 STATES: Final = ("standstill", "velocity", "positioning")

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from hil._commands.terminal import console, print_json, quiet_stdout
 from hil.campaign import CaseContext, Token, load_bench_file, load_campaign
 from hil.errors import BlockedError, TokenError
-from motion.controller import ControllerDiagnosis
+from motion.s7.controller import ControllerDiagnosis
 
 
 def show_diagnosis(

@@ -13,7 +13,7 @@ from fieldbus.clock import RealtimeScheduler
 from fieldbus.errors import ConfigurationError, HilError
 from hil._commands.terminal import console
 from hil.campaign import load_bench_file
-from motion.commissioning import Optimisation, TestStep, precautions
+from motion.s7.commissioning import Optimisation, TestStep, precautions
 from reports.html.tuning import write_tuning
 
 _TICK_S: Final = 0.05

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 from fieldbus.can.frame import CanFrame
 from fieldbus.errors import ConfigurationError
 from hil.errors import UnsupportedFaultError
-from motion.call_log import CallLog
+from motion.s7.call_log import CallLog
 
 if TYPE_CHECKING:
     from fieldbus.canopen.master import CanopenMaster
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from hil.bench.modbus_words import ModbusWords
     from hil.bench.words import BenchWords
     from motion.drives.profidrive_encoder import ProfidriveEncoderPort
-    from motion.handles import AxisHandle, EncoderHandle
-    from motion.runtime import Runtime
+    from motion.s7.handles import AxisHandle, EncoderHandle
+    from motion.s7.runtime import Runtime
 
 MASTER_NODE: Final = 127
 """Node-ID of the controller."""

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from fieldbus.canopen.master import CanopenMaster
     from hil.bench._ports import Port
     from hil.bench.config import BenchConfig
-    from motion.controller import Controller
     from motion.drives.station import StationLink
+    from motion.s7.controller import Controller
 
 
 class ControllerBuses:

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from motion.axis.configuration import encoders_of_telegram
-from motion.compatibility import LEVELS
+from motion.s7.axis.configuration import encoders_of_telegram
+from motion.s7.compatibility import LEVELS
 
 if TYPE_CHECKING:
     from hil.bench._profidrive_encoder import Encoder2Section

@@ -37,10 +37,10 @@ from hil.bench.config import BenchConfig
 from hil.bench.io_devices import axis_inputs, build_analog_port, wired_variables
 from hil.bench.vocabulary import bench_vocabulary
 from hil.record import Recorder, Trace, Vocabulary
-from motion.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis, TechnologyAxis
 from motion.drives.port import SWITCHES
-from motion.handles import AxisHandle, EncoderHandle
-from motion.runtime import Runtime
+from motion.s7.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis, TechnologyAxis
+from motion.s7.handles import AxisHandle, EncoderHandle
+from motion.s7.runtime import Runtime
 
 if TYPE_CHECKING:
     from hil.bench._ports import Port
@@ -49,9 +49,9 @@ if TYPE_CHECKING:
     from hil.bench.remote import RemoteDrives
     from hil.bench.telegram_master import TelegramMaster
     from hil.bench.words import BenchWords
-    from motion.controller import Controller
     from motion.drives.encoder import EncoderPort
     from motion.drives.station import StationLink
+    from motion.s7.controller import Controller
 
 _AXES: Final = {"positioning": PositioningAxis, "speed": SpeedAxis, "synchronous": SynchronousAxis}
 _SAMPLE_PRIORITY: Final = 100

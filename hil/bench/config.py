@@ -75,7 +75,7 @@ class BenchSection(Section):
 
     cpu: Literal["S7-1500", "S7-1500T", "S7-1200 G2"] = "S7-1500T"
     """Controller whose technology objects the axes are, with its instructions and their parameters
-    (`motion.compatibility`).
+    (`motion.s7.compatibility`).
     """
     program_cycles: Annotated[int, Field(ge=1, le=1000)] = 1
     """Application cycles from one call of the user program, so of every instruction instance, to the next."""

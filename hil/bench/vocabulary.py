@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 def _fixed_words() -> dict[str, tuple[Scalar, ...]]:
     """Return the words that are the same on every bench."""
     from hil.faults import CATALOGUE
-    from motion import instructions
-    from motion.alarms import catalogue
-    from motion.controller import OperatingState
+    from motion.s7 import instructions
+    from motion.s7.alarms import catalogue
+    from motion.s7.controller import OperatingState
 
     states: tuple[Scalar, ...] = tuple(state.value for state in OperatingState)
     numbers: tuple[Scalar, ...] = tuple(catalogue())

@@ -44,7 +44,7 @@ class UnitScale(NamedTuple):
             ConfigurationError: There is no such code.
 
         """
-        from motion.units import ANGLES, LENGTHS, VELOCITIES, millimetres, velocity_factor
+        from motion.s7.units import ANGLES, LENGTHS, VELOCITIES, millimetres, velocity_factor
 
         if length in ANGLES:
             return cls()
@@ -148,7 +148,7 @@ def _in_units(bench_file: Any, length: int, velocity: int) -> dict[str, Any]:
     """Return the variables of all axes with a position, as numbers in other units: the same machine, told
     otherwise.
     """
-    from motion.data._variables import elements, variables_of
+    from motion.s7.data._variables import elements, variables_of
 
     scale = UnitScale.of_codes(length, velocity)
     types = {"positioning": "PositioningAxis", "synchronous": "SynchronousAxis"}

@@ -7,15 +7,15 @@ from typing import Final
 
 from hil.mutants._mutant import Edit, Mutant, defect
 
-_ENABLING: Final = "motion.axis.enabling:EnableControl"
-_REACTIONS: Final = "motion.axis.reactions:AxisAlarms"
-_ENGINE: Final = "motion.alarms.engine:AlarmEngine"
-_MONITORING: Final = "motion.axis.monitoring:Monitoring"
-_PLANNING: Final = "motion.axis.planning:SetpointPlanning"
-_ACCEPTANCE: Final = "motion.axis.acceptance:JobAcceptance"
-_CONTROL: Final = "motion.axis.control:PositionController"
-_FEEDBACK: Final = "motion.axis.feedback:Feedback"
-_RESET: Final = "motion.axis.reset:Reset"
+_ENABLING: Final = "motion.s7.axis.enabling:EnableControl"
+_REACTIONS: Final = "motion.s7.axis.reactions:AxisAlarms"
+_ENGINE: Final = "motion.s7.alarms.engine:AlarmEngine"
+_MONITORING: Final = "motion.kernel.monitoring:Monitoring"
+_PLANNING: Final = "motion.s7.axis.planning:SetpointPlanning"
+_ACCEPTANCE: Final = "motion.s7.axis.acceptance:JobAcceptance"
+_CONTROL: Final = "motion.kernel.position_control:PositionController"
+_FEEDBACK: Final = "motion.kernel.feedback:Feedback"
+_RESET: Final = "motion.s7.axis.reset:Reset"
 _LINK: Final = "motion.drives._link:LinkedPort"
 _CIA402: Final = "motion.drives.cia402:Cia402Port"
 

@@ -7,11 +7,11 @@ from typing import Final
 
 from hil.mutants._mutant import Mutant, defect
 
-_CONTROL: Final = "motion.axis.control:PositionController"
-_MONITORING: Final = "motion.axis.monitoring:Monitoring"
-_PLANNING: Final = "motion.axis.planning:SetpointPlanning"
-_FILTER: Final = "motion.axis.setpoint_filter"
-_TORQUE: Final = "motion.axis.torque:TorqueControl"
+_CONTROL: Final = "motion.kernel.position_control:PositionController"
+_MONITORING: Final = "motion.kernel.monitoring:Monitoring"
+_PLANNING: Final = "motion.s7.axis.planning:SetpointPlanning"
+_FILTER: Final = "motion.kernel.setpoint_filter"
+_TORQUE: Final = "motion.s7.axis.torque:TorqueControl"
 _TELEGRAM: Final = "motion.drives.profidrive:ProfidrivePort"
 
 _defect = partial(defect, area="axis")
@@ -246,7 +246,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "torque-limit-of-the-other-side-of-the-gear",
         "A force limit is sent to the drive as if the spindle had a lead of one revolution per unit of "
         "length",
-        "motion.axis.torque:_limit_scale",
+        "motion.s7.axis.torque:_limit_scale",
         'return ratio * lead_m / tau, "Force"',
         'return ratio * lead_m, "Force"',
         ids=("STP-140", "STP-141"),

@@ -7,11 +7,11 @@ from typing import Final
 
 from hil.mutants._mutant import Mutant, defect
 
-_LIMITS: Final = "motion.axis.limits:TravelLimits"
-_ACTIVE: Final = "motion.axis.homing.active:ActiveHoming"
-_FINDER: Final = "motion.axis.homing.finder:MarkFinder"
-_PASSIVE: Final = "motion.axis.homing.passive:PassiveHoming"
-_DIRECT: Final = "motion.axis.homing.direct"
+_LIMITS: Final = "motion.s7.axis.limits:TravelLimits"
+_ACTIVE: Final = "motion.s7.axis.homing.active:ActiveHoming"
+_FINDER: Final = "motion.s7.axis.homing.finder:MarkFinder"
+_PASSIVE: Final = "motion.s7.axis.homing.passive:PassiveHoming"
+_DIRECT: Final = "motion.s7.axis.homing.direct"
 
 _defect = partial(defect, area="axis")
 
@@ -181,7 +181,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "homed-outlives-encoder-fault",
         "An incremental encoder that has failed leaves the axis homed",
-        "motion.axis.feedback:Feedback.update",
+        "motion.kernel.feedback:Feedback.update",
         "self.lost_reference = True  # what",
         "self.lost_reference = False  # what",
         ids=("HOM-179",),

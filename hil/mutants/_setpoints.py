@@ -9,12 +9,12 @@ from typing import Final
 
 from hil.mutants._mutant import Mutant, defect
 
-_PLANNING: Final = "motion.axis.planning:SetpointPlanning"
+_PLANNING: Final = "motion.s7.axis.planning:SetpointPlanning"
 _GENERATOR: Final = "motion.setpoint.generator:SetpointGenerator"
-_SUPERPOSITION: Final = "motion.axis.superposition:Superposition"
-_FEEDBACK: Final = "motion.axis.feedback:Feedback"
-_ENCODER: Final = "motion.axis.external_encoder:ExternalEncoder"
-_PANEL: Final = "motion.commissioning.panel:ControlPanel"
+_SUPERPOSITION: Final = "motion.kernel.superposition:Superposition"
+_FEEDBACK: Final = "motion.kernel.feedback:Feedback"
+_ENCODER: Final = "motion.s7.axis.external_encoder:ExternalEncoder"
+_PANEL: Final = "motion.s7.commissioning.panel:ControlPanel"
 
 _defect = partial(defect, area="axis")
 
@@ -60,7 +60,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "interpolation-one-servo-cycle-late",
         "Between two interpolator cycles the setpoint begins with the same point twice",
-        "motion.axis.fine:FineInterpolation.advance",
+        "motion.kernel.fine_interpolation:FineInterpolation.advance",
         "self.s, self.v = self._points[self._step - 1]",
         "self.s, self.v = self._points[max(self._step - 2, 0)]",
         ids=("CFG-152",),
@@ -70,7 +70,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "encoder-switch-not-bumpless",
         "MC_SetSensor Mode 0 takes the position of the other encoder as it is",
-        "motion.axis.sensors:set_sensor",
+        "motion.s7.axis.sensors:set_sensor",
         "if mode in (SWITCH_BUMPLESS, TRANSFER):",
         "if mode == TRANSFER:",
         ids=("CFG-325", "CFG-330"),
@@ -79,7 +79,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "encoder-switch-unsmoothed",
         "The difference of two encoders acts at once when the axis switches between them",
-        "motion.axis.sensors:set_sensor",
+        "motion.s7.axis.sensors:set_sensor",
         "if step and controlled:",
         "if step and not controlled:",
         ids=("CFG-329",),
@@ -88,7 +88,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "transfer-from-the-operative-encoder",
         "MC_SetSensor Mode 3 transfers the position of the axis whatever ReferenceSensor says",
-        "motion.axis.sensors:set_sensor",
+        "motion.s7.axis.sensors:set_sensor",
         "target.transfer(axis.sensors[reference - 1].position)",
         "target.transfer(present.position)",
         ids=("CFG-328",),
@@ -97,7 +97,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "backlash-in-the-wrong-direction",
         "The backlash is added at the flank where it has to be taken away",
-        "motion.axis.backlash:Backlash._by_setpoint",
+        "motion.kernel.backlash:Backlash._by_setpoint",
         "end = 0.0 if direction > 0.0 else size",
         "end = size if direction > 0.0 else 0.0",
         ids=("CFG-554",),
@@ -106,7 +106,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "backlash-never-shown",
         "StatusWord2.X2 is not shown while the motor passes the backlash",
-        "motion.axis.backlash:Backlash._by_setpoint",
+        "motion.kernel.backlash:Backlash._by_setpoint",
         "self._rest = size",
         "self._rest = 0.0",
         ids=("CFG-553",),
@@ -271,7 +271,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "gain-recommended-unreduced",
         "The optimisation recommends the gain at the edge of oscillation",
-        "motion.commissioning.optimisation:Optimisation.run",
+        "motion.s7.commissioning.optimisation:Optimisation.run",
         "kv = _SHARE * gain",
         "kv = gain",
         ids=("COM-062",),

@@ -6,7 +6,7 @@ import pytest
 
 from hil.bench import BenchFile, load_bench
 from hil.bench.config import read
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from hil.expect import (
     value_at,
 )
 from hil.record import event
-from motion.commissioning import Optimisation, TestStep
+from motion.s7.commissioning import Optimisation, TestStep
 from testcases.campaigns._commissioning import JOG, Operator, at_rest, greatest_deceleration
 from testcases.campaigns._homing import configure, machine
 from testcases.campaigns.support import axis_name, enable, settle_s

@@ -9,7 +9,7 @@ import pytest
 from hil.bench.bench import Bench
 from hil.bench.config import parse
 from hil.faults import Injector
-from motion.controller import OperatingState
+from motion.s7.controller import OperatingState
 from testcases.interop.test_live_modbus import bench_text
 
 

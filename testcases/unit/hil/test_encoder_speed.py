@@ -8,8 +8,8 @@ import pytest
 
 from hil.bench.bench import Bench
 from hil.bench.config import parse, read
-from motion.axis.mechanics import Mechanics
-from motion.variables import VariableStore
+from motion.kernel.mechanics import Mechanics
+from motion.s7.variables import VariableStore
 
 WHEEL = """
 [encoder.wheel]

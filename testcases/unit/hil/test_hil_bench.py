@@ -9,7 +9,7 @@ from hil.bench import BenchFile, BenchFileError, load_bench
 from hil.bench.config import parse, read
 from hil.errors import BlockedError, ConfigurationError, UnsupportedFaultError
 from hil.faults import after, at, position, velocity
-from motion.instructions import MC_SaveAbsoluteEncoderData
+from motion.s7.instructions import MC_SaveAbsoluteEncoderData
 
 LIVE = """
 [bench]

@@ -9,7 +9,7 @@ from hil.bench import BenchFile, load_bench
 from hil.bench.config import BenchFileError, parse
 from hil.expect.checkers import run_checkers
 from hil.faults import Injector, velocity
-from motion.controller import OperatingState
+from motion.s7.controller import OperatingState
 from reports.model import Verdict
 
 

@@ -9,7 +9,7 @@ import pytest
 from hil.bench.bench import Bench
 from hil.bench.config import parse, read
 from hil.faults import Injector
-from motion.instructions import MC_Home
+from motion.s7.instructions import MC_Home
 
 ENCODER = """
 [encoder.{name}]

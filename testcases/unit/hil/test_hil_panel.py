@@ -10,8 +10,8 @@ import pytest
 
 from hil._commands.panel import run_panel
 from hil.cli import main
-from motion.commissioning import precautions
-from motion.controller import OperatingState
+from motion.s7.commissioning import precautions
+from motion.s7.controller import OperatingState
 from testcases.unit.hil.test_hil_profidrive import bench
 
 NO_GAIN = 1e-6

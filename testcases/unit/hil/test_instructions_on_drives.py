@@ -12,7 +12,7 @@ from fieldbus.profidrive.words import MELDW
 from hil.bench import load_bench
 from hil.bench.bench import Bench
 from hil.faults import Injector
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 from testcases.unit.hil.test_hil_profidrive import bench, enabled
 from testcases.unit.hil.test_torque_instructions import (
     FIXED_STOP,

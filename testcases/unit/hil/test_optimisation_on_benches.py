@@ -11,7 +11,7 @@ import pytest
 
 from fieldbus.errors import ConfigurationError
 from hil.bench import BenchFile, load_bench
-from motion.commissioning import CommissioningError, Optimisation, TestStep
+from motion.s7.commissioning import CommissioningError, Optimisation, TestStep
 
 STEP = TestStep(distance=5.0, velocity=60.0, acceleration=1000.0)
 DSC = '"PositionControl.EnableDSC" = true\n'

@@ -6,7 +6,7 @@ import pytest
 
 from hil.bench.bench import Bench
 from hil.bench.config import parse, read
-from motion.axis import SynchronousAxis
+from motion.s7.axis import SynchronousAxis
 
 
 def synchronous(name="reference", extra="", **changes):

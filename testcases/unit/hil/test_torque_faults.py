@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 from testcases.unit.hil.test_hil_profidrive import bench, enabled
 from testcases.unit.hil.test_torque_instructions import X30, clamp, later, stop_bench, torque_bench
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import pytest
 
-from motion.axis import AxisState
 from motion.drives.port import STW1_OPERATE
+from motion.s7.axis import AxisState
 from testcases.unit.hil.test_hil_profidrive import bench, enabled
 
 STW2_WORD, MOMRED_WORD, ADD_WORD, HIGH_WORD, LOW_WORD = 3, 4, 10, 11, 12

@@ -6,10 +6,10 @@ import pytest
 
 from fieldbus.clock import S, VirtualScheduler
 from fieldbus.history import History
-from motion.axis import PositioningAxis, SpeedAxis
 from motion.drives.simulated import SimulatedDrivePort
-from motion.handles import AxisHandle
-from motion.runtime import Runtime
+from motion.s7.axis import PositioningAxis, SpeedAxis
+from motion.s7.handles import AxisHandle
+from motion.s7.runtime import Runtime
 
 CYCLE = 0.004
 ZERO_MARK = 15 * 131072

@@ -8,10 +8,10 @@ import pytest
 
 from fieldbus.clock import VirtualScheduler
 from fieldbus.history import History
-from motion.axis import PositioningAxis, SpeedAxis
 from motion.drives.simulated import SimulatedDrivePort
-from motion.handles import AxisHandle
-from motion.runtime import Runtime
+from motion.s7.axis import PositioningAxis, SpeedAxis
+from motion.s7.handles import AxisHandle
+from motion.s7.runtime import Runtime
 from testcases.unit.motion_axis.conftest import REFERENCE
 
 MS = 1_000_000

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import pytest
 
-from motion.alarms import catalogue
+from motion.s7.alarms import catalogue
 from testcases.unit.motion_axis.conftest import Rig
 
 BITS = {

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import motion
-from motion.alarms import alarm, catalogue
-from motion.axis.state import AxisState
+from motion.s7.alarms import alarm, catalogue
+from motion.s7.axis.state import AxisState
 from testcases.unit.motion_axis.alarm_stimuli import ELSEWHERE, STIMULI, Stimulus
 from testcases.unit.motion_axis.conftest import Rig
 

@@ -16,11 +16,11 @@ from fieldbus.clock import MS, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 from fieldbus.modbus import TcpClient, TcpLink, TcpStation
-from motion.axis import PositioningAxis, SpeedAxis
 from motion.drives.analog import AnalogPort, AnalogPortConfig
 from motion.drives.station import StationInputs, StationLink
-from motion.handles import AxisHandle
-from motion.runtime import Runtime
+from motion.s7.axis import PositioningAxis, SpeedAxis
+from motion.s7.handles import AxisHandle
+from motion.s7.runtime import Runtime
 from testcases.unit.motion_axis.conftest import REFERENCE, SPEED
 
 CYCLE_NS = 4 * MS

@@ -11,8 +11,8 @@ import pytest
 from fieldbus.errors import ConfigurationError
 from hil.bench.bench import Bench
 from hil.bench.config import parse, read
-from motion.call_log import CallLog
-from motion.instructions import MC_MoveJog, MC_MoveRelative, MC_TorqueAdditive
+from motion.s7.call_log import CallLog
+from motion.s7.instructions import MC_MoveJog, MC_MoveRelative, MC_TorqueAdditive
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
 
 RATES = pytest.mark.parametrize("rate", [1, 3, 10])

@@ -7,10 +7,10 @@ from __future__ import annotations
 import pytest
 
 from fieldbus.errors import ConfigurationError
-from motion.axis import PositioningAxis, SpeedAxis
-from motion.axis.configuration import check_telegrams, encoders_of_telegram, setpoint_range
 from motion.drives.simulated import SimulatedDrivePort
-from motion.variables import VariableStore
+from motion.s7.axis import PositioningAxis, SpeedAxis
+from motion.s7.axis.configuration import check_telegrams, encoders_of_telegram, setpoint_range
+from motion.s7.variables import VariableStore
 
 ROTARY = {"Properties.MotionType": 1}
 LINEAR_MOTOR = {"Actor.MotorType": 1, "Sensor[1].MountingMode": 2}

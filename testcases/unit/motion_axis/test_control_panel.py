@@ -7,9 +7,9 @@ from itertools import pairwise
 import pytest
 
 from fieldbus.errors import ConfigurationError
-from motion.axis import AxisState
-from motion.commissioning import CommissioningError
-from motion.controller import OperatingState
+from motion.s7.axis import AxisState
+from motion.s7.commissioning import CommissioningError
+from motion.s7.controller import OperatingState
 from testcases.unit.motion_axis.conftest import CYCLE
 
 X0_ENABLE, X4_PANEL, X6_DONE, X8_POSITIONING, X9_JOG = 1 << 0, 1 << 4, 1 << 6, 1 << 8, 1 << 9
@@ -147,9 +147,9 @@ def test_enable_of_the_user_program(rig, panel):
 @pytest.mark.requirement("CFG-065")
 def test_an_external_encoder_has_no_panel(rig):
     """Refused when the panel is made."""
-    from motion.axis import ExternalEncoder
-    from motion.commissioning import ControlPanel
     from motion.drives.simulated import SimulatedDrivePort
+    from motion.s7.axis import ExternalEncoder
+    from motion.s7.commissioning import ControlPanel
 
     encoder = ExternalEncoder("encoder1", SimulatedDrivePort(cycle_s=CYCLE), cycle_ns=4_000_000)
     with pytest.raises(ConfigurationError, match="a speed, positioning or synchronous axis"):

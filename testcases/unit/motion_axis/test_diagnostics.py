@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from motion.diagnostics import diagnose, pages
+from motion.s7.diagnostics import diagnose, pages
 from testcases.unit.motion_axis.conftest import TorquePort
 
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from motion.axis.setpoint_filter import DynamicFilter
+from motion.kernel.setpoint_filter import DynamicFilter
 from testcases.unit.motion_axis.conftest import CYCLE, REFERENCE, Rig
 from testcases.unit.motion_axis.lagging_drive import LaggingDrivePort
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 from testcases.unit.motion_axis.conftest import CYCLE
 
 S = AxisState

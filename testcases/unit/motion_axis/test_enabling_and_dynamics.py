@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import pytest
 
-from motion.axis import AxisState
 from motion.drives.simulated import DriveStage
+from motion.s7.axis import AxisState
 from testcases.unit.motion_axis.lagging_drive import LaggingDrivePort
 
 CYCLE = 0.004

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 from testcases.unit.motion_axis.test_adaption import BOTH
 from testcases.unit.motion_axis.test_adaption import Rig as AdaptionRig
 

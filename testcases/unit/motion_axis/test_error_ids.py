@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 import motion
-from motion.alarms import error_ids, error_text
-from motion.axis import jobs
-from motion.instructions import MC_MoveAbsolute, MC_Power
+from motion.s7.alarms import error_ids, error_text
+from motion.s7.axis import jobs
+from motion.s7.instructions import MC_MoveAbsolute, MC_Power
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
 
 ROOT = Path(__file__).parents[3]

@@ -8,12 +8,12 @@ import pytest
 
 from fieldbus.clock import MS, S, VirtualScheduler
 from fieldbus.history import History
-from motion.alarms import catalogue
-from motion.axis import ExternalEncoder
 from motion.drives.encoder import EncoderPort
 from motion.drives.simulated import SimulatedDrivePort
-from motion.handles import EncoderHandle
-from motion.runtime import Runtime
+from motion.s7.alarms import catalogue
+from motion.s7.axis import ExternalEncoder
+from motion.s7.handles import EncoderHandle
+from motion.s7.runtime import Runtime
 
 COARSE = {
     "Mechanics.LeadScrew": 10.0,

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import pytest
 
-import motion.instructions as instructions
-from motion.instructions import MC_SaveAbsoluteEncoderData
+import motion.s7.instructions as instructions
+from motion.s7.instructions import MC_SaveAbsoluteEncoderData
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
 
 TERMINAL = ("Done", "CommandAborted", "Error")

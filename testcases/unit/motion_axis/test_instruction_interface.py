@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import pytest
 
-import motion.instructions as instructions
-from motion.instructions import ExecuteInstruction
+import motion.s7.instructions as instructions
+from motion.s7.instructions import ExecuteInstruction
 
 CYCLE = 0.004
 

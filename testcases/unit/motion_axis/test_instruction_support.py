@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import pytest
 
-import motion.instructions as instructions
+import motion.s7.instructions as instructions
 from fieldbus.errors import ConfigurationError
-from motion.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis
 from motion.drives.simulated import SimulatedDrivePort
+from motion.s7.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
 
 KINDS = {"S": SpeedAxis, "P": PositioningAxis, "Y": SynchronousAxis, "E": ExternalEncoder}

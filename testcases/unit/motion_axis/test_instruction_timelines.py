@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import pytest
 
-from motion.axis import AxisState
 from motion.drives.simulated import SimulatedDrivePort
+from motion.s7.axis import AxisState
 
 CYCLE = 0.004
 TWO_CYCLES = 2.5 * CYCLE

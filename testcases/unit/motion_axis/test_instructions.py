@@ -6,8 +6,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from motion.axis import AxisState
-from motion.instructions import (
+from motion.s7.axis import AxisState
+from motion.s7.instructions import (
     MC_Halt,
     MC_MoveAbsolute,
     MC_MoveJog,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 
 ALARM_STAYS_ENABLED = 533
 

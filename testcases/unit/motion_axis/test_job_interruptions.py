@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import pytest
 
-from motion.axis import AxisState
-from motion.instructions import MC_Home, MC_SetSensor
+from motion.s7.axis import AxisState
+from motion.s7.instructions import MC_Home, MC_SetSensor
 from testcases.unit.motion_axis.override_cells import ACTIVE, exists
 from testcases.unit.motion_axis.test_sensors import Rig as SensorRig
 

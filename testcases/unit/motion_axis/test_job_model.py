@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import pytest
 
-from motion.axis import AxisState
-from motion.instructions import MC_Halt, MC_MoveRelative, MC_MoveVelocity
+from motion.s7.axis import AxisState
+from motion.s7.instructions import MC_Halt, MC_MoveRelative, MC_MoveVelocity
 
 REMOVE_ENABLE, EMERGENCY, MAXIMUM, CURRENT, TRACK = 421, 321, 104, 533, 550
 """One alarm for every reaction."""

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from motion.axis.external_encoder import ExternalEncoder
-from motion.axis.leading_value import Hysteresis, LeadingValue, within_band
 from motion.drives.simulated import SimulatedDrivePort
-from motion.variables import VariableStore
+from motion.kernel.leading_value import Hysteresis, LeadingValue, within_band
+from motion.s7.axis.external_encoder import ExternalEncoder
+from motion.s7.variables import VariableStore
 from testcases.unit.motion_axis.conftest import CYCLE
 
 E, STATUS = "Extrapolation.", "StatusExtrapolation."

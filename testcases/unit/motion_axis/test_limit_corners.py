@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from motion.axis import AxisState as S
+from motion.s7.axis import AxisState as S
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
 from testcases.unit.motion_axis.test_sensors import Rig as Encoders
 

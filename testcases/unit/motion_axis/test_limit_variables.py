@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from fieldbus.errors import ConfigurationError
-from motion.controller import OperatingState
-from motion.data_blocks import BitAddress, DataBlocks, GlobalDataBlock
+from motion.s7.controller import OperatingState
+from motion.s7.data_blocks import BitAddress, DataBlocks, GlobalDataBlock
 
 PLACE = "PositionLimits_HW.{}SwitchAddress.{}"
 NUMBER = 7

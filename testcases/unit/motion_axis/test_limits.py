@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 
 SOFT = {
     "PositionLimits_SW.Active": True,

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from motion.axis import PositioningAxis
-from motion.axis.feedback import VALID
+from motion.kernel.feedback import VALID
+from motion.s7.axis import PositioningAxis
+from motion.s7.units import farthest_position, travel_time_s
 from motion.setpoint import SetpointGenerator
-from motion.units import farthest_position, travel_time_s
 from testcases.unit.motion_axis.conftest import REFERENCE, Rig, SimulatedDrivePort
 
 ROTARY = {

@@ -6,14 +6,14 @@ from math import pi
 
 import pytest
 
-from motion.axis import PositioningAxis
-from motion.axis.configuration import given_values
-from motion.axis.feedback import Feedback
-from motion.axis.mechanics import Mechanics
 from motion.drives.simulated import SimulatedDrivePort
-from motion.handles import AxisHandle
-from motion.units import decimals, farthest_position, travel_time_s
-from motion.variables import Cell, VariableStore
+from motion.kernel.feedback import Feedback
+from motion.kernel.mechanics import Mechanics
+from motion.s7.axis import PositioningAxis
+from motion.s7.axis.configuration import given_values
+from motion.s7.handles import AxisHandle
+from motion.s7.units import decimals, farthest_position, travel_time_s
+from motion.s7.variables import Cell, VariableStore
 from testcases.unit.motion_axis.conftest import Rig
 
 ROTARY = {"Properties.MotionType": 1}

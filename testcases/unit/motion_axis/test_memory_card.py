@@ -7,8 +7,8 @@ import os
 
 import pytest
 
-from motion.instructions import MC_SaveAbsoluteEncoderData
-from motion.memory_card import FILE, FOLDER, USED
+from motion.s7.instructions import MC_SaveAbsoluteEncoderData
+from motion.s7.memory_card import FILE, FOLDER, USED
 from testcases.unit.motion_axis.conftest import Rig
 
 ABSOLUTE = {"Sensor[1].Type": 1}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from motion.axis.modulo import Modulo
-from motion.variables import VariableStore
+from motion.kernel.modulo import Modulo
+from motion.s7.variables import VariableStore
 
 ROTARY = {
     "Properties.MotionType": 1,

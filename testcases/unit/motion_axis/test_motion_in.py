@@ -10,9 +10,9 @@ from math import nan
 import pytest
 
 from fieldbus.errors import ConfigurationError
-from motion.axis import AxisState, PositioningAxis
 from motion.drives.simulated import SimulatedDrivePort
-from motion.instructions import MC_MotionInPosition, MC_MotionInSuperimposed, MC_MotionInVelocity
+from motion.s7.axis import AxisState, PositioningAxis
+from motion.s7.instructions import MC_MotionInPosition, MC_MotionInSuperimposed, MC_MotionInVelocity
 
 CYCLE = 0.004
 X6_DONE, X10_VELOCITY, X23_SUPERIMPOSED = 1 << 6, 1 << 10, 1 << 23

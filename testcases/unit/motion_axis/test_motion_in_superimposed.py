@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import pytest
 
-from motion.axis import AxisState
-from motion.instructions import MC_MotionInVelocity
+from motion.s7.axis import AxisState
+from motion.s7.instructions import MC_MotionInVelocity
 
 X6_DONE, X23_SUPERIMPOSED, X31_MOTION_IN = 1 << 6, 1 << 23, 1 << 31
 X6_GIVEN_SUPERIMPOSED, X7_HALT_SUPERIMPOSED = 1 << 6, 1 << 7

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fieldbus.errors import ConfigurationError
-from motion.commissioning import CommissioningError, Optimisation, TestStep, tuned_by_drive
-from motion.controller import OperatingState
+from motion.s7.commissioning import CommissioningError, Optimisation, TestStep, tuned_by_drive
+from motion.s7.controller import OperatingState
 from testcases.unit.motion_axis.conftest import CYCLE, Rig
 from testcases.unit.motion_axis.lagging_drive import LaggingDrivePort
 
@@ -160,7 +160,7 @@ def test_a_drive_that_is_too_slow():
 @pytest.mark.requirement("COM-061")
 def test_a_step_that_is_too_soft(monkeypatch):
     """Nothing overshoots up to the greatest gain: the routine says that the step needs more acceleration."""
-    monkeypatch.setattr("motion.commissioning.optimisation._GREATEST_GAIN", 30.0)
+    monkeypatch.setattr("motion.s7.commissioning.optimisation._GREATEST_GAIN", 30.0)
     soft = TestStep(distance=1.0, velocity=1.0, acceleration=2.0, tolerance=0.9)
     _, _, routine = optimisation(0.0, step=soft)
     with pytest.raises(CommissioningError, match="more acceleration"):

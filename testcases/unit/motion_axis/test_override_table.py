@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import pytest
 
-import motion.instructions as instructions
-from motion.axis.override import COLUMNS, TABLE
-from motion.axis.override_tables import MOTION, TABLES, UNDER_INTERPRETER
+import motion.s7.instructions as instructions
+from motion.s7.axis.override import COLUMNS, TABLE
+from motion.s7.axis.override_tables import MOTION, TABLES, UNDER_INTERPRETER
 from testcases.unit.motion_axis.override_cells import ACTIVE, NEW, PAGE, cells, exists, missing, page
 
 PRINTED = """

@@ -8,11 +8,11 @@ import pytest
 
 from fieldbus.clock import VirtualScheduler
 from fieldbus.history import History
-from motion.axis import ExternalEncoder
 from motion.drives.simulated import SimulatedDrivePort
-from motion.handles import EncoderHandle
-from motion.instructions import MC_Power
-from motion.runtime import Runtime
+from motion.s7.axis import ExternalEncoder
+from motion.s7.handles import EncoderHandle
+from motion.s7.instructions import MC_Power
+from motion.s7.runtime import Runtime
 
 MS = 1_000_000
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from fieldbus.clock import S
-from motion.axis.control import PositionController
+from motion.kernel.position_control import PositionController
 from testcases.unit.motion_axis.conftest import Rig
 
 MODE = "PositionControl.ControlDifferenceQuantization.Mode"

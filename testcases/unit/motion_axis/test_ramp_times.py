@@ -7,8 +7,8 @@ import pytest
 from fieldbus.errors import ConfigurationError
 from hil.bench import load_bench
 from hil.bench.bench import Bench
-from motion.axis import PositioningAxis, SpeedAxis
 from motion.drives.simulated import SimulatedDrivePort
+from motion.s7.axis import PositioningAxis, SpeedAxis
 
 TIMES = {
     "maximum_up_s": 0.5,

@@ -8,13 +8,13 @@ import itertools
 
 import pytest
 
-import motion.instructions as instructions
+import motion.s7.instructions as instructions
 from fieldbus.errors import ConfigurationError
 from hil.bench.bench import Bench
 from hil.bench.config import parse, read
-from motion.axis import AxisState
-from motion.compatibility import LEVELS
-from motion.instructions import (
+from motion.s7.axis import AxisState
+from motion.s7.compatibility import LEVELS
+from motion.s7.instructions import (
     MC_Halt,
     MC_MoveAbsolute,
     MC_MoveJog,

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from motion.controller import OperatingState
-from motion.instructions import MC_SaveAbsoluteEncoderData
-from motion.memory_card import FILE, FOLDER, USED
+from motion.s7.controller import OperatingState
+from motion.s7.instructions import MC_SaveAbsoluteEncoderData
+from motion.s7.memory_card import FILE, FOLDER, USED
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
 
 

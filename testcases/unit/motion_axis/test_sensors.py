@@ -9,12 +9,12 @@ import pytest
 from fieldbus.clock import VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
-from motion.axis import PositioningAxis
 from motion.drives.encoder import EncoderPort
 from motion.drives.simulated import SimulatedDrivePort
-from motion.handles import AxisHandle
-from motion.instructions import MC_SetSensor
-from motion.runtime import Runtime
+from motion.s7.axis import PositioningAxis
+from motion.s7.handles import AxisHandle
+from motion.s7.instructions import MC_SetSensor
+from motion.s7.runtime import Runtime
 from testcases.unit.motion_axis.conftest import REFERENCE
 
 MS = 1_000_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from motion.instructions import MC_Power
+from motion.s7.instructions import MC_Power
 from testcases.unit.motion_axis.conftest import TorquePort
 
 

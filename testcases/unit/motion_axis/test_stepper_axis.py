@@ -16,10 +16,10 @@ from fieldbus.canopen.master import CanopenMaster
 from fieldbus.clock import MS, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
-from motion.axis import PositioningAxis
 from motion.drives.tm_pto import PtoWords, TmPtoConfig, TmPtoPort
-from motion.handles import AxisHandle
-from motion.runtime import Runtime
+from motion.s7.axis import PositioningAxis
+from motion.s7.handles import AxisHandle
+from motion.s7.runtime import Runtime
 from testcases.unit.motion_axis.conftest import REFERENCE
 
 CYCLE_NS = 4 * MS

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 
 S = AxisState
 ALARM = {1: 533, 2: 104, 3: 321, 4: 421, 5: 550}

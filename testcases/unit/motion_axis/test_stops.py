@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 
 TWO_CYCLES = 0.008
 

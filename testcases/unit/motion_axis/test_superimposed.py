@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 
 X6_DONE, X23_SUPERIMPOSED = 1 << 6, 1 << 23
 X7_HALT_SUPERIMPOSED = 1 << 7

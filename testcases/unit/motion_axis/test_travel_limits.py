@@ -6,8 +6,8 @@ from math import tau
 
 import pytest
 
-from motion.axis import AxisState, ExternalEncoder, SpeedAxis
 from motion.drives.simulated import SimulatedDrivePort
+from motion.s7.axis import AxisState, ExternalEncoder, SpeedAxis
 from testcases.unit.motion_axis.conftest import CYCLE
 
 NEGATIVE, POSITIVE, BOTH = 1, 2, 3

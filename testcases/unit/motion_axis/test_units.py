@@ -7,10 +7,10 @@ from math import pi
 import pytest
 
 from fieldbus.errors import ConfigurationError
-from motion.axis import PositioningAxis
 from motion.drives.simulated import SimulatedDrivePort
-from motion.units import unit_factors
-from motion.variables import VariableStore
+from motion.s7.axis import PositioningAxis
+from motion.s7.units import unit_factors
+from motion.s7.variables import VariableStore
 
 POUND_FORCE = 4.4482216152605
 INCH, FOOT, MILE = 0.0254, 0.3048, 1609.344

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from motion.axis import PositioningAxis, SpeedAxis
-from motion.axis.external_encoder import ExternalEncoder
-from motion.data._variables import variables_of
-from motion.instructions import MC_Home, MC_MoveVelocity, MC_Power, MC_TorqueLimiting
-from motion.variables import VariableStore
+from motion.s7.axis import PositioningAxis, SpeedAxis
+from motion.s7.axis.external_encoder import ExternalEncoder
+from motion.s7.data._variables import variables_of
+from motion.s7.instructions import MC_Home, MC_MoveVelocity, MC_Power, MC_TorqueLimiting
+from motion.s7.variables import VariableStore
 from testcases.unit.motion_axis.conftest import REFERENCE, SPEED, TorquePort
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "axis-configuration.md"

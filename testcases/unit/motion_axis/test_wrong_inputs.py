@@ -8,8 +8,8 @@ from math import inf, nan
 
 import pytest
 
-import motion.instructions as instructions
-from motion.axis import AxisState
+import motion.s7.instructions as instructions
+from motion.s7.axis import AxisState
 from testcases.unit.motion_axis.conftest import Rig, TorquePort
 
 ERRORS = {

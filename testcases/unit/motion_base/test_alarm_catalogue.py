@@ -2,8 +2,8 @@
 
 import pytest
 
-from motion.alarms import AlarmError, alarm, catalogue, error_ids, error_text, severity, stop_mode_severity
-from motion.variables import VariableStore
+from motion.s7.alarms import AlarmError, alarm, catalogue, error_ids, error_text, severity, stop_mode_severity
+from motion.s7.variables import VariableStore
 
 AXES = ("SpeedAxis", "PositioningAxis", "SynchronousAxis")
 

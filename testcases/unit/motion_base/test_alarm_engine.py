@@ -6,7 +6,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from fieldbus.clock import MS, VirtualScheduler
 from fieldbus.history import History
-from motion.alarms import AlarmEngine, AlarmError, catalogue, severity
+from motion.s7.alarms import AlarmEngine, AlarmError, catalogue, severity
 
 
 class Bench:

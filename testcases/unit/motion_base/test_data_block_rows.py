@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 
 from fieldbus.errors import ConfigurationError
-from motion.variables import UnknownVariableError, VariableStore
+from motion.s7.variables import UnknownVariableError, VariableStore
 
 KINDS = {"S": "SpeedAxis", "P": "PositioningAxis", "E": "ExternalEncoder"}
 E12 = (-1e12, 1e12)

@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 
-from motion.data import load
+from motion.s7.data import load
 
 
 def test_files_are_self_contained():
@@ -18,7 +18,7 @@ def test_files_are_self_contained():
 def test_loading_needs_nothing_but_the_files():
     """Variables and alarms load without the YAML library that made the data, and without numpy."""
     program = (
-        "import sys; from motion.variables import VariableStore; from motion.alarms import catalogue;"
+        "import sys; from motion.s7.variables import VariableStore; from motion.s7.alarms import catalogue;"
         "VariableStore('PositioningAxis'); catalogue();"
         "print(sorted({'yaml', 'numpy', 'pydantic', 'ruckig'} & set(sys.modules)))"
     )

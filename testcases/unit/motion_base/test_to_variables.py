@@ -3,7 +3,7 @@
 import pytest
 
 from fieldbus.errors import ConfigurationError
-from motion.variables import UnknownVariableError, VariableStore, object_types
+from motion.s7.variables import UnknownVariableError, VariableStore, object_types
 
 TYPES = ("SpeedAxis", "PositioningAxis", "SynchronousAxis", "ExternalEncoder")
 

@@ -6,7 +6,7 @@ import pytest
 
 from fieldbus.clock import VirtualScheduler
 from fieldbus.history import History
-from motion.variables import (
+from motion.s7.variables import (
     ParameterError,
     VariableAccessError,
     VariableError,

@@ -7,7 +7,7 @@ from math import tau
 import pytest
 
 from fieldbus.clock import S
-from motion.controller import OperatingState
+from motion.s7.controller import OperatingState
 from testcases.unit.motion_axis.conftest import Rig
 from testcases.unit.motion_axis.test_sensors import Rig as EncoderRig
 

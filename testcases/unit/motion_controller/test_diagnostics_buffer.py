@@ -7,8 +7,8 @@ import pytest
 from fieldbus.clock import S, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
-from motion.alarms import catalogue
-from motion.controller import DiagnosticsBuffer
+from motion.s7.alarms import catalogue
+from motion.s7.controller import DiagnosticsBuffer
 
 
 @pytest.fixture

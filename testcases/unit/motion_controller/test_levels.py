@@ -8,9 +8,9 @@ import pytest
 
 from fieldbus.clock import MS, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError
-from motion.controller import OperatingState
-from motion.controller.levels import check_priorities
-from motion.runtime import Runtime
+from motion.s7.controller import OperatingState
+from motion.s7.controller.levels import check_priorities
+from motion.s7.runtime import Runtime
 
 STOP, RUN = OperatingState.STOP, OperatingState.RUN
 T = 4 * MS

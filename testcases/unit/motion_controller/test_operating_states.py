@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import pytest
 
-from motion.axis.state import AxisState
-from motion.controller import ControllerError, OperatingState
-from motion.instructions import MC_MoveVelocity
+from motion.s7.axis.state import AxisState
+from motion.s7.controller import ControllerError, OperatingState
+from motion.s7.instructions import MC_MoveVelocity
 
 RUN, STOP, STARTUP, POWER_OFF = (
     OperatingState.RUN,

@@ -11,9 +11,9 @@ import pytest
 from fieldbus.clock import MS, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
-from motion.axis.state import AxisState
-from motion.controller import OperatingState
-from motion.runtime import Runtime
+from motion.s7.axis.state import AxisState
+from motion.s7.controller import OperatingState
+from motion.s7.runtime import Runtime
 
 STOP, RUN = OperatingState.STOP, OperatingState.RUN
 T = 4 * MS

@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 
 from fieldbus.errors import ConfigurationError
-from motion.controller import OperatingState
+from motion.s7.controller import OperatingState
 
 INCREMENTAL, ABSOLUTE, CYCLIC = 0, 1, 2
 EVENTS = ("run_stop_run", "restart", "download", "power_cycle", "memory_reset", "factory_reset")

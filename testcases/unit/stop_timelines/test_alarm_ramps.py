@@ -9,8 +9,8 @@ from functools import cache
 import pytest
 
 from hil.faults import Injector
-from motion.alarms import alarm
-from motion.axis import AxisState
+from motion.s7.alarms import alarm
+from motion.s7.axis import AxisState
 from testcases.unit.stop_timelines.telegram_record import (
     CYCLE_S,
     StopBench,

@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 
 from hil.faults import Injector
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 from testcases.unit.stop_timelines.telegram_record import StopBench
 
 HW, SW = "PositionLimits_HW", "PositionLimits_SW"

@@ -8,7 +8,7 @@ import pytest
 
 from hil.bench._drive_sections import BrakeSection
 from hil.faults import Injector
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 from testcases.unit.motion_axis.conftest import Rig
 from testcases.unit.stop_timelines.telegram_record import CYCLE_S, StopBench
 

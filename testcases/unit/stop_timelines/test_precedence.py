@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 from testcases.campaigns._superseding import COLUMNS, MATRIX
 from testcases.unit.stop_timelines.telegram_record import CYCLE_S, StopBench
 

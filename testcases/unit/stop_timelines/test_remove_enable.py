@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 from testcases.unit.motion_axis.conftest import Rig
 from testcases.unit.stop_timelines.telegram_record import (
     CYCLE_S,

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from motion.axis import AxisState
+from motion.s7.axis import AxisState
 from testcases.unit.motion_axis.test_stop_states import OUTPUTS, TRANSITIONS, happen, reach, state
 from testcases.unit.stop_timelines.telegram_record import STW1_MASK, StopBench
 

@@ -1,0 +1,163 @@
+"""Backlash compensation of a motor encoder (CFG section 26).
+
+Axis position = motor position + offset; the offset is 0 after positive motion and the size of the backlash
+after negative motion. While the axis is position-controlled, a reversal of the setpoint moves the offset to
+its other end, and the control difference that this makes lets the motor pass the backlash. Otherwise, and
+while another encoder is in control, the offset follows the motor: the position stays while the motor moves
+within the backlash.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from motion.kernel.feedback import VALID
+from motion.kernel.mechanics import INCREMENTAL
+
+if TYPE_CHECKING:
+    from motion.kernel.feedback import Feedback
+    from motion.s7.axis.axis import TechnologyAxis
+
+
+class Backlash:
+    """The compensation of one encoder; `step` runs once per cycle after the encoder has been read.
+
+    Args:
+        axis: The axis.
+        feedback: The encoder.
+        prefix: `Sensor[1]` to `Sensor[4]`.
+
+    """
+
+    __slots__ = (
+        "_armed",
+        "_axis",
+        "_base",
+        "_direction",
+        "_first",
+        "_homing_direction",
+        "_last",
+        "_offset",
+        "_rest",
+        "_restarts",
+        "_seen",
+        "_size",
+        "_velocity",
+        "_waits",
+        "enabled",
+        "feedback",
+        "passing",
+        "used",
+    )
+
+    def __init__(self, axis: TechnologyAxis, feedback: Feedback, prefix: str) -> None:
+        bind = axis.variables.bind
+        self._axis = axis
+        self.feedback = feedback
+        self.enabled = bind(f"{prefix}.Backlash.Enable")
+        """Cell of `Backlash.Enable`."""
+        self.used = False
+        """It has been enabled, so that `step` has to notice its end."""
+        self._size = bind(f"{prefix}.Backlash.Size")
+        self._velocity = bind(f"{prefix}.Backlash.Velocity")
+        self._homing_direction = bind(f"{prefix}.Backlash.DirectionAbsoluteHoming")
+        self._seen = (self.enabled.value, self._size.value)
+        self.passing = False
+        """`StatusWord2.X2`: the motor passes the backlash."""
+        self._begin(feedback.travel)
+        self._waits = True
+        adjusted = axis.variables.read(f"Status{prefix}.Adjusted") == 1
+        if adjusted and feedback.scale.kind != INCREMENTAL:
+            self._assume_flank()
+
+    def _assume_flank(self) -> None:
+        """Take it that the flank is the one that was touched when the absolute encoder was adjusted
+        (CFG-568).
+        """
+        self._armed = True
+        self._direction = 1.0 if self._homing_direction.value == 0 else -1.0
+        self._offset = 0.0 if self._direction > 0.0 else self._size.value
+        self._base = -self._offset
+
+    def _begin(self, motor: float) -> None:
+        """Wait until the whole backlash has been passed in one direction: before, nobody knows which flank is
+        touched.
+        """
+        self._armed = False
+        self._first = self._last = motor
+        self._offset = self._base = self._rest = 0.0
+        self.feedback.compensation = 0.0
+        self._restarts = self.feedback.source.encoder_restarts
+        self._direction = 0.0
+        self.passing = False
+        self._waits = False
+
+    def step(self) -> None:
+        """Correct the position of this cycle."""
+        feedback = self.feedback
+        motor = feedback.travel
+        settings = (self.enabled.value, self._size.value)
+        if settings != self._seen:
+            self._seen = settings
+            self._begin(motor)
+            self._axis.homed = False  # positions mean something else now (CFG-551)
+        elif feedback.source.encoder_restarts != self._restarts:
+            self._begin(motor)
+        self.used = settings[0]
+        if not self.used:
+            return
+        if self._waits:
+            if feedback.state != VALID:
+                return
+            self._waits = False
+            self._first = self._last = motor  # the first value is no way that the motor has gone
+        moved = motor - self._last
+        self._last = motor
+        if feedback.compensation != self._base + self._offset:
+            self._base = -self._offset  # `Feedback.keep_offset` has made it a part of the relation
+        if self._armed:
+            axis = self._axis
+            motion = axis.motion
+            if axis.facts.controlled and motion.position_controlled and axis.feedback is feedback:
+                self._by_setpoint(motion.total.v, moved)
+            else:
+                self._by_motor(moved)
+        else:
+            self._arm(motor, moved)
+        feedback.compensation = compensation = self._base + self._offset
+        feedback.position += compensation
+
+    def _arm(self, motor: float, moved: float) -> None:
+        size = self._size.value
+        if moved * (motor - self._first) < 0.0 or moved * (self._last - moved - self._first) < 0.0:
+            self._first = self._last - moved  # it turned round: what counts is the way in one direction
+        way = motor - self._first
+        if abs(way) >= size and way:
+            self._armed = True
+            self._direction = 1.0 if way > 0.0 else -1.0
+            self._offset = 0.0 if way > 0.0 else size
+            self._base = -self._offset
+
+    def _by_setpoint(self, velocity: float, moved: float) -> None:
+        size = self._size.value
+        direction = self._direction
+        if velocity * direction < 0.0:
+            self._direction = direction = -direction
+            self.passing = size > 0.0
+            self._rest = size
+        if self.passing:
+            self._rest -= moved * direction
+            self.passing = self._rest > 1e-9 * size
+        end = 0.0 if direction > 0.0 else size
+        if self._offset != end:
+            rate = self._velocity.value
+            step = rate * self._axis.cycle_s if rate > 0.0 else size
+            gap = end - self._offset
+            self._offset = end if abs(gap) <= step else self._offset + (step if gap > 0.0 else -step)
+
+    def _by_motor(self, moved: float) -> None:
+        size = self._size.value
+        self._offset = offset = min(max(self._offset - moved, 0.0), size)
+        self.passing = 0.0 < offset < size
+        if moved:
+            self._direction = 1.0 if moved > 0.0 else -1.0

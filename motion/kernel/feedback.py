@@ -1,0 +1,271 @@
+"""Actual values: from raw encoder counts to position and velocity of the axis (CFG sections 15 to 17, HOM
+section 2.14).
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import TYPE_CHECKING, Final, Protocol, cast
+
+from motion.kernel.mechanics import CYCLIC_ABSOLUTE, INCREMENTAL
+
+if TYPE_CHECKING:
+    from motion.drives.mark import MarkSearch
+    from motion.kernel.mechanics import SensorScale
+    from motion.kernel.modulo import Modulo
+    from motion.s7.variables import Cell
+
+NOT_VALID: Final = 0
+WAITING_FOR_VALID: Final = 1
+VALID: Final = 2
+
+
+class EncoderSource(Protocol):
+    """Where an encoder value comes from: the port of the drive that evaluates it, or a port of its own."""
+
+    link_ok: bool
+    sign_lost: bool
+    mark: MarkSearch | None
+    sensor_fault: bool
+    encoder_increments: int
+    encoder_restarts: int
+    actual_speed_rpm: float
+
+    @property
+    def absolute_from_zero(self) -> bool:
+        """Whether an absolute value lies between 0 and the measuring range; else it has a sign."""
+
+
+class Feedback:
+    """Position and velocity of the axis from one encoder.
+
+    The count is unwrapped to an integer of unlimited length, so that an endless axis does not drift: a
+    position is an offset and the increments since a count that belongs to it, multiplied once (LIM-098,
+    LIM-102).
+
+    Args:
+        source: Port that brings the count.
+        scale: Ratios and format of the encoder.
+        cycle_s: Application cycle, s.
+        abs_offset: Cell of `StatusSensor[n].AbsEncoderOffset`, which outlasts power-off.
+        before: The same encoder before a restart of the technology object or of the controller; None at
+            its first start.
+        powered_off: Whether the controller has been without supply meanwhile.
+
+    """
+
+    __slots__ = (
+        "_abs_offset",
+        "_base",
+        "_correction",
+        "_count",
+        "_fresh",
+        "_full",
+        "_half",
+        "_increment",
+        "_last_raw",
+        "_offset",
+        "_rate",
+        "_restarts",
+        "_retained",
+        "_unit_per_rpm",
+        "compensation",
+        "last_velocity",
+        "lost_reference",
+        "position",
+        "scale",
+        "source",
+        "state",
+        "velocity",
+    )
+
+    def __init__(
+        self,
+        source: EncoderSource,
+        scale: SensorScale,
+        cycle_s: float,
+        abs_offset: Cell,
+        *,
+        before: Feedback | None = None,
+        powered_off: bool = False,
+    ) -> None:
+        self.source = source
+        self.scale = scale
+        self._increment = scale.increment
+        self._rate = 1.0 / cycle_s
+        self._unit_per_rpm = scale.unit_per_rpm if scale.velocity_from_drive else 0.0
+        self._full = 1 << scale.bits
+        self._half = self._full >> 1
+        self._abs_offset = abs_offset
+        self._offset = 0.0
+        self._correction = 0.0
+        self._last_raw = 0
+        self._count = 0
+        self._base = 0
+        """Count at which the position is `_offset`."""
+        self._restarts = 0
+        self._fresh = True
+        self._retained: int | None = None
+        self.position = 0.0
+        """Actual position, axis unit; unwrapped on a modulo axis."""
+        self.velocity = 0.0
+        """Actual velocity, axis unit per second: difference of two positions, or the drive's."""
+        self.last_velocity = 0.0
+        """`velocity` of the cycle before."""
+        self.state = NOT_VALID
+        """`StatusSensor[n].State`."""
+        self.compensation = 0.0
+        """What the backlash compensation has added to `position`, axis unit."""
+        self.lost_reference = False
+        """Set when an incremental count came back with a new reference; the axis clears it."""
+        if scale.kind != INCREMENTAL:
+            self._offset = abs_offset.value
+            if before is not None:
+                self._go_on(before, powered_off=powered_off)
+
+    def _go_on(self, before: Feedback, *, powered_off: bool) -> None:
+        """Take over what an absolute encoder has counted before a restart (CFG-115), or what is kept over
+        power-off (CFG-292).
+        """
+        if before._fresh:
+            self._retained = before._retained
+        elif powered_off:
+            self._retained = before._count
+        elif before.scale.increment == self._increment and before._full == self._full:
+            self._count, self._last_raw, self._restarts = before._count, before._last_raw, before._restarts
+            self._base = before._base
+            self._fresh = False
+            self.position = (self._count - self._base) * self._increment + self._offset
+
+    def update(self) -> None:
+        """Take over the encoder count of this cycle."""
+        source = self.source
+        self.last_velocity = self.velocity
+        if not source.link_ok or source.sensor_fault:
+            if source.sensor_fault and self.state == VALID and self.scale.kind == INCREMENTAL:
+                self.lost_reference = True  # what it has counted wrong nobody knows (HOM-179)
+            self.state = NOT_VALID
+            self.velocity = 0.0
+            if self.compensation:  # which is added anew in every cycle
+                self.position = (self._count - self._base) * self._increment + self._offset
+            return
+        raw = source.encoder_increments
+        if self._fresh or source.encoder_restarts != self._restarts:
+            self._begin(raw)
+            return
+        delta = (raw - self._last_raw + self._half) % self._full - self._half
+        self._last_raw = raw
+        self._count += delta
+        if self.state != VALID:
+            # Back after a gap: the distance of several cycles is no velocity.
+            self.state = VALID
+            self.velocity = 0.0
+        else:
+            self.velocity = delta * self._increment * self._rate
+        if self._unit_per_rpm:
+            self.velocity = source.actual_speed_rpm * self._unit_per_rpm
+        self.position = (self._count - self._base) * self._increment + self._offset
+
+    def _begin(self, raw: int) -> None:
+        """Take the first value, or a count with a new reference.
+
+        An absolute encoder defines the position with it, an incremental one continues from the last known
+        position, but is not homed any more.
+        """
+        scale = self.scale
+        if scale.kind == INCREMENTAL:
+            if not self._fresh:
+                self.lost_reference = True
+            self._offset = self.position
+            self._count = self._base = 0
+        else:
+            self._base = 0
+            known = self._retained if self._fresh else self._count
+            self._count = raw
+            if self.source.absolute_from_zero and 0 < scale.range_counts <= self._half:
+                # The count may have run on since the device was switched on: of what the encoder knows that
+                # is one range (CFG-296).
+                self._count %= scale.range_counts
+            if scale.kind == CYCLIC_ABSOLUTE and scale.range_counts and known is not None:
+                # The measuring ranges passed so far count on, the nearest one of them (CFG-292, CFG-298).
+                self._count += round((known - self._count) / scale.range_counts) * scale.range_counts
+            self._retained = None
+        self._fresh = False
+        self._restarts = self.source.encoder_restarts
+        self._last_raw = raw
+        self.position = (self._count - self._base) * self._increment + self._offset
+        self.velocity = 0.0
+        self.state = VALID
+
+    def ahead(self, raw: int) -> float:
+        """Return how far a raw count lies ahead of the present position, axis unit."""
+        return ((raw - self._last_raw + self._half) % self._full - self._half) * self._increment
+
+    @property
+    def travel(self) -> float:
+        """Way of the encoder since its count began, axis unit: the position without any relation to the
+        machine.
+        """
+        return self._count * self._increment
+
+    def place(self, modulo: Modulo) -> tuple[int, float]:
+        """Return modulo cycle and position within the range, to the increment however often the range has
+        been passed.
+        """
+        if not modulo.enabled:
+            return 0, self.position
+        exact = Fraction(self._offset) + (self._count - self._base) * self.scale.exact_increment
+        return modulo.exact_place(exact + Fraction(self.compensation))
+
+    def shift(self, offset: float) -> None:
+        """Move the coordinate system so that the position grows by `offset`.
+
+        An incremental encoder counts anew from there, so that the way up to now takes no digits any more
+        (LIM-101).
+        """
+        self.position += offset
+        if self.scale.kind == INCREMENTAL:
+            self._offset = self.position - self.compensation
+            self._base = self._count
+        else:
+            self._offset += offset
+
+    def transfer(self, position: float) -> None:
+        """Show `position` from now on (`MC_SetSensor`); an absolute encoder remembers by how much that
+        corrects it.
+        """
+        offset = position - self.position
+        self._correction += offset
+        self.shift(offset)
+
+    def keep_offset(self) -> None:
+        """Make the present relation of encoder value and position the one that outlasts power-off
+        (`AbsEncoderOffset`).
+
+        What a backlash compensation adds belongs to it: it holds for the flank that is touched now (CFG-568).
+        """
+        self._offset += self.compensation
+        self.compensation = 0.0
+        self._abs_offset.value = self._offset
+        self._correction = 0.0
+
+    def discard_correction(self) -> None:
+        """Take back what `transfer` has corrected at an absolute encoder (MC-389); an incremental one keeps
+        it.
+        """
+        correction, self._correction = self._correction, 0.0
+        if correction and self.scale.kind != INCREMENTAL:
+            self.shift(-correction)
+
+
+class _Nowhere:
+    """Feedback of an object without encoder."""
+
+    __slots__ = ("scale", "source")
+    position = velocity = last_velocity = 0.0
+    state = VALID
+    lost_reference = False
+
+
+NO_FEEDBACK: Final = cast("Feedback", _Nowhere())
+"""Of a speed axis."""

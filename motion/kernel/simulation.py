@@ -1,0 +1,282 @@
+"""Virtual and simulated axes: setpoints become actual values without a drive (CFG sections 7 and 8, VAR-126
+to VAR-129).
+
+A virtual axis repeats its setpoints one application cycle later. A simulated one delays them as the control
+loop and a simplified drive would: T_ipo + T_servo + T_vtc + T_addPtc with velocity precontrol, T_ipo + 1 / Kv
++ T_addPtc without it and T_servo more with DSC.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import exp
+from typing import TYPE_CHECKING, Final
+
+from motion.drives.port import STW1, ZSW1, DrivePort
+from motion.kernel.feedback import VALID, Feedback
+from motion.kernel.mechanics import INCREMENTAL
+from motion.kernel.position_control import LEAST_GAIN, LONGEST_DELAY
+
+if TYPE_CHECKING:
+    from motion.kernel.mechanics import SensorScale
+    from motion.kernel.modulo import Modulo
+    from motion.kernel.setpoint_filter import DynamicFilter
+    from motion.s7.variables import Cell, VariableStore
+
+POWER_ON_INCREMENTS: Final = 240
+"""Increments that an absolute encoder of such an axis shows at power-on (CFG-153)."""
+
+_OPERATE: Final = STW1.ON | STW1.NO_OFF2 | STW1.NO_OFF3 | STW1.ENABLE_OPERATION
+_READY: Final = int(ZSW1.READY_TO_SWITCH_ON | ZSW1.NO_OFF2 | ZSW1.NO_OFF3 | ZSW1.CONTROL_REQUESTED)
+_OPERATING: Final = int(_READY | ZSW1.READY | ZSW1.OPERATION_ENABLED)
+
+
+class SimulatedPort(DrivePort):
+    """In place of the drive: always there, and in operation as soon as it is told to (CFG-132, CFG-164)."""
+
+    __slots__ = ("_cycle", "_operating", "_unit_per_rpm", "controlled", "feedbacks")
+
+    def __init__(self, cycle_s: float, rpm_per_unit: float) -> None:
+        super().__init__()
+        self.simulated = True
+        self.link_ok = True
+        self.zsw1 = _READY
+        self.feedbacks: tuple[SimulatedFeedback, ...] = ()
+        """Encoders that move with the axis."""
+        self.controlled = False
+        """The controller has moved the axis in this cycle."""
+        self._cycle = cycle_s
+        self._unit_per_rpm = 1.0 / rpm_per_unit
+        self._operating = False
+
+    def read(self) -> None:
+        """See `DrivePort.read`: nothing is read."""
+
+    def set_torque_range(self, upper: float, lower: float) -> None:
+        """Do nothing: an ideal motor needs no torque, and the drive gets none (STP-159)."""
+
+    def limit_torque(self, share: float | None) -> None:
+        """Do nothing, as `set_torque_range`."""
+
+    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:  # noqa: ARG002 - an ideal motor needs no torque
+        """See `DrivePort.write`: a speed setpoint without position control moves the axis by what it is
+        worth.
+        """
+        self._operating = stw1 & _OPERATE == _OPERATE
+        self.zsw1 = _OPERATING if self._operating else _READY
+        self.actual_speed_rpm = speed_rpm if self._operating else 0.0
+        if self.controlled:
+            self.controlled = False
+        elif speed_rpm and self._operating:
+            velocity = speed_rpm * self._unit_per_rpm
+            for feedback in self.feedbacks:
+                feedback.take(feedback.position + velocity * self._cycle, velocity)
+
+
+class SimulatedFeedback(Feedback):
+    """An encoder that shows what it is given, one application cycle later."""
+
+    __slots__ = ("_next_position", "_next_velocity")
+
+    def __init__(
+        self,
+        source: SimulatedPort,
+        scale: SensorScale,
+        cycle_s: float,
+        abs_offset: Cell,
+        before: Feedback | None,
+    ) -> None:
+        super().__init__(source, scale, cycle_s, abs_offset)
+        self.state = VALID
+        self._fresh = False
+        if scale.kind != INCREMENTAL:
+            fine = scale.increment * scale.fine
+            self.position = abs(fine) * POWER_ON_INCREMENTS + abs_offset.value
+            if isinstance(before, SimulatedFeedback):
+                self.position = before.position  # a restart is no power-on
+        self._next_position = self.position
+        self._next_velocity = 0.0
+
+    def place(self, modulo: Modulo) -> tuple[int, float]:
+        """See `Feedback.place`: here positions are no counts."""
+        return modulo.cycle(self.position), modulo.wrap(self.position)
+
+    def take(self, position: float, velocity: float) -> None:
+        """Say what the next cycle is to see."""
+        self._next_position = position
+        self._next_velocity = velocity
+
+    def update(self) -> None:
+        """See `Feedback.update`."""
+        self.last_velocity = self.velocity
+        self.position = self._next_position
+        self.velocity = self._next_velocity
+
+    def shift(self, offset: float) -> None:
+        """See `Feedback.shift`."""
+        super().shift(offset)
+        self._next_position += offset
+
+
+class VirtualController:
+    """Takes the place of the position controller: setpoints become actual values, nothing is controlled
+    (CFG-138 to CFG-148).
+    """
+
+    __slots__ = (
+        "_feedbacks",
+        "_port",
+        "balanced_position",
+        "control_difference",
+        "filter",
+        "following_error",
+        "gain",
+        "given",
+        "precontrol",
+        "quantum",
+    )
+
+    def __init__(self, port: SimulatedPort, dynamic_filter: DynamicFilter | None = None) -> None:
+        self.filter = dynamic_filter
+        self._port = port
+        self._feedbacks = port.feedbacks
+        self.balanced_position = 0.0
+        self.control_difference = 0.0
+        self.following_error = 0.0
+        self.gain = 0.0
+        self.precontrol = 0.0
+        self.quantum = 0.0
+        self.given = False
+
+    @property
+    def precontrolled_lag_s(self) -> float:
+        """See `PositionController`."""
+        return 0.0
+
+    def reset(self, position: float, velocity: float = 0.0) -> None:
+        """See `PositionController`."""
+        if self.filter is not None:
+            self.filter.reset(position, velocity)
+
+    def shift(self, offset: float) -> None:
+        """See `PositionController`."""
+        if self.filter is not None:
+            self.filter.shift(offset)
+
+    def absorb(self, step: float) -> None:
+        """See `PositionController`: all encoders of such an axis agree."""
+
+    def follow(self, position: float) -> None:
+        """Stand where the axis is."""
+        if self.filter is not None:
+            self.filter.reset(position)
+        for feedback in self._feedbacks:
+            feedback.take(position, 0.0)
+
+    def step(self, position: float, velocity: float, actual: float) -> float:  # noqa: ARG002 - nothing is compared
+        """Make the setpoints the actual values of the next cycle; nothing is put out."""
+        if self.filter is not None:
+            position, velocity = self.filter.step(position, velocity)
+        self._port.controlled = True
+        for feedback in self._feedbacks:
+            feedback.take(position, velocity)
+        return 0.0
+
+
+class SimulatedController(VirtualController):
+    """Delays the setpoints as loop and drive would (CFG-166 to CFG-171): dead time, then a lag of first
+    order.
+    """
+
+    __slots__ = ("_additional", "_cycle", "_dsc", "_kpc", "_kv", "_lagged", "_past", "_time_constant")
+
+    def __init__(
+        self,
+        port: SimulatedPort,
+        store: VariableStore,
+        cycle_s: float,
+        dynamic_filter: DynamicFilter | None = None,
+    ) -> None:
+        super().__init__(port, dynamic_filter)
+        bind = store.bind
+        self._kv = bind("PositionControl.Kv")
+        self._kpc = bind("PositionControl.Kpc")
+        self._time_constant = bind("DynamicAxisModel.VelocityTimeConstant")
+        self._additional = bind("DynamicAxisModel.AdditionalPositionTimeConstant")
+        self._dsc: bool = store.read("PositionControl.EnableDSC")
+        self._cycle = cycle_s
+        self._lagged = 0.0
+        self._past: deque[float] = deque([0.0, 0.0], maxlen=2)
+
+    def _delays(self) -> tuple[float, float]:
+        """Return dead time beyond the first cycle in cycles, and the lag in s."""
+        dead: float = min(self._additional.value / self._cycle, float(LONGEST_DELAY))
+        if self._kpc.value > 0.0:
+            return dead + 1.0, self._time_constant.value
+        return dead + (1.0 if self._dsc else 0.0), 1.0 / max(self._kv.value, LEAST_GAIN)
+
+    @property
+    def precontrolled_lag_s(self) -> float:
+        """See `PositionController`: here the lag of the model."""
+        return self._delays()[1]
+
+    def reset(self, position: float, velocity: float = 0.0) -> None:
+        """See `PositionController`."""
+        super().reset(position, velocity)
+        if self.filter is not None:
+            position -= velocity * self.filter.delay_s
+        dead, lag = self._delays()
+        depth = int(dead) + 3
+        step = velocity * self._cycle
+        self._past = deque((position - step * (depth - 1 - at) for at in range(depth)), maxlen=depth)
+        self._lagged = position - velocity * (lag + dead * self._cycle)
+
+    def shift(self, offset: float) -> None:
+        """See `PositionController`."""
+        super().shift(offset)
+        for at in range(len(self._past)):
+            self._past[at] += offset
+        self._lagged += offset
+
+    def follow(self, position: float) -> None:
+        """See `PositionController`."""
+        super().follow(position)
+        self.reset(position)
+        self.following_error = self.control_difference = 0.0
+
+    def step(self, position: float, velocity: float, actual: float) -> float:  # noqa: ARG002 - see the base
+        """Make the delayed setpoint the actual value of the next cycle."""
+        if self.filter is not None:
+            position, velocity = self.filter.step(position, velocity)
+        dead, lag = self._delays()
+        depth = int(dead) + 3
+        past = self._past
+        if past.maxlen != depth:
+            padding = [past[0]] * max(0, depth - len(past))
+            past = self._past = deque([*padding, *past], maxlen=depth)
+        past.append(position)
+        whole = int(dead)
+        rest = dead - whole
+        newest = depth - 1 - whole
+        delayed = past[newest] + (past[newest - 1] - past[newest]) * rest
+        before = past[newest - 1] + (past[newest - 2] - past[newest - 1]) * rest
+        step = delayed - before
+        last = self._lagged
+        if lag > 0.0:
+            # The exact answer to a ramp of this cycle, so that constant travel lags by exactly the time
+            # constant.
+            behind = step * lag / self._cycle
+            target = delayed - behind
+            self._lagged = target + (last + step - target) * exp(-self._cycle / lag)
+        else:
+            self._lagged = delayed
+        speed = (self._lagged - last) / self._cycle
+        self._port.controlled = True
+        for feedback in self._feedbacks:
+            feedback.take(self._lagged, speed)
+        self.balanced_position = position
+        precontrolled = self._kpc.value > 0.0
+        self.following_error = self.control_difference = 0.0 if precontrolled else delayed - self._lagged
+        self.gain = self._kv.value
+        self.precontrol = self._kpc.value * 0.01 * velocity
+        return self.gain * self.control_difference + self.precontrol

@@ -1,0 +1,95 @@
+"""Bits of control words 1 and 2 that are not the axis' own (section 2.13 of the instruction specification),
+and travel to fixed stop.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from fieldbus.profidrive.words import STW2
+from motion.s7.axis.jobs import Job, JobState
+from motion.s7.axis.state import DISABLING
+
+if TYPE_CHECKING:
+    from motion.s7.axis.axis import TechnologyAxis
+
+STW1_MASK: Final = 0xFB00
+"""Bits of STW1 that `MC_SetAxisSTW` may set: 8, 9, 11 to 15 (MC-437)."""
+STW2_MASK: Final = 0x0FFF
+"""Bits of STW2 that it may set: 0 to 11; above is the sign of life (MC-439)."""
+
+_TRAVEL_TO_FIXED_STOP: Final = int(STW2.TRAVEL_TO_FIXED_STOP)
+
+
+class ControlWords:
+    """What `MC_SetAxisSTW` has written, laid over what the axis sends (MC-442 to MC-445).
+
+    Args:
+        axis: The axis.
+
+    """
+
+    __slots__ = ("_axis", "_bits", "_job", "_own_stw2", "_owned_stw2", "owned_stw1", "user_stw1")
+
+    def __init__(self, axis: TechnologyAxis) -> None:
+        self._axis = axis
+        self._job: Job | None = None
+        self._bits = (0, 0, 0, 0)
+        self._own_stw2 = 0
+        self._owned_stw2 = (0, 0)
+        self.owned_stw1 = 0
+        """Bits of STW1 that are the user's."""
+        self.user_stw1 = 0
+        """Their values."""
+
+    def submit(self, job: Job, stw1: int, mask1: int, stw2: int, mask2: int) -> None:
+        """Let the next cycle write the masked bits; a job that has not got so far is aborted."""
+        job.start(self._axis.name, self._axis.history)
+        if self._job is not None:
+            self._job.abort()
+        if self._axis.state in DISABLING:
+            job.abort()
+            return
+        self._job = job
+        self._bits = (stw1, mask1, stw2, mask2)
+        job.activate()
+
+    def step(self) -> None:
+        """Carry out what waits; runs before the outputs of the cycle."""
+        job = self._job
+        if job is None:
+            return
+        self._job = None
+        if self._axis.state in DISABLING:
+            job.abort()
+            return
+        stw1, mask1, stw2, mask2 = self._bits
+        self.owned_stw1 |= mask1
+        self.user_stw1 = (self.user_stw1 & ~mask1) | (stw1 & mask1)
+        user, owned = self._owned_stw2
+        self._owned_stw2 = ((user & ~mask2) | (stw2 & mask2), owned | mask2)
+        self._show()
+        job.finish()
+
+    def release(self) -> None:
+        """Give all bits back to the axis: it restarts (MC-444)."""
+        if self._job is not None:
+            self._job.abort()
+            self._job = None
+        self.owned_stw1 = self.user_stw1 = 0
+        self._owned_stw2 = (0, 0)
+        self._show()
+
+    def travel_to_fixed_stop(self, on: bool) -> None:
+        """Set or clear STW2 bit 8 for the axis itself (STP-172)."""
+        self._own_stw2 = _TRAVEL_TO_FIXED_STOP if on else 0
+        self._show()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a job waits for its cycle."""
+        return self._job is not None and self._job.state <= JobState.ACTIVE
+
+    def _show(self) -> None:
+        user, owned = self._owned_stw2
+        self._axis.port.stw2 = (self._own_stw2 & ~owned) | (user & owned)

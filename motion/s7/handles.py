@@ -1,0 +1,258 @@
+"""Technology objects with the instructions as methods, for straight-line test code."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from motion.s7.commissioning import ControlPanel
+from motion.s7.data_blocks import BitAddress
+from motion.s7.diagnostics import Diagnosis, diagnose, diagnose_encoder
+from motion.s7.instructions import (
+    Instruction,
+    MC_Halt,
+    MC_HaltSuperimposed,
+    MC_Home,
+    MC_MotionInPosition,
+    MC_MotionInSuperimposed,
+    MC_MotionInVelocity,
+    MC_MoveAbsolute,
+    MC_MoveJog,
+    MC_MoveRelative,
+    MC_MoveSuperimposed,
+    MC_MoveVelocity,
+    MC_Power,
+    MC_Reset,
+    MC_SetAxisSTW,
+    MC_SetSensor,
+    MC_Stop,
+    MC_TorqueAdditive,
+    MC_TorqueLimiting,
+    MC_TorqueRange,
+    MC_WriteParameter,
+)
+from motion.s7.start_interlock import StartInterlock
+
+if TYPE_CHECKING:
+    from motion.s7.axis import ExternalEncoder, TechnologyAxis
+    from motion.s7.runtime import Runtime
+
+_T = TypeVar("_T", bound=Instruction)
+
+
+class AxisHandle:
+    """An axis with the instructions as methods, for straight-line test code.
+
+    Every method makes an instance, hands it to the runtime, which calls it from the next application cycle
+    on, and returns it: `job = axis.move_absolute(100.0); bench.run_until(job.done, timeout=2.0)`. All inputs
+    of the instruction may be given by their own names: `axis.move_velocity(50.0, Jerk=0.0)`. Attributes and
+    methods of the technology object (`var`, `write`, `state`, ...) are reached through the handle as well.
+    """
+
+    def __init__(self, runtime: Runtime, axis: TechnologyAxis) -> None:
+        self._runtime = runtime
+        self.object = axis
+        self._power: MC_Power | None = None
+        self._interlock: StartInterlock | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.object, name)
+
+    def diagnosis(self) -> Diagnosis:
+        """Return what the axis says about itself now: `print(axis.diagnosis().text())`."""
+        return diagnose(self.object)
+
+    def control_panel(self, *, monitoring_s: float = 2.0, alive: bool = True) -> ControlPanel:
+        """Return a control panel for this axis, without master control yet; see `ControlPanel`.
+
+        Args:
+            monitoring_s: Time without a sign of life after which the axis is stopped and given back, s.
+            alive: Whether it gives signs of life by itself, five per monitoring time.
+
+        """
+        panel = ControlPanel(self._runtime, self.object, monitoring_s=monitoring_s)
+        if alive:
+            panel.keep_alive(monitoring_s / 5)
+        return panel
+
+    def run(self, instance: _T) -> _T:
+        """Hand an instance of your own to the runtime."""
+        self._runtime.call(instance)
+        return instance
+
+    @property
+    def power_instance(self) -> MC_Power:
+        """The `MC_Power` instance of this axis."""
+        if self._power is None:
+            self._power = self.run(MC_Power(self.object))
+        return self._power
+
+    def power(self, enable: bool = True, *, start_mode: int = 1, stop_mode: int = 0) -> MC_Power:
+        """Set the inputs of the axis' only `MC_Power` instance, whether the devices are ready or not."""
+        instance = self.power_instance
+        if self._interlock is not None:
+            self._interlock.request = False
+        instance.set(Enable=enable, StartMode=start_mode, StopMode=stop_mode)
+        return instance
+
+    def power_when_ready(self, *, start_mode: int = 1, stop_mode: int = 0) -> MC_Power:
+        """Enable behind a start interlock: `Enable` is TRUE only while drive and encoder are ready (STP-024).
+
+        `power` ends the interlock.
+        """
+        instance = self.power_instance
+        instance.set(StartMode=start_mode, StopMode=stop_mode)
+        if self._interlock is None:
+            self._interlock = StartInterlock(self.object, instance)
+            self._runtime.program.insert(0, self._interlock)
+        self._interlock.request = True
+        return instance
+
+    def reset(self, *, restart: bool = False) -> MC_Reset:
+        """Start `MC_Reset`."""
+        return self.run(MC_Reset(self.object, Execute=True, Restart=restart))
+
+    def home(self, position: float = 0.0, *, mode: int = 0, sensor: int = 0) -> MC_Home:
+        """Start `MC_Home`."""
+        return self.run(MC_Home(self.object, Execute=True, Position=position, Mode=mode, Sensor=sensor))
+
+    def set_sensor(self, sensor: int, *, mode: int = 0, reference: int = 1) -> MC_SetSensor:
+        """Start `MC_SetSensor`."""
+        return self.run(
+            MC_SetSensor(self.object, Execute=True, Sensor=sensor, Mode=mode, ReferenceSensor=reference)
+        )
+
+    def write_parameter(self, number: int, value: Any) -> MC_WriteParameter:
+        """Start `MC_WriteParameter`."""
+        return self.run(MC_WriteParameter(self.object, Execute=True, ParameterNumber=number, Value=value))
+
+    def set_limit_variables(
+        self, negative: BitAddress | None = None, positive: BitAddress | None = None
+    ) -> None:
+        """Let bits of a data block be the hardware limit switches, from the next restart of the object on
+        (LIM-071).
+
+        The eight parts of both addresses are written in load memory; the monitoring has to be off there, and
+        is switched on by `write_parameter(1000, True)` (LIM-070).
+
+        Args:
+            negative: `BitAddress.of_bit(number, byte, bit)`; None = the input that the bench has wired.
+            positive: The same for the positive switch.
+
+        """
+        for name, address in (("Min", negative), ("Max", positive)):
+            given = address or BitAddress()
+            parts = zip(("RID", "Area", "DbNumber", "Offset"), given, strict=True)
+            for part, value in parts:
+                self.object.variables.write_start(f"PositionLimits_HW.{name}SwitchAddress.{part}", value)
+
+    def move_absolute(self, position: float, **inputs: Any) -> MC_MoveAbsolute:
+        """Start `MC_MoveAbsolute` to `position`, axis unit."""
+        return self.run(MC_MoveAbsolute(self.object, Execute=True, Position=position, **inputs))
+
+    def move_relative(self, distance: float, **inputs: Any) -> MC_MoveRelative:
+        """Start `MC_MoveRelative` by `distance`, axis unit."""
+        return self.run(MC_MoveRelative(self.object, Execute=True, Distance=distance, **inputs))
+
+    def move_velocity(self, velocity: float, **inputs: Any) -> MC_MoveVelocity:
+        """Start `MC_MoveVelocity` with `velocity`, axis unit per second."""
+        return self.run(MC_MoveVelocity(self.object, Execute=True, Velocity=velocity, **inputs))
+
+    def jog(self, velocity: float = 100.0, *, backward: bool = False, **inputs: Any) -> MC_MoveJog:
+        """Start `MC_MoveJog`; end it with `instance.set(JogForward=False, JogBackward=False)`."""
+        return self.run(
+            MC_MoveJog(
+                self.object, JogForward=not backward, JogBackward=backward, Velocity=velocity, **inputs
+            )
+        )
+
+    def move_superimposed(self, distance: float, **inputs: Any) -> MC_MoveSuperimposed:
+        """Start `MC_MoveSuperimposed` by `distance`, axis unit, on top of the motion that runs."""
+        return self.run(MC_MoveSuperimposed(self.object, Execute=True, Distance=distance, **inputs))
+
+    def halt_superimposed(self, **inputs: Any) -> MC_HaltSuperimposed:
+        """Start `MC_HaltSuperimposed`."""
+        return self.run(MC_HaltSuperimposed(self.object, Execute=True, **inputs))
+
+    def motion_in_velocity(self, velocity: float, **inputs: Any) -> MC_MotionInVelocity:
+        """Start `MC_MotionInVelocity` with `velocity`, axis unit per second; go on with
+        `instance.set(Velocity=...)`.
+        """
+        return self.run(MC_MotionInVelocity(self.object, Enable=True, Velocity=velocity, **inputs))
+
+    def motion_in_position(self, position: float, **inputs: Any) -> MC_MotionInPosition:
+        """Start `MC_MotionInPosition` with `position`, axis unit; go on with `instance.set(Position=...,
+        Velocity=...)`.
+        """
+        return self.run(MC_MotionInPosition(self.object, Enable=True, Position=position, **inputs))
+
+    def motion_in_superimposed(self, distance: float, **inputs: Any) -> MC_MotionInSuperimposed:
+        """Start `MC_MotionInSuperimposed` with `distance`, axis unit; go on with `instance.set(Distance=...,
+        VelocityDiff=...)`.
+        """
+        return self.run(MC_MotionInSuperimposed(self.object, Enable=True, Distance=distance, **inputs))
+
+    def torque_additive(self, value: float) -> MC_TorqueAdditive:
+        """Start `MC_TorqueAdditive` with `value`, Nm; end it with `instance.set(Enable=False)`."""
+        return self.run(MC_TorqueAdditive(self.object, Enable=True, Value=value))
+
+    def torque_range(self, upper: float, lower: float) -> MC_TorqueRange:
+        """Start `MC_TorqueRange` with limits in Nm; end it with `instance.set(Enable=False)`."""
+        return self.run(MC_TorqueRange(self.object, Enable=True, UpperLimit=upper, LowerLimit=lower))
+
+    def torque_limiting(self, limit: float = -1.0, *, mode: int = 0) -> MC_TorqueLimiting:
+        """Start `MC_TorqueLimiting` with `limit`, Nm or N; end it with `instance.set(Enable=False)`."""
+        return self.run(MC_TorqueLimiting(self.object, Enable=True, Limit=limit, Mode=mode))
+
+    def set_axis_stw(self, **inputs: Any) -> MC_SetAxisSTW:
+        """Start `MC_SetAxisSTW`."""
+        return self.run(MC_SetAxisSTW(self.object, Execute=True, **inputs))
+
+    def halt(self, **inputs: Any) -> MC_Halt:
+        """Start `MC_Halt`."""
+        return self.run(MC_Halt(self.object, Execute=True, **inputs))
+
+    def stop(self, mode: int = 0, **inputs: Any) -> MC_Stop:
+        """Start `MC_Stop`; release the axis with `instance.set(Execute=False)`."""
+        return self.run(MC_Stop(self.object, Execute=True, Mode=mode, **inputs))
+
+
+class EncoderHandle:
+    """An external encoder with the instructions that it knows as methods; see `AxisHandle`."""
+
+    def __init__(self, runtime: Runtime, encoder: ExternalEncoder) -> None:
+        self._runtime = runtime
+        self.object = encoder
+        self._power: MC_Power | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.object, name)
+
+    def run(self, instance: _T) -> _T:
+        """Hand an instance of your own to the runtime."""
+        self._runtime.call(instance)
+        return instance
+
+    def diagnosis(self) -> Diagnosis:
+        """Return what the object says about itself now: `print(encoder.diagnosis().text())`."""
+        return diagnose_encoder(self.object)
+
+    def power(self, enable: bool = True) -> MC_Power:
+        """Set `Enable` of the object's only `MC_Power` instance."""
+        if self._power is None:
+            external: Any = self.object
+            self._power = self.run(MC_Power(external))
+        self._power.set(Enable=enable)
+        return self._power
+
+    def reset(self, *, restart: bool = False) -> MC_Reset:
+        """Start `MC_Reset`."""
+        return self.run(MC_Reset(self.object, Execute=True, Restart=restart))
+
+    def home(self, position: float = 0.0, *, mode: int = 0, sensor: int = 0) -> MC_Home:
+        """Start `MC_Home`."""
+        return self.run(MC_Home(self.object, Execute=True, Position=position, Mode=mode, Sensor=sensor))
+
+    def write_parameter(self, number: int, value: Any) -> MC_WriteParameter:
+        """Start `MC_WriteParameter`."""
+        external: Any = self.object
+        return self.run(MC_WriteParameter(external, Execute=True, ParameterNumber=number, Value=value))

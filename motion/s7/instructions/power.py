@@ -1,0 +1,86 @@
+"""`MC_Power` (section 2.1 of the instruction specification)."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from motion.s7.axis.jobs import (
+    ERROR_ALARM,
+    ERROR_CONTROL_PANEL,
+    ERROR_MODE,
+    ERROR_SECOND_INSTANCE,
+    ERROR_STOP_MODE,
+    NO_ERROR,
+)
+from motion.s7.instructions.base import Instruction
+
+
+class MC_Power(Instruction):
+    """Enable and disable a technology object.
+
+    Inputs: `Enable`; `StartMode` 0 without, 1 with position control; `StopMode` 0 emergency stop, 1 quick
+        stop,
+    2 maximum dynamic values, 3 coast. Outputs: `Status`, `Busy`, `Error`, `ErrorID`. An external encoder has
+    neither mode: it is enabled as soon as its value is valid.
+    """
+
+    instruction = "MC_Power"
+    object_types = ("SpeedAxis", "PositioningAxis", "ExternalEncoder")
+    inputs: ClassVar[dict[str, Any]] = {"Enable": False, "StartMode": 1, "StopMode": 0}
+    Enable: bool
+    StartMode: int
+    StopMode: int
+
+    def __init__(self, axis: Any, *, name: str | None = None, **inputs: Any) -> None:
+        self.Status = False
+        self._stale = False
+        """`Enable` has been TRUE while a control panel had the axis: it takes a new edge (COM-072)."""
+        super().__init__(axis, name=name, **inputs)
+
+    def _call(self) -> None:
+        axis = self.axis
+        if axis.master is not self.master:
+            self.Status = self.Busy = False
+            self._stale = bool(self.Enable)
+            self.Error = self._stale
+            self.ErrorID = ERROR_CONTROL_PANEL if self._stale else NO_ERROR
+            return
+        if axis.power_owner is not self and self.master is None:
+            if axis.power_owner is not None:
+                self._fail(ERROR_SECOND_INSTANCE)
+                return
+            axis.power_owner = self
+        enabling = axis.enabling
+        self._stale = self._stale and bool(self.Enable)
+        enable = bool(self.Enable) and not self._stale
+        rising = enable and not enabling.enable
+        wrong_stop = self.StopMode not in (0, 1, 2, 3) and axis.object_type != "ExternalEncoder"
+        wrong_start = self.StartMode not in (0, 1) and axis.has_position
+        # A wrong mode prevents the enabling, never the disabling; the start mode matters only at the rising
+        # edge.
+        wrong = ERROR_STOP_MODE if wrong_stop else ERROR_MODE if wrong_start and rising else NO_ERROR
+        if not (wrong and rising):
+            enabling.call(
+                enable=enable,
+                start_mode=enabling.start_mode if wrong_start else self.StartMode,
+                stop_mode=0 if wrong_stop else self.StopMode,
+            )
+        self.Status = enabling.enabled
+        self.Busy = enabling.busy
+        alarmed = enabling.alarmed
+        self.Error = alarmed
+        self.ErrorID = ERROR_ALARM if alarmed else NO_ERROR
+        if wrong:
+            self._fail(wrong)
+
+    def _fail(self, error_id: int) -> None:
+        self.Error = True
+        self.ErrorID = error_id
+
+    def status(self) -> bool:
+        """Return `Status`."""
+        return self.Status
+
+    def off(self) -> bool:
+        """Return whether the disabling is complete: `Status` and `Busy` FALSE (MC-152)."""
+        return not self.Status and not self.Busy

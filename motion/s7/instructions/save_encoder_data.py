@@ -1,0 +1,89 @@
+"""`MC_SaveAbsoluteEncoderData` (section 2.15 of the instruction specification)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from motion.s7.axis.jobs import ERROR_CARD_WRITE, ERROR_SAVE_INSTANCES, ERROR_SAVE_RUNNING, NO_ERROR
+
+if TYPE_CHECKING:
+    from motion.s7.runtime import Runtime
+
+_INSTANCES = 2
+
+
+class MC_SaveAbsoluteEncoderData:
+    """Save the adjustment of all absolute encoders of the controller to its memory card.
+
+    Input: `Execute`. Outputs: `Done`, `Busy`, `Error`, `ErrorID`. It has no axis; two instances may
+        exist, one save runs at a
+    time and takes a cycle.
+
+    Args:
+        runtime: The controller.
+
+    """
+
+    instruction = "MC_SaveAbsoluteEncoderData"
+
+    def __init__(self, runtime: Runtime, *, Execute: bool = False) -> None:
+        self._runtime = runtime
+        self._last = False
+        self._number = runtime.count_saver()
+        self.Execute = Execute
+        self.Done = self.Busy = self.Error = False
+        self.ErrorID = NO_ERROR
+
+    def __call__(self, Execute: bool | None = None) -> None:
+        """Call the instance once."""
+        if Execute is not None:
+            self.Execute = Execute
+        rising = self.Execute and not self._last
+        self._last = bool(self.Execute)
+        runtime = self._runtime
+        if rising and not self.Busy:
+            self.Done = self.Error = False
+            self.ErrorID = NO_ERROR
+            if self._number > _INSTANCES:
+                self._fail(ERROR_SAVE_INSTANCES)
+            elif runtime.saver is not None:
+                self._fail(ERROR_SAVE_RUNNING)
+            elif runtime.card is None:
+                self._fail(ERROR_CARD_WRITE)
+            else:
+                runtime.saver = self
+                self.Busy = True
+        elif self.Busy:
+            runtime.saver = None
+            self.Busy = False
+            card = runtime.card
+            error = ERROR_CARD_WRITE if card is None else card.save(runtime.objects)
+            if error:
+                self._fail(error)
+            else:
+                self.Done = True
+        elif not self.Execute:
+            self.Done = self.Error = False
+            self.ErrorID = NO_ERROR
+
+    def begin_anew(self) -> None:
+        """Get what a warm restart of the controller leaves: nothing runs, outputs are as at the beginning."""
+        self._last = False
+        self.Execute = self.Done = self.Busy = self.Error = False
+        self.ErrorID = NO_ERROR
+
+    def _fail(self, error_id: int) -> None:
+        self.Error = True
+        self.ErrorID = error_id
+
+    def done(self) -> bool:
+        """Return `Done`."""
+        return self.Done
+
+    def error(self) -> bool:
+        """Return `Error`."""
+        return self.Error
+
+    def ended(self) -> bool:
+        """Return whether it has ended, one way or another."""
+        return self.Done or self.Error

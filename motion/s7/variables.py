@@ -1,0 +1,520 @@
+"""The variables of a technology object: paths, access classes, start values and values in force.
+
+Every variable has a start value in load memory and a value in force (VAR-216). What may write it and when a
+write takes effect follows from its access class: DIR, CAL, RES or RON (section 1 of the variable guide).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from math import isnan
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from fieldbus.errors import ConfigurationError
+from motion.s7.data._variables import (
+    ParameterError,
+    UnknownVariableError,
+    Variable,
+    VariableAccessError,
+    VariableError,
+    elements,
+    object_types,
+    parameters_of,
+    variables_of,
+)
+from motion.s7.units import unit_factors
+
+if TYPE_CHECKING:
+    from fieldbus.history import History
+
+__all__ = [
+    "Cell",
+    "ParameterError",
+    "UnknownVariableError",
+    "Variable",
+    "VariableAccessError",
+    "VariableError",
+    "VariableStore",
+    "Violation",
+    "object_types",
+]
+
+ERROR_PARAMETER_NUMBER: Final = 0x805A
+ERROR_PARAMETER_TYPE: Final = 0x805C
+ERROR_PARAMETER_VALUE: Final = 0x8FFF
+
+_BIT: Final = re.compile(r"(.+)\.%?X(\d+)$")
+_WORDS: Final = ("DWORD", "WORD")
+
+
+class Violation(NamedTuple):
+    """A start value that prevents a restart (alarm 101)."""
+
+    path: str
+    value: Any
+    allowed: str
+
+    def __str__(self) -> str:
+        return f"{self.path} = {self.value}; allowed: {self.allowed}"
+
+
+class Cell:
+    """Place of one variable. `value` is the value in force: read it, and where the runtime owns it, set it.
+
+    It is in the units of the runtime (`motion.s7.units`); everything else is in those of the user program.
+    """
+
+    __slots__ = ("factor", "path", "shown", "start", "value", "variable", "written")
+
+    def __init__(self, path: str, variable: Variable | None, value: Any) -> None:
+        self.path = path
+        self.variable = variable
+        """Definition; None for a parameter of `MC_WriteParameter` that is no variable."""
+        self.value = value
+        """Value in force, in the unit of the runtime."""
+        self.factor = 1.0
+        """What one unit of the user program is in the unit of the runtime."""
+        self.shown = value
+        """Value in force, in the unit of the user program; counts where `factor` is not 1."""
+        self.start = value
+        """Start value in load memory."""
+        self.written: Any = None
+        """Value that takes effect with the next `VariableStore.latch`; None without."""
+
+    def put(self, given: Any) -> None:
+        """Put a value in the unit of the user program into force."""
+        self.shown = given
+        self.value = given if self.factor == 1.0 else given * self.factor
+
+    @property
+    def given(self) -> Any:
+        """Value in force in the unit of the user program."""
+        return self.value if self.factor == 1.0 else self.shown
+
+    def __repr__(self) -> str:
+        return f"<Cell {self.path} = {self.value!r}>"
+
+
+class VariableStore:
+    """All variables of one technology object.
+
+    Paths are those of the technology data block, with array elements (`Sensor[1].Type`) and bits
+    (`StatusWord.X7`, `StatusWord.%X7`).
+
+    Args:
+        object_type: `SpeedAxis`, `PositioningAxis`, `SynchronousAxis` or `ExternalEncoder`.
+        start_values: Configuration: values by path, in place of the initial ones.
+        sensors: Number of encoders that exist, 1 to 4 (VAR-027); for axes with an array of them.
+        name: Source of history events.
+        history: Log for refused assignments.
+        on_programming_error: Called with path and value of an assignment that starts OB 121.
+
+    Raises:
+        ConfigurationError: Unknown object type or path, or a value out of its type or range.
+
+    """
+
+    def __init__(
+        self,
+        object_type: str,
+        start_values: Mapping[str, Any] | None = None,
+        *,
+        sensors: int = 1,
+        name: str = "",
+        history: History | None = None,
+        on_programming_error: Callable[[str, Any], None] | None = None,
+    ) -> None:
+        self.object_type = object_type
+        self.online_start_values_changed = False
+        """Whether restart-relevant start values wait for a restart (`StatusWord.X3`)."""
+        self.on_start_value: Callable[[str], None] | None = None
+        """Called with the path of a start value that has been written."""
+        self._name = name or object_type
+        self._history = history
+        self._on_programming_error = on_programming_error
+        self._cells: dict[str, Cell] = {}
+        cells = self._cells
+        for variable in variables_of(object_type):
+            for path in elements(variable):
+                cells[path] = Cell(path, variable, variable.initial)
+        self._parameters = parameters_of(object_type)
+        self._parameter_cells = {
+            number: Cell(parameter.name, None, parameter.default)
+            for number, parameter in self._parameters.items()
+            if parameter.variable is None
+        }
+        self._stale: dict[str, Cell] = {}
+        self._pending: list[Cell] = []
+        self._motion_type = cells.get("Properties.MotionType", Cell("", None, 0))
+        for number in range(1, 5):
+            existent = cells.get(f"Sensor[{number}].Existent")
+            if existent is not None:
+                existent.value = existent.start = number <= sensors
+        if start_values:
+            self._configure(start_values)
+        self.factors = unit_factors(
+            self.read, speed_axis=object_type == "SpeedAxis", encoder=object_type == "ExternalEncoder"
+        )
+        """What the units of the user program are within the runtime (CFG-072)."""
+        for cell in cells.values():
+            factor = self.factors.of(cell.variable.unit) if cell.variable is not None else 1.0
+            if factor != 1.0:
+                cell.factor = factor
+                cell.put(cell.value)
+
+    # -- reading
+    # ----------------------------------------------------------------------------------------------
+
+    def bind(self, path: str) -> Cell:
+        """Return the cell of a variable, to read its `value` in every cycle without a look-up by name.
+
+        That value is in the unit of the runtime; `read` returns the one that a user program sees (CFG-072).
+
+        Raises:
+            UnknownVariableError: There is no such variable; bits have no cell of their own.
+
+        """
+        cell = self._cells.get(path)
+        return self._miss(path) if cell is None else cell
+
+    def read(self, path: str) -> Any:
+        """Return the value of a variable or bit as a user program reads it.
+
+        An assigned DIR value is read back at once, before it takes effect (VAR-002).
+
+        Raises:
+            UnknownVariableError: There is no such variable.
+
+        """
+        cell = self._cells.get(path)
+        if cell is None:
+            word, bit = self._bit(path)
+            return bool(word.value >> bit & 1)
+        return cell.given if cell.written is None else cell.written
+
+    def start_value(self, path: str) -> Any:
+        """Return the start value of a variable in load memory."""
+        return self.bind(path).start
+
+    def describe(self, path: str) -> Variable:
+        """Return the definition of a variable: type, access class, unit, range, names of values and bits."""
+        variable = self.bind(path).variable
+        assert variable is not None  # cells without one cannot be reached by a path
+        return variable
+
+    def unit(self, path: str) -> str:
+        """Return the unit of a variable in the units configured for the object, such as `mm/s`; empty
+        without.
+        """
+        token = self.describe(path).unit
+        if token in ("velocity", "torque", "force", "mass", "inertia"):
+            return self._unit(token.capitalize())
+        length = self._unit("Length") or "1"
+        return {
+            "position": length,
+            "acceleration": f"{length}/s2",
+            "jerk": f"{length}/s3",
+            "position/revolution": f"{length}/rev",
+            "inertia_or_mass": f"{self._unit('Inertia')} or {self._unit('Mass')}",
+            "time": "s",
+            "percent": "%",
+        }.get(token, token)
+
+    def paths(self, access: str | None = None) -> Iterator[str]:
+        """Return all paths in the order of the data block, or those of one access class."""
+        for path, cell in self._cells.items():
+            variable = cell.variable
+            if access is None or (variable is not None and variable.access == access):
+                yield path
+
+    def parameter(self, number: int) -> Cell:
+        """Return the cell of a restart-relevant parameter of `MC_WriteParameter`: 1010 T_i, 1011 T_o, 1012
+        T_DC in s.
+        """
+        return self._parameter_cells[number]
+
+    # -- writing by the user program
+    # --------------------------------------------------------------------------
+
+    def write(self, path: str, value: object) -> None:
+        """Assign a variable as a user program does.
+
+        DIR takes effect with the next `latch`, CAL at once for whoever reads it at the call of an
+        instruction. An LREAL outside its range becomes the nearest bound, silently; any other value outside
+        its range is dropped and starts OB 121 (VAR-015).
+
+        Raises:
+            UnknownVariableError: There is no such variable.
+            VariableAccessError: The variable is restart-relevant or read only (VAR-009).
+            VariableError: The value has the wrong type.
+
+        """
+        cell = self._cells.get(path)
+        if cell is None:
+            cell, _ = self._bit(path)
+            variable = cell.variable
+            if variable is not None and variable.access in ("DIR", "CAL"):
+                raise VariableAccessError(f"{path}: single bits of {cell.path} cannot be assigned")
+        variable = cell.variable
+        assert variable is not None  # as in `describe`
+        access = variable.access
+        if access == "RES":
+            raise VariableAccessError(
+                f"{path} is restart-relevant (RES): write its start value in load memory (write_start), "
+                "then restart the technology object (MC_Reset with Restart = TRUE)"
+            )
+        if access == "RON":
+            raise VariableAccessError(f"{path} is read only (RON)")
+        converted = variable.convert(path, value)
+        if not variable.permits(converted, self._motion_type.value):
+            if variable.data_type != "LREAL" or isnan(converted):
+                self._programming_error(path, value)
+                return
+            low, high = variable.limits(self._motion_type.value)
+            assert low is not None  # without a range every number but NaN is permitted
+            assert high is not None
+            converted = low if converted < low else high
+        if access == "CAL":
+            cell.put(converted)
+            return
+        if cell.written is None:
+            self._pending.append(cell)
+        cell.written = converted
+
+    def write_start(self, path: str, value: object) -> None:
+        """Write a start value in load memory (`WRIT_DBL`); it takes effect with the next restart (VAR-005).
+
+        A value outside its range is kept and reported by `restart` (VAR-018).
+
+        Raises:
+            UnknownVariableError: There is no such variable.
+            VariableAccessError: The variable is read only.
+            VariableError: The value has the wrong type.
+
+        """
+        cell = self.bind(path)
+        variable = self.describe(path)
+        if variable.access == "RON":
+            raise VariableAccessError(f"{path} is read only (RON)")
+        cell.start = variable.convert(path, value)
+        if variable.access == "RES":
+            self._mark(cell)
+        if self.on_start_value is not None:
+            self.on_start_value(path)
+
+    def write_parameter(self, number: int, value: object) -> None:
+        """Write a parameter as `MC_WriteParameter` does.
+
+        1000 and 1020 change their variable at once, until the next restart (VAR-010, VAR-013); 1010 to 1012
+        take effect with a restart and outlast further ones (VAR-011, VAR-012).
+
+        Raises:
+            ParameterError: Carries the ErrorID of the rejection.
+
+        """
+        parameter = self._parameters.get(number)
+        if parameter is None:
+            allowed = ", ".join(map(str, self._parameters))
+            raise ParameterError(
+                f"parameter {number} does not exist; there are {allowed}", ERROR_PARAMETER_NUMBER
+            )
+        if parameter.variable is None:
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < 1e12:
+                raise ParameterError(
+                    f"{parameter.name} takes a time in s, not {value!r}", ERROR_PARAMETER_TYPE
+                )
+            cell = self._parameter_cells[number]
+            cell.start = float(value)
+            self._mark(cell)
+            return
+        cell = self.bind(parameter.variable)
+        variable = self.describe(parameter.variable)
+        if variable.data_type == "BOOL" and not isinstance(value, bool):
+            raise ParameterError(f"{parameter.variable} takes a BOOL, not {value!r}", ERROR_PARAMETER_TYPE)
+        try:
+            converted = variable.convert(parameter.variable, value)
+        except VariableError as error:
+            raise ParameterError(str(error), ERROR_PARAMETER_TYPE) from error
+        if not variable.permits(converted, self._motion_type.value):
+            raise ParameterError(
+                f"{parameter.variable} cannot become {value!r}; allowed: "
+                f"{variable.allowed(self._motion_type.value)}",
+                ERROR_PARAMETER_VALUE,
+            )
+        cell.put(converted)
+
+    # -- the runtime's side
+    # -----------------------------------------------------------------------------------
+
+    def latch(self) -> bool:
+        """Put assigned DIR values into force; the axis calls it at the start of MC_Servo (VAR-001).
+
+        Returns:
+            Whether there were any.
+
+        """
+        if not self._pending:
+            return False
+        for cell in self._pending:
+            cell.put(cell.written)
+            cell.written = None
+        self._pending.clear()
+        return True
+
+    def set_internal(self, path: str, value: Any) -> None:
+        """Set the value in force of any variable or bit, without access class and range: for the runtime
+        itself, in its units.
+        """
+        cell = self._cells.get(path)
+        if cell is not None:
+            cell.value = value
+            if cell.factor != 1.0:
+                cell.shown = value / cell.factor
+            return
+        cell, bit = self._bit(path)
+        cell.value = cell.value | 1 << bit if value else cell.value & ~(1 << bit)
+
+    def preset(self, path: str, value: Any) -> None:
+        """Set start value and value in force of any variable: a download of what the device says, not of the
+        user.
+        """
+        cell = self.bind(path)
+        cell.start = value
+        cell.put(value)
+
+    def violations(self) -> tuple[Violation, ...]:
+        """Return the start values that are not permitted, so that a restart ends with alarm 101."""
+        motion_type = self._motion_type.value
+        found = []
+        for path, cell in self._cells.items():
+            variable = cell.variable
+            if (
+                variable is not None
+                and variable.access != "RON"
+                and not variable.permits(cell.start, motion_type)
+            ):
+                found.append(Violation(path, cell.start, variable.allowed(motion_type)))
+        return tuple(found)
+
+    def restart(self) -> tuple[Violation, ...]:
+        """Put all start values into force together (VAR-006, VAR-227); RON variables keep their values.
+
+        Returns:
+            Nothing when it is done. Otherwise the start values that are not permitted (alarm 101); then no
+            variable has changed, and `online_start_values_changed` stays.
+
+        """
+        violations = self.violations()
+        if violations:
+            return violations
+        for cell in self._cells.values():
+            if cell.variable is not None and cell.variable.access != "RON":
+                cell.put(cell.start)
+                cell.written = None
+        for cell in self._parameter_cells.values():
+            cell.value = cell.start
+        self._pending.clear()
+        self._stale.clear()
+        self.online_start_values_changed = False
+        return ()
+
+    def power_cycle(self) -> tuple[Violation, ...]:
+        """Restart after power off and on: what `MC_WriteParameter` wrote is lost, too (VAR-012, VAR-227)."""
+        for number, cell in self._parameter_cells.items():
+            cell.start = self._parameters[number].default
+        return self.restart()
+
+    def load(self, values: Mapping[str, Any]) -> Callable[[], None]:
+        """Load start values of any access class, as a download does; they take effect with `power_cycle`.
+
+        Returns:
+            The function that takes them back.
+
+        Raises:
+            ConfigurationError: A variable does not exist, or a value is out of its type or range; then
+                nothing is loaded.
+
+        """
+        before = {cell: (cell.start, cell.value) for path in values if (cell := self._cells.get(path))}
+
+        def take_back() -> None:
+            for cell, (start, value) in before.items():
+                cell.start, cell.value = start, value
+
+        try:
+            self._configure(values)
+        except ConfigurationError:
+            take_back()
+            raise
+        return take_back
+
+    # -- inside
+    # -----------------------------------------------------------------------------------------------
+
+    def _configure(self, values: Mapping[str, Any]) -> None:
+        """Load start values of any access class, as a download does; first what rules ranges and units of the
+        others.
+        """
+        for path in sorted(values, key=lambda key: not key.startswith(("Properties.MotionType", "Units."))):
+            value = values[path]
+            cell = self._cells.get(path)
+            if cell is None:
+                raise ConfigurationError(
+                    path, value, f"a variable of {self.object_type}{self._similar(path)}"
+                )
+            variable = self.describe(path)
+            try:
+                converted = variable.convert(path, value)
+            except VariableError:
+                converted = None
+            if converted is None or not variable.permits(converted, self._motion_type.value):
+                kind = f"{variable.data_type}, {variable.allowed(self._motion_type.value)}"
+                raise ConfigurationError(path, value, f"{kind} {self.unit(path)}".rstrip())
+            cell.start = converted
+            cell.put(converted)
+
+    def _mark(self, cell: Cell) -> None:
+        """Keep account of start values that differ from the values in force."""
+        if cell.start == cell.given:
+            self._stale.pop(cell.path, None)
+        else:
+            self._stale[cell.path] = cell
+        self.online_start_values_changed = bool(self._stale)
+
+    def _programming_error(self, path: str, value: object) -> None:
+        """Record an assignment that the controller answers with OB 121."""
+        if self._history is not None:
+            self._history.emit(self._name, "program.error", ob=121, path=path, value=repr(value))
+        if self._on_programming_error is not None:
+            self._on_programming_error(path, value)
+
+    def _bit(self, path: str) -> tuple[Cell, int]:
+        """Return word and number of the bit named `path`."""
+        found = _BIT.match(path)
+        cell = self._cells.get(found[1]) if found else None
+        if found is None or cell is None:
+            return self._miss(path), 0
+        variable = cell.variable
+        bit = int(found[2])
+        bits = 16 if variable is not None and variable.data_type == "WORD" else 32
+        if variable is None or variable.data_type not in _WORDS or bit >= bits:
+            raise UnknownVariableError(f"{path}: {found[1]} has no bit {bit}")
+        return cell, bit
+
+    def _miss(self, path: str) -> Cell:
+        raise UnknownVariableError(f"{self.object_type} has no variable {path!r}{self._similar(path)}")
+
+    def _similar(self, path: str) -> str:
+        from difflib import get_close_matches
+
+        by_lower = {known.lower(): known for known in self._cells}
+        near = get_close_matches(path.lower(), by_lower, n=3, cutoff=0.6)
+        return f"; similar: {', '.join(by_lower[key] for key in near)}" if near else ""
+
+    def _unit(self, quantity: str) -> str:
+        """Return the name of the unit configured for `quantity`; empty where the object has none."""
+        cell = self._cells.get(f"Units.{quantity}Unit")
+        if cell is None or cell.variable is None:
+            return ""
+        return cell.variable.enum.get(cell.value, "").removesuffix(" (6 decimals)")
