@@ -74,10 +74,13 @@ def demo(
 
 @app.command()
 def run(
-    paths: Annotated[
-        list[str],
-        typer.Argument(metavar="PATHS...", help="Python files, matrix files, directories or modules."),
-    ],
+    campaigns: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[CAMPAIGNS]...",
+            help="Short names, files, directories or modules; none: list the shipped campaigns.",
+        ),
+    ] = None,
     *,
     bench: BenchOption = "",
     report: ReportOption = Path("hil-report"),
@@ -115,10 +118,12 @@ def run(
     as_json: JsonOption = False,
 ) -> None:
     """Run campaigns and write the report."""
-    from hil._commands.run import RunRequest, list_cases, parse_jobs, run_campaigns
+    from hil._commands.run import RunRequest, list_campaigns, list_cases, parse_jobs, run_campaigns
 
+    if not campaigns:
+        raise typer.Exit(list_campaigns(as_json=as_json, asked=list_only))
     request = RunRequest(
-        paths=tuple(paths),
+        paths=tuple(campaigns),
         bench=bench,
         report=report,
         seed=seed,

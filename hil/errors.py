@@ -35,9 +35,8 @@ class CampaignNotFoundError(CannotRunError):
 
     def __init__(self, reference: str, reason: str) -> None:
         super().__init__(
-            f"{reference!r} leads to no campaign: {reason}. Give a Python file, a directory or a module "
-            f"that defines "
-            "a hil.campaign.Campaign, or a matrix file (for example testcases.campaigns.stop_modes)"
+            f"{reference!r} leads to no campaign: {reason}. Give a short name (`hil run` lists them), "
+            "a Python file, directory or module that defines a hil.campaign.Campaign, or a matrix file"
         )
         self.reference = reference
         self.reason = reason

@@ -1,1 +1,1 @@
-"""TODO."""
+"""The executable acceptance suite: campaigns that ship with the product, and the product's own tests."""

@@ -11,9 +11,15 @@ Environment variables:
 
 import os
 import socket
+import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+import hil
+
+ROOT = Path(__file__).resolve().parents[1]
 
 # Stateful programs take long on a loaded machine: a deadline would measure the machine.
 settings.register_profile("dev", deadline=None, print_blob=True)
@@ -22,6 +28,24 @@ settings.register_profile(
     "nightly", deadline=None, max_examples=2000, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE") or "dev")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def helpers_of_the_checkout(tmp_path_factory):
+    """Processes that tests start find `testcases` in the checkout, also where the wheel is installed.
+
+    The wheel has the campaigns of `testcases` only. A folder with nothing but a link to the checkout's
+    `testcases` comes first on the path; all other packages still come from the wheel.
+    """
+    if Path(hil.__file__).resolve().parents[1] == ROOT:
+        yield
+        return
+    folder = tmp_path_factory.mktemp("checkout")
+    (folder / "testcases").symlink_to(ROOT / "testcases", target_is_directory=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "path", [str(folder), *sys.path])
+        patch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
+        yield
 
 
 @pytest.fixture(scope="session")

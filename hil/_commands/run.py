@@ -10,22 +10,23 @@ from hil._commands.terminal import CaseProgress, console, print_json, quiet_stdo
 from hil._history import kept
 from hil._requirements import complete
 from hil._summary import check_summary, give_summary
-from hil.campaign import Runner, RunOptions, Selected, find_campaigns, load_bench_file, select_cases
+from hil.campaign import (
+    SHIPPED,
+    Runner,
+    RunOptions,
+    Selected,
+    find_campaigns,
+    load_bench_file,
+    select_cases,
+)
 from hil.campaign._files import Keep
 from hil.campaign._lock import only_run_in
 from hil.campaign._runner import shard
+from hil.campaign._shipped import references
 from hil.errors import CannotRunError
 from reports import Background, ReportPaths, replay_command, summary, write_report
 from reports.model import RunResult, Verdict
 from reports.store import load_run
-
-DEMO: Final = (
-    "testcases.campaigns.stop_modes",
-    "testcases.campaigns.fault_reactions",
-    "testcases.campaigns.drive_faults",
-    "testcases.campaigns.telegram_faults",
-)
-"""Campaigns of `hil demo`; they ship with the product."""
 
 _KEEP: Final = ("failed", "all", "none")
 
@@ -68,7 +69,9 @@ def run_campaigns(request: RunRequest) -> int:
 def selected(request: RunRequest) -> list[Selected]:
     """Return the cases that the user asked for."""
     with quiet_stdout(request.as_json):
-        found = find_campaigns(DEMO if request.demo else request.paths)
+        found = find_campaigns(
+            references(one for one in SHIPPED if one.demo) if request.demo else request.paths
+        )
         cases = select_cases(found, pattern=request.select, tags=request.tags)
     if not request.last_failed or request.resume:
         return cases
@@ -116,6 +119,37 @@ def list_cases(request: RunRequest) -> int:
         print(f"{item.case.identifier}  {item.case.title}")  # noqa: T201 - the answer
     console().print(f"{len(cases)} cases", markup=False)
     return 0
+
+
+def list_campaigns(*, as_json: bool, asked: bool) -> int:
+    """Print the shipped campaigns with the number of their cases; returns the exit code.
+
+    Args:
+        as_json: As JSON.
+        asked: The list is what the user asked for; otherwise nothing was named to run, which is exit code 2.
+
+    """
+    rows = []
+    with quiet_stdout(as_json):
+        for shipped in SHIPPED:
+            cases = sum(len(found.campaign) for found in find_campaigns([shipped.reference]))
+            rows.append((shipped, cases, shipped.summary))
+    if as_json:
+        print_json(
+            [
+                {"name": shipped.name, "title": title, "cases": cases, "reference": shipped.reference}
+                for shipped, cases, title in rows
+            ]
+        )
+    else:
+        for shipped, cases, title in rows:
+            print(f"{shipped.name:20} {cases:4}  {title}")  # noqa: T201 - the answer
+    if asked:
+        return 0
+    console().print(
+        "nothing to run: name campaigns of this list, files or modules: hil run stop_modes", markup=False
+    )
+    return 2
 
 
 def parse_shard(text: str) -> tuple[int, int] | None:

@@ -16,9 +16,11 @@ from hil.campaign._discover import Found, Selected, find_campaigns, load_campaig
 from hil.campaign._execute import CaseSettings, Execution, execute_case, requirements_here
 from hil.campaign._files import write_candump, write_evidence
 from hil.campaign._runner import Runner, RunOptions, case_seed, environment_facts
+from hil.campaign._shipped import SHIPPED, ShippedCampaign
 from hil.campaign._token import Token
 
 __all__ = [
+    "SHIPPED",
     "Campaign",
     "Case",
     "CaseContext",
@@ -28,6 +30,7 @@ __all__ = [
     "RunOptions",
     "Runner",
     "Selected",
+    "ShippedCampaign",
     "Token",
     "case_seed",
     "environment_facts",

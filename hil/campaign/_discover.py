@@ -13,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 
 from hil.campaign._case import Campaign, Case
+from hil.campaign._shipped import PACKAGE, expand_short_name, similar_short_name
 from hil.errors import CampaignNotFoundError, CannotRunError
 
 _matrices: dict[Path, Campaign] = {}
@@ -116,10 +117,16 @@ def _import_module(name: str) -> ModuleType:
     except ModuleNotFoundError as error:
         missing = error.name or ""
         if name == missing or name.startswith(missing + "."):
-            raise CampaignNotFoundError(name, "there is no such file, directory or module") from None
+            raise CampaignNotFoundError(name, _why_missing(name)) from None
         raise CannotRunError(f"{name} cannot be imported: {error}") from error
     except Exception as error:
         raise CannotRunError(f"{name} cannot be imported: {type(error).__name__}: {error}") from error
+
+
+def _why_missing(name: str) -> str:
+    if name.startswith(PACKAGE.partition(".")[0] + ".") and not name.startswith(PACKAGE):
+        return "the tests of motion-hil are not installed with it; run this in a checkout of its source"
+    return f"there is no such file, directory or module{similar_short_name(name)}"
 
 
 def _in_module(name: str) -> list[Found]:
@@ -136,17 +143,22 @@ def _in_module(name: str) -> list[Found]:
 
 
 def find_campaigns(references: Sequence[str]) -> list[Found]:
-    """Return the campaigns at paths and in modules, in order, each once.
+    """Return the campaigns at paths, in modules and of short names, in order, each once.
+
+    Args:
+        references: Short names of shipped campaigns, Python files, matrix files, directories, modules.
 
     Raises:
         CampaignNotFoundError: A reference leads to no campaign.
-        CannotRunError: A file or module cannot be imported.
+        CannotRunError: A file or module cannot be imported, or a short name is the name of a file here too.
 
     """
     if not references:
-        raise CannotRunError("nothing to run: give Python files, directories or modules with campaigns")
+        raise CannotRunError(
+            "nothing to run: give short names of shipped campaigns, or files, directories or modules"
+        )
     found: dict[int, Found] = {}
-    for reference in references:
+    for reference in map(expand_short_name, references):
         path = Path(reference)
         if path.is_dir():
             here, reason = _in_directory(path), "no file in it defines a Campaign"

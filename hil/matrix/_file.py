@@ -13,11 +13,10 @@ from typing import Any, Final
 
 from fieldbus.errors import ConfigurationError
 from hil.campaign._case import SIMULATED_LIMIT_S, WALL_LIMIT_S, slug
+from hil.campaign._shipped import VOCABULARY
 from hil.errors import CannotRunError
 from hil.matrix._vocabulary import Vocabulary
 
-VOCABULARY: Final = "testcases.campaigns.vocabulary:VOCABULARY"
-"""The vocabulary that ships with the product."""
 BENCH: Final = "bench"
 _KEYS: Final = (
     "title",

@@ -12,7 +12,7 @@ from hil.mutants._as_run import as_run
 from hil.mutants._catalogue import CATALOGUE, load_catalogue, select_mutants
 from hil.mutants._mutant import AREAS, Edit, Mutant, defect
 from hil.mutants._patch import TargetChangedError, seeded, watched
-from hil.mutants._plan import CAMPAIGNS, Judge, find_judges, hinted, in_order
+from hil.mutants._plan import Judge, find_judges, hinted, in_order
 from hil.mutants._seeding import MutantResult, Seeder, Seeding, SeedingOptions
 from hil.mutants._store import Stored, load_stored, store
 from hil.mutants._table import catalogue_table, markdown
@@ -20,7 +20,6 @@ from hil.mutants._worker import Outcome
 
 __all__ = [
     "AREAS",
-    "CAMPAIGNS",
     "CATALOGUE",
     "Edit",
     "Judge",

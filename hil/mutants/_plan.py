@@ -6,38 +6,10 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Final
 
-from hil.campaign import Found, find_campaigns, load_bench_file
+from hil.campaign import SHIPPED, Found, find_campaigns, load_bench_file
 from hil.errors import CannotRunError
 from hil.mutants._mutant import Mutant
-
-CAMPAIGNS: Final = (
-    "testcases.campaigns.stop_modes@reference",
-    "testcases.campaigns.fault_reactions@reference",
-    "testcases.campaigns.axis_faults@reference",
-    "testcases.campaigns.drive_faults@reference",
-    "testcases.campaigns.homing@reference",
-    "testcases.campaigns.axis_signals@reference",
-    "testcases.campaigns.holding_brake",
-    "testcases.campaigns.cia402_drive",
-    "testcases.campaigns.profidrive_words",
-    "testcases.campaigns.stop_modes@profidrive",
-    "testcases.campaigns.fault_reactions@profidrive",
-    "testcases.campaigns.axis_faults@profidrive",
-    "testcases.campaigns.drive_faults@profidrive",
-    "testcases.campaigns.homing@profidrive",
-    "testcases.campaigns.telegram_faults@profidrive",
-    "testcases.campaigns.modbus_faults",
-    "testcases.campaigns.axis_motion",
-    "testcases.campaigns.limits@reference",
-    "testcases.campaigns.monitoring@reference",
-    "testcases.campaigns.control@profidrive",
-    "testcases.campaigns.motion_in@reference",
-    "testcases.campaigns.external_encoder@testcases.campaigns.external_encoder:REFERENCE",
-    "testcases.campaigns.commissioning@reference",
-)
-"""The campaigns that ship with the product, with the benches that they are run on here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +46,7 @@ def find_judges(references: Sequence[str] = ()) -> list[Judge]:
 
     """
     judges: dict[Judge, None] = {}
-    for reference in references or CAMPAIGNS:
-        where, _, bench = reference.partition("@")
+    for where, bench in map(_split, references) if references else _shipped():
         for found in find_campaigns([where]):
             judges.update(dict.fromkeys(_cases(found, bench)))
     for bench in dict.fromkeys(judge.bench for judge in judges):
@@ -83,6 +54,16 @@ def find_judges(references: Sequence[str] = ()) -> list[Judge]:
         if kind != "virtual":
             raise CannotRunError(f"defects are judged on virtual benches; {bench!r} runs in real time")
     return list(judges)
+
+
+def _split(reference: str) -> tuple[str, str]:
+    where, _, bench = reference.partition("@")
+    return where, bench
+
+
+def _shipped() -> Iterable[tuple[str, str]]:
+    """Return the shipped campaigns and the benches they judge defects on; no bench: that of each case."""
+    return ((one.reference, "" if bench == "own" else bench) for one in SHIPPED for bench in one.seeding)
 
 
 def _cases(found: Found, bench: str) -> Iterable[Judge]:

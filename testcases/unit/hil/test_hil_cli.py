@@ -10,6 +10,7 @@ import pytest
 from hil._commands.terminal import time_left
 from hil._plugin_results import RequirementLog, write_results
 from hil._requirements import requirements
+from hil.campaign import SHIPPED
 from hil.campaign._lock import only_run_in
 from hil.cli import main
 from hil.faults import CATALOGUE
@@ -111,7 +112,6 @@ def test_exit_codes_of_run(capsys, select, code):
         (["replay", "hello"], "no replay token"),
         (["check", "nowhere.toml"], "nowhere.toml"),
         (["frobnicate"], "No such command"),
-        (["run"], "Missing argument"),
         (["fuzz", "--cases", "0"], "greater than or equal to 1"),
         (["requirements"], "no test results"),
         (["requirements", "nowhere"], "no run here"),
@@ -364,6 +364,37 @@ def test_help_loads_nothing_heavy():
     ):
         assert f"  {command} " in done.stdout
     assert done.stdout.splitlines()[-1] == "0 []"
+
+
+def test_run_alone_lists_the_shipped_campaigns(capsys):
+    """`hil run` names every shipped campaign with its cases and title, and says what to give: exit code 2."""
+    code, out, err = call(capsys, "run")
+    assert code == 2
+    assert re.search(r"^homing +96  Homing: every mode", out, re.MULTILINE)
+    assert "hil run stop_modes" in err
+    code, out, _ = call(capsys, "run", "--list", "--json")
+    listed = json.loads(out)
+    assert code == 0
+    assert [entry["name"] for entry in listed] == [shipped.name for shipped in SHIPPED]
+    assert all(entry["cases"] and entry["title"] for entry in listed)
+
+
+def test_shipped_campaigns_run_by_short_name(capsys, tmp_path):
+    """Short names, modules and files mix; a name that a file here has too is refused with both spellings."""
+    code, out, _ = call(capsys, "run", "stop_modes", TOY, "-k", "halt/standstill", "--list", "--json")
+    assert (code, [entry["campaign"] for entry in json.loads(out)]) == (
+        0,
+        ["testcases.campaigns.stop_modes:CAMPAIGN"],
+    )
+    assert "did you mean 'stop_modes'?" in call(capsys, "run", "stopmodes")[2]
+    (tmp_path / "homing.py").write_text("raise SystemError('not imported')  # Campaign(\n")
+    (tmp_path / "limits").mkdir()
+    for name, here in (("homing", "./homing.py"), ("limits", "./limits")):
+        code, _, err = call(capsys, "run", name)
+        assert code == 2
+        assert f"give testcases.campaigns.{name} or {here}" in " ".join(err.split())
+    assert call(capsys, "run", "testcases.campaigns.homing", "--list")[0] == 0
+    assert "no file in it defines a Campaign" in call(capsys, "run", "./limits")[2]
 
 
 def test_cases_are_listed_without_being_run(capsys, tmp_path):

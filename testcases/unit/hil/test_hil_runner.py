@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from hil.campaign import Runner, RunOptions, case_seed, find_campaigns, select_cases
+from hil.campaign import SHIPPED, Runner, RunOptions, case_seed, find_campaigns, select_cases
 from hil.campaign._discover import Selected, load_campaign
 from hil.campaign._files import folder_name
 from hil.campaign._runner import shard
@@ -62,7 +62,7 @@ def test_what_leads_nowhere_is_told(reference, words):
     """A reference without campaigns is named, with what would have been accepted."""
     with pytest.raises(CampaignNotFoundError, match=words) as caught:
         find_campaigns([reference] if reference != "testcases.unit.hil" else ["hil.protocols"])
-    assert "Give a Python file, a directory or a module" in str(caught.value)
+    assert "Give a short name (`hil run` lists them), a Python file" in str(caught.value)
 
 
 def test_a_file_that_cannot_be_imported_is_told(tmp_path):
@@ -93,6 +93,15 @@ def test_cases_are_selected_by_text_tag_and_name():
         toy_cases(tags=("toy", "other"))
     with pytest.raises(CannotRunError, match="no case 'toy/x'"):
         toy_cases(identifiers=("toy/x",))
+
+
+def test_every_campaign_of_the_package_is_registered():
+    """What is in `testcases.campaigns` has a short name, and only that."""
+    found = {entry.reference.removesuffix(":CAMPAIGN") for entry in find_campaigns(["testcases.campaigns"])}
+    modules = {
+        reference if reference.endswith(".toml") else reference.partition(":")[0] for reference in found
+    }
+    assert modules == {shipped.reference for shipped in SHIPPED}
 
 
 # -- running

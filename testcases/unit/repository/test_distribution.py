@@ -3,6 +3,10 @@ archive.
 """
 
 import email
+import json
+import os
+import subprocess
+import sys
 import tarfile
 import tomllib
 import zipfile
@@ -15,7 +19,8 @@ from hatchling.builders.wheel import WheelBuilder
 
 ROOT = Path(__file__).resolve().parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-PACKAGES = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+PRODUCT = ("fieldbus", "emulators", "motion", "hil", "reports")
+SHIPPED = (*PRODUCT, "testcases/campaigns")
 
 
 def built(builder, directory: Path) -> Path:
@@ -40,7 +45,7 @@ def files_of(package: str) -> set[str]:
     }
 
 
-@pytest.mark.parametrize("package", PACKAGES)
+@pytest.mark.parametrize("package", SHIPPED)
 def test_every_file_of_a_package_is_in_the_wheel(wheel, package):
     """Code, object dictionaries, catalogues, templates, type marker: whatever lies in a package is shipped
     with it.
@@ -50,15 +55,18 @@ def test_every_file_of_a_package_is_in_the_wheel(wheel, package):
     assert sorted(expected - set(wheel.namelist())) == []
 
 
-@pytest.mark.parametrize("package", [name for name in PACKAGES if name != "testcases"])
+@pytest.mark.parametrize("package", PRODUCT)
 def test_packages_are_marked_as_typed(wheel, package):
     """The type hints are part of the interface (PEP 561)."""
     assert f"{package}/py.typed" in wheel.namelist()
 
 
 def test_nothing_but_the_packages_is_installed(wheel):
-    """The wheel puts nothing else at the top level of site-packages."""
-    assert {name.split("/")[0] for name in wheel.namelist() if ".dist-info" not in name} == set(PACKAGES)
+    """The wheel has the product and its campaigns; the tests of the product stay in the source."""
+    files = {name for name in wheel.namelist() if ".dist-info" not in name}
+    assert {name.split("/")[0] for name in files} == {*PRODUCT, "testcases"}
+    others = [name for name in files if name.startswith("testcases/") and "/campaigns/" not in name]
+    assert others == ["testcases/__init__.py"]
 
 
 def test_wheel_works_on_every_platform(wheel):
@@ -96,5 +104,35 @@ def test_source_archive_has_what_a_build_needs(tmp_path):
     """The source archive has all packages, their tests and the files that the set-up reads."""
     with tarfile.open(built(SdistBuilder, tmp_path)) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
-    expected = {"pyproject.toml", "README.md", "LICENSE", "tox.ini", "run"}.union(*map(files_of, PACKAGES))
+    expected = {"pyproject.toml", "README.md", "LICENSE", "tox.ini", "run"}.union(
+        *map(files_of, (*PRODUCT, "testcases"))
+    )
     assert sorted(expected - names) == []
+
+
+def test_shipped_campaigns_run_from_the_wheel_alone(wheel, tmp_path):
+    """With the wheel alone, campaigns are found by short name, cases run, and defects are seeded."""
+    wheel.extractall(tmp_path / "site")
+
+    def hil(*arguments: str) -> subprocess.CompletedProcess[str]:
+        program = "import sys; from hil.cli import main; sys.exit(main())"
+        return subprocess.run(
+            [sys.executable, "-c", program, *arguments],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(tmp_path / "site")},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    listed = hil("run", "stop_modes", "encoder_faults", "--list", "--json")
+    assert listed.returncode == 0, listed.stderr
+    campaigns = {entry["campaign"] for entry in json.loads(listed.stdout)}
+    assert campaigns == {"testcases.campaigns.stop_modes:CAMPAIGN", "testcases.campaigns:encoder_faults.toml"}
+    ran = hil("run", "stop_modes", "-k", "stop-modes/halt/standstill", "--json")
+    assert json.loads(ran.stdout)["passed"] == 1, ran.stderr
+    tests = hil("run", "testcases.unit.hil.toycampaign")
+    assert tests.returncode == 2
+    assert "run this in a checkout of its source" in tests.stderr
+    seeded = hil("mutants", "gear-ratio-twice", "--campaign", "axis_signals@reference", "--json")
+    assert [defect["status"] for defect in json.loads(seeded.stdout)] == ["caught"], seeded.stderr

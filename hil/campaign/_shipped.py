@@ -1,0 +1,111 @@
+"""The campaigns that ship with the product, and their short names."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import inspect
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from hil.errors import CannotRunError
+
+PACKAGE: Final = "testcases.campaigns"
+"""The package that the shipped campaigns and matrix files are in."""
+VOCABULARY: Final = f"{PACKAGE}.vocabulary:VOCABULARY"
+"""The vocabulary of the shipped matrix files."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShippedCampaign:
+    """A campaign module or matrix file of the product."""
+
+    name: str
+    """Short name, and name of the module or of the matrix file without `.toml`."""
+    matrix: bool = False
+    """Whether it is a matrix file."""
+    demo: bool = False
+    """Whether `hil demo` runs it."""
+    seeding: tuple[str, ...] = ()
+    """Benches on which its cases judge seeded defects (`hil mutants`); `own`: the bench of each case."""
+
+    @property
+    def reference(self) -> str:
+        """What finds it in any process: `package.module`, or `package:matrix.toml`."""
+        return f"{PACKAGE}:{self.name}.toml" if self.matrix else f"{PACKAGE}.{self.name}"
+
+    @property
+    def summary(self) -> str:
+        """First sentence of its documentation; this imports a module."""
+        if not self.matrix:
+            text = inspect.getdoc(importlib.import_module(self.reference)) or ""
+            return " ".join(text.partition("\n\n")[0].split()).rstrip(".")
+        (folder,) = importlib.import_module(PACKAGE).__path__
+        first = (Path(folder) / f"{self.name}.toml").read_text(encoding="utf-8").partition("\n")[0]
+        return first.lstrip("# ").rstrip(".")
+
+
+_BOTH: Final = ("reference", "profidrive")
+
+SHIPPED: Final = (
+    ShippedCampaign("stop_modes", demo=True, seeding=_BOTH),
+    ShippedCampaign("fault_reactions", demo=True, seeding=_BOTH),
+    ShippedCampaign("drive_faults", demo=True, seeding=_BOTH),
+    ShippedCampaign("telegram_faults", demo=True, seeding=("profidrive",)),
+    ShippedCampaign("axis_faults", seeding=_BOTH),
+    ShippedCampaign("homing", seeding=_BOTH),
+    ShippedCampaign("axis_signals", seeding=("reference",)),
+    ShippedCampaign("holding_brake", seeding=("own",)),
+    ShippedCampaign("cia402_drive", seeding=("own",)),
+    ShippedCampaign("profidrive_words", seeding=("own",)),
+    ShippedCampaign("modbus_faults", seeding=("own",)),
+    ShippedCampaign("axis_motion", seeding=("own",)),
+    ShippedCampaign("limits", seeding=("reference",)),
+    ShippedCampaign("monitoring", seeding=("reference",)),
+    ShippedCampaign("control", seeding=("profidrive",)),
+    ShippedCampaign("motion_in", seeding=("reference",)),
+    ShippedCampaign("external_encoder", seeding=(f"{PACKAGE}.external_encoder:REFERENCE",)),
+    ShippedCampaign("commissioning", seeding=("reference",)),
+    ShippedCampaign("stops_of_jobs", matrix=True),
+    ShippedCampaign("stops_on_stops", matrix=True),
+    ShippedCampaign("faults_in_stops", matrix=True),
+    ShippedCampaign("alarm_reactions", matrix=True),
+    ShippedCampaign("communication_loss", matrix=True),
+    ShippedCampaign("power_faults", matrix=True),
+    ShippedCampaign("encoder_faults", matrix=True),
+)
+"""All of them; `hil run` lists them in this order."""
+
+_BY_NAME: Final = {campaign.name: campaign for campaign in SHIPPED}
+
+
+def references(campaigns: Iterable[ShippedCampaign]) -> list[str]:
+    """Return what `find_campaigns` takes for these."""
+    return [campaign.reference for campaign in campaigns]
+
+
+def expand_short_name(reference: str) -> str:
+    """Return the reference that a short name stands for; any other reference is returned unchanged.
+
+    Raises:
+        CannotRunError: A file or folder here has the same name, so that either could be meant.
+
+    """
+    shipped = _BY_NAME.get(reference)
+    if shipped is None:
+        return reference
+    for here in (Path(reference), Path(f"{reference}.py"), Path(f"{reference}.toml")):
+        if here.exists():
+            raise CannotRunError(
+                f"{reference!r} could be the shipped campaign or {here} in this folder: give "
+                f"{shipped.reference} or ./{here}"
+            )
+    return shipped.reference
+
+
+def similar_short_name(reference: str) -> str:
+    """Return a hint at the shipped campaign with the most similar name; empty: none is similar."""
+    near = difflib.get_close_matches(reference.replace("-", "_").lower(), _BY_NAME, n=1)
+    return f" (did you mean {near[0]!r}?)" if near else ""
