@@ -13,9 +13,8 @@ from enum import Enum
 from typing import TYPE_CHECKING, Final
 
 from emulators.drive.analog_config import AnalogConfig
-from emulators.drive.core import ServoCore
-from emulators.drive.injection import MachineFaults, cancel
-from emulators.drive.inputs import DigitalInputs
+from emulators.drive.drive_train import build_drive_train
+from emulators.drive.emulated_drive import ServoDrive
 from emulators.drive.tuning import RPM
 from fieldbus.clock import Scheduler, Timer, seconds_to_ns
 from fieldbus.errors import ConfigurationError
@@ -48,7 +47,7 @@ _LED: Final = frozenset({AnalogState.STARTING, AnalogState.OPERATION})
 ReadyListener = Callable[[bool], object]
 
 
-class AnalogDrive(MachineFaults):
+class AnalogDrive(ServoDrive):
     """An emulated drive with an analog setpoint, and all that a test can do to it and its machine.
 
     It is off until `power_on`; the machine moves from the start. Without an enable input it follows the
@@ -65,29 +64,19 @@ class AnalogDrive(MachineFaults):
 
     __slots__ = (
         "_causes",
-        "_drift_rest",
-        "_drift_timer",
         "_forced_ready",
-        "_history",
         "_locked",
         "_ready",
         "_ready_timer",
         "_share",
         "_torque_off",
         "config",
-        "core",
-        "digital_inputs",
         "enabled",
-        "encoder",
         "fault_number",
-        "mechanics",
-        "name",
         "on_inputs",
         "on_ready",
         "powered",
-        "scheduler",
         "state",
-        "switches",
         "trace_columns",
         "voltage",
     )  # fmt: skip
@@ -105,21 +94,25 @@ class AnalogDrive(MachineFaults):
         history: History | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        self.scheduler = scheduler
-        self.config = config
-        self.name = name
-        self._history = history
-        self.mechanics, self.switches = config.mechanics.build()
-        self.encoder = config.encoder.build(rng)
-        self.core = ServoCore(
-            mechanics=self.mechanics,
-            encoder=self.encoder,
-            period_s=config.servo_period_ns / 1e9,
+        train = build_drive_train(
+            scheduler,
+            mechanics=config.mechanics,
+            encoder=config.encoder,
+            brake=config.brake,
             tuning=config.speed_tuning,
-            brake=config.brake.build(self.mechanics),
+            servo_period_ns=config.servo_period_ns,
+            input_filter_s=config.input_filter_s,
+            rng=rng,
         )
+        super().__init__(
+            scheduler,
+            name=name,
+            history=history,
+            train=train,
+            control_period_ns=config.control_period_ns,
+        )
+        self.config = config
         self.core.on_standstill = self._on_standstill
-        self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=config.input_filter_s)
         self.digital_inputs.on_change = self._on_inputs
         self.on_ready: list[ReadyListener] = []
         """Called with every new level of the ready output."""
@@ -140,9 +133,7 @@ class AnalogDrive(MachineFaults):
         self._forced_ready: bool | None = None
         self._ready_timer: Timer | None = None
         self._share = 1.0
-        self._drift_rest = 0.0
-        self._drift_timer: Timer | None = None
-        unit = "m" if hasattr(config.mechanics, "lead_screw_m") else "rad"
+        unit = train.load_unit
         self.trace_columns = (
             ("position", unit),
             ("velocity", f"{unit}/s"),
@@ -161,7 +152,6 @@ class AnalogDrive(MachineFaults):
         )
         """(name, unit) of the values of `trace_row`."""
         self.limit_torque(None)
-        scheduler.every(config.servo_period_ns, self.core.step)
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the present values of `trace_columns`; position, velocity and speed are those of the true
@@ -280,7 +270,7 @@ class AnalogDrive(MachineFaults):
         self.core.command_velocity(speed_rpm * RPM, 1)
 
     def _stop(self) -> None:
-        cancel(self, "_ready_timer")
+        self._cancel_ready()
         config = self.config
         if config.ready_falls == "enable":
             self._set_ready(False)
@@ -312,9 +302,14 @@ class AnalogDrive(MachineFaults):
 
     def _inhibit(self) -> None:
         """Take torque and ready output away at once."""
-        cancel(self, "_ready_timer")
+        self._cancel_ready()
         self.core.inhibit_pulses()
         self._set_ready(False)
+
+    def _cancel_ready(self) -> None:
+        if self._ready_timer is not None:
+            self._ready_timer.cancel()
+            self._ready_timer = None
 
     def _set_ready(self, level: bool) -> None:
         before = self.ready
@@ -339,11 +334,6 @@ class AnalogDrive(MachineFaults):
         self.emit("drive.inputs", inputs=value)
         for listener in self.on_inputs:
             listener(value)
-
-    def emit(self, kind: str, **data: str | float | bool) -> None:
-        """Write an event of this drive into the log, if there is one."""
-        if self._history is not None:
-            self._history.emit(self.name, kind, **data)
 
     # -- faults ----------------------------------------------------------------------------------------
 

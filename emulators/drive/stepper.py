@@ -18,7 +18,7 @@ from emulators.drive.machine import LinearAxisConfig, RotaryAxisConfig, check_nu
 from emulators.drive.profidrive.statemachine import AxisState
 from emulators.drive.tuning import RPM
 from emulators.io.tm_pto import PtoConfig, PtoModule, SignalType, StepperConfig, StepperMotor
-from emulators.mechanics import SwitchModel
+from emulators.mechanics import AxisMechanics, SwitchModel
 from fieldbus.clock import US, Scheduler, Timer, seconds_to_ns
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
@@ -126,6 +126,7 @@ class StepperTravel:
 
     Args:
         config: Machine.
+        plant: The same machine as built, with its switches.
         motor: Its motor.
 
     """
@@ -149,10 +150,9 @@ class StepperTravel:
     def __init__(
         self,
         config: LinearAxisConfig | RotaryAxisConfig,
+        plant: AxisMechanics,
         motor: StepperMotor,
-        switches: dict[str, SwitchModel],
     ) -> None:
-        plant, _ = config.build()
         self._motor = motor
         self.ratio: Final = plant.ratio
         """Load units per radian of the shaft."""
@@ -162,7 +162,7 @@ class StepperTravel:
         self._force = 0.0
         self._jammed = False
         self._lower, self._upper = plant.stops
-        self.switches = tuple(switches.values())
+        self.switches = plant.switches
         self.position = self._start
         """Of the load, m or rad."""
         self.velocity = 0.0
@@ -236,7 +236,7 @@ class StepperDrive:
         self.channel = self.module.channels[0]
         plant, self.switches = config.mechanics.build()
         self.motor = StepperMotor(self.channel.generator, config.motor(plant.motor_inertia))
-        self.mechanics = StepperTravel(config.mechanics, self.motor, self.switches)
+        self.mechanics = StepperTravel(config.mechanics, plant, self.motor)
         self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=0.0)
         self.digital_inputs.on_change = self._on_inputs
         self.digital_inputs.on_probe = self._on_probe

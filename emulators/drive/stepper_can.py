@@ -9,16 +9,16 @@ that nobody leads it any more.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from emulators.drive.injection import NodeFaults, TravelFaults
+from emulators.canopen_node import CanopenNode
+from emulators.drive.emulated_drive import EmulatedDrive
 from emulators.drive.profidrive import _objects as objects
 from emulators.drive.profidrive._eds import profidrive_dictionary
 from emulators.drive.profidrive.process_words import ProcessWords
 from emulators.drive.stepper import StepperDrive, StepperDriveConfig
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.nmt import NmtState
-from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.clock import MS, Scheduler, seconds_to_ns
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
@@ -27,8 +27,6 @@ from fieldbus.profidrive.words import ENCODER_ERRORS
 
 if TYPE_CHECKING:
     import numpy as np
-
-    from fieldbus.clock import Timer
 
 _OWN_CLOCK_PRIORITY: Final = 2
 
@@ -59,7 +57,7 @@ class StepperNodeConfig:
             raise ConfigurationError("cycle_ns", self.cycle_ns, "> 0")
 
 
-class StepperCanDrive(TravelFaults, NodeFaults):
+class StepperCanDrive(EmulatedDrive):
     """An emulated pulse module with its stepper drive on a CAN segment, and all that a test can do to them.
 
     It is off until `power_on`. Injected faults act at once.
@@ -75,18 +73,13 @@ class StepperCanDrive(TravelFaults, NodeFaults):
     """
 
     __slots__ = (
-        "_emcy_timer",
-        "_repeated_emcy",
         "_sync_ns",
         "_words",
         "config",
-        "digital_inputs",
         "drive",
         "mechanics",
-        "name",
-        "scheduler",
+        "node",
         "slave",
-        "switches",
         "trace_columns",
     )
 
@@ -105,26 +98,31 @@ class StepperCanDrive(TravelFaults, NodeFaults):
         history: History | None = None,
         rng: np.random.Generator | None = None,  # noqa: ARG002 - every drive takes one
     ) -> None:
-        self.scheduler = scheduler
-        self.name = name
+        drive = StepperDrive(scheduler, config.drive, name=name, history=history)
+        super().__init__(
+            scheduler,
+            name=name,
+            history=history,
+            travel=drive.mechanics,
+            switches=drive.switches,
+            digital_inputs=drive.digital_inputs,
+        )
         self.config = config
-        self.drive = drive = StepperDrive(scheduler, config.drive, name=name, history=history)
-        self.mechanics: Any = drive.mechanics
-        self.switches = drive.switches
-        self.digital_inputs = drive.digital_inputs
-        self.slave = slave = CanopenSlave(
+        self.drive = drive
+        """Module, motor and machine without a bus."""
+        self.mechanics = drive.mechanics
+        self.node = CanopenNode(
             scheduler,
             segment,
             profidrive_dictionary(),
             config.node_id,
             name=name,
             history=history,
-            boot_time_ns=seconds_to_ns(config.boot_time_s),
+            boot_time_s=config.boot_time_s,
         )
+        self.slave = slave = self.node.slave
         self._words = ProcessWords(slave, telegram(3) if config.drive.channel.standard else pto_telegram())
         self._sync_ns = 0
-        self._repeated_emcy = 0
-        self._emcy_timer: Timer | None = None
         self.trace_columns = (*drive.trace_columns(), ("nmt_state", ""))
         """(name, unit) of the values of `trace_row`."""
         slave.on_sync.append(self._on_sync)
@@ -277,3 +275,30 @@ class StepperCanDrive(TravelFaults, NodeFaults):
         """End the short circuit; the fault itself waits for its acknowledgement."""
         del code
         self.short_outputs(False)
+
+    # -- node ------------------------------------------------------------------------------------------
+
+    def stop_heartbeat(self, stopped: bool) -> None:
+        """Stop sending the heartbeat, or send it again."""
+        self.node.stop_heartbeat(stopped)
+
+    def delay_heartbeat(self, delay_s: float) -> None:
+        """Send every heartbeat this much later than its period says, s; 0 = on time again."""
+        self.node.delay_heartbeat(delay_s)
+
+    def reset_node(self, boot_s: float) -> None:
+        """Restart as after a dip of the supply: silence for `boot_s`, then boot-up; the motor coasts."""
+        self.power_off()
+        self.scheduler.after(seconds_to_ns(boot_s), self.power_on)
+
+    def abort_sdo(self, code: int | None, index: int = 0) -> None:
+        """Abort every SDO access (to `index`, 0 = any) with `code`; None = serve it again."""
+        self.node.abort_sdo(code, index)
+
+    def suppress_sdo_responses(self, silent: bool) -> None:
+        """Leave SDO requests unanswered, or answer again."""
+        self.node.suppress_sdo_responses(silent)
+
+    def repeat_emcy(self, code: int | None, period_s: float = 0.001) -> None:
+        """Send an EMCY every `period_s` without any state change; None = stop, with EMCY 0000h."""
+        self.node.repeat_emcy(code, period_s)

@@ -156,7 +156,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "missing-setpoint-once-too-often",
         "The drive bridges one missing setpoint more than it is told to",
-        "emulators.drive.cia402.device:DriveDevice._on_sync",
+        "emulators.drive.cia402.drive:CiA402Drive._on_sync",
         "mode.missed == self.config.missing_setpoints",
         "mode.missed == self.config.missing_setpoints + 1",
         ids=("C402-077",),

@@ -13,7 +13,7 @@ from fieldbus.clock import Timer, seconds_to_ns
 from fieldbus.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from emulators.drive.cia402.device import DriveDevice
+    from emulators.drive.cia402.drive import CiA402Drive
 
 _IN_FAULT: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 _CODES: Final = {
@@ -33,7 +33,7 @@ class FaultReactions:
 
     __slots__ = ("_drive", "_resets", "_timer")
 
-    def __init__(self, drive: DriveDevice) -> None:
+    def __init__(self, drive: CiA402Drive) -> None:
         self._drive = drive
         self._resets = 0
         self._timer: Timer | None = None
@@ -46,7 +46,7 @@ class FaultReactions:
             self._timer = None
 
     def raise_fault(self, code: int, *, persistent: bool = False) -> None:
-        """Latch a fault and enter its reaction; see `DriveDevice.raise_fault`."""
+        """Latch a fault and enter its reaction; see `CiA402Drive.raise_fault`."""
         if not 1 <= code <= 0xFFFF:
             raise ConfigurationError("emcy_code", code, "1..65535")
         drive = self._drive

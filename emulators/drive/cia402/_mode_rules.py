@@ -12,7 +12,7 @@ from emulators.drive.cia402.protection import DriveWarning
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 
 if TYPE_CHECKING:
-    from emulators.drive.cia402.device import DriveDevice
+    from emulators.drive.cia402.drive import CiA402Drive
 
 REFUSALS: Final = (
     DriveWarning.MODE_REFUSED
@@ -42,7 +42,7 @@ _U32: Final = 0xFFFFFFFF
 Checks = dict[int, Callable[[Any], object]]
 
 
-def mode_readers(drive: DriveDevice) -> dict[int, Callable[[], Any]]:
+def mode_readers(drive: CiA402Drive) -> dict[int, Callable[[], Any]]:
     """Return what 6043h, 6044h, 6053h to 6055h and 60C4h:4 show."""
     axis = drive.axis
     core = drive.core
@@ -56,19 +56,19 @@ def mode_readers(drive: DriveDevice) -> dict[int, Callable[[], Any]]:
     }
 
 
-def mode_checks(drive: DriveDevice) -> Checks:
+def mode_checks(drive: CiA402Drive) -> Checks:
     """Return the rules of the modes' objects."""
     return {**_velocity_mode(drive), **_interpolation(drive), **_positions(drive)}
 
 
-def interpolation(drive: DriveDevice) -> InterpolatedPosition:
+def interpolation(drive: CiA402Drive) -> InterpolatedPosition:
     """Return the mode ip of a drive."""
     mode = drive.function.modes[InterpolatedPosition.number]
     assert isinstance(mode, InterpolatedPosition)
     return mode
 
 
-def restore_buffer(drive: DriveDevice) -> None:
+def restore_buffer(drive: CiA402Drive) -> None:
     """Set the buffer of ip up as 60C4h says, empty, as after reset or power-on."""
     values = drive.slave.values
     interpolation(drive).buffer.configure(
@@ -92,7 +92,7 @@ def coupled_values(objects: Mapping[tuple[int, int], int]) -> dict[tuple[int, in
 # -- vl ------------------------------------------------------------------------------------------------
 
 
-def _velocity_mode(drive: DriveDevice) -> Checks:
+def _velocity_mode(drive: CiA402Drive) -> Checks:
     values = drive.slave.values
     axis = drive.axis
     checks: Checks = {}
@@ -187,7 +187,7 @@ def _saturated(value: float) -> int:
 # -- ip ------------------------------------------------------------------------------------------------
 
 
-def _interpolation(drive: DriveDevice) -> Checks:
+def _interpolation(drive: CiA402Drive) -> Checks:
     values = drive.slave.values
     mode = interpolation(drive)
     buffer = mode.buffer
@@ -236,7 +236,7 @@ def _interpolation(drive: DriveDevice) -> Checks:
 # -- positions -----------------------------------------------------------------------------------------
 
 
-def _positions(drive: DriveDevice) -> Checks:
+def _positions(drive: CiA402Drive) -> Checks:
     values = drive.slave.values
     axis = drive.axis
 

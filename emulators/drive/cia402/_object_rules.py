@@ -16,7 +16,7 @@ from fieldbus.canopen.dictionary import INTEGERS
 from fieldbus.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from emulators.drive.cia402.device import DriveDevice
+    from emulators.drive.cia402.drive import CiA402Drive
 
 _ALLOWED: Final[dict[int, Container[int]]] = {
     **{index: allowed for index, allowed, _ in OPTION_CODES.values()},
@@ -30,7 +30,7 @@ _FACTORS: Final = (0x608F, 0x6090, 0x6091, 0x6092, 0x6093, 0x6094, 0x6096, 0x609
 _PARAMETERS: Final = (0x6072, 0x6073, 0x607C, 0x607F, 0x6080, 0x60C5, 0x60C6, 0x60C8, 0x60C9, 0x60E0, 0x60E1)
 
 
-def prepare_values(drive: DriveDevice) -> None:
+def prepare_values(drive: CiA402Drive) -> None:
     """Give objects that the EDS lacks their built-in default, so that the drive works with any EDS.
 
     The bus does not see those; the drive works with their defaults.
@@ -68,7 +68,7 @@ def prepare_values(drive: DriveDevice) -> None:
                 entry.signed = entry_signed
 
 
-def install(drive: DriveDevice) -> None:
+def install(drive: CiA402Drive) -> None:
     """Register all callbacks with the slave; objects that the EDS lacks are left out."""
     entries = drive.slave.store.entries
     for key, read in _readers(drive).items():
@@ -79,7 +79,7 @@ def install(drive: DriveDevice) -> None:
             drive.slave.on_write(key >> 8, key & 0xFF, check)
 
 
-def _readers(drive: DriveDevice) -> dict[int, Callable[[], Any]]:
+def _readers(drive: CiA402Drive) -> dict[int, Callable[[], Any]]:
     axis = drive.axis
     core = drive.core
     return {
@@ -107,7 +107,7 @@ def _readers(drive: DriveDevice) -> dict[int, Callable[[], Any]]:
     }
 
 
-def _checks(drive: DriveDevice) -> dict[int, Callable[[Any], object]]:
+def _checks(drive: CiA402Drive) -> dict[int, Callable[[Any], object]]:
     values = drive.slave.values
     axis = drive.axis
     checks: dict[int, Callable[[Any], object]] = {

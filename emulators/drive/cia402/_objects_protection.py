@@ -11,7 +11,7 @@ from emulators.drive.cia402.objects import I16, STRING, U8, U16, U32, Item, Obje
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 
 if TYPE_CHECKING:
-    from emulators.drive.cia402.device import DriveDevice
+    from emulators.drive.cia402.drive import CiA402Drive
 
 
 def protection_objects() -> tuple[ObjectRow, ...]:
@@ -48,7 +48,7 @@ def protection_objects() -> tuple[ObjectRow, ...]:
     )
 
 
-def protection_readers(drive: DriveDevice) -> dict[int, Callable[[], Any]]:
+def protection_readers(drive: CiA402Drive) -> dict[int, Callable[[], Any]]:
     """Return what is read live, by key."""
     protection = drive.protection
     link = protection.dc_link
@@ -73,7 +73,7 @@ def protection_readers(drive: DriveDevice) -> dict[int, Callable[[], Any]]:
     return readers
 
 
-def clear_history(drive: DriveDevice, value: Any) -> None:
+def clear_history(drive: CiA402Drive, value: Any) -> None:
     """Take 2107h: 1 clears the fault history.
 
     Raises:

@@ -10,7 +10,7 @@ from fieldbus.cia402 import DriveState
 from fieldbus.clock import S, Timer, seconds_to_ns
 
 if TYPE_CHECKING:
-    from emulators.drive.cia402.device import DriveDevice
+    from emulators.drive.cia402.drive import CiA402Drive
 
 _WITH_TORQUE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 _INTERLOCK: Final = 1 << 3
@@ -38,7 +38,7 @@ class SafetyFunctions:
         "torque_off",
     )
 
-    def __init__(self, drive: DriveDevice) -> None:
+    def __init__(self, drive: CiA402Drive) -> None:
         self._drive = drive
         self._ss1_timer: Timer | None = None
         self._start_ns = 0

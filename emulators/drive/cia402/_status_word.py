@@ -10,7 +10,7 @@ from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.cia402 import DriveState, Mode
 
 if TYPE_CHECKING:
-    from emulators.drive.cia402.device import DriveDevice
+    from emulators.drive.cia402.drive import CiA402Drive
 
 _VOLTAGE_ENABLED: Final = 1 << 4
 _WARNING: Final = 1 << 7
@@ -49,7 +49,7 @@ class StatusWord:
         "homing_refused",
     )
 
-    def __init__(self, drive: DriveDevice) -> None:
+    def __init__(self, drive: CiA402Drive) -> None:
         self._drive = drive
         self._machine = drive.machine
         self._function = drive.function

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from emulators.drive.cia402.device import DriveDevice
+    from emulators.drive.cia402.drive import CiA402Drive
 
 _LOSS: Final = 1.5
 """From here on a period is no jitter but a SYNC that is missing (C301-037)."""
@@ -22,7 +22,7 @@ class SyncJitter:
 
     __slots__ = ("_before_ns", "_drive", "_tolerance", "worst_ns")
 
-    def __init__(self, drive: DriveDevice, tolerance: float) -> None:
+    def __init__(self, drive: CiA402Drive, tolerance: float) -> None:
         self._drive = drive
         self._tolerance = tolerance
         self._before_ns: int | None = None

@@ -9,7 +9,7 @@ from fieldbus.canopen import NmtState
 from fieldbus.cia402 import DriveState, Mode
 
 if TYPE_CHECKING:
-    from emulators.drive.cia402.device import DriveDevice
+    from emulators.drive.cia402.drive import CiA402Drive
 
 
 def trace_columns(position_unit: str) -> tuple[tuple[str, str], ...]:
@@ -45,7 +45,7 @@ TRACE_ENUMS: Final[dict[str, dict[int, str]]] = {
 _PER_RPM: Final = 1.0 / RPM
 
 
-def trace_row(drive: DriveDevice) -> tuple[float, ...]:
+def trace_row(drive: CiA402Drive) -> tuple[float, ...]:
     """Return the present values: position, velocity and speed are those of the true mechanics (STP-550)."""
     core = drive.core
     mechanics = drive.mechanics

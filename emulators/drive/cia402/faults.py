@@ -14,7 +14,7 @@ from fieldbus.cia402 import emcy_text
 from fieldbus.history import History
 
 if TYPE_CHECKING:
-    from emulators.drive.cia402.device import DriveDevice
+    from emulators.drive.cia402.drive import CiA402Drive
 
 FOLLOWING_ERROR: Final = 0x8611
 SLIPPAGE: Final = 0x8400
@@ -136,7 +136,7 @@ class Monitors:
 
     __slots__ = ("_blocked", "_drive", "_following")
 
-    def __init__(self, drive: DriveDevice) -> None:
+    def __init__(self, drive: CiA402Drive) -> None:
         config = drive.config
         self._drive = drive
         self._following = WindowTimer()

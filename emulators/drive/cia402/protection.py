@@ -10,12 +10,11 @@ from enum import IntFlag
 from typing import TYPE_CHECKING, Final
 
 from emulators.drive.cia402 import faults
-from emulators.drive.power_stage import PowerStage
 from fieldbus.cia402 import DriveState
 from fieldbus.clock import Timer, seconds_to_ns
 
 if TYPE_CHECKING:
-    from emulators.drive.cia402.device import DriveDevice
+    from emulators.drive.cia402.drive import CiA402Drive
 
 _WITH_TORQUE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 
@@ -96,17 +95,10 @@ class Protection:
         "warnings",
     )  # fmt: skip
 
-    def __init__(self, drive: DriveDevice) -> None:
-        config = drive.config
+    def __init__(self, drive: CiA402Drive) -> None:
         self._drive = drive
         self._core = drive.core
-        self.power = models = PowerStage(
-            drive.core,
-            supply=config.supply,
-            thermal=config.thermal,
-            rated_torque_Nm=config.rated_torque_Nm,
-            motor_time_constant_s=config.thermal_time_constant_s,
-        )
+        self.power = models = drive.power
         self._phase_s = 0.0
         self._motor_cap = math.inf
         self._link_state = ""

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from emulators.drive.injection import MachineFaults, PowerFaults
-from emulators.drive.machine import LinearAxisConfig
-from emulators.drive.power_stage import PowerStage
+from emulators.drive.emulated_drive import MainsDrive
 from emulators.drive.profidrive import fault_catalogue as numbers
 from emulators.drive.profidrive._trace import trace_columns
 from emulators.drive.profidrive.config import ProfidriveConfig
@@ -24,12 +22,10 @@ from fieldbus.history import History
 if TYPE_CHECKING:
     import numpy as np
 
-    from fieldbus.clock import Timer
-
 _NOT_VALID: Final = 0x0001
 
 
-class DriveOnBus(MachineFaults, PowerFaults):
+class DriveOnBus(MainsDrive):
     """A drive with its machine and the fault methods; a transport inherits it and carries the telegrams.
 
     Args:
@@ -45,18 +41,9 @@ class DriveOnBus(MachineFaults, PowerFaults):
     """
 
     __slots__ = (
-        "_drift_rest",
-        "_drift_timer",
         "config",
-        "core",
-        "digital_inputs",
         "drive",
-        "encoder",
-        "mechanics",
-        "name",
         "parameters",
-        "scheduler",
-        "switches",
         "trace_columns",
     )
 
@@ -72,23 +59,22 @@ class DriveOnBus(MachineFaults, PowerFaults):
         history: History | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        self.scheduler = scheduler
-        self.name = name
+        drive = ProfidriveDrive(scheduler, config, name=name, history=history, rng=rng)
+        super().__init__(
+            scheduler,
+            name=name,
+            history=history,
+            train=drive.train,
+            power=drive.power,
+            control_period_ns=config.control_period_ns,
+        )
         self.config = config
-        self.drive = drive = ProfidriveDrive(scheduler, config, name=name, history=history, rng=rng)
+        self.drive = drive
+        """The axis without a bus."""
         self.parameters = DriveParameters(drive)
         """Parameters of the drive, read and written by the rules of the bus."""
-        self.core = drive.core
-        self.encoder = drive.encoder
-        self.mechanics = drive.mechanics
-        self.switches = drive.switches
-        self.digital_inputs = drive.digital_inputs
-        self._drift_timer: Timer | None = None
-        self._drift_rest = 0.0
         self.trace_columns = trace_columns(
-            "m" if isinstance(config.mechanics, LinearAxisConfig) else "rad",
-            self.bus_columns,
-            second=config.encoder2 is not None,
+            drive.train.load_unit, self.bus_columns, second=config.encoder2 is not None
         )
         """(name, unit) of the values of `trace_row`."""
 
@@ -96,21 +82,6 @@ class DriveOnBus(MachineFaults, PowerFaults):
     def state(self) -> AxisState:
         """State of the general state machine."""
         return self.drive.state
-
-    @property
-    def now_ns(self) -> int:
-        """Present time, ns."""
-        return self.scheduler.now
-
-    @property
-    def inputs(self) -> int:
-        """Digital inputs: bit 0 negative limit, 1 positive limit, 2 home switch; 1 = actuated."""
-        return self.drive.inputs
-
-    @property
-    def power(self) -> PowerStage:
-        """Models of heat and supply."""
-        return self.drive.power
 
     # -- faults ----------------------------------------------------------------------------------------
 
@@ -192,7 +163,8 @@ class DriveOnBus(MachineFaults, PowerFaults):
 
     # -- power stage and encoder ----------------------------------------------------------------------
 
-    def _link_changed(self) -> None:
+    def check_dc_link(self) -> None:
+        """React to a change of the DC link or of the mains at once."""
         self.drive.monitors.look_at_link()
 
     def limit_torque(self, share: float | None) -> None:

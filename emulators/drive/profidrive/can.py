@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from emulators.drive.injection import NodeFaults
+from emulators.canopen_node import CanopenNode
 from emulators.drive.profidrive import _objects as objects
 from emulators.drive.profidrive import fault_catalogue as numbers
 from emulators.drive.profidrive._cia402_objects import Cia402Objects
@@ -27,15 +27,12 @@ from emulators.drive.profidrive.statemachine import Off
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.nmt import NmtState
-from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.clock import Scheduler, seconds_to_ns
 from fieldbus.errors import ConfigurationError, HilError
 from fieldbus.history import History
 
 if TYPE_CHECKING:
     import numpy as np
-
-    from fieldbus.clock import Timer
 
 _OPERATIONAL: Final = NmtState.OPERATIONAL
 _FREE_RUNNING_PRIORITY: Final = 2
@@ -71,7 +68,7 @@ class ProfidriveNodeConfig:
             raise ConfigurationError("boot_time_s", self.boot_time_s, ">= 0")
 
 
-class ProfidriveCanDrive(DriveOnBus, NodeFaults):
+class ProfidriveCanDrive(DriveOnBus):
     """An emulated PROFIdrive axis on a CAN segment, with all that a test can do to it and its machine.
 
     It is off until `power_on`; the machine moves from the start. Injected faults act at once.
@@ -92,11 +89,10 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
 
     __slots__ = (
         "_configured",
-        "_emcy_timer",
         "_emcys",
-        "_repeated_emcy",
         "_sync_ns",
         "_words",
+        "node",
         "node_config",
         "slave",
     )  # fmt: skip
@@ -117,20 +113,20 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         super().__init__(scheduler, config.drive, name=name, history=history, rng=rng)
         self.node_config = config
         drive = self.drive
-        self.slave = CanopenSlave(
+        self.node = CanopenNode(
             scheduler,
             segment,
             profidrive_dictionary(),
             config.node_id,
             name=name,
             history=history,
-            boot_time_ns=seconds_to_ns(config.boot_time_s),
+            boot_time_s=config.boot_time_s,
             storage=config.storage,
         )
+        self.slave = self.node.slave
         self._words = ProcessWords(self.slave, drive.telegram)
         self._sync_ns = 0
         self._emcys: set[int] = set()
-        self._emcy_timer: Timer | None = None
         slave = self.slave
         slave.on_write(objects.ABORT_CONNECTION, 0, _check_abort_connection)
         store = slave.store
@@ -255,6 +251,33 @@ class ProfidriveCanDrive(DriveOnBus, NodeFaults):
         for code in sorted(self._emcys):
             slave.emcy_clear(code)
         self._emcys.clear()
+
+    # -- node ------------------------------------------------------------------------------------------
+
+    def stop_heartbeat(self, stopped: bool) -> None:
+        """Stop sending the heartbeat, or send it again."""
+        self.node.stop_heartbeat(stopped)
+
+    def delay_heartbeat(self, delay_s: float) -> None:
+        """Send every heartbeat this much later than its period says, s; 0 = on time again."""
+        self.node.delay_heartbeat(delay_s)
+
+    def reset_node(self, boot_s: float) -> None:
+        """Restart as after a dip of the supply: silence for `boot_s`, then boot-up; the motor coasts."""
+        self.power_off()
+        self.scheduler.after(seconds_to_ns(boot_s), self.power_on)
+
+    def abort_sdo(self, code: int | None, index: int = 0) -> None:
+        """Abort every SDO access (to `index`, 0 = any) with `code`; None = serve it again."""
+        self.node.abort_sdo(code, index)
+
+    def suppress_sdo_responses(self, silent: bool) -> None:
+        """Leave SDO requests unanswered, or answer again."""
+        self.node.suppress_sdo_responses(silent)
+
+    def repeat_emcy(self, code: int | None, period_s: float = 0.001) -> None:
+        """Send an EMCY every `period_s` without any state change; None = stop, with EMCY 0000h."""
+        self.node.repeat_emcy(code, period_s)
 
 
 def _check_abort_connection(value: Any) -> None:

@@ -13,9 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from emulators.drive.core import ServoCore
-from emulators.drive.inputs import DigitalInputs
-from emulators.drive.power_stage import PowerStage
+from emulators.drive.drive_train import build_drive_train
 from emulators.drive.profidrive import fault_catalogue as numbers
 from emulators.drive.profidrive._data_sets import DataSets
 from emulators.drive.profidrive._faults import FaultState
@@ -117,9 +115,9 @@ class ProfidriveDrive:
         "sign_of_life",
         "stw1",
         "stw2",
-        "switches",
         "telegram",
         "torque",
+        "train",
         "watched_by_transport",
         "words",
     )
@@ -141,17 +139,21 @@ class ProfidriveDrive:
         """Parameters in force; call `refresh` when one has changed."""
         self.telegram = config.build_telegram()
         self.isochronous = config.works_isochronously
-        self.mechanics, self.switches = config.mechanics.build()
-        self.encoder = config.encoder_with_fine_resolution.build(rng)
-        self.core = ServoCore(
-            mechanics=self.mechanics,
-            encoder=self.encoder,
-            period_s=config.servo_period_ns / 1e9,
+        self.train = train = build_drive_train(
+            scheduler,
+            mechanics=config.mechanics,
+            encoder=config.encoder_with_fine_resolution,
+            brake=config.brake,
             tuning=config.tuning,
-            brake=config.brake.build(self.mechanics),
+            servo_period_ns=config.servo_period_ns,
+            input_filter_s=config.input_filter_s,
+            rng=rng,
         )
-        self.power = PowerStage(
-            self.core,
+        """Motor, machine and servo core."""
+        self.core = train.core
+        self.encoder = train.encoder
+        self.mechanics = train.mechanics
+        self.power = train.build_power_stage(
             supply=config.supply,
             thermal=config.thermal,
             rated_torque_Nm=config.rated_torque_Nm,
@@ -189,7 +191,7 @@ class ProfidriveDrive:
         """Encoder interface G1."""
         self.g1_words = (0, 0, 0)
         """G1_ZSW, G1_XIST1, G1_XIST2."""
-        self.digital_inputs = DigitalInputs(scheduler, self.switches, filter_s=config.input_filter_s)
+        self.digital_inputs = train.digital_inputs
         self.digital_inputs.on_change = self._on_inputs
         self.second = None if config.encoder2 is None else SecondEncoder(self, config.encoder2, rng)
         """The second encoder, G2; None = not fitted."""
@@ -222,7 +224,6 @@ class ProfidriveDrive:
         self.words = StatusWords(self)
         self.words.connect()
         self.refresh()
-        scheduler.every(config.servo_period_ns, self.core.step)
         scheduler.every(config.control_period_ns, self._control_cycle, priority=_CONTROL_PRIORITY)
 
     def setpoint_place(self, name: str) -> int:

@@ -12,23 +12,23 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from emulators.drive.injection import cancel
 from emulators.drive.profidrive._drive_on_bus import DriveOnBus
-from emulators.drive.profidrive._modbus_faults import ModbusFaults
 from emulators.drive.profidrive._trace import TRACE_ENUMS, trace_row
 from emulators.drive.profidrive.config import ProfidriveConfig
-from emulators.drive.profidrive.parameter_channel import ParameterChannel
+from emulators.drive.profidrive.parameter_channel import ChannelError, ParameterChannel
 from fieldbus.clock import MS, Scheduler, seconds_to_ns
-from fieldbus.errors import ConfigurationError
+from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from fieldbus.history import History
 from fieldbus.modbus import (
     DriveMap,
+    ExceptionCode,
     ModbusServer,
     Parity,
     PtyServer,
     RtuStation,
     SerialFormat,
     TcpStation,
+    exception_text,
     load_map,
 )
 from fieldbus.profidrive.errors import ParameterAccessError
@@ -90,7 +90,7 @@ class ProfidriveModbusConfig:
                 raise ConfigurationError(name, getattr(self, name), ">= 0")
 
 
-class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
+class ProfidriveModbusDrive(DriveOnBus):
     """An emulated PROFIdrive axis as a Modbus server, with all that a test can do to it and its machine.
 
     It is off until `power_on`; the machine moves from the start. One of `listen`, `attach` and
@@ -306,7 +306,9 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
 
     def power_off(self) -> None:
         """Switch everything off at once: the motor coasts, all but the saved parameters is lost."""
-        cancel(self, "_boot_timer")
+        if self._boot_timer is not None:
+            self._boot_timer.cancel()
+            self._boot_timer = None
         self.drive.power_off()
         self._show_supply()
 
@@ -331,6 +333,70 @@ class ProfidriveModbusDrive(ModbusFaults, DriveOnBus):
     def request(self, data: bytes) -> bytes:
         """Answer a request of base mode parameter access."""
         return self.parameters.server.request(data)
+
+    # -- faults ----------------------------------------------------------------------------------------
+
+    def refuse_requests(self, code: int | None, function: int | None = None) -> None:
+        """Answer every request (of one function) with an exception code; None = serve them again.
+
+        Raises:
+            ConfigurationError: There is no such exception code (MODB-022 to MODB-031).
+
+        """
+        if code is None:
+            self.server.exception_hook = None
+            return
+        known = [int(one) for one in ExceptionCode]
+        if code not in known:
+            raise ConfigurationError(
+                "exception code", code, ", ".join(f"{one} ({exception_text(one)})" for one in known)
+            )
+        self.server.exception_hook = lambda _unit, pdu: code if function in (None, pdu[0]) else 0
+
+    def suppress_modbus_responses(self, silent: bool) -> None:
+        """Carry requests out without answering them, or answer again.
+
+        Raises:
+            UnsupportedFaultError: The drive is on no bus.
+
+        """
+        self._on_bus().silent = silent
+
+    def delay_responses(self, delay_s: float) -> None:
+        """Answer this long after the request, s.
+
+        Raises:
+            UnsupportedFaultError: The drive is on no bus.
+            ConfigurationError: The time is negative.
+
+        """
+        if not delay_s >= 0.0:
+            raise ConfigurationError("delay_s", delay_s, ">= 0")
+        self._on_bus().processing_ns = seconds_to_ns(delay_s)
+
+    def fail_parameter_channel(self, code: int | None) -> None:
+        """Answer every request of data record 47 with an error of the channel, 1..5; None = serve them again.
+
+        Raises:
+            ConfigurationError: There is no such error (PD-329 to PD-333).
+
+        """
+        known = [int(one) for one in ChannelError]
+        if code is not None and code not in known:
+            raise ConfigurationError("error of the parameter channel", code, ", ".join(map(str, known)))
+        self.channel.injected = code or 0
+
+    def reset_node(self, boot_s: float) -> None:
+        """Restart as after a dip of the supply: silence for `boot_s`, then service again; the motor
+        coasts.
+        """
+        self.power_off()
+        self.scheduler.after(seconds_to_ns(boot_s), self.power_on)
+
+    def _on_bus(self) -> RtuStation | TcpStation[Any] | PtyServer:
+        if self.station is None:
+            raise UnsupportedFaultError(f"{self.name}: the drive is on no Modbus link")
+        return self.station
 
 
 def _check_format(format_: SerialFormat) -> None:

@@ -56,7 +56,7 @@ def test_probes_on_the_travel():
     here = config.mechanics.position_m
     workpiece = SwitchConfig(low=here + 0.0123, high=here + 0.0177)
     rig = Rig(replace(config, mechanics=replace(config.mechanics, switches={"probe1": workpiece})))
-    switch = rig.drive.switches["probe1"]
+    switch = rig.drive.train.switches["probe1"]
     speed = rig.speed(600.0)
     rig.enable()
     rig.cycle(RUN, G1_STW=MEASURE | 0x13, **speed)
@@ -85,7 +85,7 @@ def test_probe_by_hand(late_ns):
     before = rig.actual["G1_XIST1"]
     elapsed = rig.config.cycle_ns  # since the encoder was read for the answer
     rig.scheduler.run_for(MS + late_ns)
-    rig.drive.switches["probe2"].forced = True
+    rig.drive.train.switches["probe2"].forced = True
     rig.scheduler.run_for(rig.config.cycle_ns - MS - late_ns)
     rig.cycle(RUN, G1_STW=MEASURE | READ | 4, **speed)
     rig.cycle(RUN, G1_STW=MEASURE | READ | 4, **speed)
