@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Final
 
 from emulators.canopen_node import CanopenNode
 from emulators.drive.emulated_drive import EmulatedDrive
-from emulators.drive.profidrive import _objects as objects
-from emulators.drive.profidrive._eds import profidrive_dictionary
-from emulators.drive.profidrive.process_words import ProcessWords
+from emulators.drive.profidrive.canopen import objects
+from emulators.drive.profidrive.canopen.eds import profidrive_dictionary
+from emulators.drive.profidrive.canopen.process_words import ProcessWords
 from emulators.drive.stepper import StepperDrive, StepperDriveConfig
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.nmt import NmtState

@@ -13,7 +13,7 @@ from fieldbus.errors import ConfigurationError
 from hil.bench._drive_sections import NotNegative, Positive, Section
 
 if TYPE_CHECKING:
-    from emulators.drive.profidrive.positioner_config import PositionerSettings
+    from emulators.drive.profidrive.positioner.config import PositionerSettings
 
 Position = Annotated[int, Field(ge=-2_147_482_648, le=2_147_482_647)]
 """LU."""
@@ -91,7 +91,7 @@ class PositionerSection(Section):
 
     def build(self) -> PositionerSettings:
         """Return the settings of the emulated positioner."""
-        from emulators.drive.profidrive.positioner_config import (
+        from emulators.drive.profidrive.positioner.config import (
             BlockTask,
             Continuation,
             PositionerSettings,

@@ -10,7 +10,7 @@ from hil.bench._drive_sections import Finite, NotNegative, Positive, Section, Ti
 
 if TYPE_CHECKING:
     from emulators.drive.machine import SafetyConfig
-    from emulators.drive.profidrive.safe_motion import SafeMotionConfig
+    from emulators.drive.profidrive.safety.config import SafeMotionConfig
 
 Reaction = Literal["sto", "ss1", "ss2"]
 SafeTime_ms = Annotated[float, Field(ge=1.0, le=600_000.0)]
@@ -82,7 +82,7 @@ class SafetySection(Section):
 
     def build_motion(self) -> SafeMotionConfig:
         """Return the configuration of the functions of a PROFIdrive axis."""
-        from emulators.drive.profidrive.safe_motion import SafeMotionConfig
+        from emulators.drive.profidrive.safety.config import SafeMotionConfig
 
         return SafeMotionConfig(
             ss1_external=self.ss1_external,

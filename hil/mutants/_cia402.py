@@ -9,10 +9,10 @@ from hil.mutants._mutant import Mutant, defect
 
 _MACHINE: Final = "emulators.drive.cia402.statemachine:PowerStateMachine"
 _FUNCTION: Final = "emulators.drive.cia402.function:DriveFunction"
-_REACTIONS: Final = "emulators.drive.cia402._fault_reactions:FaultReactions"
-_STATUS: Final = "emulators.drive.cia402._status_word:StatusWord"
+_REACTIONS: Final = "emulators.drive.cia402.faults.reactions:FaultReactions"
+_STATUS: Final = "emulators.drive.cia402.status_word:StatusWord"
 _PROTECTION: Final = "emulators.drive.cia402.protection:Protection"
-_SAFETY: Final = "emulators.drive.cia402._safety:SafetyFunctions"
+_SAFETY: Final = "emulators.drive.cia402.safety:SafetyFunctions"
 _CORE: Final = "emulators.drive.core:ServoCore"
 
 _defect = partial(defect, area="cia402")

@@ -10,12 +10,12 @@ from typing import Final
 from hil.mutants._mutant import Mutant, defect
 
 _MACHINE: Final = "emulators.drive.profidrive.statemachine:GeneralStateMachine.step"
-_DEVICE: Final = "emulators.drive.profidrive.device:ProfidriveDrive"
-_FAULTS: Final = "emulators.drive.profidrive._faults:FaultState"
-_OPERATION: Final = "emulators.drive.profidrive._operation:Operation"
-_CHANNEL: Final = "emulators.drive.profidrive.setpoint_channel:SetpointChannel"
-_WORDS: Final = "emulators.drive.profidrive._words:StatusWords"
-_MONITORS: Final = "emulators.drive.profidrive._monitors:Monitors"
+_DEVICE: Final = "emulators.drive.profidrive.drive:ProfidriveDrive"
+_FAULTS: Final = "emulators.drive.profidrive.faults.state:FaultState"
+_OPERATION: Final = "emulators.drive.profidrive.operation:Operation"
+_CHANNEL: Final = "emulators.drive.profidrive.modes.setpoint_channel:SetpointChannel"
+_WORDS: Final = "emulators.drive.profidrive.status_words:StatusWords"
+_MONITORS: Final = "emulators.drive.profidrive.monitors:Monitors"
 _SIGN: Final = "fieldbus.profidrive.sign_of_life:SignOfLife"
 _WATCH: Final = "fieldbus.profidrive.sign_of_life:SignWatch.step"
 _PORT: Final = "motion.drives.profidrive:ProfidrivePort"

@@ -15,7 +15,7 @@ import pytest
 
 from emulators.drive.machine import LinearAxisConfig
 from emulators.drive.profidrive.modbus import ProfidriveModbusConfig
-from emulators.drive.profidrive.positioner_config import PositionerSettings
+from emulators.drive.profidrive.positioner.config import PositionerSettings
 from testcases.peers.real_drive import RealDrive, real_drive, slow_servo
 
 PROGRAM = Path(__file__).with_name("edcon_motion.py")

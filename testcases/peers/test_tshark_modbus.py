@@ -11,7 +11,7 @@ from collections import Counter
 
 import pytest
 
-from emulators.drive.profidrive import fault_catalogue as numbers
+from emulators.drive.profidrive.faults import catalogue as numbers
 from fieldbus.modbus import Request, RtuDecoder, TcpDecoder, TcpSplitter, function_text, unwrap_rtu
 from fieldbus.modbus.export import write_serial_capture, write_tcp_capture
 from testcases.unit.emulators_profidrive.modbus_rig import ACKNOWLEDGE, RUN, UNIT, ModbusRig

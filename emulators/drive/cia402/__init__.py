@@ -23,7 +23,7 @@ from emulators.drive.cia402.config import (
     DriveConfig,
 )
 from emulators.drive.cia402.drive import CiA402Drive
-from emulators.drive.cia402.fault_rules import COASTING_FAULTS, RULES, FaultRule, fault_rule
+from emulators.drive.cia402.faults.rules import COASTING_FAULTS, RULES, FaultRule, fault_rule
 from emulators.drive.cia402.personality import Personality, load_personality, personality_names
 from emulators.drive.cia402.protection import DriveWarning
 from emulators.drive.cia402.quirks import EmcyCode, Quirks

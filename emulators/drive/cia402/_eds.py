@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from emulators.drive.cia402.objects import all_objects
+from emulators.drive.cia402.objects.table import all_objects
 from fieldbus.canopen import eds_text as writer
 from fieldbus.canopen.eds import shared_dictionary
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal
 
-from emulators.drive.cia402.fault_rules import COASTING_FAULTS
+from emulators.drive.cia402.faults.rules import COASTING_FAULTS
 from emulators.drive.cia402.homing_methods import DEFAULT_STOP_METHODS, supported_methods
 from emulators.drive.cia402.quirks import EmcyCode, Quirks
 from emulators.drive.core import ServoTuning

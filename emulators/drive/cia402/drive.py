@@ -7,30 +7,31 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from emulators.canopen_node import CanopenNode
-from emulators.drive.cia402 import _object_rules, faults
 from emulators.drive.cia402._eds import drive_dictionary
-from emulators.drive.cia402._fault_log import FaultLog
-from emulators.drive.cia402._fault_reactions import FaultReactions
-from emulators.drive.cia402._mode_rules import (
+from emulators.drive.cia402.axis import ProfileAxis
+from emulators.drive.cia402.config import DriveConfig
+from emulators.drive.cia402.faults import codes as faults
+from emulators.drive.cia402.faults.codes import FaultMemory, Monitors
+from emulators.drive.cia402.faults.log import FaultLog
+from emulators.drive.cia402.faults.reactions import FaultReactions
+from emulators.drive.cia402.function import DriveFunction
+from emulators.drive.cia402.homing_methods import supported_methods
+from emulators.drive.cia402.modes import Homing, ModeOfOperation, ProfileVelocity
+from emulators.drive.cia402.objects import rules as _object_rules
+from emulators.drive.cia402.objects.mode_rules import (
     REFUSALS,
     coupled_values,
     interpolation,
     restore_buffer,
 )
-from emulators.drive.cia402._objects_profile import SUPPORTED_HOMING
-from emulators.drive.cia402._safety import SafetyFunctions
-from emulators.drive.cia402._status_word import StatusWord
-from emulators.drive.cia402._sync_jitter import SyncJitter
-from emulators.drive.cia402._touch_probe import TouchProbe
-from emulators.drive.cia402._trace import TRACE_ENUMS, trace_columns, trace_row
-from emulators.drive.cia402.axis import ProfileAxis
-from emulators.drive.cia402.config import DriveConfig
-from emulators.drive.cia402.faults import FaultMemory, Monitors
-from emulators.drive.cia402.function import DriveFunction
-from emulators.drive.cia402.homing_methods import supported_methods
-from emulators.drive.cia402.modes import Homing, ModeOfOperation, ProfileVelocity
+from emulators.drive.cia402.objects.profile import SUPPORTED_HOMING
 from emulators.drive.cia402.protection import DriveWarning, Protection
+from emulators.drive.cia402.safety import SafetyFunctions
 from emulators.drive.cia402.statemachine import PowerStateMachine
+from emulators.drive.cia402.status_word import StatusWord
+from emulators.drive.cia402.sync_jitter import SyncJitter
+from emulators.drive.cia402.touch_probe import TouchProbe
+from emulators.drive.cia402.trace import TRACE_ENUMS, trace_columns, trace_row
 from emulators.drive.drive_train import build_drive_train
 from emulators.drive.emulated_drive import MainsDrive
 from emulators.drive.supply import DcLink

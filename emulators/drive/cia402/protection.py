@@ -9,7 +9,7 @@ import math
 from enum import IntFlag
 from typing import TYPE_CHECKING, Final
 
-from emulators.drive.cia402 import faults
+from emulators.drive.cia402.faults import codes as faults
 from fieldbus.cia402 import DriveState
 from fieldbus.clock import Timer, seconds_to_ns
 

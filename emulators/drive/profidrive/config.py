@@ -16,8 +16,8 @@ from emulators.drive.machine import (
     SwitchConfig,
     check_number,
 )
-from emulators.drive.profidrive.positioner_config import PositionerSettings
-from emulators.drive.profidrive.safe_motion import SafeMotionConfig
+from emulators.drive.profidrive.positioner.config import PositionerSettings
+from emulators.drive.profidrive.safety.config import SafeMotionConfig
 from emulators.drive.profidrive.second_encoder import SecondEncoderConfig
 from emulators.drive.supply import SupplyConfig
 from emulators.drive.thermal import ThermalConfig

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from emulators.drive.profidrive.messages import FaultBuffer, FaultMessage
+from emulators.drive.profidrive.faults.buffer import FaultBuffer, FaultMessage
 from fieldbus.clock import MS, Scheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import telegram

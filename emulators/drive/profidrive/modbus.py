@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from emulators.drive.profidrive._drive_on_bus import DriveOnBus
-from emulators.drive.profidrive._trace import TRACE_ENUMS, trace_row
+from emulators.drive.profidrive.bus_drive import DriveOnBus
 from emulators.drive.profidrive.config import ProfidriveConfig
-from emulators.drive.profidrive.parameter_channel import ChannelError, ParameterChannel
+from emulators.drive.profidrive.parameters.channel import ChannelError, ParameterChannel
+from emulators.drive.profidrive.trace import TRACE_ENUMS, trace_row
 from fieldbus.clock import MS, Scheduler, seconds_to_ns
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from fieldbus.history import History

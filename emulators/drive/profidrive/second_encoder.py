@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Literal
 
-from emulators.drive.profidrive.fault_catalogue import DriveWarning
+from emulators.drive.profidrive.faults.catalogue import DriveWarning
 from emulators.encoder import Mounting
 from emulators.encoder.profidrive import EncoderFormat, EncoderInterface
 from emulators.encoder.profidrive.faults import SensorFaults
@@ -19,7 +19,7 @@ from fieldbus.errors import ConfigurationError
 if TYPE_CHECKING:
     import numpy as np
 
-    from emulators.drive.profidrive.device import ProfidriveDrive
+    from emulators.drive.profidrive.drive import ProfidriveDrive
 
 _PER_NM: Final = 1e-9
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from emulators.drive.profidrive.process_words import ProcessWords
+from emulators.drive.profidrive.canopen.process_words import ProcessWords
 from emulators.encoder._mounting import Mounting
 from emulators.encoder._own_shaft import OwnShaft
 from emulators.encoder.profidrive import _objects as objects

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from emulators.drive.profidrive.messages import FaultBuffer, FaultMessage
+from emulators.drive.profidrive.faults.buffer import FaultBuffer, FaultMessage
 from emulators.encoder._mounting import Mounting
 from emulators.encoder.profidrive._abilities import EncoderAbilities, EncoderState
 from emulators.encoder.profidrive.format import EncoderFormat, p979

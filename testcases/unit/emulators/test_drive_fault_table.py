@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 
 from emulators.drive.cia402 import COASTING_FAULTS, RULES, fault_rule
-from emulators.drive.cia402.fault_rules import Reaction, Reset
+from emulators.drive.cia402.faults.rules import Reaction, Reset
 from fieldbus.cia402 import EMCY_TEXTS
 from fieldbus.cia402 import DriveState as S
 

@@ -10,7 +10,7 @@ import canopen
 import pytest
 
 from emulators.drive.cia402 import EDS_PATH, drive_dictionary, eds_text
-from emulators.drive.cia402.objects import STRING, TYPE_NAMES, all_objects
+from emulators.drive.cia402.objects.table import STRING, TYPE_NAMES, all_objects
 from fieldbus.canopen.dictionary import entries_of
 
 # The object table of the profile chapter, in its own notation: index, sub-indices, types, access, PDO

@@ -15,7 +15,7 @@ from emulators.drive.profidrive import (
     DriveWarning,
     ProfidriveConfig,
 )
-from emulators.drive.profidrive import fault_catalogue as numbers
+from emulators.drive.profidrive.faults import catalogue as numbers
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import STW1, ZSW1, ZSW2, to_n4
 from testcases.unit.emulators_profidrive.profidrive_rig import READY, RUN, SYNCHRONISED, Rig

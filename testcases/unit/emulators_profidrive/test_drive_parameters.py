@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from emulators.drive.profidrive import AxisState, ProfidriveConfig
-from emulators.drive.profidrive.drive_parameters import DriveParameters
-from emulators.drive.profidrive.fault_catalogue import BLOCKED, CATALOGUE
+from emulators.drive.profidrive.faults.catalogue import BLOCKED, CATALOGUE
+from emulators.drive.profidrive.parameters.drive_parameters import DriveParameters
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.requests import Address, Refusal, Request, Values, decode_answer
 from testcases.unit.emulators_profidrive.profidrive_rig import READY, RUN, Rig

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from emulators.drive.profidrive.messages import MESSAGES, SITUATIONS, FaultBuffer, FaultMessage
+from emulators.drive.profidrive.faults.buffer import MESSAGES, SITUATIONS, FaultBuffer, FaultMessage
 
 
 @pytest.mark.requirement("PD-133", "PD-134", "PD-135", "PD-137")

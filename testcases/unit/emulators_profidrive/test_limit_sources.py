@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from emulators.drive.profidrive import AxisState, DriveSettings, ProfidriveConfig
-from emulators.drive.profidrive.drive_parameters import DriveParameters
+from emulators.drive.profidrive.parameters.drive_parameters import DriveParameters
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import MELDW, to_n2
 from fieldbus.profidrive.errors import ParameterAccessError

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emulators.drive.profidrive.parameter_channel import ChannelError, ParameterChannel
-from emulators.drive.profidrive.parameter_server import ParameterServer
-from emulators.drive.profidrive.parameters import ParameterStore
-from emulators.drive.profidrive.sdo_parameters import ParameterWindow, abort_code
+from emulators.drive.profidrive.canopen.sdo_parameters import ParameterWindow, abort_code
+from emulators.drive.profidrive.parameters.channel import ChannelError, ParameterChannel
+from emulators.drive.profidrive.parameters.server import ParameterServer
+from emulators.drive.profidrive.parameters.store import ParameterStore
 from fieldbus.clock import MS
 from fieldbus.errors import ConfigurationError
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emulators.drive.profidrive.definitions import ParameterDefinition, WriteRule
-from emulators.drive.profidrive.parameter_server import ParameterServer
-from emulators.drive.profidrive.parameters import ParameterStore
+from emulators.drive.profidrive.parameters.definitions import ParameterDefinition, WriteRule
+from emulators.drive.profidrive.parameters.server import ParameterServer
+from emulators.drive.profidrive.parameters.store import ParameterStore
 from fieldbus.profidrive import TypeCode
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.requests import Address, Attribute, Format, Refusal, Request, Values, decode_answer

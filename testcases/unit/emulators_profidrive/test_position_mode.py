@@ -10,7 +10,7 @@ import pytest
 
 from emulators.drive.profidrive import AxisState, DriveSettings, ProfidriveConfig
 from emulators.drive.profidrive.config import POSITION_TELEGRAMS
-from emulators.drive.profidrive.positioner_config import PositionerSettings, TraversingBlock
+from emulators.drive.profidrive.positioner.config import PositionerSettings, TraversingBlock
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive.words import MELDW, POS_STW1, POS_STW2, POS_ZSW1, POS_ZSW2, STW1, ZSW1
 from testcases.unit.emulators_profidrive.profidrive_rig import Rig

@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emulators.drive import ServoCore
-from emulators.drive.profidrive.positioner import Mode, Positioner, Refused, Words
-from emulators.drive.profidrive.positioner_config import (
+from emulators.drive.profidrive.positioner.config import (
     BlockTask,
     Continuation,
     PositionerSettings,
     TraversingBlock,
 )
+from emulators.drive.profidrive.positioner.positioner import Mode, Positioner, Refused, Words
 from emulators.encoder import IncrementalEncoder
 from emulators.mechanics import LinearAxisMechanics
 from fieldbus.errors import ConfigurationError

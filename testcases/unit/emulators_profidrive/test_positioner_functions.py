@@ -10,7 +10,7 @@ import pytest
 
 from emulators.drive.machine import SwitchConfig
 from emulators.drive.profidrive import AxisState, DriveParameters
-from emulators.drive.profidrive.positioner_config import BlockTask, Continuation, TraversingBlock
+from emulators.drive.profidrive.positioner.config import BlockTask, Continuation, TraversingBlock
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.words import POS_STW1, POS_STW2, POS_ZSW1, POS_ZSW2, STW1, ZSW1

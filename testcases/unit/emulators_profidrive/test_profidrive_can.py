@@ -13,7 +13,7 @@ from emulators.drive.profidrive import (
     ProfidriveNodeConfig,
     eds_text,
 )
-from emulators.drive.profidrive import fault_catalogue as numbers
+from emulators.drive.profidrive.faults import catalogue as numbers
 from fieldbus.can import CanFrame, CanMedium
 from fieldbus.canopen.nmt import NmtCommand, NmtState
 from fieldbus.clock import MS, VirtualScheduler

@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 
 from emulators.drive.profidrive import AxisState, DriveSettings, Off, ProfidriveConfig
-from emulators.drive.profidrive import fault_catalogue as numbers
+from emulators.drive.profidrive.faults import catalogue as numbers
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import ZSW1, from_n2, from_n4, to_n2, to_n4
 from fieldbus.profidrive.telegrams import WITH_750

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from emulators.drive.profidrive import ProfidriveConfig
-from emulators.drive.profidrive import fault_catalogue as numbers
+from emulators.drive.profidrive.faults import catalogue as numbers
 from emulators.drive.profidrive.modbus import ProfidriveModbusConfig, ProfidriveModbusDrive
 from fieldbus.clock import MS, US, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError

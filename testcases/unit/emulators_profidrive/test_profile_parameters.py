@@ -6,11 +6,9 @@ import struct
 
 import pytest
 
-from emulators.drive.profidrive.definitions import WriteRule, load_definitions
-from emulators.drive.profidrive.messages import FaultBuffer, FaultMessage
-from emulators.drive.profidrive.parameter_server import ParameterServer
-from emulators.drive.profidrive.parameters import LIST_LENGTH, ParameterStore
-from emulators.drive.profidrive.profile_parameters import (
+from emulators.drive.profidrive.faults.buffer import FaultBuffer, FaultMessage
+from emulators.drive.profidrive.parameters.definitions import WriteRule, load_definitions
+from emulators.drive.profidrive.parameters.profile import (
     Identification,
     ParameterMemory,
     connect_faults,
@@ -18,6 +16,8 @@ from emulators.drive.profidrive.profile_parameters import (
     identify,
     show_telegram,
 )
+from emulators.drive.profidrive.parameters.server import ParameterServer
+from emulators.drive.profidrive.parameters.store import LIST_LENGTH, ParameterStore
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import TypeCode, telegram
 from fieldbus.profidrive.errors import ParameterAccessError

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from emulators.drive.machine import BrakeConfig, SafetyConfig
 from emulators.drive.profidrive import AxisState, ProfidriveConfig
-from emulators.drive.profidrive.safe_motion import SafeMotionConfig
+from emulators.drive.profidrive.safety.config import SafeMotionConfig
 from emulators.drive.profidrive.second_encoder import SecondEncoderConfig
 from testcases.unit.emulators_profidrive.profidrive_rig import READY, RUN, Rig
 

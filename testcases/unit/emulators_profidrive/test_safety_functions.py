@@ -11,7 +11,7 @@ import pytest
 
 from emulators.drive.machine import BrakeConfig, SafetyConfig
 from emulators.drive.profidrive import AxisState, ProfidriveConfig
-from emulators.drive.profidrive.safe_motion import SafeMotionConfig
+from emulators.drive.profidrive.safety.config import SafeMotionConfig
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import TelegramError, telegram
 from fieldbus.profidrive.words import S_ZSW1B, ZSW1

@@ -10,8 +10,8 @@ import pytest
 
 from emulators.drive.core import RPM
 from emulators.drive.profidrive import AxisState, DriveSettings, ProfidriveConfig
-from emulators.drive.profidrive import fault_catalogue as numbers
-from emulators.drive.profidrive.fault_catalogue import CATALOGUE, Acknowledgement, Diagnosis
+from emulators.drive.profidrive.faults import catalogue as numbers
+from emulators.drive.profidrive.faults.catalogue import CATALOGUE, Acknowledgement, Diagnosis
 from fieldbus.errors import ConfigurationError
 from fieldbus.profidrive import MELDW, from_n2, to_n2
 from fieldbus.profidrive.words import G_ZSW, ZSW1, ZSW2

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emulators.drive.profidrive.parameter_channel import ParameterChannel
-from emulators.drive.profidrive.parameter_server import ParameterServer
-from emulators.drive.profidrive.parameters import ParameterStore
+from emulators.drive.profidrive.parameters.channel import ParameterChannel
+from emulators.drive.profidrive.parameters.server import ParameterServer
+from emulators.drive.profidrive.parameters.store import ParameterStore
 from fieldbus.clock import MS, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.modbus import DriveMap, ModbusServer, Request, load_map

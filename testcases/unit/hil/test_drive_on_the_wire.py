@@ -10,7 +10,7 @@ import struct
 import pytest
 
 from emulators.drive.profidrive import AxisState as DriveState
-from emulators.drive.profidrive.fault_catalogue import CATALOGUE
+from emulators.drive.profidrive.faults.catalogue import CATALOGUE
 from emulators.drive.profidrive.statemachine import Off
 from fieldbus.profidrive import from_n4
 from hil.bench import load_bench

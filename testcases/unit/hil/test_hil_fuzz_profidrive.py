@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given, seed, settings
 
-from emulators.drive.profidrive._operation import Operation
+from emulators.drive.profidrive.operation import Operation
 from emulators.drive.profidrive.statemachine import Action, AxisState, GeneralStateMachine
 from hil.bench import load_bench
 from hil.faults import Fault

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from emulators.drive.profidrive import ProfidriveConfig
-from emulators.drive.profidrive.drive_parameters import DriveParameters
+from emulators.drive.profidrive.parameters.drive_parameters import DriveParameters
 from fieldbus.profidrive.errors import ParameterAccessError
 from fieldbus.profidrive.formats import to_n2
 from hil.faults import Injector

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from emulators.drive.cia402.objects import all_objects
+from emulators.drive.cia402.objects.table import all_objects
 from fieldbus.cia402 import MODE_NAMES
 
 TEXT = (Path(__file__).resolve().parents[3] / "docs" / "drive-modes.md").read_text(encoding="utf-8")

@@ -1,0 +1,1 @@
+"""Faults of the CiA 402 drive: codes, rules, memory, reactions."""

@@ -1,0 +1,209 @@
+"""What the drive does when its objects are read and written: actual values, checks, refusals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Container, Iterable
+from typing import TYPE_CHECKING, Any, Final
+
+from emulators.drive.cia402.axis import OPTION_CODES, interpolation_period_s
+from emulators.drive.cia402.objects.mode_rules import ALLOWED, mode_checks, mode_readers
+from emulators.drive.cia402.objects.protection import clear_history, protection_readers
+from emulators.drive.cia402.objects.table import STRING, all_objects
+from emulators.drive.cia402.units import velocity_unit_rad_s, wrap32
+from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.dictionary import INTEGERS
+from fieldbus.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from emulators.drive.cia402.drive import CiA402Drive
+
+_ALLOWED: Final[dict[int, Container[int]]] = {
+    **{index: allowed for index, allowed, _ in OPTION_CODES.values()},
+    **ALLOWED,
+}
+"""Objects with a few allowed values; anything else is 06090030h (C402-073, C402-095)."""
+
+_FIRST_PROFILE_OBJECT: Final = 0x6000
+_REQUIRED: Final = (0x6040, 0x6041, 0x6060, 0x6061)
+_FACTORS: Final = (0x608F, 0x6090, 0x6091, 0x6092, 0x6093, 0x6094, 0x6096, 0x6097)
+_PARAMETERS: Final = (0x6072, 0x6073, 0x607C, 0x607F, 0x6080, 0x60C5, 0x60C6, 0x60C8, 0x60C9, 0x60E0, 0x60E1)
+
+
+def prepare_values(drive: CiA402Drive) -> None:
+    """Give objects that the EDS lacks their built-in default, so that the drive works with any EDS.
+
+    The bus does not see those; the drive works with their defaults.
+
+    Raises:
+        ConfigurationError: The EDS is not that of a CiA 402 drive, or gives a profile object another length.
+
+    """
+    values = drive.slave.values
+    store = drive.slave.store
+    for index in _REQUIRED:
+        if index << 8 not in store.entries:
+            raise ConfigurationError("eds", f"no object {index:04X}h", "an EDS of a CiA 402 drive")
+    for row in all_objects():
+        if row.index < 0x2000:
+            continue
+        for sub, item in row.items.items():
+            key = row.index << 8 | sub
+            if item.volatile:
+                store.volatile.add(key)
+            entry = store.entries.get(key)
+            if entry is None:
+                values[key] = (
+                    item.default if item.default is not None else "" if item.data_type == STRING else 0
+                )
+            elif row.index >= _FIRST_PROFILE_OBJECT and item.data_type in INTEGERS:
+                bits, entry_signed = INTEGERS[item.data_type]
+                if entry.bits != bits or not entry.integer:
+                    raise ConfigurationError(
+                        f"eds: {row.index:04X}h:{sub} DataType",
+                        f"{entry.data_type:04X}h",
+                        f"{item.data_type:04X}h, as the profile says, or another whole number of {bits} bits",
+                    )
+                # Files differ about signs. What the object means is the profile's business.
+                entry.signed = entry_signed
+
+
+def install(drive: CiA402Drive) -> None:
+    """Register all callbacks with the slave; objects that the EDS lacks are left out."""
+    entries = drive.slave.store.entries
+    for key, read in _readers(drive).items():
+        if key in entries:
+            drive.slave.on_read(key >> 8, key & 0xFF, read)
+    for key, check in _checks(drive).items():
+        if key in entries:
+            drive.slave.on_write(key >> 8, key & 0xFF, check)
+
+
+def _readers(drive: CiA402Drive) -> dict[int, Callable[[], Any]]:
+    axis = drive.axis
+    core = drive.core
+    return {
+        **protection_readers(drive),
+        0x200001: lambda: drive.slave.sync.lost,
+        0x200002: lambda: axis.missing_count,
+        0x604100: drive.status_word.read,
+        **mode_readers(drive),
+        0x606200: lambda: axis.demand_position,
+        0x606300: lambda: wrap32(axis.internal_increments),
+        0x606400: lambda: axis.actual_position,
+        0x606900: lambda: round(core.velocity / math.tau * axis.units.speed_increments),
+        0x606B00: lambda: axis.demand_velocity,
+        0x606C00: lambda: axis.actual_velocity,
+        0x607400: lambda: axis.permille(core.torque_demand),
+        0x607700: lambda: axis.permille(core.torque),
+        0x607800: lambda: axis.permille(core.torque),
+        0x607900: lambda: round(drive.dc_link.voltage_V * 1000.0),
+        0x60E401: lambda: axis.actual_position,
+        0x60E501: lambda: axis.actual_velocity,
+        0x60F400: lambda: axis.following_error,
+        0x60FA00: lambda: axis.demand_velocity,
+        0x60FC00: lambda: wrap32(axis.demand_increments),
+        0x60FD00: lambda: drive.inputs,
+    }
+
+
+def _checks(drive: CiA402Drive) -> dict[int, Callable[[Any], object]]:
+    values = drive.slave.values
+    axis = drive.axis
+    checks: dict[int, Callable[[Any], object]] = {
+        0x604000: drive.on_controlword,
+        0x606000: drive.on_mode_request,
+        0x210700: lambda value: clear_history(drive, value),
+    }
+
+    def changed(_value: Any) -> None:
+        drive.parameters_changed = True
+
+    def refuse_while_enabled(_value: Any) -> None:
+        if drive.core.enabled:
+            raise SdoAbort(AbortCode.DEVICE_STATE)
+
+    def outside_operation(value: Any, old: Any) -> None:
+        if value != old:
+            refuse_while_enabled(value)
+            drive.parameters_changed = True
+
+    def add(keys: Iterable[int], check: Callable[[Any], object]) -> None:
+        checks.update(dict.fromkeys(keys, check))
+
+    def one_of(allowed: Container[int]) -> Callable[[Any], None]:
+        def check(value: Any) -> None:
+            if value not in allowed:
+                raise SdoAbort(AbortCode.VALUE)
+            drive.parameters_changed = True
+
+        return check
+
+    def factor(key: int) -> Callable[[Any], None]:
+        def check(value: Any) -> None:
+            if not value:
+                raise SdoAbort(AbortCode.VALUE)
+            outside_operation(value, values[key])
+
+        return check
+
+    for index, allowed in _ALLOWED.items():
+        checks[index << 8] = one_of(allowed)
+    for index in _FACTORS:
+        for sub in (1, 2):
+            checks[index << 8 | sub] = factor(index << 8 | sub)
+    checks[0x607600] = factor(0x607600)
+    checks[0x607E00] = lambda value: outside_operation(value, values[0x607E00])
+    add([index << 8 for index in _PARAMETERS], changed)
+    add((0x60FE01, 0x60FE02), changed)
+    add((0x101001, 0x101002, 0x101003), refuse_while_enabled)
+
+    def unit(value: Any) -> None:
+        try:
+            velocity_unit_rad_s(value)
+        except ConfigurationError:
+            raise SdoAbort(AbortCode.VALUE) from None
+        outside_operation(value, values[0x60A900])
+
+    checks[0x60A900] = unit
+    checks[0x60B800] = drive.touch_probe.on_function
+    add((0x60D001, 0x60D002), drive.touch_probe.on_source)
+
+    def lower_limit(value: Any) -> None:
+        if value > values[0x607D02]:
+            raise SdoAbort(AbortCode.MAXIMUM_BELOW_MINIMUM)
+        drive.parameters_changed = True
+
+    def upper_limit(value: Any) -> None:
+        if value < values[0x607D01]:
+            raise SdoAbort(AbortCode.MAXIMUM_BELOW_MINIMUM)
+        drive.parameters_changed = True
+
+    checks[0x607D01] = lower_limit
+    checks[0x607D02] = upper_limit
+
+    def homing_method(value: Any) -> None:
+        methods = [values[0x60E300 | sub] for sub in range(1, values[0x60E300] + 1)]
+        if value and value not in methods:
+            raise SdoAbort(AbortCode.VALUE)
+
+    checks[0x609800] = homing_method
+
+    def period(units: int, exponent: int) -> None:
+        try:
+            seconds = interpolation_period_s(units, exponent)
+        except ConfigurationError:
+            raise SdoAbort(AbortCode.VALUE) from None
+        steps = seconds / drive.core.period_s
+        if steps < 0.5 or abs(steps - round(steps)) > 1e-6 * steps:
+            raise SdoAbort(AbortCode.VALUE)
+        drive.parameters_changed = True
+
+    checks[0x60C201] = lambda value: period(value, values[0x60C202])
+    checks[0x60C202] = lambda value: period(values[0x60C201], value)
+
+    def fresh(_value: Any) -> None:
+        axis.fresh = True
+
+    add((0x60FF00, 0x607100), fresh)
+    return {**checks, **mode_checks(drive)}

@@ -1,0 +1,1 @@
+"""The PROFIdrive axis as a CANopen node."""

@@ -1,0 +1,1 @@
+"""Faults and warnings of a PROFIdrive axis: catalogue, fault buffer, present state."""

@@ -1,0 +1,1 @@
+"""Operating modes of a PROFIdrive axis: speed and position."""

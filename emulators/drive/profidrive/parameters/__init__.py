@@ -1,0 +1,1 @@
+"""Parameters of a PROFIdrive axis: list, values, access by requests, and what they stand for."""

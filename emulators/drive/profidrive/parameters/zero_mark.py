@@ -1,0 +1,50 @@
+"""Which signal is the zero mark of the encoder interface: that of the encoder, or a probe input in its place
+(p0490, p0495).
+
+The external mark counts at the negative end of its signal in either direction of travel, inverted at the
+positive end (§5.11.10, HOM-168, HOM-169).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from emulators.drive.profidrive.drive import ProfidriveDrive
+    from emulators.drive.profidrive.parameters.store import ParameterStore
+
+
+class ZeroMarkSource:
+    """See the module.
+
+    Args:
+        drive: The axis.
+        store: Its parameters: p0495 is 0 for the encoder, 1 or 2 for a probe input; bit 0 and 1 of p0490
+            invert these inputs.
+
+    """
+
+    __slots__ = ("_drive", "_inverted", "_probe")
+
+    def __init__(self, drive: ProfidriveDrive, store: ParameterStore) -> None:
+        self._drive = drive
+        self._probe = 0
+        self._inverted = 0
+        store.writers[490] = self._invert
+        store.writers[495] = self._choose
+        drive.probe_latch.listeners.append(self._on_edge)
+
+    def _invert(self, _: int, value: float) -> None:
+        self._inverted = int(value)
+
+    def _choose(self, _: int, value: float) -> None:
+        self._probe = int(value)
+        self._drive.encoder_words.external_mark = bool(value)
+        self._drive.emit("drive.zero_mark", external=bool(value))
+
+    def _on_edge(self, number: int, rising: bool, increments: int) -> None:
+        if number != self._probe:
+            return
+        signal = rising is not bool(self._inverted >> number - 1 & 1)
+        if signal is (self._drive.mechanics.velocity > 0.0):
+            self._drive.encoder_words.reference_mark(1, increments)

@@ -1,0 +1,1 @@
+"""Basic positioner: traversing blocks, MDI, jog, homing."""

@@ -1,0 +1,150 @@
+"""Traversing blocks of the basic positioner: motions, waiting, jumps, outputs, and what follows what (PD-057,
+PD-086, PD-091).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from emulators.drive.profidrive.positioner.config import BlockTask, Continuation, TraversingBlock
+from emulators.drive.profidrive.positioner.motion import Motion
+from emulators.drive.profidrive.positioner.terms import Mode, Refused, Words
+from fieldbus.profidrive.words import STW1
+
+if TYPE_CHECKING:
+    from emulators.drive.profidrive.positioner.positioner import Positioner
+
+_OUTPUTS: Final = 3
+
+
+class BlockRun:
+    """Works through the table of blocks.
+
+    Args:
+        positioner: The positioner.
+
+    """
+
+    __slots__ = ("_positioner", "_wait_s", "active", "broken", "outputs", "table")
+
+    def __init__(self, positioner: Positioner) -> None:
+        self._positioner = positioner
+        self.table: dict[int, TraversingBlock] = dict(positioner.settings.blocks)
+        self.broken: frozenset[int] = frozenset()
+        """Blocks that contradict themselves."""
+        self.active = 0
+        """Number of the block in work."""
+        self.outputs = 0
+        """Direct outputs 1 and 2, as bits."""
+        self._wait_s = 0.0
+
+    def start(self, number: int, words: Words, base: float | None = None, *, follows: bool = False) -> None:
+        """Begin a block.
+
+        Args:
+            number: Its number.
+            words: Setpoint words in force.
+            base: Where a relative way begins, LU; None: at the position demand.
+            follows: It follows another one.
+
+        """
+        axis = self._positioner
+        block = self.table.get(number)
+        if number in self.broken:
+            axis.refuse(Refused.INCONSISTENT_BLOCK)
+            return
+        if block is None:
+            axis.refuse(Refused.NO_SUCCESSOR if follows else Refused.NO_SUCH_BLOCK)
+            return
+        if not block.moves:
+            self.active = number
+            self._wait_s = block.parameter / 1000.0 if block.task is BlockTask.WAIT else 0.0
+            axis.accept(Mode.BLOCK, None)
+            return
+        if block.task is BlockTask.ABSOLUTE:
+            target = axis.absolute(float(block.position), 0)
+            if target is None:
+                return
+        else:
+            target = self._target_of(block, axis.demand if base is None else base)
+        if not axis.allowed(target, words, absolute=block.task is BlockTask.ABSOLUTE):
+            return
+        self.active = number
+        settings = axis.settings
+        axis.accept(
+            Mode.BLOCK,
+            Motion(
+                target,
+                block.velocity,
+                settings.max_acceleration * block.acceleration_percent / 100.0,
+                settings.max_deceleration * block.deceleration_percent / 100.0,
+                self._end_velocity(block, number, target),
+                block.task is not BlockTask.ABSOLUTE,
+            ),
+        )
+
+    @staticmethod
+    def _target_of(block: TraversingBlock, base: float) -> float:
+        if block.task is BlockTask.ABSOLUTE:
+            return float(block.position)
+        if block.task is BlockTask.RELATIVE:
+            return base + block.position
+        return math.inf if block.task is BlockTask.ENDLESS_POSITIVE else -math.inf
+
+    def _end_velocity(self, block: TraversingBlock, number: int, target: float) -> float:
+        """Return the speed with which a flying block change passes the target: only on in the same
+        direction.
+        """
+        following = self.table.get(number + 1)
+        if block.continuation is not Continuation.FLYING or following is None or not following.moves:
+            return 0.0
+        way = target - self._positioner.demand
+        onward = self._target_of(following, target) - target
+        return min(block.velocity, following.velocity) if way * onward > 0.0 else 0.0
+
+    def step(self, words: Words, rising: int, cycle_s: float) -> None:
+        """Go on to what follows; one block that does not move per cycle."""
+        axis = self._positioner
+        block = self.table[self.active]
+        following = self.active + 1
+        if block.continuation is Continuation.EXTERNAL and rising & STW1.EXTERNAL_BLOCK_CHANGE:
+            self.start(following, words, follows=True)
+            return
+        if axis.target_reached:
+            return
+        if not block.moves:
+            self._carry_out(block, words, cycle_s)
+            return
+        wanted = axis.wanted
+        if wanted is None:
+            return
+        if wanted.end_velocity > 0.0:
+            if axis.core.profile.raw_done:
+                self.start(following, words, wanted.target, follows=True)
+        elif math.isfinite(wanted.target) and axis.motion.arrived():
+            axis.motion.moving = False
+            self._end(block, words, wanted.target)
+
+    def _carry_out(self, block: TraversingBlock, words: Words, cycle_s: float) -> None:
+        if block.task is BlockTask.WAIT:
+            self._wait_s -= cycle_s
+            if self._wait_s > 1e-9:
+                return
+        elif block.task is BlockTask.GOTO:
+            if block.parameter not in self.table:
+                self._positioner.refuse(Refused.NO_JUMP_TARGET)
+            else:
+                self.start(block.parameter, words)
+            return
+        elif block.task is BlockTask.SET_OUTPUT:
+            self.outputs |= block.parameter & _OUTPUTS
+        else:
+            self.outputs &= ~block.parameter & _OUTPUTS
+        self._end(block, words, None)
+
+    def _end(self, block: TraversingBlock, words: Words, base: float | None) -> None:
+        if block.continuation in {Continuation.STOP, Continuation.FLYING}:
+            self.start(self.active + 1, words, base, follows=True)
+        else:
+            self._positioner.target_reached = True
