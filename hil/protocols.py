@@ -1,11 +1,11 @@
 """What the orchestrator needs of a bench, of its parts and of a bench file.
 
-The concrete bench (`hil.bench`) satisfies these protocols; so may a bench of one's own.
+The concrete bench (`hil.bench.Bench`) satisfies these protocols; so may a bench of one's own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 
@@ -15,177 +15,103 @@ from fieldbus.history import History
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from fieldbus.can.frame import CanFrame, CanPort, FrameReceiver
     from hil.record import Recorder, Trace
 
 
-class Job(Protocol):
-    """One instruction instance, with the output names of the standard."""
+class Drive(Protocol):
+    """A drive: emulated in this process, or a stand-in for one in the drive process.
 
-    name: str
-    Busy: bool
-    Error: bool
-    ErrorID: int
-
-    def set(self, **inputs: Any) -> None:
-        """Assign inputs; they act at the next call."""
-
-
-class ExecuteJob(Job, Protocol):
-    """An instance that is started by an edge of `Execute`."""
-
-    Done: bool
-    CommandAborted: bool
-
-
-class Axis(Protocol):
-    """An axis of the controller, with the instructions as methods that make one instance each.
-
-    Units: mm, mm/s (degrees for a rotary axis). Further inputs of an instruction may be given by their
-        own names.
+    These are the methods that every drive has. A drive of a profile has more; `isinstance(drive,
+    CiA402Drive)` tells a type checker so.
     """
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Name of the drive."""
 
-    def power(self, enable: bool = True, *, start_mode: int = 1, stop_mode: int = 0) -> Job:
-        """Set the inputs of the axis' only `MC_Power`."""
+    def power_on(self) -> None:
+        """Switch the supply on, with boot-up."""
 
-    def reset(self, *, restart: bool = False) -> ExecuteJob:
-        """Acknowledge alarms or restart the technology object."""
+    def power_off(self) -> None:
+        """Switch the supply off: the node leaves the bus without a frame."""
 
-    def home(self, position: float = 0.0, *, mode: int = 0) -> ExecuteJob:
-        """Home the axis."""
+    def raise_fault(self, code: int, /, *, persistent: bool = False) -> None:
+        """Trip with a fault code (of CiA 402 an EMCY code); a persistent cause refuses the fault reset."""
 
-    def move_absolute(self, position: float, **inputs: Any) -> ExecuteJob:
-        """Move to `position`."""
-
-    def move_relative(self, distance: float, **inputs: Any) -> ExecuteJob:
-        """Move by `distance`."""
-
-    def move_velocity(self, velocity: float, **inputs: Any) -> ExecuteJob:
-        """Move with `velocity` until told otherwise."""
-
-    def jog(self, velocity: float = 100.0, *, backward: bool = False, **inputs: Any) -> Job:
-        """Jog; end it with `set(JogForward=False, JogBackward=False)`."""
-
-    def halt(self, **inputs: Any) -> ExecuteJob:
-        """Bring the axis to rest; new jobs are allowed."""
-
-    def stop(self, mode: int = 0, **inputs: Any) -> ExecuteJob:
-        """Stop with `mode` 0, 2 or 3 and block new jobs until `set(Execute=False)`."""
-
-
-class Drive(Protocol):
-    """A drive as the faults see it: emulated here, or a proxy of one in another process."""
-
-    name: str
-
-    def raise_fault(self, emcy_code: int, *, persistent: bool = False) -> None:
-        """Trip with an EMCY code; a persistent cause refuses the fault reset."""
-
-    def clear_fault_cause(self, emcy_code: int | None = None) -> None:
+    def clear_fault_cause(self, code: int | None = None, /) -> None:
         """Withdraw the cause of a persistent fault, or of all of them."""
 
-    def set_sto(self, active: bool) -> None:
-        """Open or close the safe-torque-off input."""
-
-    def freeze_encoder(self, frozen: bool) -> None:
-        """Hold the reported position."""
-
-    def jump_encoder(self, increments: int) -> None:
-        """Displace the reported position."""
-
-    def suppress_index(self, missing: bool) -> None:
-        """Let the zero mark of the encoder never come."""
-
-    def jam(self, active: bool) -> None:
-        """Block the mechanics."""
-
-    def set_load_force(self, newton: float) -> None:
-        """Set the external force at the load, N."""
-
-    def force_input(self, name: str, state: bool | None) -> None:
+    def force_input(self, name: str, state: bool | None, /) -> None:
         """Override the input `negative_limit`, `positive_limit`, `home`, `probe1` or `probe2`; None ends the
         override.
         """
 
-    def stop_heartbeat(self, stopped: bool) -> None:
-        """Suppress the heartbeat, or produce it again."""
+    def invert_input(self, name: str, inverted: bool, /) -> None:
+        """Invert an input."""
 
-    def power_off(self) -> None:
-        """Take the node off the bus without a word."""
+    def swap_limit_switches(self, swapped: bool, /) -> None:
+        """Swap the wires of both limit switches."""
 
-    def power_on(self) -> None:
-        """Start the node again, with boot-up."""
+    def jam(self, jammed: bool, /) -> None:
+        """Block the mechanics."""
+
+    def set_load_force(self, force: float, /) -> None:
+        """Set the external force at the load, N."""
+
+    def set_clock_drift(self, ppm: float, /) -> None:
+        """Let the clock of the node run fast (positive) or slow, parts per million; 0 ends it."""
+
+    def set_clock_jitter(self, longest_ns: int, /) -> None:
+        """Delay the events of the node by random times up to `longest_ns`; 0 ends it."""
 
 
 class Encoder(Protocol):
-    """An encoder with a node of its own as the faults see it: emulated here, or a proxy of one in another
-    process.
-    """
+    """An encoder with a node of its own, or the second encoder of a drive; see `Drive`."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Name of the encoder."""
 
-    def freeze_encoder(self, frozen: bool) -> None:
+    def freeze_encoder(self, frozen: bool, /) -> None:
         """Hold the reported position."""
 
-    def jump_encoder(self, increments: int) -> None:
+    def jump_encoder(self, increments: int, /) -> None:
         """Displace the reported position."""
 
-    def set_encoder_noise(self, increments: int) -> None:
+    def set_encoder_noise(self, increments: int, /) -> None:
         """Disturb the reported position; 0 ends it."""
 
-    def reverse_encoder(self, reversed_direction: bool) -> None:
-        """Count the other way round."""
+    def reverse_encoder(self, reversed_direction: bool, /) -> None:
+        """Count in the opposite direction."""
 
-    def lose_encoder_steps(self, every: int) -> None:
+    def lose_encoder_steps(self, every: int, /) -> None:
         """Miss one of so many steps; 0 ends it."""
 
-    def preset_encoder(self, value: int) -> None:
-        """Write a preset."""
+    def suppress_index(self, missing: bool, /) -> None:
+        """Suppress the zero mark."""
 
-    def move_near_overflow(self, margin: int) -> None:
-        """Place the position before an end of its range."""
 
-    def set_alarm(self, bit: int, active: bool) -> None:
-        """Bring about the cause of an alarm, a bit of 6503h, or end it."""
+class Device(Protocol):
+    """A device that is made of its EDS alone; see `Drive`."""
 
-    def set_warning(self, bit: int, active: bool) -> None:
-        """Bring about the cause of a warning, a bit of 6505h, or end it."""
-
-    def force_cycle_time(self, period_ms: int | None) -> None:
-        """Send TPDO1 with a wrong cycle; None ends it."""
-
-    def stop_heartbeat(self, stopped: bool) -> None:
-        """Suppress the heartbeat, or produce it again."""
-
-    def power_off(self) -> None:
-        """Take the node off the bus without a word."""
+    @property
+    def name(self) -> str:
+        """Name of the device."""
 
     def power_on(self) -> None:
-        """Start the node again, with boot-up."""
+        """Switch the supply on, with boot-up."""
 
-    def turn_shaft(self, speed: float, ramp_s: float = 0.0) -> None:
-        """Turn the encoder's own shaft, rad/s or m/s."""
+    def power_off(self) -> None:
+        """Switch the supply off: the node leaves the bus without a frame."""
 
-    def place_shaft(self, position: float) -> None:
-        """Put the encoder's own shaft at rest, rad or m."""
+    def stop_heartbeat(self, stopped: bool, /) -> None:
+        """Suppress the heartbeat, or produce it again."""
 
+    def get(self, index: int, sub: int = 0, /) -> Any:
+        """Return the present value of an entry: a number, a text or bytes, by its data type."""
 
-class FaultSegment(Protocol):
-    """A CAN segment with the seams for frame faults."""
-
-    name: str
-    scheduler: Scheduler
-
-    def attach(self, name: str, receive: FrameReceiver) -> CanPort:
-        """Connect a node."""
-
-    def add_hook(self, hook: Callable[[CanFrame, str, int], Any]) -> Callable[[], None]:
-        """Call `hook(frame, sender, time_ns)` before a frame goes on the wire; returns the remover."""
-
-    def inject(self, frame: CanFrame, sender: str = "fault") -> None:
-        """Put a frame on the wire."""
+    def set(self, index: int, sub: int, value: Any, /) -> None:
+        """Set a value as the device's own process would; access rights and limits do not matter."""
 
 
 @runtime_checkable
@@ -200,16 +126,16 @@ class Bench(Protocol):
     seed: int
 
     def axis(self, name: str | None = None) -> Any:
-        """Return an axis (`Axis`); without a name the only or first one."""
+        """Return an axis; without a name the only or first one."""
 
     def drive(self, name: str | None = None) -> Any:
-        """Return a drive (`Drive`); without a name the only or first one."""
+        """Return a drive; without a name the only or first one."""
 
     def segment(self, name: str | None = None) -> Any:
-        """Return a CAN segment (`FaultSegment`); without a name the only or first one."""
+        """Return a segment; without a name the only or first one."""
 
     def on_cycle(self, callback: Callable[[], object]) -> Callable[[], None]:
-        """Call `callback` once per application cycle; returns the remover."""
+        """Call `callback` once per application cycle; returns the function that ends it."""
 
     def run_for(self, seconds: float) -> None:
         """Let `seconds` of the bench's time pass."""
@@ -226,7 +152,7 @@ class Bench(Protocol):
         """
 
     def decode(self, frame: Any) -> str:
-        """Return the meaning of a frame in words."""
+        """Return the meaning of a frame."""
 
     def trace(self) -> Trace:
         """Return what has been recorded so far."""
@@ -254,15 +180,4 @@ class BenchFile(Protocol):
     """SHA-256 of the description, hexadecimal."""
 
     def build(self, *, seed: int) -> Any:
-        """Return a fresh `Bench`."""
-
-
-class BenchLoader(Protocol):
-    """`hil.bench.load_bench`: None or an empty path means the embedded bench."""
-
-    def __call__(self, path: str | None) -> BenchFile:
-        """Load and validate; raises `ConfigurationError`."""
-
-
-Constants = Mapping[str, float]
-"""Facts of the bench that a judge of the trace needs, by `component.fact`: `axis1.max_deceleration`."""
+        """Return a fresh bench."""

@@ -94,6 +94,7 @@ def speed(config: Any, seconds: float, rounds: int = 5) -> tuple[float, float]:
     with moving.bench:
         moving.advance(0.5)
         segment = moving.bench.segment()
+        assert isinstance(segment, CanMedium)  # the benches of the benchmark are on virtual CAN
         begun, busy = moving.bench.now_s, segment.busy_bits
         factors = []
         for _ in range(rounds):

@@ -49,9 +49,9 @@ def _text(config: Any, name: str, *, dcf: bool, file_name: str) -> str:
     from fieldbus.canopen.eds_export import device_eds
     from fieldbus.clock import S, VirtualScheduler
     from fieldbus.history import History
-    from hil.bench.bench import named_rng
     from hil.bench.devices import build_device
     from hil.bench.drives import build_drive
+    from hil.bench.emulated import named_rng
     from hil.bench.encoders import build_encoder
 
     scheduler = VirtualScheduler()

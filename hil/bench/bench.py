@@ -1,70 +1,56 @@
-"""The bench: wires what the bench file describes, and runs it in virtual or in real time.
+"""The bench: what a bench file describes, wired, in virtual or in real time.
 
-Both kinds share everything but the medium and the place of the drives: a virtual bench holds the emulated
-drives itself; on a live bench they run in a process of their own (`hil.bench.remote`), or are somebody's
+Both kinds share everything but the medium and the place of the emulated devices: a bench in virtual time
+holds them itself; on a live bench they run in a process of their own (`hil.bench.remote`), or are real
 hardware.
 """
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
-from contextlib import suppress
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
-from numpy.random import Generator, SeedSequence, default_rng
-
-from fieldbus.canopen.boot import BootFailure
-from fieldbus.canopen.master import CanopenMaster
 from fieldbus.clock import MS, RealtimeScheduler, S, Scheduler, VirtualScheduler, seconds_to_ns
-from fieldbus.errors import BusError, HilError
+from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
-from hil.bench._load import LOAD_COLUMNS, LoadMeter
-from hil.bench._parts import MASTER_NODE, BenchParts
-from hil.bench._ports import build_can_port, build_modbus_port
-from hil.bench._startup import BOOT_TIMEOUT_NS, BenchNotReadyError, commission, missing
-from hil.bench._supply import ControllerBuses
-from hil.bench.axis_config import (
-    encoders_of_axis,
-    from_drive,
-    from_encoder,
-    from_second_encoder,
-    second_of,
-)
-from hil.bench.config import BenchConfig
-from hil.bench.io_devices import axis_inputs, build_analog_port, wired_variables
+from hil.bench.control import ControlSystem
+from hil.bench.emulated import DeviceBuilder, EmulatedDevices, named_rng
+from hil.bench.frame_texts import FrameTexts
+from hil.bench.names import cob_ids, component_names, named, nodes_on
+from hil.bench.segments import Segments
 from hil.bench.vocabulary import bench_vocabulary
+from hil.errors import UnsupportedFaultError
 from hil.record import Recorder, Trace, Vocabulary
-from motion.drives.port import SWITCHES
-from motion.s7.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis, TechnologyAxis
-from motion.s7.handles import AxisHandle, EncoderHandle
+from motion.s7.call_log import CallLog
 from motion.s7.runtime import Runtime
 
 if TYPE_CHECKING:
-    from hil.bench._ports import Port
-    from hil.bench.config import ExternalEncoderSection
-    from hil.bench.encoders import EncoderNodes
-    from hil.bench.remote import RemoteDrives
+    from numpy.random import Generator
+
+    from emulators.io import ModbusIoStation
+    from fieldbus.can.frame import CanFrame
+    from fieldbus.canopen.master import CanopenMaster
+    from fieldbus.canopen.node import RemoteNode
+    from fieldbus.modbus import ModbusFrame
+    from hil.bench.config import BenchConfig
+    from hil.bench.drive_ports import DrivePorts, Port
+    from hil.bench.modbus_links import ModbusDevice
+    from hil.bench.remote import RemoteDevices
+    from hil.bench.segments import Segment
     from hil.bench.telegram_master import TelegramMaster
-    from hil.bench.words import BenchWords
-    from motion.drives.encoder import EncoderPort
+    from hil.protocols import Device, Drive, Encoder
+    from motion.drives.profidrive_encoder import ProfidriveEncoderPort
     from motion.drives.station import StationLink
     from motion.s7.controller import Controller
+    from motion.s7.handles import AxisHandle, EncoderHandle
 
-_AXES: Final = {"positioning": PositioningAxis, "speed": SpeedAxis, "synchronous": SynchronousAxis}
-_SAMPLE_PRIORITY: Final = 100
 _GC_THRESHOLD: Final = 100_000
-_LINK_TIMEOUT_NS: Final = 5 * S
 
 
-def named_rng(seed: int, name: str) -> Generator:
-    """Return the random stream of component `name` in a run with `seed`."""
-    return default_rng(SeedSequence([seed & 0xFFFFFFFFFFFFFFFF, *name.encode()]))
-
-
-class Bench(BenchParts):
+class Bench:
     """A wired bench. Use it as a context manager, or call `close`.
 
     Args:
@@ -72,7 +58,8 @@ class Bench(BenchParts):
         seed: Seed of every random stream of this bench.
 
     Raises:
-        BenchNotReadyError: A drive did not come up, or is another one than the bench file says.
+        BlockedError: A bus cannot be opened, or a drive did not come up, or is another one than the bench
+            file says.
         CommissioningError: A drive refuses a parameter.
         ConfigurationError: A variable of an axis does not exist or is out of range.
 
@@ -83,9 +70,12 @@ class Bench(BenchParts):
         self.seed = seed
         self.kind = config.bench.kind
         self.cycle_ns = config.bench.cycle_ms * MS
+        """Bus cycle and cycle of `MC_Servo`, ns."""
         self.interpolator_ns = (config.bench.interpolator_ms or config.bench.cycle_ms) * MS
+        """Cycle of `MC_Interpolator`, ns."""
         self.scheduler: Scheduler = VirtualScheduler() if self.kind == "virtual" else RealtimeScheduler()
         self.history = History(self.scheduler)
+        """Event log."""
         self.recorder = Recorder(self.history, self.scheduler)
         self.runtime = Runtime(
             self.scheduler,
@@ -94,304 +84,207 @@ class Bench(BenchParts):
             history=self.history,
             program_cycles=config.bench.program_cycles,
         )
-        self._segments: dict[str, Any] = {}
-        self._masters: dict[str, CanopenMaster] = {}
-        self._drives: dict[str, Any] = {}
-        self._encoders: dict[str, Any] = {}
-        self._second_encoders: dict[str, Any] = {}
-        self._devices: dict[str, Any] = {}
-        self._stations: dict[str, Any] = {}
-        self._links: dict[str, StationLink] = {}
-        self._encoder_nodes: EncoderNodes | None = None
-        self._encoder_ports: dict[str, EncoderPort] = {}
-        self._external_encoders: dict[str, EncoderHandle] = {}
-        self._ports: dict[str, Port] = {}
-        self._axes: dict[str, AxisHandle] = {}
-        self._telegrams: dict[str, TelegramMaster] = {}
+        """Cycle of the controller."""
         self._cycle_callbacks: list[Callable[[], object]] = []
-        self._remote: RemoteDrives | None = None
-        self._words: dict[str | None, BenchWords] = {}
-        self._closed = False
-        # What a bench allocates lives as long as it does: frames, events, samples. Looking through all of it
-        # for cycles again and again costs a tenth of the cyclic path and finds nothing.
-        self._gc_threshold = gc.get_threshold()
-        gc.set_threshold(max(_GC_THRESHOLD, self._gc_threshold[0]), *self._gc_threshold[1:])
-        try:
-            self._build()
-            self._start()
-        except BaseException:
-            self.close()
-            raise
-
-    # -- construction
-    # -----------------------------------------------------------------------------------------
-
-    def _build(self) -> None:
-        config = self.config
-        for name in config.segment:
-            self._build_segment(name)
-        if self.kind == "virtual":
-            from hil.bench.drives import build_drive
-
-            for name in config.drive:
-                drive = build_drive(
-                    self.scheduler, self._segments, config, name, history=self.history, rng=self.rng(name)
-                )
-                self._drives[name] = drive
-                self._record(name, drive)
-                segment = config.drive[name].segment
-                if config.segment[segment].on_modbus and config.drive[name].profile != "analog":
-                    self._segments[segment].attach(name, drive)
-                if config.drive[name].encoder2.type != "none":
-                    self._second_encoders[f"{name}.encoder2"] = getattr(drive, "second_encoder", None)
-            for name in config.station:
-                self._build_station(name)
-        elif config.emulated_names:
-            from hil.bench.encoders import ENCODER_METHODS
-            from hil.bench.remote import RemoteDrives
-
-            self._remote = RemoteDrives(self, config)
-            for name, drive_section in config.drive.items():
-                if drive_section.device == "emulated":
-                    self._drives[name] = self._remote.proxy(name)
-                    if drive_section.encoder2.type != "none":
-                        second = f"{name}.encoder2"
-                        self._second_encoders[second] = self._remote.proxy(second, ENCODER_METHODS)
-        if self.kind == "live":
-            self._connect_modbus()
-        if config.encoder:
-            self._build_encoders()
-        self._build_devices()
-        for name, drive_section in config.drive.items():
-            for side in ("negative", "positive"):
-                stop_mm = getattr(drive_section.mechanics, f"{side}_stop_mm")
-                if drive_section.device == "emulated" and stop_mm is not None:
-                    self.recorder.set_constant(f"{name}.{side}_stop", stop_mm / 1000.0)
-        for name, axis_section in config.axis.items():
-            self._build_axis(name, axis_section)
-        for name, encoder_section in config.external_encoder.items():
-            self._build_external_encoder(name, encoder_section)
-        for link in self._links.values():
-            self.runtime.after_cycle.append(link.exchange)
-        for name, segment_section in config.segment.items():
-            if segment_section.on_modbus and self._segments[name].columns:
-                place = self._segments[name]
-                group = self.recorder.add_group(name, place.columns, place.row)
-                self.runtime.after_cycle.append(group.sample)
-        self.runtime.after_cycle.append(self._after_cycle)
-
-    def _connect_modbus(self) -> None:
-        """Lead the drives on live Modbus where they are: at their place, or where their process says."""
-        from hil.bench.modbus_config import address_of
-
-        places = {} if self._remote is None else self._remote.places
-        for name, drive in self.config.drive.items():
-            section = self.config.segment[drive.segment]
-            if not section.on_modbus:
-                continue
-            segment = self._segments[drive.segment]
-            try:
-                if section.kind == "modbus_rtu":
-                    segment.open(name, places.get(name, section.path))
-                else:
-                    segment.connect(name, *places.get(name, address_of(drive, section)))
-            except BusError as error:
-                raise BenchNotReadyError(str(error)) from error
-
-    def _build_segment(self, name: str) -> None:
-        section = self.config.segment[name]
-        if section.on_modbus:
-            from hil.bench.modbus_links import ModbusSegment
-
-            self._segments[name] = segment = ModbusSegment(
-                self.scheduler, name, section, cycle_ns=self.cycle_ns
-            )
-            self.recorder.add_bus(name, lambda: segment.log)
-            return
-        if self.kind == "virtual":
-            from fieldbus.can import CanMedium
-
-            can: Any = CanMedium(self.scheduler, bitrate=section.bitrate, name=name, history=self.history)
-        else:
-            from fieldbus.can.live import LiveSegment
-
-            try:
-                can = LiveSegment.open(self.scheduler, name=name, history=self.history, **section.opening())
-            except BusError as error:
-                raise BenchNotReadyError(str(error)) from error
-            can.bitrate = section.bitrate
-        self._segments[name] = can
-        self.recorder.add_bus(name, can.log)
-        meter = LoadMeter(can, bitrate=section.bitrate, cycle_ns=self.cycle_ns)
-        load = self.recorder.add_group(name, LOAD_COLUMNS, meter.row)
-        self.runtime.after_cycle.append(load.sample)
-        self._masters[name] = CanopenMaster(
-            self.scheduler, can, name="controller", node_id=MASTER_NODE, history=self.history
-        )
-
-    def _record(self, name: str, device: Any) -> None:
-        """Record a device whatever its state on the bus, after the events of the instant."""
-        group = self.recorder.add_group(
-            name, device.trace_columns, device.trace_row, enums=device.trace_enums
-        )
-        self.scheduler.every(self.cycle_ns, group.sample, priority=_SAMPLE_PRIORITY)
-
-    def _build_encoders(self) -> None:
-        from hil.bench.encoder_config import encoder_names
-        from hil.bench.encoders import (
-            ENCODER_METHODS,
-            EncoderNodes,
-            build_encoder,
-            build_encoder_ports,
-            used_encoders,
-        )
-
-        for name in encoder_names(self.config):
-            if self._remote is not None:
-                self._encoders[name] = self._remote.proxy(name, ENCODER_METHODS)
-                continue
-            encoder = build_encoder(
-                self.scheduler,
+        self._telegrams: dict[str, TelegramMaster] = {}
+        self._remote: RemoteDevices | None = None
+        with ExitStack() as stack:
+            self._keep_garbage(stack)
+            self._segments = Segments(config, self.scheduler, self.history)
+            stack.callback(self._segments.close)
+            self._segments.record_frames(self.recorder, self.runtime.after_cycle)
+            self._devices = self._find_devices(stack)
+            stack.callback(self._segments.leave)
+            self._note_stops()
+            self._control = ControlSystem(
+                config,
+                self.runtime,
                 self._segments,
-                self.config,
-                name,
-                drives=self._drives,
+                self._devices.stations,
                 history=self.history,
-                rng=self.rng(name),
+                recorder=self.recorder,
             )
-            self._encoders[name] = encoder
-            self._record(name, encoder)
-        cia406 = build_encoder_ports(self._masters, self.config, self.history)
-        self._encoder_ports = dict(cia406)
-        self._encoder_nodes = EncoderNodes(self._masters, self.config, cia406, self.history)
-        used = used_encoders(self.config)
-        for name, port in self._encoder_nodes.ports.items():
-            if name in used:
-                self._encoder_ports[name] = port  # its technology object reads it
-            else:
-                self.runtime.after_cycle.append(port.read)
+            stack.callback(self._control.ports.close)
+            if self.kind == "live":
+                stack.callback(self._control.release_drives)
+            stack.callback(self.runtime.stop)
+            self._segments.record_requests(self.recorder, self.runtime.after_cycle)
+            self.runtime.after_cycle.append(self._after_cycle)
+            self._texts = FrameTexts(config, self._segments, self._control.ports)
+            if isinstance(self._devices, EmulatedDevices):
+                self._devices.power_on()
+            self._control.start()
+            self._closing = stack.pop_all()
 
-    def _build_devices(self) -> None:
-        from hil.bench.devices import DEVICE_METHODS, build_device
+    @staticmethod
+    def _keep_garbage(stack: ExitStack) -> None:
+        """Look for reference cycles less often until the bench is closed.
 
-        for name in self.config.device:
-            if self._remote is not None:
-                self._devices[name] = self._remote.proxy(name, DEVICE_METHODS)
-            else:
-                self._devices[name] = build_device(
-                    self.scheduler, self._segments, self.config, name, history=self.history
-                )
+        What a bench allocates lives as long as it does: frames, events, samples. Looking through all of it
+        again and again costs a tenth of the cyclic path and finds nothing.
+        """
+        before = gc.get_threshold()
+        gc.set_threshold(max(_GC_THRESHOLD, before[0]), *before[1:])
+        stack.callback(gc.set_threshold, *before)
 
-    def _build_station(self, name: str) -> None:
-        from hil.bench.io_devices import build_link, build_station
+    def _find_devices(self, stack: ExitStack) -> EmulatedDevices | RemoteDevices:
+        """Return the emulated devices: those of this process, still switched off, or those of the drive
+        process.
+        """
+        config, scheduler = self.config, self.scheduler
+        if not isinstance(scheduler, RealtimeScheduler):
+            builder = DeviceBuilder(
+                config, scheduler, history=self.history, recorder=self.recorder, seed=self.seed
+            )
+            return builder.build(self._segments.can, self._attach)
+        devices: EmulatedDevices | RemoteDevices = EmulatedDevices()
+        if config.emulated_names:
+            from hil.bench.remote import RemoteDevices
 
-        wired = build_station(
-            self.scheduler, self.config, name, drives=self._drives, history=self.history, rng=self.rng(name)
-        )
-        segment = self._segments[self.config.station[name].segment]
-        segment.attach(name, wired)
-        self._stations[name] = wired.station
-        self._record(name, wired.station)
-        if self.config.axis:
-            self._links[name] = build_link(self.config, name, wired.station, segment, history=self.history)
+            devices = self._remote = RemoteDevices(config, scheduler, seed=self.seed)
+            stack.callback(self._remote.close)
+        self._segments.connect_drives({} if self._remote is None else self._remote.places)
+        return devices
 
-    def _build_axis(self, name: str, section: Any) -> None:
-        port = self._build_port(section.drive)
-        kind = _AXES[section.type]
-        drive = self.config.drive[section.drive]
-        variables = from_drive(drive)
-        encoders: list[EncoderPort | Port] | None = None
-        named = encoders_of_axis(section, drive, self.config.bench.cpu)
-        if named is not None:
-            encoders = []
-            for number, one in enumerate(named, start=1):
-                if one == section.drive:
-                    encoders.append(port)
-                elif one == second_of(section.drive):
-                    from motion.drives.profidrive_second import SecondEncoderPort
+    def _attach(self, segment: str, name: str, device: ModbusDevice) -> None:
+        self._segments.modbus[segment].attach(name, device)
 
-                    second = drive.encoder2
-                    absolute = not second.type.startswith("incremental")
-                    encoders.append(SecondEncoderPort(port, absolute_encoder=absolute))  # type: ignore[arg-type]  # as above
-                    variables |= from_second_encoder(second, f"Sensor[{number}]")
-                else:
-                    encoders.append(self._encoder_ports[one])
-                    variables |= from_encoder(self.config.encoder[one], f"Sensor[{number}]")
-        if section.connection == "data_block":
-            port.connect_block()  # type: ignore[union-attr]  # checked with the bench file
-        variables |= {**wired_variables(self.config, name), **section.variables}
-        axis: TechnologyAxis = kind(
-            name,
-            port,
-            cycle_ns=self.cycle_ns,
-            interpolator_ns=self.interpolator_ns,
-            variables=variables,
-            delay_s=port.delay_ns / S,
-            history=self.history,
-            encoders=encoders,
-            connection=section.connection,
-            cpu=self.config.bench.cpu,
-            ramp_times=section.ramp_times,
-        )
-        axis.station_inputs = axis_inputs(self.config, name, self._links)
-        axis.inputs_in_servo = section.inputs_update == "servo"
-        axis.homing_input = SWITCHES[section.homing_input]
-        on_motor = encoders is None and axis.has_position and variables.get("Sensor[1].System", 1) == 1
-        self.history.emit(
-            name,
-            "axis.wired",
-            drive=section.drive,
-            homing_input=section.homing_input,
-            zero_mark_pitch=60.0 / axis.mechanics.rpm_per_unit if on_motor else 0.0,
-        )
-        axis.enabling.timeout_s = section.enable_timeout_s
-        self.runtime.add(axis)
-        self._ports[section.drive] = port
-        self._axes[name] = AxisHandle(self.runtime, axis)
-        group = self.recorder.add_group(name, axis.trace_columns, axis.trace_row, enums=axis.trace_enums)
-        self.runtime.after_cycle.append(group.sample)
+    def _note_stops(self) -> None:
+        """Note where the machine ends, for judges of the trace."""
+        for name, section in self.config.drive.items():
+            if section.device != "emulated":
+                continue
+            mechanics = section.mechanics
+            stops_mm = {"negative": mechanics.negative_stop_mm, "positive": mechanics.positive_stop_mm}
+            for side, stop_mm in stops_mm.items():
+                if stop_mm is not None:
+                    self.recorder.set_constant(f"{name}.{side}_stop", stop_mm / 1000.0)
 
-        def read(path: str) -> float:
-            return float(axis.variables.bind(path).value)
+    # -- parts
+    # ------------------------------------------------------------------------------------------------
 
-        constants = {
-            "cycle_s": self.cycle_ns / S,
-            "max_velocity": read("DynamicLimits.MaxVelocity"),
-            "max_acceleration": read("DynamicLimits.MaxAcceleration"),
-            "max_deceleration": read("DynamicLimits.MaxDeceleration"),
-            "max_jerk": read("DynamicLimits.MaxJerk"),
-            "emergency_deceleration": read("DynamicDefaults.EmergencyDeceleration"),
-            "deceleration": read("DynamicDefaults.Deceleration"),
-            "jerk": read("DynamicDefaults.Jerk"),
-            "unit_per_rpm": 1.0 / axis.mechanics.rpm_per_unit,
-        }
-        if self.interpolator_ns != self.cycle_ns:
-            constants["interpolator_s"] = self.interpolator_ns / S
-        for key, value in constants.items():
-            self.recorder.set_constant(f"{name}.{key}", value)
+    def axis(self, name: str | None = None) -> AxisHandle:
+        """Return an axis by name, or the first one."""
+        return named("axis", self._control.axes, name)
 
-    def _build_external_encoder(self, name: str, section: ExternalEncoderSection) -> None:
-        variables = from_encoder(self.config.encoder[section.encoder], "Sensor")
-        variables.pop("Sensor.MountingMode", None)
-        encoder = ExternalEncoder(
-            name,
-            self._encoder_ports[section.encoder],
-            cycle_ns=self.cycle_ns,
-            variables={**variables, **section.variables},
-            history=self.history,
-        )
-        if section.drive is not None:
-            drive, mask = section.drive, SWITCHES[section.homing_input]
-            encoder.digital_input = lambda: self._ports[drive].inputs & mask != 0
-        self.runtime.add_encoder(encoder)
-        self._external_encoders[name] = EncoderHandle(self.runtime, encoder)
-        group = self.recorder.add_group(
-            name, encoder.trace_columns, encoder.trace_row, enums=encoder.trace_enums
-        )
-        self.runtime.after_cycle.append(group.sample)
+    def external_encoder(self, name: str | None = None) -> EncoderHandle:
+        """Return an external encoder (technology object) by name, or the first one."""
+        return named("external encoder", self._control.external_encoders, name)
+
+    def drive(self, name: str | None = None) -> Drive:
+        """Return an emulated drive by name, or the first one.
+
+        On a bench in virtual time it is the drive itself, `emulators.drive.cia402.CiA402Drive` for example;
+        on a live bench it stands for the one in the drive process, and has the methods of the faults only.
+
+        Raises:
+            ConfigurationError: There is no such drive.
+            UnsupportedFaultError: The drive is physical and has no fault interface (verdict: blocked).
+
+        """
+        wanted = name or next(iter(self.config.drive), None)
+        section = None if wanted is None else self.config.drive.get(wanted)
+        if section is not None and section.device == "physical":
+            raise UnsupportedFaultError(f"{wanted} is a physical drive: it offers no fault interface")
+        drives: Mapping[str, Drive] = self._devices.drives
+        return named("drive", drives, name)
+
+    def encoder(self, name: str | None = None) -> Encoder:
+        """Return an emulated encoder with a node of its own by name, or the first one.
+
+        `drive1.encoder2` is the second encoder of a drive. What is returned is as of `drive`.
+
+        Raises:
+            ConfigurationError: There is no such encoder.
+            UnsupportedFaultError: The encoder is physical and has no fault interface (verdict: blocked).
+
+        """
+        second: Mapping[str, Encoder] = self._devices.second_encoders
+        if name is not None and name in second:
+            return second[name]
+        wanted = name or next(iter(self.config.encoder), None)
+        section = None if wanted is None else self.config.encoder.get(wanted)
+        if section is not None and section.device == "physical":
+            raise UnsupportedFaultError(f"{wanted} is a physical encoder: it offers no fault interface")
+        encoders: Mapping[str, Encoder] = self._devices.encoders
+        return named("encoder", encoders, name)
+
+    def encoder_port(self, name: str | None = None) -> ProfidriveEncoderPort:
+        """Return the controller's port to a PROFIdrive encoder with a node of its own by name, or the first
+        one.
+
+        Raises:
+            ConfigurationError: There is no such encoder that the bench leads.
+
+        """
+        nodes = self._control.encoder_nodes
+        return named("PROFIdrive encoder", {} if nodes is None else nodes.ports, name)
+
+    def device(self, name: str | None = None) -> Device:
+        """Return an emulated device that is made of its EDS alone by name, or the first one.
+
+        Raises:
+            ConfigurationError: There is no such device.
+
+        """
+        devices: Mapping[str, Device] = self._devices.devices
+        return named("device", devices, name)
+
+    def station(self, name: str | None = None) -> ModbusIoStation:
+        """Return an emulated I/O station by name, or the first one: `bench.station("io").input(3)` is a
+        channel.
+
+        Raises:
+            ConfigurationError: There is no such station.
+
+        """
+        return named("station", self._devices.stations, name)
+
+    def segment(self, name: str | None = None) -> Segment:
+        """Return a segment by name, or the first one: `CanMedium`, `LiveSegment` or `ModbusSegment`."""
+        return named("segment", self._segments.by_name, name)
+
+    def network(self, name: str | None = None) -> CanopenMaster:
+        """Return the controller's CANopen services on a segment, by its name, or on the first one.
+
+        `bench.network().nodes` are the drives as nodes: state, identity, EMCYs (`RemoteNode`).
+        """
+        return named("CAN segment", self._segments.masters, name)
+
+    def node(self, drive_name: str | None = None) -> RemoteNode:
+        """Return a drive or an encoder as its controller sees it, by name; default: the drive of the first
+        axis.
+
+        Raises:
+            ConfigurationError: There is no such drive, or it is on Modbus.
+
+        """
+        encoders = self._control.encoder_nodes
+        if encoders is not None and drive_name in encoders.nodes:
+            return encoders.nodes[drive_name]
+        port = self.port(drive_name)
+        node = self._control.ports.node(port.name)
+        if node is None:
+            raise ConfigurationError("bench node", port.name, "a drive on CAN; this one is on Modbus")
+        return node
+
+    def port(self, drive_name: str | None = None) -> Port:
+        """Return the port by which the controller leads a drive, by the name of the drive, or the first
+        one.
+        """
+        return named("drive with an axis", self._control.ports.by_name, drive_name)
+
+    @property
+    def ports(self) -> DrivePorts:
+        """The ports by which the controller leads its drives, by the kind of their connection."""
+        return self._control.ports
+
+    def station_link(self, name: str | None = None) -> StationLink:
+        """Return an I/O station as the controller sees it, by name, or the first one."""
+        return named("station", self._control.links, name)
 
     def telegram(self, name: str | None = None) -> TelegramMaster:
-        """Return the master of a PROFIdrive drive without an axis: the test leads it by the words of its
+        """Return the master of a PROFIdrive drive without an axis: the test leads it by the signals of its
         telegram.
 
         The first call takes the drive into service and waits until it answers; not inside of a callback.
@@ -400,75 +293,140 @@ class Bench(BenchParts):
             name: The drive; None: the first one.
 
         Raises:
-            ConfigurationError: There is no such drive, it has an axis, or it is none with a telegram.
-            BlockedError: Somebody else is the controller on its segment.
-            BenchNotReadyError: The drive did not come up.
+            ConfigurationError: There is no such drive, it has an axis, or it has no telegram.
+            BlockedError: Somebody else is the controller on its segment, or the drive did not come up.
 
         """
         from hil.bench.telegram_master import lead
 
         wanted = name or next(iter(self.config.drive), "")
         if wanted not in self._telegrams:
-            self._telegrams[wanted] = lead(self, wanted)
+            section = self.config.drive.get(wanted)
+            self._telegrams[wanted] = lead(
+                self.config,
+                wanted,
+                ports=self._control.ports,
+                master=None if section is None else self._segments.masters.get(section.segment),
+                scheduler=self.scheduler,
+                on_cycle=self.on_cycle,
+            )
         return self._telegrams[wanted]
-
-    def lead_drive(self, name: str) -> tuple[Any, CanopenMaster | None]:
-        """Return a new port to a drive without an axis, and the CANopen services on its segment if it is on
-        CAN.
-        """
-        port = self._build_port(name)
-        self._ports[name] = port
-        return port, self._masters.get(self.config.drive[name].segment)
-
-    def _build_port(self, name: str) -> Port:
-        """Return the controller's port to a drive, as its profile and its bus want it."""
-        place = self.config.drive[name].segment
-        if self.config.drive[name].profile == "analog":
-            return build_analog_port(self.config, name, self._links, history=self.history)
-        if place in self._masters:
-            return build_can_port(self.config, name, self._masters[place], history=self.history)
-        return build_modbus_port(
-            self.config, name, self._segments[place], self.scheduler, history=self.history
-        )
-
-    # -- start
-    # ------------------------------------------------------------------------------------------------
-
-    def _start(self) -> None:
-        """Power the drives, commission them and wait for the cyclic link."""
-        if self.kind == "virtual":
-            for device in (*self._drives.values(), *self._encoders.values(), *self._devices.values()):
-                device.power_on()
-        commission(self.scheduler, self._ports.values(), self._encoder_nodes)
-        buses = ControllerBuses(self.config, self._masters, self._ports, self._links, cycle_ns=self.cycle_ns)
-        buses.connect(self.controller)
-        buses.lead()
-        if self.config.bench.memory_card is not None:
-            self.runtime.insert_card(Path(self.config.bench.memory_card))
-        self.runtime.start()
-        if self._encoder_nodes is not None:
-            self._start_encoders(self._encoder_nodes)
-        if not self.scheduler.run_until(self._linked, _LINK_TIMEOUT_NS):
-            missing = [name for name, port in self._ports.items() if not port.link_ok and not port.optional]
-            raise BenchNotReadyError(
-                f"no cyclic data from {', '.join(missing)} within {_LINK_TIMEOUT_NS // S} s"
-            )
-
-    def _start_encoders(self, encoders: EncoderNodes) -> None:
-        try:
-            encoders.check()
-        except BootFailure as failure:
-            raise BenchNotReadyError(str(failure)) from None
-        if not self.scheduler.run_until(lambda: not encoders.missing, BOOT_TIMEOUT_NS):
-            raise BenchNotReadyError(
-                f"no heartbeat in Operational from {', '.join(encoders.missing)} within "
-                f"{BOOT_TIMEOUT_NS // S} s"
-            )
 
     @property
     def controller(self) -> Controller:
         """The controller as a CPU: operating states, what it keeps, diagnostics buffer."""
         return self.runtime.controller
+
+    # -- names
+    # ------------------------------------------------------------------------------------------------
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return tuple(self._control.axes)
+
+    @property
+    def external_encoder_names(self) -> tuple[str, ...]:
+        """Names of the external encoders (technology objects)."""
+        return tuple(self._control.external_encoders)
+
+    @property
+    def drive_names(self) -> tuple[str, ...]:
+        """Names of the drives that have a fault interface."""
+        return tuple(self._devices.drives)
+
+    @property
+    def encoder_names(self) -> tuple[str, ...]:
+        """Names of the encoders that are devices of their own."""
+        return tuple(self.config.encoder)
+
+    @property
+    def second_encoder_names(self) -> tuple[str, ...]:
+        """Names of the second encoders of drives."""
+        return tuple(self._devices.second_encoders)
+
+    @property
+    def device_names(self) -> tuple[str, ...]:
+        """Names of the emulated devices that are made of their EDS alone."""
+        return tuple(self._devices.devices)
+
+    @property
+    def station_names(self) -> tuple[str, ...]:
+        """Names of the I/O stations."""
+        return tuple(self._devices.stations)
+
+    @property
+    def segment_names(self) -> tuple[str, ...]:
+        """Names of the segments."""
+        return tuple(self._segments.by_name)
+
+    @property
+    def network_names(self) -> tuple[str, ...]:
+        """Names of the CAN segments."""
+        return tuple(self._segments.masters)
+
+    @property
+    def component_names(self) -> tuple[str, ...]:
+        """Names of everything that reports its state in the history."""
+        return component_names(self.config)
+
+    @property
+    def profiles(self) -> frozenset[str]:
+        """Profiles of the drives: `cia402`, `profidrive`."""
+        return frozenset(section.profile for section in self.config.drive.values())
+
+    def drive_of(self, axis_name: str | None = None) -> str:
+        """Return the name of the drive that moves an axis."""
+        name = axis_name or next(iter(self.config.axis))
+        return self.config.axis[name].drive
+
+    def nodes_on(self, segment: str) -> tuple[str, ...]:
+        """Return the names of the drives, encoders and devices on a segment, in this order."""
+        return nodes_on(self.config, segment)
+
+    def cob_ids(self, drive_name: str) -> dict[str, int]:
+        """Return the identifiers that a drive, an encoder or a device uses, by name; a CiA 406 encoder has
+        no RPDOs.
+
+        Raises:
+            ConfigurationError: There is no such node.
+
+        """
+        return cob_ids(self.config, drive_name)
+
+    # -- time
+    # -------------------------------------------------------------------------------------------------
+
+    def run_for(self, seconds: float) -> None:
+        """Let `seconds` of bench time pass."""
+        self.scheduler.run_for(seconds_to_ns(seconds))
+
+    def run_until(self, predicate: Callable[[], object], timeout: float) -> bool:
+        """Run until `predicate` is true or `timeout` seconds have passed; returns whether it became true."""
+        return self.scheduler.run_until(predicate, seconds_to_ns(timeout))
+
+    @property
+    def now_s(self) -> float:
+        """Present bench time, s."""
+        return self.scheduler.now / S
+
+    def on_cycle(self, callback: Callable[[], object]) -> Callable[[], None]:
+        """Call `callback` at the end of every application cycle; returns the function that ends it."""
+        # A new list each time, so that a callback may withdraw itself while the list is walked.
+        self._cycle_callbacks = [*self._cycle_callbacks, callback]
+
+        def remove() -> None:
+            self._cycle_callbacks = [one for one in self._cycle_callbacks if one is not callback]
+
+        return remove
+
+    def _after_cycle(self) -> None:
+        for callback in self._cycle_callbacks:
+            callback()
+
+    def rng(self, name: str) -> Generator:
+        """Return the seeded random stream of component `name`; the same name gives the same stream."""
+        return named_rng(self.seed, name)
 
     @property
     def lateness_s(self) -> float:
@@ -489,59 +447,18 @@ class Bench(BenchParts):
         section = self.config.tolerance
         return section.time_s if section.lateness_s is None else section.lateness_s
 
-    def _linked(self) -> bool:
-        return all(
-            (handle.communication_ok and handle.sensor_valid)
-            or missing(self._ports[self.drive_of(name)])
-            or self._programmed(handle)
-            for name, handle in self._axes.items()
-        )
-
-    def _programmed(self, handle: AxisHandle) -> bool:
-        """Say whether the telegram of an axis arrives and it is up to a program to let the axis see it."""
-        return handle.object.connection == "data_block" and handle.object.drive_port.link_ok
-
-    def _after_cycle(self) -> None:
-        for callback in self._cycle_callbacks:
-            callback()
-
-    # -- time
-    # -------------------------------------------------------------------------------------------------
-
-    def on_cycle(self, callback: Callable[[], object]) -> Callable[[], None]:
-        """Call `callback` at the end of every application cycle; returns the function that ends it."""
-        # A new list each time, so that a callback may withdraw itself while the list is walked.
-        self._cycle_callbacks = [*self._cycle_callbacks, callback]
-
-        def remove() -> None:
-            self._cycle_callbacks = [one for one in self._cycle_callbacks if one is not callback]
-
-        return remove
-
-    def run_for(self, seconds: float) -> None:
-        """Let `seconds` of bench time pass."""
-        self.scheduler.run_for(seconds_to_ns(seconds))
-
-    def run_until(self, predicate: Callable[[], object], timeout: float) -> bool:
-        """Run until `predicate` is true or `timeout` seconds have passed; returns whether it became true."""
-        return self.scheduler.run_until(predicate, seconds_to_ns(timeout))
-
-    @property
-    def now_s(self) -> float:
-        """Present bench time, s."""
-        return self.scheduler.now / S
-
-    def rng(self, name: str) -> Generator:
-        """Return the seeded random stream of component `name`; the same name gives the same stream."""
-        return named_rng(self.seed, name)
-
     # -- evidence
     # ---------------------------------------------------------------------------------------------
 
     @property
     def vocabulary(self) -> Vocabulary:
         """What its recording can hold: names of components and jobs, states, alarms."""
-        return bench_vocabulary(self)
+        return bench_vocabulary(
+            (*self.component_names, *self.second_encoder_names),
+            (instance.name for instance in self.runtime.instances),
+            self.history.events,
+            self.history.declared,
+        )
 
     def trace(self) -> Trace:
         """Return everything recorded so far; on a live bench the drives' own records are fetched."""
@@ -559,43 +476,39 @@ class Bench(BenchParts):
             vocabulary=trace.vocabulary,
         )
 
-    def close(self) -> None:
-        """Release buses, threads and processes; harmless when called again."""
-        if self._closed:
-            return
-        self._closed = True
-        gc.set_threshold(*self._gc_threshold)
-        self.runtime.stop()
-        try:
-            if self.kind == "live":
-                self.release_drives()
-        finally:
-            self._let_go()
+    def record_calls(self) -> CallLog:
+        """Record the outputs of every instruction instance in every call from now on (MC-566).
 
-    def _let_go(self) -> None:
-        """Stop what is still sending, and give processes and buses back."""
-        for port in self._ports.values():
-            close = getattr(port, "close", None)
-            if close is not None:
-                close()
-        for master in self._masters.values():
-            with suppress(HilError):  # a bus that is down takes no last frames
-                master.close()
-        if self._remote is not None:
-            self._remote.close()
-        for segment in self._segments.values():
-            close = getattr(segment, "close", None)
-            if close is not None:
-                close()
+        `log.of(job)` are its calls: number, application cycle, time, outputs. Outputs of a single call are
+        not missed.
+        """
+        return CallLog(self.runtime)
+
+    def decode(self, frame: CanFrame | ModbusFrame, *, segment: str | None = None) -> str:
+        """Return the meaning of a frame, by the mapping that the bench, or without axes somebody else, has
+        written.
+
+        Args:
+            frame: The frame.
+            segment: Where it was, for a bench with several segments whose nodes have equal node-IDs; None =
+                anywhere.
+
+        Raises:
+            ConfigurationError: There is no such segment.
+
+        """
+        return self._texts.describe(frame, segment)
+
+    # -- end
+    # --------------------------------------------------------------------------------------------------
 
     def release_drives(self) -> None:
         """Stop the controller and disable every drive that it leads; two cycles of SYNC make it act."""
-        self.runtime.stop()
-        leading = [port for port in self._ports.values() if port.link_ok]
-        for port in leading:
-            port.release()
-        if leading:
-            self.scheduler.run_for(2 * self.cycle_ns)
+        self._control.release_drives()
+
+    def close(self) -> None:
+        """Release buses, threads and processes; harmless when called again."""
+        self._closing.close()
 
     def __enter__(self) -> Self:
         return self

@@ -1,106 +1,44 @@
-"""Emulated drives in real time, for a bench in another process or for somebody else's controller."""
+"""The drive process: emulated devices in real time, for a bench in another process or for somebody else's
+controller.
+
+`hil emulate` runs a `DriveHost` for somebody else's controller. Started as a program, this module serves one
+bench after the other: commands come as JSON lines on standard input, replies go to standard output
+(`hil.bench.remote` is the other side).
+"""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Mapping
+import json
+import os
+import queue
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.canopen.nmt import NmtState
-from fieldbus.clock import MS, RealtimeScheduler, S
-from fieldbus.errors import HilError
+from fieldbus.clock import RealtimeScheduler, S
 from fieldbus.history import History
 from hil.bench.config import BenchConfig
-from hil.bench.devices import DEVICE_METHODS
-from hil.bench.encoders import ENCODER_METHODS
+from hil.bench.emulated import DeviceBuilder, EmulatedDevices
+from hil.bench.remote_calls import PARAMETER_METHODS, REMOTE_METHODS, RemoteError
 from hil.record import Recorder
 
 if TYPE_CHECKING:
+    from emulators.drive.profidrive import DriveParameters
+    from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
+    from fieldbus.can.live import LiveSegment
     from fieldbus.modbus import SocketNetwork
+    from hil.bench.emulated import EmulatedPart
+    from hil.bench.modbus_links import ModbusDevice
 
-FAULT_METHODS: Final = frozenset(
-    (
-        "raise_fault",
-        "clear_fault_cause",
-        "set_sto",
-        "freeze_encoder",
-        "jump_encoder",
-        "suppress_index",
-        "invert_input",
-        "swap_limit_switches",
-        "jam",
-        "set_load_force",
-        "set_added_friction",
-        "slip_coupling",
-        "break_coupling",
-        "set_added_backlash",
-        "force_input",
-        "stop_heartbeat",
-        "power_off",
-        "power_on",
-        "set_encoder_noise",
-        "reverse_encoder",
-        "lose_encoder_steps",
-        "set_ss1",
-        "set_ss2",
-        "set_sos",
-        "set_sbc",
-        "set_sls",
-        "set_sdi",
-        "set_slp",
-        "acknowledge_safety",
-        "open_interlock",
-        "delay_heartbeat",
-        "disconnect_mains",
-        "set_mains_voltage_share",
-        "disconnect_phase",
-        "set_dc_link_voltage",
-        "restore_dc_link",
-        "disable_chopper",
-        "limit_torque",
-        "set_brake_stuck",
-        "set_brake_torque_share",
-        "scale_ramps",
-        "set_local_control",
-        "refuse_transitions",
-        "force_switch_on_disabled",
-        "force_warning",
-        "freeze_statusword",
-        "override_statusword_bits",
-        "toggle_target_reached",
-        "override_mode_display",
-        "reset_node",
-        "abort_sdo",
-        "suppress_sdo_responses",
-        "repeat_emcy",
-        "force_temperature",
-        "set_encoder_drift",
-        "set_encoder_scale",
-        "break_encoder_wire",
-        "set_encoder_error",
-        "force_ready",
-        "short_outputs",
-        "restore_outputs",
-        "disconnect_load_supply",
-        "unplug_module",
-        "report_encoder_error",
-        "clear_encoder_error",
-        "lose_steps",
-        "set_clock_drift",
-        "set_clock_jitter",
-    )
-)
-"""Methods of a drive that may be called through the pipe."""
-
-
-PARAMETER_METHODS: Final = frozenset(("read_parameter", "write_parameter", "request_parameters"))
-"""What `RemoteParameters` sends through the pipe."""
-
-_METHODS: Final = FAULT_METHODS | ENCODER_METHODS | DEVICE_METHODS
-
-
-class RemoteError(HilError):
-    """The drive process failed or does not answer."""
+_ORPHAN_S: Final = 3.0
+"""How long the process may take to end by itself when its bench is gone."""
+_FOREVER_S: Final = 3600.0
 
 
 class DriveHost:
@@ -134,34 +72,35 @@ class DriveHost:
         self.scheduler = RealtimeScheduler(origin_ns)
         self.history = History(self.scheduler)
         self.recorder = Recorder(self.history, self.scheduler)
-        self.segments: dict[str, Any] = {}
-        self.drives: dict[str, Any] = {}
+        self.segments: dict[str, LiveSegment] = {}
+        self.devices = EmulatedDevices()
         self.places: dict[str, tuple[str, int] | str] = {}
         """Where the drives on Modbus are: host and port, or device file."""
+        self._modbus_drives: list[ProfidriveModbusDrive] = []
         self._networks: list[SocketNetwork] = []
-        self._second_encoders: dict[str, Any] = {}
-        self._groups: dict[str, Any] = {}
         self.released = False
-        live = config.model_copy(update={"bench": config.bench.model_copy(update={"kind": "live"})})
+        self._config = config.model_copy(update={"bench": config.bench.model_copy(update={"kind": "live"})})
         try:
-            self._build(live, place, seed, record=record)
+            self._open(place, keep_log=record)
+            if not record:
+                self.history.listen(lambda _event: self.history.events.clear())
+            builder = DeviceBuilder(
+                self._config,
+                self.scheduler,
+                history=self.history,
+                recorder=self.recorder if record else None,
+                seed=seed,
+            )
+            self.devices = builder.build(self.segments, self._serve)
         except BaseException:
             self.close()
             raise
-        for drive in self.drives.values():
-            drive.power_on()
+        self.devices.power_on()
 
-    def _build(
-        self, config: BenchConfig, place: Mapping[str, Any] | None, seed: int, *, record: bool
-    ) -> None:
+    def _open(self, place: Mapping[str, Any] | None, *, keep_log: bool) -> None:
         from fieldbus.can.live import LiveSegment
-        from hil.bench.bench import named_rng
-        from hil.bench.devices import build_device
-        from hil.bench.drives import build_drive
-        from hil.bench.encoder_config import encoder_names
-        from hil.bench.encoders import build_encoder
 
-        for name, section in config.segment.items():
+        for name, section in self._config.segment.items():
             if section.on_modbus:
                 continue
             self.segments[name] = LiveSegment.open(
@@ -169,98 +108,63 @@ class DriveHost:
                 **(section.opening_for_drives() if place is None else place),
                 name=name,
                 history=self.history,
-                keep_log=record,
+                keep_log=keep_log,
                 # A drive goes on living when its bus is down, or nobody is there to acknowledge.
                 lossy=True,
             )
-        if not record:
-            self.history.listen(lambda _event: self.history.events.clear())
-        for name, drive_section in config.drive.items():
-            if drive_section.device != "emulated":
-                continue
-            drive = build_drive(
-                self.scheduler, self.segments, config, name, history=self.history, rng=named_rng(seed, name)
-            )
-            self.drives[name] = drive
-            if config.segment[drive_section.segment].on_modbus:
-                self.places[name] = self._serve(config, name, drive)
-            if drive_section.encoder2.type != "none":
-                self._second_encoders[f"{name}.encoder2"] = getattr(drive, "second_encoder", None)
-        for name in encoder_names(config):
-            self.drives[name] = build_encoder(
-                self.scheduler,
-                self.segments,
-                config,
-                name,
-                drives=self.drives,
-                history=self.history,
-                rng=named_rng(seed, name),
-            )
-        if record:
-            for name, device in self.drives.items():
-                group = self.recorder.add_group(
-                    name, device.trace_columns, device.trace_row, enums=device.trace_enums
-                )
-                self.scheduler.every(config.bench.cycle_ms * MS, group.sample)
-                self._groups[name] = group
-        for name in config.device:
-            self.drives[name] = build_device(
-                self.scheduler, self.segments, config, name, history=self.history
-            )
 
-    def _serve(self, config: BenchConfig, name: str, drive: Any) -> tuple[str, int] | str:
-        """Put a drive on a TCP port or a pseudo-terminal of its own; returns where."""
+    def _serve(self, segment_name: str, name: str, drive: ModbusDevice) -> None:
+        """Put a drive on a TCP port or a pseudo-terminal of its own."""
+        from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
         from hil.bench.modbus_config import address_of
 
-        section = config.drive[name]
-        segment = config.segment[section.segment]
+        assert isinstance(drive, ProfidriveModbusDrive)  # I/O stations are for benches in virtual time
+        self._modbus_drives.append(drive)
+        segment = self._config.segment[segment_name]
         if segment.kind == "modbus_rtu":
-            return str(drive.open_terminal(segment.serial_format()).path)
+            self.places[name] = str(drive.open_terminal(segment.serial_format()).path)
+            return
         from fieldbus.modbus import SocketNetwork
 
         network = SocketNetwork(self.scheduler)
         self._networks.append(network)
         drive.listen(network)
-        return network.serve(*address_of(section, segment))
+        self.places[name] = network.serve(*address_of(self._config.drive[name], segment))
 
-    def execute(self, command: Mapping[str, Any]) -> Any:
-        """Carry out one command of the pipe; returns its result.
+    def execute(self, command: Mapping[str, Any]) -> object:
+        """Carry out one command of the pipe; returns its result, plain data.
 
         Raises:
-            RemoteError: Unknown command, drive or method.
+            RemoteError: Unknown command, device or method.
 
         """
-        call = command.get("call")
+        call = str(command.get("call"))
         if call == "fetch":
             return self._fetch()
-        if call == "ready":
-            self.scheduler.worst_lateness_ns = 0
-            return None
         name = str(command.get("drive"))
-        drive = self.drives.get(name) or self._second_encoders.get(name)
-        if drive is not None and call in PARAMETER_METHODS and hasattr(drive, "parameters"):
-            return self._parameters(drive.parameters, str(call), command.get("args", ()))
-        if drive is None or call not in FAULT_METHODS | ENCODER_METHODS or not hasattr(drive, str(call)):
-            raise RemoteError(f"unknown command {call!r} for drive {command.get('drive')!r}")
-        return getattr(drive, str(call))(*command.get("args", ()), **command.get("kwargs", {}))
-
-    @staticmethod
-    def _parameters(parameters: Any, call: str, args: Any) -> Any:
-        if call == "request_parameters":
-            return parameters.request(bytes.fromhex(args[0])).hex()
-        return getattr(parameters, call.removesuffix("_parameter"))(*args)
+        part = self.devices.find(name)
+        arguments: Sequence[Any] = command.get("args", ())
+        if part is not None and call in PARAMETER_METHODS:
+            parameters = _parameters_of(part)
+            if parameters is not None:
+                return _access(parameters, call, arguments)
+        method = getattr(part, call, None) if call in REMOTE_METHODS else None
+        if method is None:
+            raise RemoteError(f"unknown command {call!r} for drive {name!r}")
+        result: object = method(*arguments, **command.get("kwargs", {}))
+        return result
 
     def _fetch(self) -> dict[str, Any]:
         return {
             "groups": {
-                name: {
+                group.name: {
                     "columns": group.columns,
                     "enums": {
                         column: {str(k): v for k, v in texts.items()} for column, texts in group.enums.items()
                     },
                     "content": base64.b64encode(group.content()).decode("ascii"),
                 }
-                for name, group in self._groups.items()
+                for group in self.recorder.groups
             },
             "events": self.history.events,
             "lateness_s": self.scheduler.worst_lateness_ns / S,
@@ -269,8 +173,7 @@ class DriveHost:
     @property
     def booted(self) -> bool:
         """Whether all drives are past their boot-up."""
-        nodes = [drive.slave for drive in self.drives.values() if hasattr(drive, "slave")]
-        return all(node.nmt_state != NmtState.INITIALISING for node in nodes)
+        return all(state != NmtState.INITIALISING for state in self.devices.nmt_states())
 
     def run_until(self, predicate: Callable[[], object], timeout_s: float) -> bool:
         """Run the drives until `predicate` is true or `timeout_s` has passed."""
@@ -282,11 +185,106 @@ class DriveHost:
 
     def close(self) -> None:
         """Leave the buses."""
-        for drive in self.drives.values():
-            drive.power_off()
-        for name in self.places:
-            self.drives[name].close()
+        self.devices.power_off()
+        for drive in self._modbus_drives:
+            drive.close()
         for network in self._networks:
             network.close()
         for segment in self.segments.values():
             segment.close()
+
+
+def _parameters_of(part: EmulatedPart) -> DriveParameters | None:
+    """Return the parameters of a PROFIdrive axis; None: the device has none."""
+    from emulators.drive.profidrive import ProfidriveCanDrive
+    from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
+
+    return part.parameters if isinstance(part, ProfidriveCanDrive | ProfidriveModbusDrive) else None
+
+
+def _access(parameters: DriveParameters, call: str, arguments: Sequence[Any]) -> object:
+    if call == "request_parameters":
+        return parameters.request(bytes.fromhex(arguments[0])).hex()
+    if call == "read_parameter":
+        return parameters.read(*arguments)
+    parameters.write(*arguments)
+    return None
+
+
+class DriveServer:
+    """The program: serves one bench after the other until standard input ends."""
+
+    def __init__(self) -> None:
+        self._waiting: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
+        self._host: DriveHost | None = None
+        self._lock = threading.Lock()
+
+    def run(self) -> int:
+        """Serve; returns the exit code."""
+        threading.Thread(target=self._read, name="commands", daemon=True).start()
+        while True:
+            command = self._waiting.get()
+            if command is None:
+                return 0
+            _reply(command, partial(self._start, command))
+            host = self._host
+            if host is None:
+                continue
+            while not host.released:
+                host.run_until(lambda host=host: host.released, _FOREVER_S)  # type: ignore[misc]
+            with self._lock:
+                orphaned = self._host is host
+            if orphaned:
+                host.close()
+                return 1
+
+    def _read(self) -> None:
+        for line in sys.stdin:
+            command = json.loads(line)
+            with self._lock:
+                host = self._host
+                if host is None or command.get("call") == "start":
+                    self._waiting.put(command)
+                    continue
+            host.scheduler.post(partial(self._serve, host, command))
+        # Nobody is at the other end any more, killed perhaps: the drives leave the bus, whatever they are
+        # doing.
+        self._waiting.put(None)
+        with self._lock:
+            if self._host is not None:
+                self._host.scheduler.post(self._host.release)
+        time.sleep(_ORPHAN_S)
+        os._exit(1)
+
+    def _start(self, command: Mapping[str, Any]) -> dict[str, Any]:
+        host = DriveHost(
+            BenchConfig.model_validate(command["config"]),
+            origin_ns=command["origin_ns"],
+            seed=command["seed"],
+        )
+        with self._lock:
+            self._host = host
+        return {"places": host.places}
+
+    def _serve(self, host: DriveHost, command: Mapping[str, Any]) -> None:
+        if command.get("call") == "release":
+            with self._lock:
+                self._host = None
+            host.release()
+            host.close()
+            _reply(command, lambda: None)
+        else:
+            _reply(command, lambda: host.execute(command))
+
+
+def _reply(command: Mapping[str, Any], act: Callable[[], object]) -> None:
+    try:
+        text = json.dumps({"id": command.get("id", -1), "result": act()})
+    except Exception as error:  # noqa: BLE001 - whatever it was, the bench must hear of it
+        text = json.dumps({"id": command.get("id", -1), "error": f"{type(error).__name__}: {error}"})
+    with suppress(BrokenPipeError):  # the end of the input says it too
+        print(text, flush=True)  # noqa: T201 - the pipe
+
+
+if __name__ == "__main__":
+    sys.exit(DriveServer().run())

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from functools import partial
+from typing import TYPE_CHECKING, Final, Protocol
 
 from fieldbus.clock import MS, US
 from fieldbus.modbus import (
@@ -23,7 +24,8 @@ from fieldbus.modbus.taps import TappedConnector
 
 if TYPE_CHECKING:
     from fieldbus.clock import Scheduler
-    from fieldbus.modbus import LinkHook, LogEntry, SerialFormat
+    from fieldbus.modbus import Change, LinkHook, LogEntry, SerialFormat
+    from fieldbus.modbus.tcp_client import Connector
     from hil.bench.segment_config import SegmentSection
     from motion.drives.profidrive_modbus import ProfidriveModbusPort
 
@@ -32,6 +34,16 @@ CONTROLLER: Final = "controller"
 _SERVER: Final = "server"
 _RECONNECT_NS: Final = 50 * MS
 _OUTSTANDING: Final = 16
+
+
+class ModbusDevice(Protocol):
+    """An emulated drive or station that answers on Modbus."""
+
+    def listen(self, network: TcpLink) -> object:
+        """Serve a virtual network."""
+
+    def attach(self, line: SerialLine) -> object:
+        """Answer on a virtual serial line."""
 
 
 @dataclass
@@ -70,6 +82,8 @@ class ModbusSegment:
         self.timeout_ns = own_ns if section.timeout_ms is None else round(section.timeout_ms * MS)
         """How long the controller waits for a response, ns."""
         self._channels: list[_Channel] = []
+        self._line: SerialLine | None = None
+        """The virtual line."""
         self._network: SocketNetwork | None = None
         self._merged: list[LogEntry] = []
         self._taken: dict[int, int] = {}
@@ -78,9 +92,9 @@ class ModbusSegment:
         self._recorded = False
 
     # -- making the ways
-    # ----------------------------------------------------------------------------------------------
+    # --------------------------------------------------------------------------------------
 
-    def attach(self, name: str, device: Any) -> None:
+    def attach(self, name: str, device: ModbusDevice) -> None:
         """Put an emulated drive on the virtual network or line."""
         if self.kind == "modbus_tcp":
             link = TcpLink(self.scheduler, self.name, latency_ns=round(self._section.latency_us * US))
@@ -89,12 +103,12 @@ class ModbusSegment:
             client = self._tcp_client(lambda handler: link.connect(CONTROLLER, handler))
             self._channels.append(_Channel(log, client, link, drives=[name]))
             return
-        if not self._channels:
-            line = SerialLine(self.scheduler, self.name, self._section.serial_format())
+        if self._line is None:
+            self._line = line = SerialLine(self.scheduler, self.name, self._section.serial_format())
             self._channels.append(
                 _Channel(SerialLog(line.log, master=CONTROLLER), self._rtu_client(line), line)
             )
-        device.attach(self._channels[0].link)
+        device.attach(self._line)
         self._channels[0].drives.append(name)
 
     def connect(self, name: str, host: str, port: int) -> None:
@@ -126,7 +140,7 @@ class ModbusSegment:
         log = SerialLog(line.log, master=CONTROLLER)
         self._channels.append(_Channel(log, self._rtu_client(line), line, drives=[name]))
 
-    def _tcp_client(self, connect: Any) -> TcpClient:
+    def _tcp_client(self, connect: Connector) -> TcpClient:
         return TcpClient(
             self.scheduler,
             connect,
@@ -136,7 +150,7 @@ class ModbusSegment:
             reconnect_ns=_RECONNECT_NS,
         )
 
-    def _rtu_client(self, line: Any) -> RtuClient:
+    def _rtu_client(self, line: SerialLine | LiveSerialLine) -> RtuClient:
         return RtuClient(self.scheduler, line, name=CONTROLLER, timeout_ns=self.timeout_ns, retries=0)
 
     @property
@@ -170,17 +184,13 @@ class ModbusSegment:
 
         Senders are `controller` and the drives by name.
         """
-        ends = []
+        ends: list[Callable[[], None]] = []
         for channel in self._channels:
-            if not isinstance(channel.link, (TcpLink, SerialLine)):
-                continue
-            name = channel.drives[0] if channel.drives else ""
-            tcp = isinstance(channel.link, TcpLink)
-
-            def ask(sender: str, data: bytes, time_ns: int, name: str = name, tcp: bool = tcp) -> Any:
-                return hook(name if tcp and sender == _SERVER else sender, data, time_ns)
-
-            ends.append(channel.link.add_hook(ask))
+            if isinstance(channel.link, TcpLink):
+                name = channel.drives[0] if channel.drives else ""
+                ends.append(channel.link.add_hook(partial(_ask_by_name, hook, name)))
+            elif isinstance(channel.link, SerialLine):
+                ends.append(channel.link.add_hook(hook))
 
         def end() -> None:
             for one in ends:
@@ -194,6 +204,10 @@ class ModbusSegment:
     @property
     def log(self) -> list[LogEntry]:
         """Everything that was on the segment, by time; grows."""
+        return self.entries()
+
+    def entries(self) -> list[LogEntry]:
+        """Return everything that was on the segment, by time; the list grows."""
         added: list[LogEntry] = []
         for number, channel in enumerate(self._channels):
             entries = channel.log.update()
@@ -237,7 +251,9 @@ class ModbusSegment:
     def _load(self) -> float:
         busy = 0
         for channel in self._channels:
-            log = getattr(channel.link, "log", ())
+            if not isinstance(channel.link, SerialLine | LiveSerialLine):
+                continue
+            log = channel.link.log
             for frame in log[channel.counted :]:
                 busy += frame.end_ns - frame.start_ns
             channel.counted = len(log)
@@ -252,3 +268,8 @@ class ModbusSegment:
                 channel.link.close()
         if self._network is not None:
             self._network.close()
+
+
+def _ask_by_name(hook: LinkHook, name: str, sender: str, data: bytes, time_ns: int) -> Change | None:
+    """Ask a hook, which knows the server of a connection by the name of its drive."""
+    return hook(name if sender == _SERVER else sender, data, time_ns)

@@ -1,11 +1,8 @@
-"""Emulated drives in a process of their own, on a live bus.
+"""The emulated devices of a live bench, in a process of their own.
 
-`DriveHost` (`hil.bench.drive_host`) is the process' inside; `hil emulate` runs it for somebody else's
-controller.
-`RemoteDrives` is the bench's side: it starts that process, shares its time base, and passes fault commands
-and records over
-pipes as JSON lines. Nothing of the control path runs over the pipes: axis and
-drive meet on the bus only.
+`RemoteDevices` starts that process (`hil.bench.drive_host`), shares its time base, and passes fault commands
+and records over pipes as JSON lines. Nothing of the control path runs over the pipes: axis and drive meet on
+the bus only.
 """
 
 from __future__ import annotations
@@ -14,37 +11,36 @@ import atexit
 import base64
 import json
 import os
-import queue
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldbus.clock import RealtimeScheduler, S, Scheduler
+from fieldbus.clock import S
 from fieldbus.errors import HilError
 from fieldbus.history import Event
-from hil.bench.config import BenchConfig
-from hil.bench.drive_host import FAULT_METHODS, DriveHost, RemoteError
+from hil.bench.devices import DEVICE_METHODS
+from hil.bench.encoders import ENCODER_METHODS
+from hil.bench.remote_calls import FAULT_METHODS, RemoteError
 from hil.errors import BlockedError
-from hil.record._trace import TraceGroup
+from hil.record import TraceGroup
 
 if TYPE_CHECKING:
-    from hil.bench.bench import Bench
+    from emulators.io import ModbusIoStation
+    from fieldbus.clock import RealtimeScheduler, Scheduler
+    from hil.bench.config import BenchConfig
 
 _READY_TIMEOUT_NS: Final = 60 * S
 _REPLY_TIMEOUT_NS: Final = 10 * S
-_ORPHAN_S: Final = 3.0
-"""How long a drive process may take to end by itself when its bench is gone."""
 
 
 class RemoteDrive:
     """Stands for a drive or an encoder in the drive process: the fault interface and nothing else."""
 
-    def __init__(self, remote: RemoteDrives, name: str, methods: frozenset[str]) -> None:
+    def __init__(self, remote: RemoteDevices, name: str, methods: frozenset[str]) -> None:
         self._remote = remote
         self._methods = methods
         self.name = name
@@ -65,7 +61,7 @@ class RemoteDrive:
 class RemoteParameters:
     """Stands for the parameters of a PROFIdrive axis in the drive process; see `DriveParameters`."""
 
-    def __init__(self, remote: RemoteDrives, name: str) -> None:
+    def __init__(self, remote: RemoteDevices, name: str) -> None:
         self._remote = remote
         self._name = name
 
@@ -109,7 +105,7 @@ class DriveProcess:
         self._post: Callable[[Callable[[], object]], None] | None = None
         self._number = 0
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "hil.bench.remote"],
+            [sys.executable, "-m", "hil.bench.drive_host"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -181,44 +177,64 @@ def _nothing() -> None:
     pass
 
 
-class RemoteDrives:
-    """The drives of a live bench, in their process.
+class RemoteDevices:
+    """The emulated devices of a live bench, in the drive process.
 
     Args:
-        bench: The live bench that they belong to.
-        config: Its bench file.
+        config: The bench file.
+        scheduler: Time of the bench; the process shares its origin.
+        seed: Seed of the random streams of the devices.
 
     Raises:
         BlockedError: The process did not come up.
 
     """
 
-    def __init__(self, bench: Bench, config: BenchConfig) -> None:
-        self._bench = bench
+    def __init__(self, config: BenchConfig, scheduler: RealtimeScheduler, *, seed: int) -> None:
+        self._scheduler = scheduler
         self.groups: dict[str, TraceGroup] = {}
+        """Records of the devices as of the last `fetch`."""
         self.events: list[Event] = []
         self.lateness_s = 0.0
         """Worst lateness in the drive process as of the last fetch, s."""
-        scheduler = bench.scheduler
-        assert isinstance(scheduler, RealtimeScheduler)
         process = self._process = _idle.pop() if _idle else DriveProcess()
         process.serve(scheduler)
         number = process.send(
             "start",
             config=config.model_dump(mode="json", exclude_unset=True),
             origin_ns=scheduler.origin_ns,
-            seed=bench.seed,
+            seed=seed,
         )
         scheduler.run_until(lambda: process.gone or number in process.replies, _READY_TIMEOUT_NS)
         reply = process.replies.pop(number, {"error": "it ended, or did not answer in time"})
         if "error" in reply:
             process.end()
             raise BlockedError(f"the process of the emulated drives failed: {reply['error']}")
-        self.places: dict[str, Any] = reply["result"]["places"]
+        places: dict[str, Any] = reply["result"]["places"]
+        self.places: dict[str, tuple[str, int] | str] = {
+            name: place if isinstance(place, str) else (str(place[0]), int(place[1]))
+            for name, place in places.items()
+        }
         """Where the emulated drives on Modbus are: host and port, or device file."""
+        drives = {name: one for name, one in config.drive.items() if one.device == "emulated"}
+        encoders = [name for name, one in config.encoder.items() if one.device == "emulated"]
+        self.drives = {name: RemoteDrive(self, name, FAULT_METHODS) for name in drives}
+        self.second_encoders = {
+            f"{name}.encoder2": RemoteDrive(self, f"{name}.encoder2", ENCODER_METHODS)
+            for name, one in drives.items()
+            if one.encoder2.type != "none"
+        }
+        self.encoders = {name: RemoteDrive(self, name, ENCODER_METHODS) for name in encoders}
+        self.devices = {name: RemoteDrive(self, name, DEVICE_METHODS) for name in config.device}
+        self.stations: dict[str, ModbusIoStation] = {}
+        """None: I/O stations are for benches in virtual time."""
 
     def call(
-        self, method: str, drive: str | None, args: Any = (), kwargs: Mapping[str, Any] | None = None
+        self,
+        method: str,
+        drive: str | None,
+        args: Sequence[Any] = (),
+        kwargs: Mapping[str, Any] | None = None,
     ) -> Any:
         """Send a command. Inside of a callback it is only sent; outside the reply is waited for and returned.
 
@@ -228,7 +244,7 @@ class RemoteDrives:
         """
         process = self._process
         number = process.send(method, drive=drive, args=list(args), kwargs=dict(kwargs or {}))
-        scheduler = self._bench.scheduler
+        scheduler = self._scheduler
         if scheduler.running:
             return None
         if not scheduler.run_until(lambda: process.gone or number in process.replies, _REPLY_TIMEOUT_NS):
@@ -239,10 +255,6 @@ class RemoteDrives:
         if "error" in reply:
             raise RemoteError(f"{drive}.{method}: {reply['error']}")
         return reply.get("result")
-
-    def proxy(self, name: str, methods: frozenset[str] = FAULT_METHODS) -> RemoteDrive:
-        """Return the stand-in of a drive or encoder that offers these methods."""
-        return RemoteDrive(self, name, methods)
 
     def fetch(self) -> None:
         """Bring the drives' records over."""
@@ -271,78 +283,3 @@ class RemoteDrives:
         else:
             process.serve(None)
             _idle.append(process)
-
-
-def main() -> int:
-    """Serve one bench after the other until standard input ends."""
-    waiting: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
-    active: list[DriveHost] = []
-    lock = threading.Lock()
-
-    def reply(command: Mapping[str, Any], act: Callable[[], Any]) -> None:
-        try:
-            text = json.dumps({"id": command.get("id", -1), "result": act()})
-        except Exception as error:  # noqa: BLE001 - whatever it was, the bench must hear of it
-            text = json.dumps({"id": command.get("id", -1), "error": f"{type(error).__name__}: {error}"})
-        with suppress(BrokenPipeError):  # the end of the input says it too
-            print(text, flush=True)  # noqa: T201 - the pipe
-
-    def read() -> None:
-        for line in sys.stdin:
-            command = json.loads(line)
-            with lock:
-                host = active[0] if active else None
-                if host is None or command.get("call") == "start":
-                    waiting.put(command)
-                    continue
-            host.scheduler.post(partial(serve, host, command))
-        # Nobody is at the other end any more, killed perhaps: the drives leave the bus, whatever they are
-        # doing.
-        waiting.put(None)
-        with lock:
-            if active:
-                active[0].scheduler.post(active[0].release)
-        time.sleep(_ORPHAN_S)
-        os._exit(1)
-
-    def serve(host: DriveHost, command: Mapping[str, Any]) -> None:
-        if command.get("call") == "release":
-            with lock:
-                active.clear()
-            host.release()
-            host.close()
-            reply(command, lambda: None)
-        else:
-            reply(command, lambda: host.execute(command))
-
-    threading.Thread(target=read, name="commands", daemon=True).start()
-    while True:
-        first = waiting.get()
-        if first is None:
-            return 0
-        command = first
-
-        def start(command: Mapping[str, Any] = command) -> dict[str, Any]:
-            host = DriveHost(
-                BenchConfig.model_validate(command["config"]),
-                origin_ns=command["origin_ns"],
-                seed=command["seed"],
-            )
-            with lock:
-                active.append(host)
-            return {"places": host.places}
-
-        reply(command, start)
-        with lock:
-            host = active[0] if active else None
-        while host is not None and not host.released:
-            host.run_until(lambda host=host: host.released, 3600.0)  # type: ignore[misc]
-        with lock:
-            orphaned = host is not None and host in active
-        if host is not None and orphaned:
-            host.close()
-            return 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())

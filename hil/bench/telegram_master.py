@@ -11,23 +11,21 @@ In every application cycle the last answer is taken and the telegram is sent; si
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from fieldbus.clock import MS, S
 from fieldbus.errors import ConfigurationError
-from hil.bench._startup import BenchNotReadyError, commission
+from hil.bench.startup import LINK_TIMEOUT_NS, commission
 from hil.errors import BlockedError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
+    from fieldbus.canopen.master import CanopenMaster
+    from fieldbus.clock import Scheduler
     from fieldbus.profidrive import Telegram
-    from hil.bench.bench import Bench
-    from motion.drives.profidrive_can import ProfidriveCanPort
-    from motion.drives.profidrive_modbus import ProfidriveModbusPort
-
-
-_LINK_TIMEOUT_NS: Final = 5 * S
+    from hil.bench.config import BenchConfig
+    from hil.bench.drive_ports import DrivePorts, TelegramPort
 
 
 class TelegramMaster:
@@ -38,7 +36,7 @@ class TelegramMaster:
 
     """
 
-    def __init__(self, port: ProfidriveCanPort | ProfidriveModbusPort) -> None:
+    def __init__(self, port: TelegramPort) -> None:
         self._port = port
         self._places = {name: at for at, name in enumerate(port.telegram.setpoint.names) if name != "FREE"}
         self._row = [0] * len(port.telegram.setpoint.names)
@@ -109,17 +107,32 @@ class TelegramMaster:
         self._port.write_words(self._row)
 
 
-def lead(bench: Bench, name: str) -> TelegramMaster:
+def lead(
+    config: BenchConfig,
+    name: str,
+    *,
+    ports: DrivePorts,
+    master: CanopenMaster | None,
+    scheduler: Scheduler,
+    on_cycle: Callable[[Callable[[], object]], object],
+) -> TelegramMaster:
     """Take a drive without an axis into service and return its master; bench time passes until the drive
     answers.
 
+    Args:
+        config: The bench file.
+        name: Name of the drive.
+        ports: The controller's ports; gets the one to this drive.
+        master: CANopen services on the segment of the drive; None on Modbus.
+        scheduler: Time of the bench.
+        on_cycle: Calls a function in every application cycle.
+
     Raises:
-        ConfigurationError: There is no such drive, it has an axis, or it is none with a telegram.
-        BlockedError: It is on a live CAN segment without an axis: somebody else is the controller there.
-        BenchNotReadyError: The drive did not come up.
+        ConfigurationError: There is no such drive, it has an axis, or it has no telegram.
+        BlockedError: It is on a live CAN segment without an axis, where somebody else is the controller, or
+            it did not come up.
 
     """
-    config = bench.config
     if name not in config.drive:
         raise ConfigurationError("bench drive", name, ", ".join(config.drive))
     section = config.drive[name]
@@ -130,17 +143,18 @@ def lead(bench: Bench, name: str) -> TelegramMaster:
     for axis, row in config.axis.items():
         if row.drive == name:
             raise ConfigurationError(f"drive {name}", f"leads axis {axis}", "a drive without an axis")
-    foreign = not config.leads(section.segment) and not config.segment[section.segment].on_modbus
-    if foreign and bench.kind == "live":
+    foreign = master is not None and not config.leads(section.segment)
+    if foreign and config.bench.kind == "live":
         raise BlockedError(f"somebody else is the controller on segment {section.segment}")
-    port, controller = bench.lead_drive(name)
-    if controller is not None and foreign:
-        controller.start_sync(bench.cycle_ns, 0)
-    if controller is not None and section.heartbeat_ms:
-        controller.produce_heartbeat(section.heartbeat_ms * MS)
-    master = TelegramMaster(port)
-    commission(bench.scheduler, [port], None)
-    bench.on_cycle(master.cycle)
-    if not bench.scheduler.run_until(lambda: master.link_ok, _LINK_TIMEOUT_NS):
-        raise BenchNotReadyError(f"no cyclic data from {name} within {_LINK_TIMEOUT_NS // S} s")
-    return master
+    ports.add(name)
+    port = ports.telegram_port(name)
+    if master is not None and foreign:
+        master.start_sync(config.bench.cycle_ms * MS, 0)
+    if master is not None and section.heartbeat_ms:
+        master.produce_heartbeat(section.heartbeat_ms * MS)
+    telegram = TelegramMaster(port)
+    commission(scheduler, ports, [name])
+    on_cycle(telegram.cycle)
+    if not scheduler.run_until(lambda: port.link_ok, LINK_TIMEOUT_NS):
+        raise BlockedError(f"no cyclic data from {name} within {LINK_TIMEOUT_NS // S} s")
+    return telegram

@@ -5,11 +5,12 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from fieldbus.history import Scalar
 from hil.record import Vocabulary
 
 if TYPE_CHECKING:
-    from hil.bench.bench import Bench
+    from collections.abc import Iterable
+
+    from fieldbus.history import Event, Scalar
 
 
 @cache
@@ -33,14 +34,22 @@ def _fixed_words() -> dict[str, tuple[Scalar, ...]]:
     }
 
 
-def bench_vocabulary(bench: Bench) -> Vocabulary:
-    """Return the words of a bench as it is now; of jobs those of its instances and of its log."""
-    jobs: dict[Scalar, None] = {instance.name: None for instance in bench.runtime.instances}
-    for entry in bench.history.events:
+def bench_vocabulary(
+    components: Iterable[str], jobs: Iterable[str], events: Iterable[Event], declared: Iterable[str]
+) -> Vocabulary:
+    """Return the words of a bench as it is now.
+
+    Args:
+        components: Names of everything that can be the source of an event.
+        jobs: Names of the instances of instructions that there are.
+        events: Log so far; it has the names of jobs that are over.
+        declared: Kinds of events that parts of one's own will emit.
+
+    """
+    names: dict[Scalar, None] = dict.fromkeys(jobs)
+    for entry in events:
         if entry.kind.startswith("job."):
-            jobs[entry.data["job"]] = None
+            names[entry.data["job"]] = None
     return Vocabulary(
-        (*bench.component_names, *bench.second_encoder_names),
-        {**_fixed_words(), "job.:job": tuple(jobs)},
-        declared=tuple(sorted(bench.history.declared)),
+        tuple(components), {**_fixed_words(), "job.:job": tuple(names)}, declared=tuple(sorted(declared))
     )

@@ -15,6 +15,7 @@ from hil.record import Vocabulary
 if TYPE_CHECKING:
     from fieldbus.canopen.decode import FrameDecoder
     from fieldbus.profidrive import Telegram
+    from hil.bench.bench import Bench
     from hil.bench.config import BenchConfig
 
 
@@ -86,16 +87,14 @@ def facts_of(bench_file: Any) -> BenchFacts:
             f"bench {bench_file.name!r} has no CAN segment, and a log of frames holds no other"
         )
     twin = _emulated(config)
-    from hil.bench._ports import can_ports
     from hil.bench.bench import Bench
     from hil.bench.drives import build_decoder
 
     with Bench(twin) as bench:
-        ports = can_ports(bench._ports)  # noqa: SLF001 - the twin is of our own making and ends here
         nodes = tuple(_nodes(bench, twin))
         vocabulary = bench.vocabulary
         trace = bench.trace()
-        held = dict(ports)
+        held = dict(bench.ports.can)
 
     def decoder(segment: str) -> FrameDecoder:
         return build_decoder(twin, held, segment=segment)
@@ -130,7 +129,7 @@ def _emulated(config: BenchConfig) -> BenchConfig:
     )
 
 
-def _nodes(bench: Any, config: BenchConfig) -> list[NodeFacts]:
+def _nodes(bench: Bench, config: BenchConfig) -> list[NodeFacts]:
     found = []
     columns = {group.name: group for group in bench.recorder.groups}
     for name, drive in config.drive.items():
@@ -139,7 +138,7 @@ def _nodes(bench: Any, config: BenchConfig) -> list[NodeFacts]:
         axis = next((one for one, section in config.axis.items() if section.drive == name), None)
         telegram = drive.words()[0] if drive.profile == "profidrive" else None
         if axis is not None and telegram is not None:
-            telegram = bench._ports[name].telegram  # noqa: SLF001 - as above
+            telegram = bench.ports.telegram_port(name).telegram
         found.append(
             NodeFacts(
                 name,
@@ -161,7 +160,7 @@ def _nodes(bench: Any, config: BenchConfig) -> list[NodeFacts]:
     return found
 
 
-def _axis(bench: Any, config: BenchConfig, name: str, drive: str) -> AxisFacts:
+def _axis(bench: Bench, config: BenchConfig, name: str, drive: str) -> AxisFacts:
     axis = bench.axis(name).object
     named = encoders_of_axis(config.axis[name], config.drive[drive], config.bench.cpu)
     own = named is None or (named and named[0] == drive)

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from fieldbus.canopen.master import CanopenMaster
-    from hil.bench._ports import Port
     from hil.bench.config import BenchConfig
+    from hil.bench.drive_ports import DrivePorts
     from motion.drives.station import StationLink
     from motion.s7.controller import Controller
 
@@ -22,9 +22,8 @@ class ControllerBuses:
     Args:
         config: The bench file.
         masters: CANopen services, by segment.
-        ports: Ports to the drives, by name; those that come later count too.
+        ports: Ports to the drives; those that come later count too.
         links: I/O stations, by name; those that come later count too.
-        cycle_ns: Bus cycle, ns.
 
     """
 
@@ -32,22 +31,19 @@ class ControllerBuses:
         self,
         config: BenchConfig,
         masters: Mapping[str, CanopenMaster],
-        ports: Mapping[str, Port],
+        ports: DrivePorts,
         links: Mapping[str, StationLink],
-        *,
-        cycle_ns: int,
     ) -> None:
         self._config = config
         self._masters = masters
         self._ports = ports
         self._links = links
-        self._cycle_ns = cycle_ns
 
     def connect(self, controller: Controller) -> None:
         """Follow the operating states of the controller."""
         controller.on_power.append(self._power)
         controller.on_outputs.append(self._switch_outputs)
-        controller.periphery_ready = self._ready
+        controller.periphery_ready = lambda: self._ports.ready
 
     def lead(self) -> None:
         """Send SYNC and heartbeat where the bench is the controller.
@@ -59,41 +55,23 @@ class ControllerBuses:
         for name, master in self._masters.items():
             heartbeats = [drive.heartbeat_ms for drive in led if drive.segment == name]
             if config.leads(name):
-                master.start_sync(self._cycle_ns, 0)
+                master.start_sync(config.bench.cycle_ms * MS, 0)
             if any(heartbeats):
                 master.produce_heartbeat(min(filter(None, heartbeats)) * MS)
 
     def _power(self, on: bool) -> None:
-        led = [(name, master) for name, master in self._masters.items() if self._config.leads(name)]
+        led = [master for name, master in self._masters.items() if self._config.leads(name)]
         for link in self._links.values():
             link.power(on)
         if on:
-            for _, master in led:
+            for master in led:
                 master.power_on()
             self.lead()
-        for port in self._ports.values():
-            polls = hasattr(port, "boot")
-            if not on:
-                if polls:
-                    port.close()  # type: ignore[union-attr]  # what asks by itself can also be told to stop
-                port.power_down()
-            elif polls:
-                port.boot()  # type: ignore[union-attr]
-            elif not hasattr(port, "node"):
-                port.enter_service()  # at the terminals of a station there is nothing to set up
+        self._ports.power(on)
         if not on:
-            for _, master in led:
+            for master in led:
                 master.power_off()
 
     def _switch_outputs(self, on: bool) -> None:
         for link in self._links.values():
             link.switch_outputs(on)
-
-    def _ready(self) -> bool:
-        """Say whether every drive answers that is not optional."""
-        for port in self._ports.values():
-            node = getattr(port, "node", None)
-            there = node.in_service if node is not None else port.started  # type: ignore[union-attr]  # one of both
-            if not there and not port.optional:
-                return False
-        return True

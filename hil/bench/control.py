@@ -1,0 +1,272 @@
+"""The controller of a bench: runtime, ports to its drives, axes, encoders and I/O stations as it sees
+them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from fieldbus.clock import MS, S
+from hil.bench.axis_config import (
+    encoders_of_axis,
+    from_drive,
+    from_encoder,
+    from_second_encoder,
+    second_of,
+)
+from hil.bench.controller_buses import ControllerBuses
+from hil.bench.drive_ports import DrivePorts
+from hil.bench.startup import LINK_TIMEOUT_NS, commission, wait_for_encoders
+from hil.errors import BlockedError
+from motion.drives.port import SWITCHES
+from motion.s7.axis import ExternalEncoder, PositioningAxis, SpeedAxis, SynchronousAxis
+from motion.s7.handles import AxisHandle, EncoderHandle
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from emulators.io import ModbusIoStation
+    from fieldbus.history import History
+    from hil.bench.config import AxisSection, BenchConfig, ExternalEncoderSection
+    from hil.bench.drive_ports import Port
+    from hil.bench.encoders import EncoderNodes
+    from hil.bench.segments import Segments
+    from hil.record import Recorder
+    from motion.drives.encoder import EncoderPort
+    from motion.drives.station import StationLink
+    from motion.s7.axis import TechnologyAxis
+    from motion.s7.runtime import Runtime
+
+_AXES: Final = {"positioning": PositioningAxis, "speed": SpeedAxis, "synchronous": SynchronousAxis}
+
+
+class ControlSystem:
+    """The controller with everything that a bench file connects to it.
+
+    Args:
+        config: The bench file.
+        runtime: Cycle of the controller; gets the axes and external encoders.
+        segments: The buses.
+        stations: Emulated I/O stations, by name.
+        history: Event log.
+        recorder: Samples axes and external encoders.
+
+    Raises:
+        ConfigurationError: A variable of an axis does not exist or is out of range.
+
+    """
+
+    def __init__(
+        self,
+        config: BenchConfig,
+        runtime: Runtime,
+        segments: Segments,
+        stations: Mapping[str, ModbusIoStation],
+        *,
+        history: History,
+        recorder: Recorder,
+    ) -> None:
+        self._config = config
+        self._runtime = runtime
+        self._scheduler = runtime.scheduler
+        self._history = history
+        self._recorder = recorder
+        self.links: dict[str, StationLink] = {}
+        """I/O stations, as the controller sees them."""
+        self.ports = DrivePorts(config, segments, self.links, scheduler=runtime.scheduler, history=history)
+        self.encoder_nodes: EncoderNodes | None = None
+        """Encoders with a node of their own; None: there are none."""
+        self._encoder_ports: dict[str, EncoderPort] = {}
+        self.axes: dict[str, AxisHandle] = {}
+        self.external_encoders: dict[str, EncoderHandle] = {}
+        self._buses = ControllerBuses(config, segments.masters, self.ports, self.links)
+        if config.axis:
+            self._connect_stations(segments, stations)
+        if config.encoder:
+            self._connect_encoders(segments)
+        for name, section in config.axis.items():
+            self._add_axis(name, section)
+        for name, external in config.external_encoder.items():
+            self._add_external_encoder(name, external)
+        for link in self.links.values():
+            runtime.after_cycle.append(link.exchange)
+
+    def _connect_stations(self, segments: Segments, stations: Mapping[str, ModbusIoStation]) -> None:
+        from hil.bench.io_devices import build_link
+
+        for name, station in stations.items():
+            segment = segments.modbus[self._config.station[name].segment]
+            self.links[name] = build_link(self._config, name, station, segment, history=self._history)
+
+    def _connect_encoders(self, segments: Segments) -> None:
+        from hil.bench.encoders import EncoderNodes, build_encoder_ports, used_encoders
+
+        cia406 = build_encoder_ports(segments.masters, self._config, self._history)
+        self._encoder_ports.update(cia406)
+        self.encoder_nodes = EncoderNodes(segments.masters, self._config, cia406, self._history)
+        used = used_encoders(self._config)
+        for name, port in self.encoder_nodes.ports.items():
+            if name in used:
+                self._encoder_ports[name] = port  # its technology object reads it
+            else:
+                self._runtime.after_cycle.append(port.read)
+
+    # -- axes
+    # -------------------------------------------------------------------------------------------------
+
+    def _add_axis(self, name: str, section: AxisSection) -> None:
+        from hil.bench.io_devices import axis_inputs, wired_variables
+
+        config = self._config
+        port = self.ports.add(section.drive)
+        variables = from_drive(config.drive[section.drive])
+        encoders: list[EncoderPort | Port] | None = None
+        named = encoders_of_axis(section, config.drive[section.drive], config.bench.cpu)
+        if named is not None:
+            encoders = []
+            for number, one in enumerate(named, start=1):
+                encoder, own = self._encoder_of_axis(section, one, f"Sensor[{number}]")
+                encoders.append(encoder)
+                variables |= own
+        if section.connection == "data_block":
+            self.ports.telegram_port(section.drive).connect_block()
+        variables |= {**wired_variables(config, name), **section.variables}
+        axis: TechnologyAxis = _AXES[section.type](
+            name,
+            port,
+            cycle_ns=self._runtime.cycle_ns,
+            interpolator_ns=self._interpolator_ns,
+            variables=variables,
+            delay_s=port.delay_ns / S,
+            history=self._history,
+            encoders=encoders,
+            connection=section.connection,
+            cpu=config.bench.cpu,
+            ramp_times=section.ramp_times,
+        )
+        axis.station_inputs = axis_inputs(config, name, self.links)
+        axis.inputs_in_servo = section.inputs_update == "servo"
+        axis.homing_input = SWITCHES[section.homing_input]
+        axis.enabling.timeout_s = section.enable_timeout_s
+        on_motor = encoders is None and axis.has_position and variables.get("Sensor[1].System", 1) == 1
+        self._history.emit(
+            name,
+            "axis.wired",
+            drive=section.drive,
+            homing_input=section.homing_input,
+            zero_mark_pitch=60.0 / axis.mechanics.rpm_per_unit if on_motor else 0.0,
+        )
+        self._runtime.add(axis)
+        self.axes[name] = AxisHandle(self._runtime, axis)
+        self._record(name, axis)
+        self._note_limits(name, axis)
+
+    def _encoder_of_axis(
+        self, section: AxisSection, encoder: str, sensor: str
+    ) -> tuple[EncoderPort | Port, dict[str, Any]]:
+        """Return the port to an encoder of an axis, and the variables that follow from it."""
+        if encoder == section.drive:
+            return self.ports.by_name[encoder], {}
+        if encoder == second_of(section.drive):
+            from motion.drives.profidrive_second import SecondEncoderPort
+
+            second = self._config.drive[section.drive].encoder2
+            port = self.ports.telegram_port(section.drive)
+            absolute = not second.type.startswith("incremental")
+            return SecondEncoderPort(port, absolute_encoder=absolute), from_second_encoder(second, sensor)
+        return self._encoder_ports[encoder], from_encoder(self._config.encoder[encoder], sensor)
+
+    @property
+    def _interpolator_ns(self) -> int:
+        bench = self._config.bench
+        return (bench.interpolator_ms or bench.cycle_ms) * MS
+
+    def _note_limits(self, name: str, axis: TechnologyAxis) -> None:
+        """Note the facts of an axis that a judge of the trace needs."""
+
+        def read(path: str) -> float:
+            return float(axis.variables.bind(path).value)
+
+        constants = {
+            "cycle_s": self._runtime.cycle_ns / S,
+            "max_velocity": read("DynamicLimits.MaxVelocity"),
+            "max_acceleration": read("DynamicLimits.MaxAcceleration"),
+            "max_deceleration": read("DynamicLimits.MaxDeceleration"),
+            "max_jerk": read("DynamicLimits.MaxJerk"),
+            "emergency_deceleration": read("DynamicDefaults.EmergencyDeceleration"),
+            "deceleration": read("DynamicDefaults.Deceleration"),
+            "jerk": read("DynamicDefaults.Jerk"),
+            "unit_per_rpm": 1.0 / axis.mechanics.rpm_per_unit,
+        }
+        if self._interpolator_ns != self._runtime.cycle_ns:
+            constants["interpolator_s"] = self._interpolator_ns / S
+        for key, value in constants.items():
+            self._recorder.set_constant(f"{name}.{key}", value)
+
+    def _add_external_encoder(self, name: str, section: ExternalEncoderSection) -> None:
+        variables = from_encoder(self._config.encoder[section.encoder], "Sensor")
+        variables.pop("Sensor.MountingMode", None)
+        encoder = ExternalEncoder(
+            name,
+            self._encoder_ports[section.encoder],
+            cycle_ns=self._runtime.cycle_ns,
+            variables={**variables, **section.variables},
+            history=self._history,
+        )
+        if section.drive is not None:
+            port, mask = self.ports.by_name[section.drive], SWITCHES[section.homing_input]
+            encoder.digital_input = lambda: port.inputs & mask != 0
+        self._runtime.add_encoder(encoder)
+        self.external_encoders[name] = EncoderHandle(self._runtime, encoder)
+        self._record(name, encoder)
+
+    def _record(self, name: str, part: TechnologyAxis | ExternalEncoder) -> None:
+        group = self._recorder.add_group(name, part.trace_columns, part.trace_row, enums=part.trace_enums)
+        self._runtime.after_cycle.append(group.sample)
+
+    # -- operation
+    # --------------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Commission the drives and wait for the cyclic link.
+
+        Raises:
+            BlockedError: A drive did not come up, or is another one than the bench file says.
+            CommissioningError: A drive refuses a parameter.
+
+        """
+        commission(self._scheduler, self.ports, self.ports.by_name, self.encoder_nodes)
+        self._buses.connect(self._runtime.controller)
+        self._buses.lead()
+        if self._config.bench.memory_card is not None:
+            self._runtime.insert_card(Path(self._config.bench.memory_card))
+        self._runtime.start()
+        if self.encoder_nodes is not None:
+            wait_for_encoders(self._scheduler, self.encoder_nodes)
+        if not self._scheduler.run_until(self._linked, LINK_TIMEOUT_NS):
+            silent = [
+                name for name, port in self.ports.by_name.items() if not port.link_ok and not port.optional
+            ]
+            raise BlockedError(f"no cyclic data from {', '.join(silent)} within {LINK_TIMEOUT_NS // S} s")
+
+    def _linked(self) -> bool:
+        return all(
+            (axis.communication_ok and axis.sensor_valid)
+            or self.ports.missing(self._config.axis[name].drive)
+            or self._programmed(axis)
+            for name, axis in ((name, handle.object) for name, handle in self.axes.items())
+        )
+
+    @staticmethod
+    def _programmed(axis: TechnologyAxis) -> bool:
+        """Say whether the telegram of an axis arrives and it is up to a program to let the axis see it."""
+        return axis.connection == "data_block" and axis.drive_port.link_ok
+
+    def release_drives(self) -> None:
+        """Stop the runtime and disable every drive that the controller leads; two cycles of SYNC make it
+        act.
+        """
+        self._runtime.stop()
+        if self.ports.release():
+            self._scheduler.run_for(2 * self._runtime.cycle_ns)

@@ -1,0 +1,181 @@
+"""The buses of a bench: CAN segments with the controller's services on them, Modbus networks and lines."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+from fieldbus.canopen.master import CanopenMaster
+from fieldbus.clock import MS, S
+from fieldbus.errors import BusError, HilError
+from hil.errors import BlockedError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from fieldbus.can import CanMedium
+    from fieldbus.can.live import LiveSegment
+    from fieldbus.clock import Scheduler
+    from fieldbus.history import History
+    from hil.bench.config import BenchConfig
+    from hil.bench.modbus_links import ModbusSegment
+    from hil.bench.segment_config import SegmentSection
+    from hil.record import Recorder
+
+    CanSegment: TypeAlias = CanMedium | LiveSegment
+    Segment: TypeAlias = CanSegment | ModbusSegment
+
+MASTER_NODE: Final = 127
+"""Node-ID of the controller."""
+LOAD_COLUMNS: Final = (("load", "%"),)
+"""Columns of a CAN segment in the trace."""
+
+
+class LoadMeter:
+    """The load of a CAN segment over each application cycle (CANP-069).
+
+    A frame counts in the cycle in which it ends, so that one cycle may show a little more than 100 %.
+
+    Args:
+        segment: The segment; it knows the exact length of what it has carried.
+        bitrate: Its bit rate, bit/s.
+        cycle_ns: Time between two rows, ns.
+
+    """
+
+    def __init__(self, segment: CanSegment, *, bitrate: int, cycle_ns: int) -> None:
+        self._segment = segment
+        self._percent_per_bit = 100.0 * S / bitrate / cycle_ns
+        self._before = segment.busy_bits
+
+    def row(self) -> tuple[float]:
+        """Return the load since the last call, %."""
+        busy = self._segment.busy_bits
+        load = (busy - self._before) * self._percent_per_bit
+        self._before = busy
+        return (load,)
+
+
+class Segments:
+    """The segments of a bench file, opened.
+
+    Args:
+        config: The bench file.
+        scheduler: Time of the bench.
+        history: Its event log.
+
+    Raises:
+        BlockedError: A live bus cannot be opened.
+
+    """
+
+    def __init__(self, config: BenchConfig, scheduler: Scheduler, history: History) -> None:
+        self._config = config
+        self._scheduler = scheduler
+        self._history = history
+        self._cycle_ns = config.bench.cycle_ms * MS
+        self._live: list[LiveSegment] = []
+        self.by_name: dict[str, Segment] = {}
+        """All segments, in the order of the bench file."""
+        self.can: dict[str, CanSegment] = {}
+        self.modbus: dict[str, ModbusSegment] = {}
+        self.masters: dict[str, CanopenMaster] = {}
+        """CANopen services of the controller, by CAN segment."""
+        try:
+            for name, section in config.segment.items():
+                self._open(name, section)
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self, name: str, section: SegmentSection) -> None:
+        if section.on_modbus:
+            from hil.bench.modbus_links import ModbusSegment
+
+            modbus = ModbusSegment(self._scheduler, name, section, cycle_ns=self._cycle_ns)
+            self.by_name[name] = self.modbus[name] = modbus
+            return
+        can = self._open_can(name, section)
+        self.by_name[name] = self.can[name] = can
+        self.masters[name] = CanopenMaster(
+            self._scheduler, can, name="controller", node_id=MASTER_NODE, history=self._history
+        )
+
+    def _open_can(self, name: str, section: SegmentSection) -> CanSegment:
+        if self._config.bench.kind == "virtual":
+            from fieldbus.can import CanMedium
+
+            return CanMedium(self._scheduler, bitrate=section.bitrate, name=name, history=self._history)
+        from fieldbus.can.live import LiveSegment
+
+        try:
+            live = LiveSegment.open(self._scheduler, name=name, history=self._history, **section.opening())
+        except BusError as error:
+            raise BlockedError(str(error)) from error
+        live.bitrate = section.bitrate
+        self._live.append(live)
+        return live
+
+    def connect_drives(self, places: Mapping[str, tuple[str, int] | str]) -> None:
+        """Connect the controller to the drives on live Modbus.
+
+        Args:
+            places: Host and port, or device file, of the drives that are not where the bench file says.
+
+        Raises:
+            BlockedError: A serial line cannot be opened.
+
+        """
+        from hil.bench.modbus_config import address_of
+
+        for name, drive in self._config.drive.items():
+            segment = self.modbus.get(drive.segment)
+            if segment is None:
+                continue
+            section = self._config.segment[drive.segment]
+            place = places.get(name)
+            try:
+                if section.kind == "modbus_rtu":
+                    segment.open(name, place if isinstance(place, str) else section.path or "")
+                else:
+                    host, port = place if isinstance(place, tuple) else address_of(drive, section)
+                    segment.connect(name, host, port)
+            except BusError as error:
+                raise BlockedError(str(error)) from error
+
+    # -- evidence
+    # ---------------------------------------------------------------------------------------------
+
+    def record_frames(self, recorder: Recorder, after_cycle: list[Callable[[], object]]) -> None:
+        """Record the frames of all segments, and the load of those on CAN once per cycle."""
+        for name in self.by_name:  # frames of the same time keep the order of the bench file
+            if name in self.modbus:
+                recorder.add_bus(name, self.modbus[name].entries)
+                continue
+            can = self.can[name]
+            recorder.add_bus(name, can.log)
+            meter = LoadMeter(can, bitrate=self._config.segment[name].bitrate, cycle_ns=self._cycle_ns)
+            after_cycle.append(recorder.add_group(name, LOAD_COLUMNS, meter.row).sample)
+
+    def record_requests(self, recorder: Recorder, after_cycle: list[Callable[[], object]]) -> None:
+        """Record the requests of the ports on Modbus once per cycle; of ports that come later, nothing."""
+        for name, modbus in self.modbus.items():
+            columns = modbus.columns
+            if columns:
+                after_cycle.append(recorder.add_group(name, columns, modbus.row).sample)
+
+    # -- end
+    # --------------------------------------------------------------------------------------------------
+
+    def leave(self) -> None:
+        """End the services of the controller on the buses."""
+        for master in self.masters.values():
+            with suppress(HilError):  # a bus that is down takes no last frames
+                master.close()
+
+    def close(self) -> None:
+        """Close live buses, connections and lines."""
+        for live in self._live:
+            live.close()
+        for modbus in self.modbus.values():
+            modbus.close()
