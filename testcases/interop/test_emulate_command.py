@@ -192,7 +192,7 @@ def test_defaults_of_the_drive_fit_its_bench_file(request):
     host = DriveHost(config, place=place, record=False)
     try:
         section = config.drive["drive1"]
-        get = host.drives["drive1"].slave.get
+        get = host.devices.drives["drive1"].slave.get
         assert get(0x60A9) == 0xFDB44700  # 10^-3 rpm
         assert get(0x6083) == get(0x6084) == 1000 * section.max_speed_rpm / section.off1_ramp_s
         assert get(0x6085) == 1000 * section.max_speed_rpm / section.off3_ramp_s

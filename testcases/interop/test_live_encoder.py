@@ -9,7 +9,8 @@ import pytest
 
 from hil.bench import load_bench
 from hil.bench.config import parse
-from hil.bench.remote import DriveHost, RemoteError
+from hil.bench.drive_host import DriveHost
+from hil.bench.remote_calls import RemoteError
 from hil.cli import main
 
 PATIENCE_S = 60.0

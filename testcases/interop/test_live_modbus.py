@@ -15,6 +15,7 @@ import pytest
 from hil.bench.bench import Bench
 from hil.bench.config import parse, read
 from hil.campaign import CaseSettings, execute_case
+from hil.errors import BlockedError
 from reports.model import Verdict
 from testcases.campaigns import stop_modes
 from testcases.processes import Reader, hil_command
@@ -113,21 +114,15 @@ def test_a_physical_drive_is_that_of_hil_emulate(kind, tmp_path):
 
 def test_a_drive_that_is_not_there_blocks_the_bench():
     """Nobody listens at the port: the bench is not ready, with drive, unit and reason."""
-    from hil.bench.bench import BenchNotReadyError
-
     text = bench_text("tcp", drive='device = "physical"\n', segment="port = 1\n")
-    with pytest.raises(
-        BenchNotReadyError, match=r"drive1 \(unit 1\) does not answer within 5 s: .*no connection"
-    ):
+    with pytest.raises(BlockedError, match=r"drive1 \(unit 1\) does not answer within 5 s: .*no connection"):
         Bench(parse(text, "physical.toml"), seed=1)
 
 
 def test_a_line_that_is_not_there_blocks_the_bench(tmp_path):
     """No such device file: the bench is not ready, with its name."""
-    from hil.bench.bench import BenchNotReadyError
-
     text = bench_text("rtu", drive='device = "physical"\n', segment=f'path = "{tmp_path}/nosuch"\n')
-    with pytest.raises(BenchNotReadyError, match=f"serial line {tmp_path}/nosuch: "):
+    with pytest.raises(BlockedError, match=f"serial line {tmp_path}/nosuch: "):
         Bench(parse(text, "physical.toml"), seed=1)
 
 

@@ -185,7 +185,7 @@ def test_two_stations_on_a_serial_line():
         axis, _ = travelling(bench, 100.0)
         bench.station("door").input(1).set(True)
         bench.run_for(0.1)
-        assert bench._links["door"].input(1)
+        assert bench.station_link("door").input(1)
         assert axis.var("ErrorDetail.Number") == 0
 
 

@@ -9,9 +9,10 @@ import pytest
 from fieldbus.errors import ConfigurationError
 from fieldbus.modbus import Change
 from hil.bench import load_bench
-from hil.bench.bench import Bench, BenchNotReadyError
+from hil.bench.bench import Bench
 from hil.bench.config import parse, read
 from hil.campaign import CaseSettings, execute_case
+from hil.errors import BlockedError
 from hil.record import Trace
 from reports.model import Verdict
 from testcases.campaigns import stop_modes
@@ -411,7 +412,7 @@ def test_a_drive_that_does_not_answer_ends_the_start(name, monkeypatch):
     from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
 
     monkeypatch.setattr(ProfidriveModbusDrive, "power_on", lambda _self: None)
-    with pytest.raises(BenchNotReadyError, match=r"drive1 \(unit \d\) does not answer within 5 s: "):
+    with pytest.raises(BlockedError, match=r"drive1 \(unit \d\) does not answer within 5 s: "):
         bench(name)
 
 
@@ -441,7 +442,7 @@ def test_a_drive_with_another_map_ends_the_start_at_once(tmp_path):
     modbus_config.registers_of = lambda _drive: wrong
     try:
         with pytest.raises(
-            BenchNotReadyError,
+            BlockedError,
             match=r"another drive than its register map says: 03 .*02h illegal data address",
         ):
             Bench(config, seed=1)

@@ -65,7 +65,7 @@ def test_the_signal_follows_the_setpoint():
         bench.run_for(0.2)
         count = bench.station("counter").counter(0).count
         assert count / 4096 * 10.0 == pytest.approx(axis.var("Position"), abs=0.003)
-        assert bench._links["counter"].counters[0] == count
+        assert bench.station_link("counter").counters[0] == count
 
 
 WRONG = [

@@ -13,9 +13,9 @@ import pytest
 
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from hil._commands.faults import example_call
-from hil.bench.drive_host import FAULT_METHODS
 from hil.bench.encoders import ENCODER_METHODS
 from hil.bench.remote import RemoteDrive
+from hil.bench.remote_calls import FAULT_METHODS
 from hil.faults import CATALOGUE, Fault
 from testcases.unit.hil.fault_benches import Stage, situation_of, undisturbed
 

@@ -73,15 +73,11 @@ def test_released_drive_switches_off():
 
 def test_physical_drive_has_no_fault_interface():
     """Asking for the drive of a bench on which it is physical ends a case as blocked."""
-    from hil.bench.bench import Bench
-
-    config = BenchFile("own.toml", LIVE.format(interface="virtual", channel="any")).config
-    bench = Bench.__new__(Bench)
-    bench.config = config
-    bench._drives = {}
-    for name in (None, "drive1"):
-        with pytest.raises(UnsupportedFaultError, match="physical"):
-            bench.drive(name)
+    text = LIVE.format(interface="virtual", channel="physical drive")
+    with BenchFile("own.toml", text[: text.index("[axis")]).build() as bench:
+        for name in (None, "drive1"):
+            with pytest.raises(UnsupportedFaultError, match="physical"):
+                bench.drive(name)
 
 
 @pytest.mark.parametrize("value", [None, "", "5", [], float("inf"), float("nan"), 10**400])

@@ -114,7 +114,7 @@ def test_outputs_of_stations_are_off_at_once():
         bench.controller.stop()
         bench.run_for(0.03)
         assert station.trace_row() != before
-        link = next(iter(bench._links.values()))
+        link = bench.station_link()
         assert not link._outputs
 
 
@@ -183,12 +183,13 @@ def test_overlapping_overruns_leave_the_level_as_it_was():
 
 def test_where_it_cannot_be_injected():
     """Another target is refused, and a bench that leads nobody."""
-    with load_bench("reference").build(seed=1) as bench:
-        with pytest.raises(ConfigurationError, match="controller, or nothing"):
-            Injector(bench).inject("controller.stop", "drive1")
-        bench._axes.clear()
-        with pytest.raises(UnsupportedFaultError, match="somebody else"):
-            Injector(bench).inject("controller.stop")
+    led = load_bench("reference").build(seed=1)
+    with led, pytest.raises(ConfigurationError, match="controller, or nothing"):
+        Injector(led).inject("controller.stop", "drive1")
+    text = load_bench("reference").text
+    without_axis = BenchFile("own.toml", text[: text.index("[axis")]).build()
+    with without_axis, pytest.raises(UnsupportedFaultError, match="somebody else"):
+        Injector(without_axis).inject("controller.stop")
 
 
 @pytest.mark.parametrize("base", ["reference", "profidrive"])

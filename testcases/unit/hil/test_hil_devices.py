@@ -192,7 +192,8 @@ def test_node_beside_a_drive_changes_nothing_for_the_axis(bench_file):
 
 def test_node_in_a_drive_process(bench_file):
     """`hil emulate` brings nodes as well: the host answers an SDO request on a python-can bus."""
-    from hil.bench.remote import DriveHost, RemoteError
+    from hil.bench.drive_host import DriveHost
+    from hil.bench.remote_calls import RemoteError
 
     channel = "devices of a bench"
     host = DriveHost(

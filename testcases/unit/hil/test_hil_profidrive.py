@@ -14,7 +14,9 @@ from fieldbus.profidrive.errors import ParameterAccessError
 from hil.bench import load_bench
 from hil.bench.bench import Bench
 from hil.bench.config import BenchFileError, parse, read
-from hil.bench.remote import FAULT_METHODS, DriveHost, RemoteDrive, RemoteError
+from hil.bench.drive_host import DriveHost
+from hil.bench.remote import RemoteDrive
+from hil.bench.remote_calls import FAULT_METHODS, RemoteError
 from hil.campaign import CaseSettings, execute_case
 from hil.faults import Injector
 from reports.model import Verdict

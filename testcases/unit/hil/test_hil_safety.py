@@ -10,7 +10,8 @@ import pytest
 
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from hil.bench import BenchFile, BenchFileError, load_bench
-from hil.bench.remote import FAULT_METHODS, RemoteDrive
+from hil.bench.remote import RemoteDrive
+from hil.bench.remote_calls import FAULT_METHODS
 from hil.faults import CATALOGUE, Fault, Injector
 
 TABLES = """
