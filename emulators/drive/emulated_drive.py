@@ -138,7 +138,7 @@ class EmulatedDrive:
 
     # -- clock -------------------------------------------------------------------------------------------
 
-    def drift_clock(self, ppm: float) -> None:
+    def set_clock_drift(self, ppm: float) -> None:
         """Let the clock of the drive run fast (positive) or slow, ppm; 0 = at the pace of the bench.
 
         Raises:
@@ -147,7 +147,7 @@ class EmulatedDrive:
         """
         self._clock().drift(ppm)
 
-    def jitter_clock(self, longest_ns: int) -> None:
+    def set_clock_jitter(self, longest_ns: int) -> None:
         """Let the cycles of the drive begin late by up to so many ns; 0 = on time again.
 
         Raises:
