@@ -6,10 +6,10 @@ segment) and
 `fieldbus.can.export` (log files).
 """
 
-from fieldbus.can.arbitration import LogEntry
 from fieldbus.can.bitstream import BitError
 from fieldbus.can.confinement import ErrorCode, NodeState
 from fieldbus.can.frame import CanFrame, CanPort, CanSegment, FrameReceiver
+from fieldbus.can.frame_log import LogEntry
 from fieldbus.can.hooks import FrameHook, HookResult
 from fieldbus.can.medium import CanMedium
 from fieldbus.can.port import MediumPort

@@ -12,8 +12,8 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from fieldbus.can.arbitration import LogEntry
 from fieldbus.can.frame import CanFrame
+from fieldbus.can.frame_log import LogEntry
 from fieldbus.can.timing import arbitration_key, frame_bits, worst_case_bits
 from fieldbus.clock import S
 from fieldbus.errors import BusError

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from fieldbus.can.bitstream import FrameImage, image_of
+from fieldbus.can.bitstream import FrameImage, FrameParser, image_of
 from fieldbus.can.confinement import (
     BUS_OFF_LIMIT,
     DELIMITER_BITS,
@@ -26,7 +26,6 @@ from fieldbus.can.confinement import (
     rec_after_reception,
 )
 from fieldbus.can.frame import CanFrame
-from fieldbus.can.parser import FrameParser
 from fieldbus.can.port import Entry, MediumPort
 from fieldbus.can.timing import INTERMISSION_BITS
 
@@ -79,7 +78,7 @@ class Host(Protocol):
         """Follow 11 recessive bits that a bus-off node has seen."""
 
 
-class Controller(FrameParser):
+class Controller:
     """The data link layer of one node.
 
     Args:
@@ -90,30 +89,11 @@ class Controller(FrameParser):
 
     """
 
-    __slots__ = (
-        "_arbitrating",
-        "_error_flag",
-        "_last",
-        "_overloads",
-        "_run",
-        "_stuff_due",
-        "ack_only",
-        "drive",
-        "entry",
-        "host",
-        "image",
-        "index",
-        "n",
-        "port",
-        "silent",
-        "step",
-        "transmitter",
-    )
-
     def __init__(self, host: Host, port: MediumPort, *, silent: bool) -> None:
         self.host = host
         self.port = port
         self.silent = silent
+        self._parser = FrameParser()
         self.drive = 1
         """What the node sends in the present bit."""
         self.step: Callable[[int], None] = self.idle
@@ -241,7 +221,7 @@ class Controller(FrameParser):
 
     def begin_frame(self) -> None:
         """Expect SOF."""
-        super().begin_frame()
+        self._parser.begin_frame()
         self.index = self._run = 0
         self._last = -1
         self._stuff_due = False
@@ -251,6 +231,7 @@ class Controller(FrameParser):
         index = self.index
         self.index = following = index + 1
         image = self.image
+        parser = self._parser
         if image is not None:
             if image.bits[index] != bit:
                 if self._arbitrating and not bit and 0 < index < image.arbitration_end:
@@ -280,8 +261,8 @@ class Controller(FrameParser):
                 self._stuff_due = self._run == FLAG_BITS - 1
             else:
                 self._last, self._run = bit, 1
-            self.parse(bit)
-        if self.taken >= self.total and not self._stuff_due:
+            parser.parse(bit)
+        if parser.taken >= parser.total and not self._stuff_due:
             self.step = self.crc_delimiter
 
     # ----------------------------------------------------------------------------------- CRC delimiter to EOF
@@ -292,7 +273,7 @@ class Controller(FrameParser):
             self._fail(ErrorCode.FORM)
             return
         self.step = self.ack_slot
-        if not (self.transmitter or self.crc or self.silent or not self.port.acknowledges):
+        if not (self.transmitter or self._parser.crc or self.silent or not self.port.acknowledges):
             self.drive = 0
 
     def ack_slot(self, bit: int) -> None:
@@ -307,7 +288,7 @@ class Controller(FrameParser):
         """ACK delimiter, after which a receiver tells a CRC error (CANP-035)."""
         if not bit:
             self._fail(ErrorCode.FORM)
-        elif self.crc and not self.transmitter:
+        elif self._parser.crc and not self.transmitter:
             self._fail(ErrorCode.CRC)
         else:
             self.n = 0
@@ -334,7 +315,7 @@ class Controller(FrameParser):
                 port.rec = rec_after_reception(port.rec)
                 self.host.counted(self)
             self._overloads = 0 if self.silent else port.overload_frames
-            self.host.frame_received(self, self.received_frame())
+            self.host.frame_received(self, self._parser.received_frame())
         if bit:
             self.begin_intermission()
         else:
@@ -348,7 +329,7 @@ class Controller(FrameParser):
         if step == self.frame:
             if self.image is not None:
                 return self.image.fields[self.index - 1]
-            return self.field()
+            return self._parser.field()
         return _FIELD_OF_STATE.get(step.__name__, "")
 
     def _fail(self, code: ErrorCode, *, excused: bool = False, in_flag: bool = False) -> None:

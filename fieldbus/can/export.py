@@ -17,9 +17,9 @@ from typing import Final
 import can
 from can.io.blf import BLFParseError
 
-from fieldbus.can.arbitration import LogEntry
 from fieldbus.can.confinement import ErrorCode
 from fieldbus.can.frame import CanFrame
+from fieldbus.can.frame_log import LogEntry
 from fieldbus.can.message import ERROR_BUS, ERROR_FLAG, error_message, to_frame, to_message
 from fieldbus.clock import S
 from fieldbus.errors import BusError, ConfigurationError

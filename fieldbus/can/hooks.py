@@ -127,3 +127,34 @@ def ask_hooks(hooks: Iterable[FrameHook], frame: CanFrame, sender: str, time_ns:
         else:
             verdict.copies += result.count
     return verdict
+
+
+class FrameHooks:
+    """The hooks of a segment, in the order in which they were added.
+
+    Args:
+        on_change: Called when hooks were added or removed.
+
+    """
+
+    def __init__(self, on_change: Callable[[], None] | None = None) -> None:
+        self.active: tuple[FrameHook, ...] = ()
+        self._on_change = on_change
+        # Each in a tuple, for an identity of its own: the same function can be added twice.
+        self._entries: tuple[tuple[FrameHook], ...] = ()
+
+    def add(self, hook: FrameHook) -> Callable[[], None]:
+        """Add a hook; return the function that removes it, harmless to repeat."""
+        entry = (hook,)
+        self._replace((*self._entries, entry))
+
+        def remove() -> None:
+            self._replace(tuple(other for other in self._entries if other is not entry))
+
+        return remove
+
+    def _replace(self, entries: tuple[tuple[FrameHook], ...]) -> None:
+        self._entries = entries
+        self.active = tuple(hook for (hook,) in entries)
+        if self._on_change is not None:
+            self._on_change()

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from threading import Event
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import can
 
-from fieldbus.can.arbitration import LogEntry
 from fieldbus.can.frame import CanFrame, FrameReceiver
-from fieldbus.can.hooks import FrameHook, Verdict, ask_hooks
-from fieldbus.can.live_port import LivePort
+from fieldbus.can.frame_log import LogEntry
+from fieldbus.can.hooks import FrameHook, FrameHooks, ask_hooks
 from fieldbus.can.registry import register_segment
-from fieldbus.can.side import BusSide, echoes, open_bus
-from fieldbus.can.side_reports import SideReports
+from fieldbus.can.side import BusSide, SideReports, echoes, open_bus
 from fieldbus.can.timing import frame_bits
 from fieldbus.clock import RealtimeScheduler, Scheduler
 from fieldbus.errors import BusError, ConfigurationError, UnsupportedFaultError
@@ -28,6 +26,67 @@ if TYPE_CHECKING:
 
 BUS: Final = "bus"
 """Name of the sender of everything that comes from outside, where there is no bridge."""
+
+
+class LivePort:
+    """A local node's connection to a live segment; made by `LiveSegment.attach`.
+
+    Args:
+        name: Name of the node.
+        receive: Called with every frame for the node.
+        listen_only: Whether it must not send.
+        confirm: Called with every own frame that the bus has taken.
+        submit: Sends a frame of the port.
+        leave: Removes the port from its segment.
+
+    """
+
+    def __init__(
+        self,
+        name: str,
+        receive: FrameReceiver,
+        *,
+        listen_only: bool,
+        confirm: FrameReceiver | None,
+        submit: Callable[[LivePort, CanFrame], None],
+        leave: Callable[[LivePort], None],
+    ) -> None:
+        self.name = name
+        self.receive = receive
+        self.listen_only = listen_only
+        self.confirm = confirm
+        self.online = True
+        """False: the node neither sends nor receives. The adapter goes on acknowledging what is on the
+        bus.
+        """
+        self.detached = False
+        self._submit = submit
+        self._leave = leave
+
+    def send(self, frame: CanFrame) -> None:
+        """Hand `frame` to the bus and to the other local nodes.
+
+        Raises:
+            BusError: The port is detached or listens only, the segment is closed, the bus refuses, or the
+                frame is no classical CAN frame.
+
+        """
+        self._submit(self, frame)
+
+    def send_all(self, frames: Iterable[CanFrame]) -> None:
+        """Hand several frames over, in their order; see `send`."""
+        for frame in frames:
+            self._submit(self, frame)
+
+    def detach(self) -> None:
+        """Leave the segment for good; harmless to repeat."""
+        self.detached = True
+        self.online = False
+        self._leave(self)
+
+    def __repr__(self) -> str:
+        where = "detached" if self.detached else "online" if self.online else "offline"
+        return f"<LivePort {self.name}: {where}>"
 
 
 class LiveSegment:
@@ -94,7 +153,7 @@ class LiveSegment:
         self._keep_log = keep_log
         self._lossy = lossy
         self._ports: tuple[LivePort, ...] = ()
-        self._hooks: tuple[tuple[FrameHook], ...] = ()
+        self._hooks = FrameHooks()
         self._busy_bits = 0
         self._parted = False
         self._last_ns = scheduler.now
@@ -122,13 +181,13 @@ class LiveSegment:
         scheduler: Scheduler,
         *,
         interface: str,
-        channel: Any,
+        channel: object,
         name: str = "can0",
         history: History | None = None,
         keep_log: bool = True,
         lossy: bool = False,
-        bridge: Mapping[str, Any] | None = None,
-        **options: Any,
+        bridge: Mapping[str, object] | None = None,
+        **options: object,
     ) -> Self:
         """Open a python-can bus and make it a segment, which owns it.
 
@@ -169,7 +228,7 @@ class LiveSegment:
             )
             segment.kernel = kernel
             return segment
-        far_channel, far_interface = further.pop("channel"), further.pop("interface", interface)
+        far_channel, far_interface = further.pop("channel"), str(further.pop("interface", interface))
         try:
             far = open_bus(name, far_interface, far_channel, further)
         except BusError:
@@ -229,14 +288,18 @@ class LiveSegment:
         """
         if any(port.name == name for port in self._ports):
             raise BusError(f"a port named {name!r} is already attached to {self.name}")
-        port = LivePort(self, name, receive, listen_only=listen_only, confirm=confirm)
+        port = LivePort(
+            name,
+            receive,
+            listen_only=listen_only,
+            confirm=confirm,
+            submit=self._submit,
+            leave=self._leave,
+        )
         self._ports = (*self._ports, port)
         return port
 
-    def detach(self, port: LivePort) -> None:
-        """See `LivePort.detach`."""
-        port.detached = True
-        port.online = False
+    def _leave(self, port: LivePort) -> None:
         self._ports = tuple(other for other in self._ports if other is not port)
 
     @property
@@ -246,8 +309,7 @@ class LiveSegment:
 
     # --------------------------------------------------------------------------------------------- sending
 
-    def submit(self, port: LivePort, frame: CanFrame) -> None:
-        """See `LivePort.send`."""
+    def _submit(self, port: LivePort, frame: CanFrame) -> None:
         if port.detached:
             raise BusError(f"port {port.name} is detached from {self.name}")
         if port.listen_only:
@@ -299,7 +361,7 @@ class LiveSegment:
     # --------------------------------------------------------------------------------------------- receiving
 
     def arrived(self, side: BusSide, frame: CanFrame, time_ns: int) -> None:
-        """See `SideOwner`; in the reader's thread.
+        """Take a frame; called in the reader's thread.
 
         A frame of a bridge that nobody hooks overtakes nothing when it is passed on here: as long as an
         earlier one of its side waits for the scheduler, it waits too.
@@ -309,7 +371,7 @@ class LiveSegment:
             return
         if self.bridged:
             with side.order:
-                if self._hooks or side.pending:
+                if self._hooks.active or side.pending:
                     side.pending += 1
                 else:
                     passed = True
@@ -352,7 +414,7 @@ class LiveSegment:
         self._deliver(frame, self._write(time_ns, side.name, frame), None)
 
     def arrived_error(self, side: BusSide, message: can.Message, time_ns: int) -> None:
-        """See `SideOwner`."""
+        """Follow an error frame; called in the reader's thread."""
         self.scheduler.post(partial(self._received_error, side, message, time_ns))
 
     def _received_error(self, side: BusSide, message: can.Message, time_ns: int) -> None:
@@ -360,8 +422,8 @@ class LiveSegment:
         if code:
             self._write(time_ns, side.name, CanFrame(0), code)
 
-    def arrived_rubbish(self, side: BusSide, reason: str, can_id: int | None) -> None:
-        """See `SideOwner`."""
+    def arrived_garbled(self, side: BusSide, reason: str, can_id: int | None) -> None:
+        """Follow something that is no classical frame; called in the reader's thread."""
         self.scheduler.post(partial(self._reports.ignore, side, reason, can_id))
 
     def _deliver(self, frame: CanFrame, time_ns: int, sender: LivePort | None) -> None:
@@ -381,13 +443,7 @@ class LiveSegment:
             The function that removes the hook; harmless to repeat.
 
         """
-        entry = (hook,)  # its own identity, so that the same function can be added twice
-        self._hooks = (*self._hooks, entry)
-
-        def remove() -> None:
-            self._hooks = tuple(other for other in self._hooks if other is not entry)
-
-        return remove
+        return self._hooks.add(hook)
 
     def cut(self) -> Callable[[], None]:
         """Part the two sides of a bridge: local nodes stay with the first, nothing passes any more.
@@ -403,19 +459,17 @@ class LiveSegment:
             raise BusError(f"{self.name} has no bridge that could be parted")
         self._parted = True
 
-        def mend() -> None:
+        def join() -> None:
             self._parted = False
 
-        return mend
+        return join
 
     def withdraw(self, node: str) -> None:
         """Forget what `node` has injected and what still waits: nothing waits here, the adapter has it."""
 
     def _treat(self, frame: CanFrame, sender: str, time_ns: int, go_on: Callable[[CanFrame], None]) -> None:
         """Let the hooks decide how often and when `go_on` gets the frame."""
-        verdict: Verdict | None = None
-        if self._hooks:
-            verdict = ask_hooks([hook for (hook,) in self._hooks], frame, sender, time_ns)
+        verdict = ask_hooks(self._hooks.active, frame, sender, time_ns)
         if verdict is None:
             go_on(frame)
             return
@@ -454,7 +508,7 @@ class LiveSegment:
         return self._busy_bits
 
     def receiving(self, side: BusSide, *, works: bool, reason: str) -> None:
-        """See `SideOwner`."""
+        """Follow a failure of receiving, or its end; called in the reader's thread."""
         self.scheduler.post(partial(self._reports.changed, side, reason=reason, receive_failed=not works))
 
     def close(self) -> None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import Final
 
-from fieldbus.can.confinement import BUS_OFF_LIMIT, NodeState
+from fieldbus.can.error_handling import BusErrorListener
 from fieldbus.can.frame import CanFrame, FrameReceiver
-from fieldbus.can.partition import DivisibleSegment
-from fieldbus.can.port import MediumPort, deaf
+from fieldbus.can.frame_log import FrameLog, LogEntry
+from fieldbus.can.hooks import FrameHook, FrameHooks
+from fieldbus.can.port import MediumPort, ignore_frame
 from fieldbus.can.registry import register_segment
-from fieldbus.can.timing import frame_bits, timing_of
-from fieldbus.can.trouble import StateChange
+from fieldbus.can.section import BusSection
 from fieldbus.clock import S, Scheduler
 from fieldbus.errors import BusError, ConfigurationError
 from fieldbus.history import History
@@ -18,14 +19,14 @@ from fieldbus.history import History
 _INJECTOR_BUFFERS: Final = 1 << 20
 
 
-class CanMedium(DivisibleSegment):
+class CanMedium:
     """A CAN segment in virtual time: frame times to the bit, arbitration, acknowledge, error confinement.
 
     A frame occupies the bus for its exact length with stuff bits; the other nodes receive it at the end of
     its EOF, and the next one starts after the intermission at the earliest. A frame that no other online node
     acknowledges, that a hook corrupts or that collides with one of equal identifier ends in an error frame
-    and is retransmitted until it succeeds or its sender is bus-off. Whatever disturbs the bus is followed bit
-    by bit, with the error flags and counters of every node, as ISO 11898-1 has it.
+    and is retransmitted until it succeeds or its sender is bus-off. Every disturbance of the bus is followed
+    bit by bit, with the error flags and counters of every node, as ISO 11898-1 has it.
 
     Not modelled: CAN FD, and positions within a bit (propagation, resynchronisation).
 
@@ -35,7 +36,9 @@ class CanMedium(DivisibleSegment):
         name: Name in logs and events; also registered for `can.Bus(interface="hil", channel=name)`.
         history: Where `can.status`, `can.bus_error`, `can.overrun` events go; good frames are only in `log`.
         keep_log: Whether `log` is written.
-        registered: Whether it is registered under its name.
+
+    Raises:
+        ConfigurationError: The bit rate is out of range.
 
     """
 
@@ -50,18 +53,35 @@ class CanMedium(DivisibleSegment):
         name: str = "can0",
         history: History | None = None,
         keep_log: bool = True,
-        registered: bool = True,
     ) -> None:
-        super().__init__(scheduler, bitrate=bitrate, name=name, history=history, keep_log=keep_log)
-        self._created_ns = scheduler.now
+        if not isinstance(bitrate, int) or not 1_000 <= bitrate <= 1_000_000:
+            raise ConfigurationError("bitrate", bitrate, "a whole number from 1000 to 1000000 bit/s")
+        self.scheduler = scheduler
+        self.name = name
+        self.bitrate: Final = bitrate
+        self._frames = FrameLog(bitrate, enabled=keep_log)
+        self.log: Final[list[LogEntry]] = self._frames.entries
+        """Every frame on the wire in order; grows, is never replaced."""
+        self.bus_error_listeners: Final[list[BusErrorListener]] = []
+        """Called whenever the event `can.bus_error` is written."""
+        self._near = BusSection(
+            scheduler,
+            bitrate=bitrate,
+            name=name,
+            history=history,
+            log=self._frames,
+            listeners=self.bus_error_listeners,
+        )
+        self._far: list[BusSection] = []  # behind cable breaks
+        self._hooks = FrameHooks(self._hooks_changed)
         self._injectors: dict[str, MediumPort] = {}
-        if registered:
-            register_segment(self)
+        self._created_ns = scheduler.now
+        register_segment(self)
 
     def __repr__(self) -> str:
-        return f"<CanMedium {self.name}, {self.bitrate} bit/s, {len(self._nodes)} nodes>"
+        return f"<CanMedium {self.name}, {self.bitrate} bit/s, {len(self._near.nodes)} nodes>"
 
-    # --------------------------------------------------------------------------------------------- nodes
+    # -- nodes
 
     def attach(
         self,
@@ -83,10 +103,12 @@ class CanMedium(DivisibleSegment):
             tx_buffers: Frames that can wait for the bus (>= 1).
             auto_recovery: Leave bus-off without being asked (CANP-055).
             confirm: Called with every own frame that was sent successfully.
-            one_shot: Give a frame up that loses the arbitration or ends in an error (event `can.given_up`).
+            one_shot: Do not repeat a frame that loses the arbitration or ends in an error (event
+                `can.given_up`).
 
         Raises:
             BusError: The name is taken.
+            ConfigurationError: There is no transmit buffer.
 
         """
         if any(port.name == name for port in self.ports):
@@ -94,7 +116,7 @@ class CanMedium(DivisibleSegment):
         if tx_buffers < 1:
             raise ConfigurationError("tx_buffers", tx_buffers, "at least 1")
         port = MediumPort(
-            self,
+            self._near,
             name,
             receive,
             listen_only=listen_only,
@@ -103,74 +125,95 @@ class CanMedium(DivisibleSegment):
             confirm=confirm,
             one_shot=one_shot,
         )
-        port.joining = self._on_the_wire()
-        self._nodes.append(port)
-        self._ports.append(port)
-        self._add_controller(port)
-        self.ports_changed()
+        self._near.attach(port)
         return port
 
-    def detach(self, port: MediumPort) -> None:
-        """See `MediumPort.detach`."""
-        if port.detached:
-            return
-        port.online = False
-        port.detached = True
-        self._nodes.remove(port)
-        self._ports.remove(port)
-        self.ports_changed()
+    @property
+    def ports(self) -> tuple[MediumPort, ...]:
+        """The attached nodes in the order in which they came, those behind a break at the end."""
+        return (*self._near.nodes, *(port for section in self._far for port in section.nodes))
 
-    def presence_changed(self, port: MediumPort) -> None:
-        """Follow a change of `port.online`."""
-        if port.online:
-            port.tec = port.rec = 0
-            changes: list[StateChange] = []
-            self._change_state(port, NodeState.ERROR_ACTIVE, changes)
-            port.can_send = not port.listen_only
-            port.joining = self._on_the_wire()
-            self._add_controller(port)
-            self._rebuild()
-            self._tell(changes)
-        else:
-            port.can_send = port.joining = False
-            self._stop_recovery(port)
-            self._empty(port)
-            self._break_off(port)
-            self._rebuild()
+    def port(self, name: str) -> MediumPort:
+        """Return the node `name`.
 
-    def set_error_counters(self, port: MediumPort, tec: int, rec: int) -> None:
-        """See `MediumPort.set_error_counters`."""
-        changes: list[StateChange] = []
-        port.tec, port.rec = tec, rec
-        if port.state is NodeState.BUS_OFF and tec < BUS_OFF_LIMIT:
-            self._leave_bus_off(port, changes)
-        self._update_state(port, changes)
-        if self._bitwise:
-            self._switch_off(port)
-        elif port.state is NodeState.BUS_OFF and self._entry is not None:
-            self._break_off(port)
-        self._assess()
-        self._tell(changes)
+        Raises:
+            BusError: There is none; the message lists the names.
 
-    def flush(self, port: MediumPort) -> None:
-        """See `MediumPort.flush`."""
-        self._empty(port)
-        if self._entry is not None and self.scheduler.now <= self._open_until_ns:
-            self._rearbitrate()
+        """
+        for port in self.ports:
+            if port.name == name:
+                return port
+        known = ", ".join(port.name for port in self.ports) or "none"
+        raise BusError(f"no node {name!r} on {self.name}; nodes: {known}")
 
-    def _break_off(self, port: MediumPort) -> None:
-        """Take `port` from the bus, in the middle of its frame if need be."""
-        if not self._bitwise and self._entry is not None:
-            if not self._on_the_wire():
-                self._rearbitrate()
-            elif port is self._sender:
-                self._follow_bitwise()
-        if port.online:
-            self._switch_off(port)
-        else:
-            self._drop_controller(port)
+    # -- faults
 
-    # --------------------------------------------------------------------------------------------- faults
+    def add_hook(self, hook: FrameHook) -> Callable[[], None]:
+        """Call `hook` with every frame of the nodes that is about to go on the wire, first attempt only.
+
+        It is called at the start of the frame, when arbitration is won, and sees neither injected frames nor
+        copies nor frames that a hook has delayed. Hooks are called in the order in which they were added.
+
+        Returns:
+            The function that removes the hook; harmless to repeat.
+
+        """
+        return self._hooks.add(hook)
+
+    def _hooks_changed(self) -> None:
+        for section in (self._near, *self._far):
+            section.set_hooks(self._hooks.active)
+
+    def flip_bit(self, nodes: Iterable[str] | None = None) -> None:
+        """Have the bit that is on the wire now read inverted.
+
+        On an idle bus that is one dominant bit.
+
+        Args:
+            nodes: Names of the nodes that read it wrongly; default all.
+
+        """
+        self._near.bits.flip(None if nodes is None else frozenset(nodes))
+        self._near.follow_bits()
+
+    def hold_level(self, level: int | None) -> None:
+        """Hold the bus at `level` (0 dominant, 1 recessive) whatever the nodes send; None releases it.
+
+        Raises:
+            BusError: Another level.
+
+        """
+        if level not in (None, 0, 1):
+            raise BusError(f"level {level} of the bus is neither 0 (dominant) nor 1 (recessive)")
+        self._near.bits.hold(level)
+        self._near.follow_bits()
+
+    def cut(self, names: Iterable[str]) -> Callable[[], None]:
+        """Break the cable: the nodes `names` go on among themselves, and so do the others (CANP-078).
+
+        Frames of both sides are in the one log. Injected frames reach the near side only.
+
+        Returns:
+            The function that repairs the cable; harmless to repeat. What is on the wire on the two sides then
+            collides.
+
+        Raises:
+            BusError: No such node, or it is behind another break.
+
+        """
+        ports = [self.port(name) for name in dict.fromkeys(names)]
+        for port in ports:
+            if port not in self._near.nodes:
+                raise BusError(f"{port.name} is cut off from {self.name} already")
+        far = self._near.split_off(ports)
+        self._far.append(far)
+
+        def repair() -> None:
+            if far in self._far:
+                self._far.remove(far)
+                self._near.rejoin(far)
+
+        return repair
 
     def inject(self, frame: CanFrame, sender: str = "fault") -> None:
         """Send `frame` from outside of the nodes, by normal arbitration and past the hooks.
@@ -184,59 +227,37 @@ class CanMedium(DivisibleSegment):
         """
         port = self._injectors.get(sender)
         if port is None:
-            port = MediumPort(
-                self,
+            port = self._injectors[sender] = MediumPort(
+                self._near,
                 sender,
-                deaf,
+                ignore_frame,
                 listen_only=False,
                 tx_buffers=_INJECTOR_BUFFERS,
                 auto_recovery=True,
                 confirm=None,
             )
-            self._injectors[sender] = port
-            self._ports.append(port)
-            self._rebuild()
-        if not port.can_send:
-            return
-        key, bits = timing_of(frame.can_id, bytes(frame.data), frame.extended, frame.remote, frame.dlc)
-        self._sequence += 1
-        self._offer(port, (key, self._sequence, 0, frame, bits, ()))
+            self._near.add_port(port)
+        self._near.inject(port, frame)
 
     def injected(self, sender: str) -> int:
         """Return how many injected frames of `sender` wait for the bus."""
         port = self._injectors.get(sender)
-        return len(port.queue) if port is not None else 0
+        return port.pending if port is not None else 0
 
     def withdraw(self, sender: str) -> None:
-        """Forget the injected frames of `sender` that wait for the bus."""
+        """Remove the injected frames of `sender` that wait for the bus."""
         port = self._injectors.get(sender)
         if port is not None:
-            self.flush(port)
+            port.flush()
 
-    def _far_side(self) -> CanMedium:
-        far = CanMedium(
-            self.scheduler,
-            bitrate=self.bitrate,
-            name=self.name,
-            history=self._history,
-            keep_log=self._keep_log,
-            registered=False,
-        )
-        far.log = self.log
-        far._spans = self._spans
-        far._hook_entries = self._hook_entries
-        far._hooks_changed()
-        far.bus_error_listeners = self.bus_error_listeners
-        return far
-
-    # --------------------------------------------------------------------------------------------- load
+    # -- load
 
     @property
     def busy_bits(self) -> int:
         """Bit times for which the bus was occupied since the segment exists, counted when a frame has
         ended.
         """
-        return self._busy_bits
+        return self._near.busy_bits
 
     def bus_load(self, window_ns: int | None = None) -> float:
         """Return which part of the time the bus was occupied, 0..1; a frame in progress does not count
@@ -252,21 +273,10 @@ class CanMedium(DivisibleSegment):
         now = self.scheduler.now
         since = self._created_ns
         if window_ns is None:
-            return self._busy_bits * S / self.bitrate / (now - since) if now > since else 0.0
+            return self.busy_bits * S / self.bitrate / (now - since) if now > since else 0.0
         if window_ns <= 0:
             raise BusError(f"window {window_ns} ns is not positive")
-        if not self._keep_log:
+        if not self._frames.enabled:
             raise BusError(f"the bus load of a window needs the log, which {self.name} does not keep")
         since = max(since, now - window_ns)
-        busy = 0
-        for index in range(len(self.log) - 1, -1, -1):
-            end, _, frame, _ = self.log[index]
-            span = self._spans.get(index)
-            if span is None:
-                free = end + self._intermission_ns
-                span = free - self._durations[frame_bits(frame)], free
-            start, free = span
-            if free <= since:
-                break
-            busy += min(free, now) - max(start, since)
-        return busy / (now - since) if now > since else 0.0
+        return self._frames.busy_ns(since, now) / (now - since) if now > since else 0.0

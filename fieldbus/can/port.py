@@ -3,33 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Final
+from typing import Final, Protocol
 
+from fieldbus.can.bitstream import BitError
 from fieldbus.can.confinement import WARNING_LIMIT, NodeState
 from fieldbus.can.frame import CanFrame, FrameReceiver
-from fieldbus.clock import Timer
+from fieldbus.clock import Scheduler, Timer
 from fieldbus.errors import BusError
 
-if TYPE_CHECKING:
-    from fieldbus.can.bitstream import BitError
-    from fieldbus.can.medium import CanMedium
-
-Entry = tuple[int, int, int, CanFrame, int, "tuple[BitError, ...] | None"]
+Entry = tuple[int, int, int, CanFrame, int, tuple[BitError, ...] | None]
 """A frame waiting for the bus: arbitration key, sequence number, number of the copy, frame, bits, the bit
-errors of its next
-attempts (`NOT_ASKED` before the hooks have seen it). The first three give the order of the queue."""
+errors of its next attempts (`NOT_ASKED` before the hooks have seen it). The first three give the order of the
+queue.
+"""
 
 NOT_ASKED: Final = None
 
 StateListener = Callable[[NodeState, NodeState], object]
 
 
-def deaf(frame: CanFrame, time_ns: int) -> None:
-    """Receive nothing: stands in for the receiver of a node that does not listen."""
+def ignore_frame(frame: CanFrame, time_ns: int) -> None:
+    """Receive nothing: the receiver of a node that does not listen."""
 
 
 class Confirmation:
-    """Stands among the receivers of a port's own frames to tell it that one has been sent."""
+    """Stands among the receivers of a port's own frames and confirms that a frame has been sent."""
 
     __slots__ = ("receive",)
 
@@ -39,57 +37,67 @@ class Confirmation:
         self.receive = confirm
 
 
+class PortSection(Protocol):
+    """The part of the bus that a port is connected to, as the port uses it."""
+
+    @property
+    def name(self) -> str:
+        """Name of the segment."""
+
+    @property
+    def bitrate(self) -> int:
+        """Bit rate, bit/s."""
+
+    @property
+    def scheduler(self) -> Scheduler:
+        """Time of the segment."""
+
+    def submit(self, port: MediumPort, frames: Iterable[CanFrame]) -> None:
+        """Queue frames of `port`."""
+
+    def flush(self, port: MediumPort) -> None:
+        """Remove the queued frames of `port`."""
+
+    def recover(self, port: MediumPort) -> None:
+        """Begin the recovery of `port` from bus-off."""
+
+    def set_error_counters(self, port: MediumPort, tec: int, rec: int) -> None:
+        """Set the error counters of `port`, and its state accordingly."""
+
+    def detach(self, port: MediumPort) -> None:
+        """Remove `port` for good."""
+
+    def presence_changed(self, port: MediumPort) -> None:
+        """Follow a change of `port.online`."""
+
+    def ports_changed(self) -> None:
+        """Follow a change of what a port does."""
+
+    def routes_changed(self) -> None:
+        """Follow a change of the acceptance filter of a port."""
+
+
 class MediumPort:
     """A port of a `CanMedium`; made by `CanMedium.attach`.
 
     A frame that cannot be queued is lost without an exception, as in a CAN controller: because the port is
     offline or bus-off, or because its transmit queue is full (`overruns`, event `can.overrun`). Going
-    offline, or into bus-off, empties the queue. Coming online starts the controller anew, counters at zero.
+    offline, or into bus-off, empties the queue. Coming online resets the controller: its counters start at
+    zero.
     """
 
     __slots__ = (
-        "_delayed",
-        "_last_due_ns",
-        "_online",
-        "_receive_delay_ns",
-        "acknowledged",
-        "acknowledges",
-        "alone",
-        "auto_recovery",
-        "can_send",
-        "confirmation",
-        "dead_sequence",
-        "detached",
-        "handler",
-        "joining",
-        "listen_only",
-        "listening",
-        "mailboxes",
-        "medium",
-        "name",
-        "not_before_ns",
-        "on_overrun",
-        "on_state",
-        "one_shot",
-        "overload_frames",
-        "overruns",
-        "queue",
-        "rate",
-        "rec",
-        "receive",
-        "receivers",
-        "recovery_count",
-        "recovery_from_ns",
-        "recovery_timer",
-        "routes",
-        "state",
-        "tec",
+        "_delayed", "_last_due_ns", "_online", "_receive_delay_ns", "acknowledged", "acknowledges", "alone",
+        "auto_recovery", "can_send", "confirmation", "detached", "discarded", "handler", "joining",
+        "listen_only", "listening", "mailboxes", "name", "not_before_ns", "on_overrun", "on_state",
+        "one_shot", "overload_frames", "overruns", "queue", "rate", "rec", "receive", "receivers",
+        "recovery_count", "recovery_from_ns", "recovery_timer", "routes", "section", "state", "tec",
         "tx_buffers",
-    )
+    )  # fmt: skip
 
     def __init__(
         self,
-        medium: CanMedium,
+        section: PortSection,
         name: str,
         receive: FrameReceiver,
         *,
@@ -99,7 +107,6 @@ class MediumPort:
         confirm: FrameReceiver | None,
         one_shot: bool = False,
     ) -> None:
-        self.medium = medium
         self.name = name
         self.listen_only = listen_only
         """Receives without acknowledging and without error flags; must not send."""
@@ -107,9 +114,7 @@ class MediumPort:
         self.auto_recovery = auto_recovery
         """Whether the node leaves bus-off by itself; otherwise after `recover`."""
         self.one_shot = one_shot
-        """Whether a frame that loses the arbitration or ends in an error is given up and not repeated
-        (CANP-030).
-        """
+        """Whether a frame that loses the arbitration or ends in an error is not repeated (CANP-030)."""
         self.on_state: list[StateListener] = []
         """Called with the old and the new state when the error state changes."""
         self.on_overrun: list[Callable[[], object]] = []
@@ -129,23 +134,26 @@ class MediumPort:
         self._receive_delay_ns = 0
         self._delayed: FrameReceiver | None = None
         self._last_due_ns = 0
-
-        # The rest belongs to the medium.
         self._online = True
+
+        # Kept by the bus.
+        self.section = section
         self.detached = False
         self.joining = False  # came online in the middle of a frame
         self.listening = False
         self.can_send = not listen_only
         self.handler = receive
-        self.receive: FrameReceiver = deaf
+        self.receive: FrameReceiver = ignore_frame
         self.confirmation = None if confirm is None else Confirmation(confirm)
         self.receivers: tuple[MediumPort | Confirmation, ...] = ()
         self.mailboxes: Mapping[int, FrameReceiver] | None = None
-        self.routes: dict[int, FrameReceiver] = {}  # who takes the frames of this port, by arbitration field
+        self.routes: dict[
+            int, FrameReceiver
+        ] = {}  # receiver of the frames of this port, by arbitration field
         self.acknowledged = False
         self.alone = False  # nobody hears this port, nor will when the present frame has ended
         self.queue: list[Entry] = []
-        self.dead_sequence = 0  # entries up to this number must not return to the queue
+        self.discarded = 0  # entries up to this sequence number must not return to the queue
         self.not_before_ns = 0  # suspend transmission
         self.recovery_count = 0
         self.recovery_from_ns = 0
@@ -158,34 +166,33 @@ class MediumPort:
             BusError: The port is detached or listens only, or the frame is no classical CAN frame.
 
         """
-        self.medium.submit(self, (frame,))
+        self.section.submit(self, (frame,))
 
     def send_all(self, frames: Iterable[CanFrame]) -> None:
         """Queue several frames at once; see `send`."""
-        self.medium.submit(self, frames)
+        self.section.submit(self, frames)
 
     def accept(self, mailboxes: Mapping[int, FrameReceiver]) -> None:
-        """Take good data frames with 11-bit identifiers by these tables from now on, and no others
-        (acceptance filter).
+        """Take good data frames with 11-bit identifiers by these tables only from now on (acceptance filter).
 
-        What is in no table is not handed over at all; frames with 29-bit identifiers, remote frames, and all
-        frames while their reception is delayed go to the receiver of the port, which has to do the same with
-        them. Call it again when the table has changed.
+        Frames with other 11-bit identifiers are not delivered; frames with 29-bit identifiers, remote frames,
+        and all frames while their reception is delayed go to the receiver of the port, which has to filter
+        them itself. Call it again when the table has changed.
         """
         self.mailboxes = None if self._delayed else mailboxes
-        self.medium.routes_changed()
+        self.section.routes_changed()
 
     def detach(self) -> None:
         """Leave the segment for good; queued frames are lost. Harmless to repeat."""
-        self.medium.detach(self)
+        self.section.detach(self)
 
     def flush(self) -> None:
-        """Forget the queued frames; one that is on the wire still completes."""
-        self.medium.flush(self)
+        """Remove the queued frames; one that is on the wire still completes."""
+        self.section.flush(self)
 
     def recover(self) -> None:
         """Ask for recovery from bus-off (CANP-055); harmless in any other state."""
-        self.medium.begin_recovery(self)
+        self.section.recover(self)
 
     def set_error_counters(self, *, tec: int | None = None, rec: int | None = None) -> None:
         """Set the error counters; the state follows (CANP-059).
@@ -194,39 +201,52 @@ class MediumPort:
             tec: 0..256; 256 means bus-off.
             rec: 0..255.
 
+        Raises:
+            BusError: A counter is out of range.
+
         """
         if tec is not None and not 0 <= tec <= 256:
             raise BusError(f"transmit error counter {tec} is outside 0..256")
         if rec is not None and not 0 <= rec <= 255:
             raise BusError(f"receive error counter {rec} is outside 0..255")
-        self.medium.set_error_counters(
+        self.section.set_error_counters(
             self, self.tec if tec is None else tec, self.rec if rec is None else rec
         )
 
-    # -------------------------------------------------------------------------------------- what can be wrong
+    # -- faults of the node
 
     def set_acknowledge(self, acknowledges: bool) -> None:
-        """Give acknowledges, or none although the node receives (CANP-059)."""
+        """Set whether the node acknowledges the frames that it receives (CANP-059)."""
         self.acknowledges = acknowledges
-        self.medium.ports_changed()
+        self.section.ports_changed()
 
     def set_overload_frames(self, count: int) -> None:
-        """Ask for `count` (0..2) overload frames after every frame that the node has received (CANP-041)."""
+        """Request `count` (0..2) overload frames after every frame that the node has received (CANP-041).
+
+        Raises:
+            BusError: More than two.
+
+        """
         if not 0 <= count <= 2:
             raise BusError(f"{count} overload frames in succession: 0 to 2 are allowed")
         self.overload_frames = count
-        self.medium.ports_changed()
+        self.section.ports_changed()
 
     def set_bitrate(self, rate: int | None) -> None:
-        """Let the node work at `rate` bit/s (1000..1000000), None: at that of the segment (CANP-068)."""
+        """Run the node at `rate` bit/s (1000..1000000), None: at the bit rate of the segment (CANP-068).
+
+        Raises:
+            BusError: The rate is out of range.
+
+        """
         if rate is not None and not 1_000 <= rate <= 1_000_000:
             raise BusError(f"bit rate {rate} bit/s is outside 1000..1000000 bit/s")
-        self.rate = None if rate == self.medium.bitrate else rate
-        self.medium.ports_changed()
+        self.rate = None if rate == self.section.bitrate else rate
+        self.section.ports_changed()
 
     @property
     def receive_delay_ns(self) -> int:
-        """How much later than they end frames are handed to the node, ns (>= 0); their order is kept."""
+        """Delay between the end of a frame and its delivery to the node, ns (>= 0); the order is kept."""
         return self._receive_delay_ns
 
     @receive_delay_ns.setter
@@ -238,10 +258,10 @@ class MediumPort:
             self._delayed = self.handler
             self.handler = self._receive_late
             self.mailboxes = None
-        self.medium.ports_changed()
+        self.section.ports_changed()
 
     def _receive_late(self, frame: CanFrame, time_ns: int) -> None:
-        scheduler = self.medium.scheduler
+        scheduler = self.section.scheduler
         receive = self._delayed
         assert receive is not None
         due = max(time_ns + self._receive_delay_ns, self._last_due_ns)
@@ -250,11 +270,11 @@ class MediumPort:
             return
         self._last_due_ns = due
 
-        def hand_over() -> None:
+        def deliver() -> None:
             if self._online:
                 receive(frame, due)
 
-        scheduler.at(due, hand_over)
+        scheduler.at(due, deliver)
 
     @property
     def online(self) -> bool:
@@ -266,9 +286,9 @@ class MediumPort:
         if value == self._online:
             return
         if self.detached:
-            raise BusError(f"port {self.name} is detached from {self.medium.name}")
+            raise BusError(f"port {self.name} is detached from {self.section.name}")
         self._online = value
-        self.medium.presence_changed(self)
+        self.section.presence_changed(self)
 
     @property
     def warning(self) -> bool:
@@ -283,6 +303,6 @@ class MediumPort:
     def __repr__(self) -> str:
         where = "detached" if self.detached else "online" if self._online else "offline"
         return (
-            f"<MediumPort {self.name} on {self.medium.name}: {where}, {self.state.value}, "
+            f"<MediumPort {self.name} on {self.section.name}: {where}, {self.state.value}, "
             f"TEC {self.tec}, REC {self.rec}>"
         )

@@ -13,14 +13,15 @@ from typing import Final, Protocol
 import can
 
 from fieldbus.can.frame import CanFrame
-from fieldbus.can.message import to_frame, to_message
+from fieldbus.can.message import read_error, to_frame, to_message
 from fieldbus.clock import MS
 from fieldbus.errors import BusError
+from fieldbus.history import History, Scalar
 
 _POLL_S: Final = 0.1
 _ECHO_LIMIT: Final = 4096
 _ECHO_NS: Final = 500 * MS  # an echo that has not come by then was lost
-_RUBBISH_LIMIT: Final = 100
+_GARBLED_LIMIT: Final = 100
 """Messages in a row that a driver cannot read, from which on it counts as broken."""
 _IFF_UP: Final = 1
 _INTERFACES: Final = Path("/sys/class/net")
@@ -34,7 +35,7 @@ _GARBLED: Final = (ValueError, IndexError, KeyError, TypeError)
 
 
 class SideOwner(Protocol):
-    """What a side tells, each in the reader's thread."""
+    """What a side reports, each in the reader's thread."""
 
     def arrived(self, side: BusSide, frame: CanFrame, time_ns: int) -> None:
         """A frame of somebody else has come."""
@@ -42,7 +43,7 @@ class SideOwner(Protocol):
     def arrived_error(self, side: BusSide, message: can.Message, time_ns: int) -> None:
         """The adapter reports an error on the bus."""
 
-    def arrived_rubbish(self, side: BusSide, reason: str, can_id: int | None) -> None:
+    def arrived_garbled(self, side: BusSide, reason: str, can_id: int | None) -> None:
         """Something has come that is no classical frame."""
 
     def receiving(self, side: BusSide, *, works: bool, reason: str) -> None:
@@ -127,7 +128,7 @@ class BusSide:
     def _read(self) -> None:
         """Wait for messages until the end."""
         bus, closed = self.bus, self._closed
-        failures = rubbish = 0  # in a row
+        failures = garbled = 0  # in a row
         while not closed.is_set():
             try:
                 message = bus.recv(_POLL_S)
@@ -135,8 +136,8 @@ class BusSide:
                 if closed.is_set():
                     break
                 cause = error.__cause__ or error  # some wrap it, as if the device had failed
-                if isinstance(cause, _GARBLED) and rubbish < _RUBBISH_LIMIT:
-                    rubbish += 1
+                if isinstance(cause, _GARBLED) and garbled < _GARBLED_LIMIT:
+                    garbled += 1
                     self._garbled(cause)
                     continue
                 failures += 1
@@ -145,7 +146,7 @@ class BusSide:
                     self._owner.receiving(self, works=False, reason=f"receiving failed: {error}")
                 closed.wait(_POLL_S)
                 continue
-            rubbish = 0
+            garbled = 0
             if failures and self._works_again(message, failures):
                 failures = 0
                 self._owner.receiving(self, works=True, reason="")
@@ -168,7 +169,7 @@ class BusSide:
         return message is not None or failures > 1 or self._sent_since_failure
 
     def _garbled(self, error: BaseException) -> None:
-        self._owner.arrived_rubbish(self, f"the driver cannot read what came: {error}", None)
+        self._owner.arrived_garbled(self, f"the driver cannot read what came: {error}", None)
         if isinstance(error, UnicodeDecodeError):  # the driver for serial adapters would choke on it for ever
             flush = getattr(self.bus, "flush", None)
             if callable(flush):
@@ -183,7 +184,7 @@ class BusSide:
             frame = to_frame(message)
         except BusError as error:
             reason = FD_REASON if message.is_fd else str(error)
-            self._owner.arrived_rubbish(self, reason, message.arbitration_id)
+            self._owner.arrived_garbled(self, reason, message.arbitration_id)
             return
         if not (self._awaited and self._is_echo(frame)):
             self._owner.arrived(self, frame, time_ns)
@@ -211,6 +212,70 @@ class BusSide:
             self.bus.shutdown()
 
 
+class SideReports:
+    """Writes failures, error frames and what is no frame into the history.
+
+    Args:
+        name: Name of the segment.
+        history: Where events go; None: nowhere.
+        bridged: Whether there are two buses, so that events have to say which.
+
+    """
+
+    def __init__(self, name: str, history: History | None, *, bridged: bool) -> None:
+        self.ignored = {"fd": 0, "garbled": 0}
+        self._name = name
+        self._history = history
+        self._bridged = bridged
+
+    def _emit(self, side: BusSide, kind: str, **data: Scalar) -> None:
+        if self._history is not None:
+            self._history.emit(self._name, kind, port=side.name if self._bridged else "", **data)
+
+    def error(self, side: BusSide, message: can.Message) -> str:
+        """Tell of an error frame; returns the word for the error, empty when it was a change of state
+        alone.
+        """
+        code, state = read_error(message)
+        if not code and state is None:
+            code = "UNKNOWN"
+        if code:
+            self._emit(side, "can.bus_error", code=code, can_id=0)
+        if state is not None:
+            self._emit(side, "can.status", status=state.value)
+        return code
+
+    def ignore(self, side: BusSide, reason: str, can_id: int | None) -> None:
+        """Count what came and is no frame, and report the first of its kind: there may be thousands."""
+        kind = "fd" if reason == FD_REASON else "garbled"
+        self.ignored[kind] += 1
+        if self.ignored[kind] == 1:
+            more: dict[str, Scalar] = {} if can_id is None else {"can_id": can_id}
+            self._emit(side, "can.ignored", reason=f"{reason}; further ones are counted only", **more)
+
+    def changed(
+        self,
+        side: BusSide,
+        *,
+        reason: str = "",
+        receive_failed: bool | None = None,
+        send_failed: bool | None = None,
+    ) -> None:
+        """Note what became known of a bus, and report whether it is down.
+
+        A frame that can be sent does not prove that receiving works; a bus that receives again after a
+        failure will also take frames again, until the next attempt says otherwise.
+        """
+        before = side.down
+        if receive_failed is not None:
+            side.receive_failed = receive_failed
+            side.send_failed = side.send_failed and receive_failed
+        if send_failed is not None:
+            side.send_failed = send_failed
+        if side.down != before:
+            self._emit(side, "can.status", status="DOWN" if side.down else "UP", reason=reason)
+
+
 def _flags_file(bus: can.BusABC) -> Path | None:
     """Return where the kernel tells whether the interface of a SocketCAN bus is up."""
     if not type(bus).__module__.startswith("can.interfaces.socketcan"):
@@ -224,7 +289,7 @@ def echoes(bus: can.BusABC) -> bool:
 
 
 def open_bus(name: str, interface: str, channel: object, options: dict[str, object]) -> can.BusABC:
-    """Open a python-can bus; on SocketCAN so that CAN FD frames are seen, to be told of.
+    """Open a python-can bus; on SocketCAN so that CAN FD frames are seen, to report them.
 
     Raises:
         BusError: It cannot be opened.

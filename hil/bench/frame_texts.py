@@ -9,7 +9,7 @@ from fieldbus.can.frame import CanFrame
 from hil.bench.names import named
 
 if TYPE_CHECKING:
-    from fieldbus.can.arbitration import LogEntry
+    from fieldbus.can.frame_log import LogEntry
     from fieldbus.canopen.decode import FrameDecoder
     from fieldbus.modbus import ModbusFrame
     from hil.bench.config import BenchConfig

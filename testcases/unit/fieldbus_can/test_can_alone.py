@@ -6,6 +6,7 @@ import random
 from collections import Counter
 
 from fieldbus.can import CanFrame, CanMedium
+from fieldbus.can.section import BusSection
 from fieldbus.clock import MS, VirtualScheduler
 from fieldbus.history import History
 
@@ -65,7 +66,8 @@ def disturbed(seed):
         scheduler.run_for(draw.choice([1_000, 97_000, 131_500, MS, 5 * MS]))
     state = [(port.tec, port.rec, port.state, port.not_before_ns, len(port.queue)) for port in ports]
     events = [(entry.time_ns, entry.source, entry.kind, entry.data) for entry in history.events]
-    return medium.log, medium.busy_bits, medium._spans, events, heard, state
+    loads = [medium.bus_load(window) for window in range(MS, scheduler.now, 7 * MS)]
+    return medium.log, medium.busy_bits, loads, events, heard, state
 
 
 def test_the_short_way_of_repeating_is_the_long_one(monkeypatch):
@@ -73,7 +75,7 @@ def test_the_short_way_of_repeating_is_the_long_one(monkeypatch):
     node.
     """
     asked = Counter()
-    whether = CanMedium._only_repeats
+    whether = BusSection._only_repeats
 
     def counted(self, sender, entry):
         answer = whether(self, sender, entry)
@@ -82,9 +84,9 @@ def test_the_short_way_of_repeating_is_the_long_one(monkeypatch):
 
     for seed in range(25):
         with monkeypatch.context() as patch:
-            patch.setattr(CanMedium, "_only_repeats", counted)
+            patch.setattr(BusSection, "_only_repeats", counted)
             short = disturbed(seed)
-            patch.setattr(CanMedium, "_only_repeats", lambda *_: False)
+            patch.setattr(BusSection, "_only_repeats", lambda *_: False)
             assert disturbed(seed) == short, f"seed {seed}"
     assert asked[True] > 1000
     assert asked[False] > 300

@@ -26,7 +26,7 @@ class Node:
 
 @pytest.fixture
 def medium() -> CanMedium:
-    return CanMedium(VirtualScheduler(), registered=False)
+    return CanMedium(VirtualScheduler())
 
 
 def sent(medium: CanMedium, *frames: CanFrame) -> list[int]:
@@ -96,7 +96,7 @@ def test_delayed_reception_goes_by_the_receiver(medium: CanMedium) -> None:
 
 def test_frames_sent_at_once_are_frames_sent_in_a_row(medium: CanMedium) -> None:
     """Times and order on the bus do not depend on whether frames are handed over one by one or together."""
-    other = CanMedium(VirtualScheduler(), registered=False)
+    other = CanMedium(VirtualScheduler())
     frames = [CanFrame(can_id, bytes([can_id & 0xFF]) * 8) for can_id in (0x181, 0x381, 0x281, 0x381, 0x081)]
     for one in (medium, other):
         one.attach("listener", lambda *_: None)

@@ -35,8 +35,13 @@ def scheduler():
 
 
 @pytest.fixture
-def medium(scheduler):
-    return CanMedium(scheduler, history=History(scheduler))
+def history(scheduler):
+    return History(scheduler)
+
+
+@pytest.fixture
+def medium(scheduler, history):
+    return CanMedium(scheduler, history=history)
 
 
 def wire(medium):
@@ -146,23 +151,32 @@ def test_reply_in_the_receive_callback(scheduler, medium):
     assert a.received == [((frame_bits(request) + frame_bits(answer) - 3) * US, answer)]
 
 
-def test_event_per_frame(scheduler, medium):
-    """A saturated segment costs the scheduler one event per frame."""
-    a, b = Node(medium, "a"), Node(medium, "b")
-    count = 0
-    enter = scheduler.again
+class CountingScheduler(VirtualScheduler):
+    """Counts the events that are entered."""
 
+    def __init__(self):
+        super().__init__()
+        self.entered = 0
+
+    def at(self, *arguments, **options):
+        self.entered += 1
+        return super().at(*arguments, **options)
+
+    def again(self, *arguments):
+        self.entered += 1
+        super().again(*arguments)
+
+
+def test_event_per_frame():
+    """A saturated segment costs the scheduler one event per frame."""
+    scheduler = CountingScheduler()
+    medium = CanMedium(scheduler)
+    a, b = Node(medium, "a"), Node(medium, "b")
     for number in range(100):
         a.send(CanFrame(0x100 + number, bytes(8)))
-    medium._again = lambda *arguments: (counted(), enter(*arguments))[1]
-
-    def counted():
-        nonlocal count
-        count += 1
-
     scheduler.run_for(100 * MS)
     assert len(b.received) == 100
-    assert count == 99  # the first was entered before
+    assert scheduler.entered == 100
 
 
 def test_remote_frame_and_dlc_arrive_as_sent(scheduler, medium):
@@ -277,7 +291,7 @@ def test_listening_port_hears_but_does_not_acknowledge_or_send(scheduler, medium
 
 
 @pytest.mark.requirement("CANP-031")
-def test_full_transmit_queue_refuses_the_newest(scheduler, medium):
+def test_full_transmit_queue_refuses_the_newest(scheduler, medium, history):
     """A frame that finds the queue full is lost, counted, and told once."""
     a, b = Node(medium, "a", tx_buffers=2), Node(medium, "b")
     for number in range(6):
@@ -285,7 +299,7 @@ def test_full_transmit_queue_refuses_the_newest(scheduler, medium):
     scheduler.run_for(MS)
     assert [frame.can_id for frame in b.frames] == [0x100, 0x101, 0x102]  # one on the wire, two queued
     assert a.port.overruns == 3
-    events = list(medium._history.select(kind="can.overrun"))
+    events = list(history.select(kind="can.overrun"))
     assert [event.data["port"] for event in events] == ["a"]
     with pytest.raises(ConfigurationError, match="at least 1"):
         medium.attach("c", lambda frame, time_ns: None, tx_buffers=0)
@@ -418,12 +432,12 @@ def test_without_log(scheduler):
         medium.bus_load(MS)
 
 
-def test_good_frames_leave_the_history_alone(scheduler, medium):
+def test_good_frames_leave_the_history_alone(scheduler, medium, history):
     """The event log is for what is unusual; frames are in the log of the medium."""
     a, _ = Node(medium, "a"), Node(medium, "b")
     a.send(CanFrame(0x100))
     scheduler.run_for(MS)
-    assert medium._history.events == []
+    assert history.events == []
 
 
 @pytest.mark.parametrize("bitrate", [0, 999, 1_000_001, 1e6])
