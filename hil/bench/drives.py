@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
     from fieldbus.profidrive import Layout
-    from hil.bench._ports import CanPort
     from hil.bench.config import BenchConfig
     from hil.bench.device_config import DeviceSection
     from hil.bench.drive_config import DriveSection
+    from hil.bench.drive_ports import CanPort
     from hil.bench.encoder_config import EncoderSection
     from hil.bench.signal_words import SignalWords
 
