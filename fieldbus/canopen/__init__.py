@@ -14,6 +14,7 @@ from fieldbus.canopen.abort import ABORT_TEXTS, AbortCode, SdoAbort
 from fieldbus.canopen.boot import BootFailure, BootState
 from fieldbus.canopen.decode import FrameDecoder
 from fieldbus.canopen.eds import load_dictionary, shared_dictionary
+from fieldbus.canopen.eds_text import DeviceEds, write_eds_files
 from fieldbus.canopen.master import CanopenMaster
 from fieldbus.canopen.nmt import NmtCommand, NmtState
 from fieldbus.canopen.node import RemoteNode
@@ -33,6 +34,7 @@ __all__ = [
     "BootState",
     "CanopenMaster",
     "CanopenSlave",
+    "DeviceEds",
     "Emcy",
     "FrameDecoder",
     "NmtCommand",
@@ -49,6 +51,7 @@ __all__ = [
     "load_dictionary",
     "shared_dictionary",
     "virtual_time",
+    "write_eds_files",
 ]
 
 

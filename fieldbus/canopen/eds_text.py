@@ -1,15 +1,24 @@
-"""EDS files from an object table (CiA 306): `load_dictionary` and every other tool read them back."""
+"""EDS files from an object table (CiA 306): `load_dictionary` and every other tool read them back.
+
+A device of the product that ships an EDS declares it as one `DeviceEds`; `write_eds_files` is the command
+that writes the files, or checks that they are up to date.
+"""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.canopen.dictionary import INTEGERS
+from fieldbus.canopen.eds import shared_dictionary
 from fieldbus.canopen.object_table import STRING, VAR, Item, ObjectRow
+
+if TYPE_CHECKING:
+    import canopen
 
 _MANDATORY: Final = (0x1000, 0x1001, 0x1018)
 _BITRATES_K: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
@@ -64,6 +73,66 @@ def write_or_check(path: Path, text: str, arguments: Sequence[str]) -> int:
         return 0
     path.write_text(text, encoding="ascii")
     return 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceEds:
+    """The EDS of a device that ships with the product: made of its object table, kept as a file.
+
+    Args:
+        path: The file.
+        objects: Returns the rows of the object table, in ascending order.
+        product_name: Name of the device.
+        product_code: 1018h:2.
+        description: A few words; default: the name.
+
+    """
+
+    path: Path
+    objects: Callable[[], Sequence[ObjectRow]]
+    product_name: str
+    product_code: int
+    description: str = ""
+
+    def text(self) -> str:
+        """Return the EDS of the object table (CiA 306)."""
+        info = EdsInfo(
+            file_name=self.path.name,
+            description=self.description or self.product_name,
+            product_name=self.product_name,
+            product_number=self.product_code,
+            comment="Generated from the object table of the emulated device; do not edit.",
+        )
+        return eds_text(self.objects(), info)
+
+    def dictionary(self, path: str | PathLike[str] | None = None) -> canopen.ObjectDictionary:
+        """Return the object dictionary of the file, or of another one in its place.
+
+        The result is shared between devices, and read again when the file has changed: nobody may change it.
+
+        Raises:
+            ConfigurationError: The file is no EDS.
+
+        """
+        return shared_dictionary(self.path if path is None else path)
+
+
+def write_eds_files(files: Iterable[DeviceEds], arguments: Sequence[str]) -> int:
+    """Write the files; with `--check` among `arguments` compare them instead, and name those that differ.
+
+    Returns:
+        The exit status of the command: 1 if a file is not up to date.
+
+    """
+    status = 0
+    for eds in files:
+        text = eds.text()
+        if "--check" not in arguments:
+            eds.path.write_text(text, encoding="ascii")
+        elif not eds.path.exists() or eds.path.read_text(encoding="ascii") != text:
+            sys.stderr.write(f"{eds.path} does not agree with the object table\n")
+            status = 1
+    return status
 
 
 def _lines(rows: Sequence[ObjectRow], info: EdsInfo) -> Iterator[str]:
