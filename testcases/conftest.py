@@ -1,4 +1,8 @@
-"""What all tests share: Hypothesis profiles, the real CAN interface, and the ban on silent skips.
+"""What all tests share: Hypothesis profiles, the quick selection, the real CAN interface, no silent skips.
+
+Plain `pytest` runs the quick selection on all processors: no test with the mark `exhaustive`, and two
+parameter sets of every parametrised test. `pytest PATH` runs every test of a path, `pytest testcases`
+every test that needs nothing but Python.
 
 Environment variables:
     HYPOTHESIS_PROFILE: `dev` (default; new examples in every run), `ci` (the same examples in every run) or
@@ -9,7 +13,9 @@ Environment variables:
         installed.
 """
 
+import gc
 import os
+import re
 import socket
 import sys
 from pathlib import Path
@@ -46,6 +52,65 @@ def helpers_of_the_checkout(tmp_path_factory):
         patch.setattr(sys, "path", [str(folder), *sys.path])
         patch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
         yield
+
+
+ELSEWHERE = ("browser", "peers", "vcan")
+"""Marks of tests that need more than Python; they have their own environments."""
+_FILE_MARKS = re.compile(r"^pytestmark = .*", re.MULTILINE)
+
+
+@pytest.hookimpl(tryfirst=True)  # before xdist reads its options
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """Without paths, use all processors; without `-m` and `-k` too, take the quick selection."""
+    option = config.option
+    if config.args_source is not pytest.Config.ArgsSource.TESTPATHS:
+        return
+    if option.markexpr in config.getini("addopts") and not option.keyword:
+        option.markexpr += " and not exhaustive"
+    by_itself = option.collectonly or option.usepdb
+    if config.pluginmanager.hasplugin("xdist") and option.numprocesses is None and not by_itself:
+        option.numprocesses, option.dist = "auto", "loadgroup"
+        option.benchmark_disable = True
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Collect without garbage collection: it would take a third of the time and find nothing."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not import a test file none of whose tests can be selected.
+
+    Importing all of them takes half a minute. With `-m "... not NAME"` these are the files with
+    `pytestmark = pytest.mark.NAME`; with `-m NAME`, the files without the word.
+    """
+    if collection_path.suffix != ".py" or str(collection_path) in config.args:
+        return None
+    selection = config.option.markexpr
+    excluded = re.findall(r"\bnot (\w+)", selection)
+    text = collection_path.read_text(encoding="utf-8")
+    if selection.isidentifier() and selection != "exhaustive":
+        return True if selection not in f"{collection_path} {text}" else None
+    marked = " ".join(_FILE_MARKS.findall(text))
+    return True if any(f"mark.{name}" in marked for name in excluded) else None
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest selects by marks
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give the mark `exhaustive` to all parameter sets of a test but the first and the last."""
+    by_test: dict[tuple[object, str], list[pytest.Item]] = {}
+    for item in items:
+        by_test.setdefault((item.parent, getattr(item, "originalname", item.name)), []).append(item)
+    for sets in by_test.values():
+        if not any(sets[0].get_closest_marker(name) for name in ELSEWHERE):
+            for item in sets[1:-1]:
+                item.add_marker(pytest.mark.exhaustive)
 
 
 @pytest.fixture(scope="session")

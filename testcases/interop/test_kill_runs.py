@@ -7,7 +7,7 @@ from testcases.kill_runs import after_cases, after_seconds, kill_until_through
 ARGUMENTS = ["testcases.unit.hil.toycampaign", "-t", "toy", "-k", "move", "-j"]
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_a_killed_run_loses_nothing_and_is_completed(jobs):
     """Killed by signal 9 at its beginning and behind a case, the journal is whole, and the resumed run is an

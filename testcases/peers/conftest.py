@@ -11,11 +11,12 @@ import pytest
 from testcases.node_peer import MASTER, NODE, NodeStation, Station
 
 
+@pytest.hookimpl(tryfirst=True)  # before anything is selected by marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Everything in this folder carries the mark `peers`."""
-    here = Path(__file__).parent
+    here = str(Path(__file__).parent)
     for item in items:
-        if here in item.path.parents:
+        if str(item.path).startswith(here):
             item.add_marker(pytest.mark.peers)
 
 
