@@ -28,6 +28,7 @@ from hil._options import (
     SummaryOption,
     TwiceOption,
 )
+from motion_hil import explain, hidden
 
 _CLICK_INTERRUPTED = 130
 """What the command framework makes of Ctrl-C."""
@@ -593,6 +594,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _run(arguments: list[str] | None) -> int:
+    if text := hidden():
+        print(f"hil: {text}", file=sys.stderr)
+        return 2
     command = typer.main.get_command(app)
     try:
         # Not standalone: click would end with 1 on Ctrl-C, which here means that cases failed.
@@ -626,6 +630,9 @@ def _failure(error: Exception) -> int:
     if not isinstance(error, HilError):
         from reports.errors import ReportError
 
+        if text := explain(error):
+            print(f"hil: {text}", file=sys.stderr)
+            return 2
         if not isinstance(error, (ReportError, OSError)):
             raise error
     print(f"hil: {error}", file=sys.stderr)

@@ -8,6 +8,7 @@ from typing import Any
 
 from hil.errors import CannotRunError
 from hil.protocols import BenchFile
+from motion_hil import explain
 
 _OBJECT = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
@@ -29,7 +30,7 @@ def load_bench_file(reference: str | None) -> BenchFile:
         try:
             found: Any = getattr(importlib.import_module(module_name), name)
         except (ImportError, AttributeError) as error:
-            raise CannotRunError(f"bench {reference!r}: {error}") from error
+            raise CannotRunError(f"bench {reference!r}: {explain(error) or error}") from error
         if not isinstance(found, BenchFile):
             raise CannotRunError(
                 f"bench {reference!r} is no bench file: it lacks build(), name, text or digest"

@@ -15,6 +15,7 @@ from types import ModuleType
 from hil.campaign._case import Campaign, Case
 from hil.campaign._shipped import PACKAGE, expand_short_name, similar_short_name
 from hil.errors import CampaignNotFoundError, CannotRunError
+from motion_hil import explain
 
 _matrices: dict[Path, Campaign] = {}
 _SKIPPED = ("test_", "_", "conftest", "setup")
@@ -36,6 +37,12 @@ class Selected:
     case: Case
     campaign: str
     """Reference of its campaign."""
+
+
+def _not_importable(what: str, error: Exception) -> CannotRunError:
+    return CannotRunError(
+        f"{what} cannot be imported: {explain(error) or f'{type(error).__name__}: {error}'}"
+    )
 
 
 def import_file(path: Path) -> ModuleType:
@@ -61,7 +68,7 @@ def import_file(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as error:
         del sys.modules[name]
-        raise CannotRunError(f"{path} cannot be imported: {type(error).__name__}: {error}") from error
+        raise _not_importable(str(path), error) from error
     return module
 
 
@@ -116,11 +123,11 @@ def _import_module(name: str) -> ModuleType:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
         missing = error.name or ""
-        if name == missing or name.startswith(missing + "."):
+        if (name == missing or name.startswith(missing + ".")) and not explain(error):
             raise CampaignNotFoundError(name, _why_missing(name)) from None
-        raise CannotRunError(f"{name} cannot be imported: {error}") from error
+        raise _not_importable(name, error) from error
     except Exception as error:
-        raise CannotRunError(f"{name} cannot be imported: {type(error).__name__}: {error}") from error
+        raise _not_importable(name, error) from error
 
 
 def _why_missing(name: str) -> str:
