@@ -285,7 +285,8 @@ def test_every_command_is_documented(name):
 
 def test_every_option_of_the_plugin_is_documented():
     """Fixtures, options and settings of the pytest plugin stand in the page about writing tests."""
-    source = (ROOT / "hil" / "pytest_plugin.py").read_text(encoding="utf-8")
+    files = ("pytest_plugin.py", "_plugin_settings.py")
+    source = "".join((ROOT / "hil" / name).read_text(encoding="utf-8") for name in files)
     names = [
         *re.findall(r"^@pytest\.fixture\ndef (\w+)", source, re.MULTILINE),
         *re.findall(r'"(--hil-\w+)"', source),

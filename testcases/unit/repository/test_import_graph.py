@@ -104,8 +104,6 @@ IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
     ),
     "hil": frozenset(
         {
-            "hil._plugin_cases",
-            "hil._plugin_report",
             "hil.bench._profidrive_encoder",
             "hil.bench.axis_config",
             "hil.bench.config",
@@ -118,7 +116,6 @@ IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
             "hil.bench.modbus_config",
             "hil.faults._compose",
             "hil.faults._trigger",
-            "hil.pytest_plugin",
             "hil.record._storage",
             "hil.record._trace",
         }
