@@ -17,14 +17,9 @@ PACKAGES: Final = ("fieldbus", "emulators", "motion", "hil", "reports")
 IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
     "fieldbus": frozenset(
         {
-            "fieldbus.canopen.boot",
-            "fieldbus.canopen.boot_runner",
-            "fieldbus.canopen.master",
             "fieldbus.canopen.mpdo",
-            "fieldbus.canopen.node",
             "fieldbus.canopen.pdo",
             "fieldbus.canopen.pdo_engine",
-            "fieldbus.canopen.sdo_client",
         }
     ),
     "emulators": frozenset(
