@@ -206,34 +206,17 @@ class NodeClock(Scheduler):
         self._limit = max(_PRUNE, 2 * len(self._timers))
 
 
-class OwnClock:
-    """Fault methods of a node's clock. The owner has the attributes named here."""
+def own_clock(scheduler: Scheduler, name: str) -> NodeClock:
+    """Return the clock of a node, for faults of it.
 
-    __slots__ = ()
+    Args:
+        scheduler: What the node runs on.
+        name: The node, in messages.
 
-    if TYPE_CHECKING:
-        name: str
-        scheduler: Scheduler
+    Raises:
+        UnsupportedFaultError: It runs on the time of the bench.
 
-    def set_clock_drift(self, ppm: float) -> None:
-        """Let the clock of the node run fast or slow, ppm; 0 = as fast as the others.
-
-        Raises:
-            UnsupportedFaultError: It has no clock of its own.
-
-        """
-        self._clock().drift(ppm)
-
-    def set_clock_jitter(self, longest_ns: int) -> None:
-        """Let the cycles of the node begin late by up to so many ns; 0 = in time again.
-
-        Raises:
-            UnsupportedFaultError: It has no clock of its own.
-
-        """
-        self._clock().jitter(longest_ns)
-
-    def _clock(self) -> NodeClock:
-        if not isinstance(self.scheduler, NodeClock):
-            raise UnsupportedFaultError(f"{self.name} has no clock of its own")
-        return self.scheduler
+    """
+    if not isinstance(scheduler, NodeClock):
+        raise UnsupportedFaultError(f"{name} has no clock of its own")
+    return scheduler

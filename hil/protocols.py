@@ -118,25 +118,12 @@ class Device(Protocol):
 class Bench(Protocol):
     """A wired bench: one scheduler, one history, drives, axes, segments."""
 
-    @property
-    def scheduler(self) -> Scheduler:
-        """Time of the bench."""
-
-    @property
-    def history(self) -> History:
-        """Event log."""
-
-    @property
-    def recorder(self) -> Recorder:
-        """Samples signals."""
-
-    @property
-    def kind(self) -> str:
-        """`virtual` or `live`."""
-
-    @property
-    def seed(self) -> int:
-        """Seed of every random stream."""
+    scheduler: Scheduler
+    history: History
+    recorder: Recorder
+    kind: str
+    """`virtual` or `live`."""
+    seed: int
 
     def axis(self, name: str | None = None) -> Any:
         """Return an axis; without a name the only or first one."""
@@ -186,17 +173,11 @@ class Bench(Protocol):
 class BenchFile(Protocol):
     """A validated bench description that builds fresh benches."""
 
-    @property
-    def name(self) -> str:
-        """Name that the description gives to the bench."""
-
-    @property
-    def text(self) -> str:
-        """The description as it stands in the file."""
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of the description, hexadecimal."""
+    name: str
+    text: str
+    """The description as it stands in the file."""
+    digest: str
+    """SHA-256 of the description, hexadecimal."""
 
     def build(self, *, seed: int) -> Any:
         """Return a fresh bench."""

@@ -17,7 +17,7 @@ from emulators.repetition import Repetition
 from fieldbus.clock import Scheduler
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from fieldbus.history import History
-from fieldbus.node_clock import NodeClock
+from fieldbus.node_clock import own_clock
 
 
 class Travel(Protocol):
@@ -145,7 +145,7 @@ class EmulatedDrive:
             UnsupportedFaultError: The drive has no clock of its own.
 
         """
-        self._clock().drift(ppm)
+        own_clock(self.scheduler, self.name).drift(ppm)
 
     def set_clock_jitter(self, longest_ns: int) -> None:
         """Let the cycles of the drive begin late by up to so many ns; 0 = on time again.
@@ -154,12 +154,7 @@ class EmulatedDrive:
             UnsupportedFaultError: The drive has no clock of its own.
 
         """
-        self._clock().jitter(longest_ns)
-
-    def _clock(self) -> NodeClock:
-        if not isinstance(self.scheduler, NodeClock):
-            raise UnsupportedFaultError(f"{self.name} has no clock of its own")
-        return self.scheduler
+        own_clock(self.scheduler, self.name).jitter(longest_ns)
 
 
 class ServoDrive(EmulatedDrive):

@@ -6,13 +6,11 @@
 from __future__ import annotations
 
 from emulators.encoder._encoder import AbsoluteEncoder, IncrementalEncoder, RotaryEncoder, ZeroMarkListener
-from emulators.encoder._faults import EncoderFaults
 from emulators.encoder._mounting import Mounting
 from emulators.encoder._turn_counting import TurnCountingEncoder
 
 __all__ = [
     "AbsoluteEncoder",
-    "EncoderFaults",
     "IncrementalEncoder",
     "Mounting",
     "RotaryEncoder",

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import fields
-from typing import TYPE_CHECKING
 
 from emulators.drive.profidrive.config import DriveSettings
 
-if TYPE_CHECKING:
-    from emulators.drive.profidrive.drive import ProfidriveDrive
-
 
 class DataSets:
-    """The sets of settings; the active one is in the drive's `settings`, and what is written goes there.
+    """The sets of settings; the active one is in `settings`, and what is written goes there.
 
     Args:
-        drive: The drive.
+        settings: Settings in force, at first those of set 0.
+        others: Sets 1 and following.
+        on_change: Called when another set has come into force.
 
     """
 
-    __slots__ = ("_drive", "_rows", "active", "changing", "wanted")
+    __slots__ = ("_on_change", "_rows", "_settings", "active", "changing", "wanted")
 
-    def __init__(self, drive: ProfidriveDrive) -> None:
-        self._drive = drive
-        self._rows = [_values(drive.settings), *map(_values, drive.config.data_sets)]
+    def __init__(
+        self,
+        settings: DriveSettings,
+        others: Iterable[DriveSettings],
+        *,
+        on_change: Callable[[], None],
+    ) -> None:
+        self._settings = settings
+        self._on_change = on_change
+        self._rows = [_values(settings), *map(_values, others)]
         self.active = 0
         """Number of the set in force."""
         self.wanted = 0
@@ -48,13 +54,13 @@ class DataSets:
         self.wanted = number
         if number == self.active or number >= len(self._rows):
             return
-        settings = self._drive.settings
+        settings = self._settings
         self._rows[self.active] = _values(settings)
         for name, value in self._rows[number].items():
             setattr(settings, name, value)
         self.active = number
         self.changing = True
-        self._drive.refresh()
+        self._on_change()
 
 
 def _values(settings: DriveSettings) -> dict[str, object]:

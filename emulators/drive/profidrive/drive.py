@@ -19,19 +19,32 @@ from emulators.drive.profidrive.data_sets import DataSets
 from emulators.drive.profidrive.faults import catalogue as numbers
 from emulators.drive.profidrive.faults.catalogue import Fault, fault
 from emulators.drive.profidrive.faults.state import FaultState
+from emulators.drive.profidrive.modes import OperatingMode
 from emulators.drive.profidrive.modes.position import PositionMode
 from emulators.drive.profidrive.modes.setpoint_channel import SetpointChannel
-from emulators.drive.profidrive.modes.speed import SpeedMode
+from emulators.drive.profidrive.modes.speed import SpeedDeviation, SpeedMode
 from emulators.drive.profidrive.monitors import Monitors
 from emulators.drive.profidrive.operation import Operation
+from emulators.drive.profidrive.positioner.positioner import Positioner
 from emulators.drive.profidrive.probes import ProbeLatch
+from emulators.drive.profidrive.process_data import ProcessData
 from emulators.drive.profidrive.safety.functions import SafetyFunctions
+from emulators.drive.profidrive.safety.state import SafetyState
 from emulators.drive.profidrive.second_encoder import SecondEncoder
+from emulators.drive.profidrive.signals import (
+    ActualTelegram,
+    Getter,
+    motor_signals,
+    position_signals,
+    safety_signals,
+    second_encoder_signals,
+    status_signals,
+)
 from emulators.drive.profidrive.statemachine import AxisState, GeneralStateMachine, Off
 from emulators.drive.profidrive.status_words import StatusWords
 from emulators.drive.profidrive.torque import TorqueLimits
 from emulators.encoder.profidrive import EncoderInterface
-from fieldbus.clock import Scheduler
+from fieldbus.clock import Scheduler, seconds_to_ns
 from fieldbus.history import History
 from fieldbus.profidrive.sign_of_life import SignOfLife
 from fieldbus.profidrive.words import G_STW, SIGN_OF_LIFE_MASK, SIGN_OF_LIFE_SHIFT, STW1, STW2
@@ -79,21 +92,17 @@ class ProfidriveDrive:
         "_g1_at",
         "_g2_at",
         "_history",
-        "_places",
         "_stw2_at",
+        "actual",
         "config",
-        "control_places",
-        "controlled_cyclically",
         "core",
-        "cycle_at_ns",
-        "data_at_ns",
+        "data",
         "data_sets",
+        "deviation",
         "digital_inputs",
         "encoder",
         "encoder_words",
         "faults",
-        "g1_stw",
-        "g1_words",
         "isochronous",
         "mechanics",
         "mode",
@@ -107,14 +116,12 @@ class ProfidriveDrive:
         "powered",
         "probe_latch",
         "rejected",
-        "row",
         "safety",
+        "safety_state",
         "scheduler",
         "second",
         "settings",
         "sign_of_life",
-        "stw1",
-        "stw2",
         "telegram",
         "torque",
         "train",
@@ -159,15 +166,6 @@ class ProfidriveDrive:
             rated_torque_Nm=config.rated_torque_Nm,
             motor_time_constant_s=config.thermal_time_constant_s,
         )
-        self._places = {name: at for at, name in enumerate(self.telegram.setpoint.names)}
-        self._stw2_at = self.setpoint_place("STW2")
-        self._g1_at = self.setpoint_place("G1_STW")
-        self.row = (0,) * (len(self.telegram.setpoint.names) + 1)
-        """Signals of the last telegram that was taken over, and a 0 for those that it has not."""
-        nsoll = "NSOLL_B" if "NSOLL_B" in self._places else "NSOLL_A"
-        self.control_places = tuple(map(self.setpoint_place, (nsoll, "XERR", "KPC", "M_ADD1")))
-        """Places of speed setpoint, position deviation, gain and additive torque in `row`."""
-        self.operation = Operation(self)
         self.faults = FaultState(scheduler)
         self.faults.on_fault = self._on_fault
         self.faults.pulses = lambda: self.core.enabled
@@ -179,23 +177,66 @@ class ProfidriveDrive:
         """Called when the digital inputs have changed."""
         self.on_warning: Callable[[], object] = _nothing
         """Called when the warnings have changed."""
-        self.safety = SafetyFunctions(self)
+        self.digital_inputs = train.digital_inputs
+        self.digital_inputs.on_change = self._on_inputs
         self.sign_of_life = SignOfLife(tolerance=self.settings.sign_of_life_tolerance)
-        speed = SpeedMode(self)
-        self.mode: SpeedMode | PositionMode = PositionMode(self, speed.channel) if config.positions else speed
+        signs = self.sign_of_life if self.isochronous else None
+        self.data = ProcessData(self.telegram.setpoint)
+        """Setpoints and control words in force."""
+        self._stw2_at = self.data.place("STW2")
+        self._g1_at = self.data.place("G1_STW")
+        self._g2_at = self.data.place("G2_STW")
+        machine = GeneralStateMachine()
+        self.safety_state = SafetyState()
+        """Safety functions in force."""
+        cycle_s = config.cycle_ns / 1e9
+        steps = config.cycle_ns // config.servo_period_ns
+        self.torque = TorqueLimits(self.core, self.data, self.settings, steps=steps)
+        self.deviation = SpeedDeviation(self.core, self.settings, cycle_s=cycle_s)
+        self.mode: OperatingMode = self._build_mode(machine, steps, cycle_s)
         """What the setpoints mean: speed, or tasks of the positioner; one telegram has the one or the other
         (PD-032).
         """
-        self.torque = TorqueLimits(self)
+        self.operation = Operation(
+            scheduler,
+            machine=machine,
+            core=self.core,
+            data=self.data,
+            faults=self.faults,
+            safety=self.safety_state,
+            mode=self.mode,
+            torque=self.torque,
+            dc_link=self.power.dc_link,
+            signs=signs,
+            power_on_delay_ns=seconds_to_ns(config.power_on_delay_s),
+            emit=self.emit,
+        )
+        self.safety = SafetyFunctions(
+            scheduler,
+            config.safety,
+            config.safe_motion,
+            settings=self.settings,
+            core=self.core,
+            mechanics=self.mechanics,
+            machine=machine,
+            mode=self.mode,
+            data=self.data,
+            faults=self.faults,
+            state=self.safety_state,
+            raise_fault=self.raise_fault,
+            act=self.operation.act,
+            emit=self.emit,
+        )
         self.encoder_words = EncoderInterface(self.encoder, config.encoder_format)
         """Encoder interface G1."""
-        self.g1_words = (0, 0, 0)
-        """G1_ZSW, G1_XIST1, G1_XIST2."""
-        self.digital_inputs = train.digital_inputs
-        self.digital_inputs.on_change = self._on_inputs
-        self.second = None if config.encoder2 is None else SecondEncoder(self, config.encoder2, rng)
+        self.second = (
+            None
+            if config.encoder2 is None
+            else SecondEncoder(
+                config.encoder2, self.mechanics, name=f"{name}.encoder2", faults=self.faults, rng=rng
+            )
+        )
         """The second encoder, G2; None = not fitted."""
-        self._g2_at = self.setpoint_place("G2_STW")
         self.probe_latch = probes = ProbeLatch(
             scheduler, self.core, self.encoder_words, period_ns=config.servo_period_ns
         )
@@ -204,33 +245,86 @@ class ProfidriveDrive:
         self.digital_inputs.on_probe = probes.on_edge
         if isinstance(self.mode, PositionMode):
             probes.listeners.append(self.mode.probe_edge)
-        self.monitors = Monitors(self)
-        self.stw1 = 0
-        """STW1 in force: that of the last frame with control by PLC, and bit 10 of the last frame (PD-076).
-        """
-        self.stw2 = 0
-        self.g1_stw = 0
+        self.monitors = Monitors(
+            scheduler,
+            config,
+            settings=self.settings,
+            core=self.core,
+            power=self.power,
+            data=self.data,
+            signs=signs,
+            torque=self.torque,
+            safety=self.safety,
+            faults=self.faults,
+            raise_fault=self.raise_fault,
+        )
         self.powered = False
-        self.controlled_cyclically = False
-        """Valid cyclic data have come since power-on (PD-081)."""
         self.rejected = 0
         """Frames that were not taken over because of their length (PD-030)."""
-        self.cycle_at_ns = self.data_at_ns = 0
         self.watched_by_transport = False
-        """The transport says by `data_at_ns` that process data come (PD-292); otherwise every telegram does.
+        """The transport reports by `accessed` that process data come (PD-292); otherwise every
+        telegram does.
         """
         self._frame: bytes | None = None
-        self.data_sets = DataSets(self)
-        self.words = StatusWords(self)
-        self.words.connect()
+        self.data_sets = DataSets(self.settings, config.data_sets, on_change=self.refresh)
+        self.words = StatusWords(
+            self.core,
+            self.settings,
+            self.data,
+            operation=self.operation,
+            mode=self.mode,
+            faults=self.faults,
+            safety=self.safety_state,
+            torque=self.torque,
+            deviation=self.deviation,
+            signs=self.sign_of_life,
+            data_sets=self.data_sets,
+            operation_while_braking=config.operation_while_braking,
+        )
+        self.actual = ActualTelegram(self.telegram.actual, self._sources())
+        """The telegram to the controller."""
         self.refresh()
         scheduler.every(config.control_period_ns, self._control_cycle, priority=_CONTROL_PRIORITY)
 
-    def setpoint_place(self, name: str) -> int:
-        """Return where a signal of the controller stands in `row`; -1, where the 0 stands, if the telegram
-        has none.
-        """
-        return self._places.get(name, -1)
+    def _build_mode(self, machine: GeneralStateMachine, steps: int, cycle_s: float) -> OperatingMode:
+        config = self.config
+        channel = SetpointChannel(
+            self.core, self.settings, steps=steps, cycle_s=cycle_s, interpolation=config.interpolation
+        )
+        if config.positions:
+            return PositionMode(
+                channel,
+                Positioner(self.core, config.positioner, cycle_s=cycle_s),
+                self.data,
+                machine=machine,
+                safety=self.safety_state,
+                faults=self.faults,
+                torque=self.torque,
+                inputs=self.digital_inputs,
+                keeps_home=config.encoder.kind == "absolute",
+                raise_fault=self.raise_fault,
+            )
+        return SpeedMode(
+            channel,
+            self.core,
+            self.data,
+            settings=self.settings,
+            faults=self.faults,
+            deviation=self.deviation,
+            isochronous=self.isochronous,
+        )
+
+    def _sources(self) -> dict[str, Getter]:
+        """Return where the signals to the controller come from."""
+        sources = {
+            **status_signals(self.words, self.faults, self.digital_inputs),
+            **motor_signals(self.core, self.settings),
+            **second_encoder_signals(self.second),
+            **safety_signals(self.safety, self.settings),
+        }
+        if isinstance(self.mode, PositionMode):
+            sources.update(position_signals(self.mode.positioner))
+        return sources
 
     def refresh(self) -> None:
         """Take changed parameters over."""
@@ -271,14 +365,24 @@ class ProfidriveDrive:
         return self.digital_inputs.value
 
     @property
-    def ready(self) -> bool:
-        """Whether the power stage can be enabled."""
-        return not (self.power.dc_link.low or self.safety.torque_off or self.operation.refuses or self.parked)
+    def stw1(self) -> int:
+        """STW1 in force."""
+        return self.data.stw1
 
     @property
-    def parked(self) -> bool:
-        """Whether the axis is parked: STW2 bit 7, while there are no pulses (PD-082, PD-083)."""
-        return bool(self.stw2 & _PARK_AXIS) and not self.core.enabled
+    def row(self) -> tuple[int, ...]:
+        """Signals of the last telegram that was taken over, and a 0 for those that it does not have."""
+        return self.data.row
+
+    @property
+    def g1_words(self) -> tuple[int, int, int]:
+        """G1_ZSW, G1_XIST1, G1_XIST2."""
+        return self.actual.g1_words
+
+    @property
+    def controlled_cyclically(self) -> bool:
+        """Whether valid cyclic data have come since power-on (PD-081)."""
+        return self.data.controlled_cyclically
 
     # -- life ------------------------------------------------------------------------------------------
 
@@ -291,10 +395,10 @@ class ProfidriveDrive:
         self.core.reinitialise()
         self.faults.restart()
         self.encoder_words.power_on()
-        self.g1_words = self.encoder_words.words()
+        self.actual.g1_words = self.encoder_words.words()
         if self.second is not None:
             self.second.power_on()
-        self.words.restart()
+        self.deviation.restart()
         self.monitors.restart()
         self.power.restart(self.now_ns)
         self.safety.restart()
@@ -313,11 +417,9 @@ class ProfidriveDrive:
     def _forget(self) -> None:
         """Begin as after power-on: nobody has spoken to the drive yet."""
         self.sign_of_life.reset()
-        self.stw1 = self.stw2 = self.g1_stw = 0
+        self.data.restart()
         self.core.brake.forced_open = False
-        self.controlled_cyclically = False
         self._frame = None
-        self.row = (0,) * len(self.row)
         self.data_sets.restart()
         self.mode.restart()
         self.operation.reset()
@@ -338,48 +440,56 @@ class ProfidriveDrive:
         if not self.powered:
             return
         now = self.scheduler.now
-        self.cycle_at_ns = now
+        data = self.data
+        data.cycle_at_ns = now
         frame = self._frame
         if frame is not None:
             self._frame = None
             self._take_over(frame, now)
-        elif not self.controlled_cyclically:
+        elif not data.controlled_cyclically:
             return
-        if self.isochronous and self.sign_of_life.step(self.stw2 >> SIGN_OF_LIFE_SHIFT):
+        if self.isochronous and self.sign_of_life.step(data.stw2 >> SIGN_OF_LIFE_SHIFT):
             self.raise_fault(numbers.SIGN_OF_LIFE)
             self.encoder_words.report(_SIGN_OF_LIFE_FAILED)
             if self.second is not None:
                 self.second.interface.report(_SIGN_OF_LIFE_FAILED)
-        self.operation.act()
-        park = _PARK_ENCODER if self.stw2 & _PARK_AXIS and self.parked else 0
-        self.g1_words = self.encoder_words.step(self.g1_stw | park, now)
+        operation = self.operation
+        operation.act()
+        park = _PARK_ENCODER if data.stw2 & _PARK_AXIS and operation.parked else 0
+        self.actual.g1_words = self.encoder_words.step(data.g1_stw | park, now)
         if self.second is not None:
-            self.second.step(self.row[self._g2_at] | park, now)
-        if self.operation.machine.state is _S4 and not self.safety.leads:
-            self.mode.lead(self.row)
+            self.second.step(data.row[self._g2_at] | park, now)
+        safety = self.safety_state
+        if operation.machine.state is _S4 and not (safety.holding or safety.testing_brake):
+            self.mode.lead(data.row)
         if self.torque.follows_telegram and self.core.enabled:
             self.torque.lead()
         if self.safety.brake_test.wired:
             self.safety.brake_test.step()
         self.mode.watch()
-        self.words.watch_deviation()
+        self.deviation.watch()
 
     def transmit(self) -> bytes:
         """Return the telegram to the controller, with the values of now."""
         self.channel.sent_angle = self.core.position
-        return self.words.frame()
+        return self.actual.frame()
+
+    def accessed(self) -> None:
+        """Note that process data have come, where the transport watches that (PD-292)."""
+        self.data.received_at_ns = self.scheduler.now
 
     def _take_over(self, frame: bytes, now_ns: int) -> None:
+        data = self.data
         row = (*self.telegram.setpoint.unpack(frame), 0)
         stw1 = row[0]
         stw2 = row[self._stw2_at]
-        if not (self.watched_by_transport and self.controlled_cyclically):
-            self.data_at_ns = now_ns
-        self.controlled_cyclically = True
+        if not (self.watched_by_transport and data.controlled_cyclically):
+            data.received_at_ns = now_ns
+        data.controlled_cyclically = True
         if not stw1 & _CONTROL:
             # Everything is kept but the bit itself; the sign of life is evaluated all the same (PD-076).
-            self.stw1 &= ~_CONTROL
-            self.stw2 = self.stw2 & ~SIGN_OF_LIFE_MASK | stw2 & SIGN_OF_LIFE_MASK
+            data.stw1 &= ~_CONTROL
+            data.stw2 = data.stw2 & ~SIGN_OF_LIFE_MASK | stw2 & SIGN_OF_LIFE_MASK
             if self.config.control_lost == "fault" and self.operation.machine.enabled:
                 self.raise_fault(numbers.CONTROL_LOST)
             return
@@ -387,13 +497,13 @@ class ProfidriveDrive:
         if sets.changing or stw2 & _DATA_SET != sets.wanted:
             sets.changing = False
             sets.select(stw2 & _DATA_SET)
-        if (stw1 ^ self.stw1) & _OPEN_BRAKE:
+        if (stw1 ^ data.stw1) & _OPEN_BRAKE:
             self.core.brake.forced_open = bool(stw1 & _OPEN_BRAKE)  # without any condition (PD-056)
-        acknowledges = stw1 & ~self.stw1 & _ACKNOWLEDGE
-        self.stw1 = stw1
-        self.stw2 = stw2
-        self.g1_stw = row[self._g1_at]
-        self.row = row
+        acknowledges = stw1 & ~data.stw1 & _ACKNOWLEDGE
+        data.stw1 = stw1
+        data.stw2 = stw2
+        data.g1_stw = row[self._g1_at]
+        data.row = row
         if acknowledges:
             self.faults.acknowledge()
 
@@ -425,7 +535,7 @@ class ProfidriveDrive:
                 self.encoder_words.report(_NOT_VALID)
             if self.faults.off:
                 self.operation.lock_on()
-            self.act()
+            self.operation.act()
 
     def clear_fault_cause(self, code: int | None = None) -> None:
         """End the cause of a persistent fault, or of all; the fault itself waits for its acknowledgement."""

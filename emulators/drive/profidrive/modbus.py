@@ -328,7 +328,7 @@ class ProfidriveModbusDrive(DriveOnBus):
 
     def accessed(self) -> None:
         """Keep the process data from timing out (PD-292)."""
-        self.drive.data_at_ns = self.scheduler.now
+        self.drive.accessed()
 
     def request(self, data: bytes) -> bytes:
         """Answer a request of base mode parameter access."""

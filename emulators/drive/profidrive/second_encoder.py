@@ -10,16 +10,17 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Literal
 
 from emulators.drive.profidrive.faults.catalogue import DriveWarning
+from emulators.drive.profidrive.faults.state import FaultState
 from emulators.encoder import Mounting
 from emulators.encoder.profidrive import EncoderFormat, EncoderInterface
-from emulators.encoder.profidrive.faults import SensorFaults
 from emulators.encoder.profidrive.model import encoder_model
+from emulators.encoder.profidrive.sensor import ProfidriveSensor
+from emulators.mechanics import AxisMechanics
 from fieldbus.errors import ConfigurationError
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from emulators.drive.profidrive.drive import ProfidriveDrive
 
 _PER_NM: Final = 1e-9
 
@@ -66,41 +67,39 @@ class SecondEncoderConfig:
         return math.tau / (form.periods * form.grid_nm * _PER_NM) if form.linear else 1.0
 
 
-class SecondEncoder(SensorFaults):
+class SecondEncoder(ProfidriveSensor):
     """The encoder behind G2_STW, G2_ZSW, G2_XIST1 and G2_XIST2; sampled once per bus cycle.
 
     Args:
-        drive: The drive on whose machine it sits.
         config: What it is and where.
+        mechanics: Machine that it sits on.
+        name: Name in messages.
+        faults: Gets the warning of a broken wire.
         rng: Source of its noise; None: it cannot be made noisy.
 
     """
 
-    __slots__ = (
-        "_drive",
-        "_mounting",
-        "_per_coordinate",
-        "encoder",
-        "interface",
-        "name",
-        "on_motor",
-        "words",
-    )
+    __slots__ = ("_faults", "_mounting", "_per_coordinate", "_ratio", "on_motor", "words")
 
     def __init__(
-        self, drive: ProfidriveDrive, config: SecondEncoderConfig, rng: np.random.Generator | None
+        self,
+        config: SecondEncoderConfig,
+        mechanics: AxisMechanics,
+        *,
+        name: str,
+        faults: FaultState,
+        rng: np.random.Generator | None,
     ) -> None:
-        mechanics = drive.mechanics
-        self._drive = drive
-        self.name = f"{drive.name}.encoder2"
+        encoder = encoder_model(config.form, zero_mark=config.zero_mark, rng=rng)
+        super().__init__(name, encoder, EncoderInterface(encoder, config.form))
+        self._faults = faults
+        self._ratio = mechanics.ratio
         self.on_motor = config.mounting == "motor"
         source: Callable[[], float] = (
             (lambda: mechanics.motor_angle) if self.on_motor else (lambda: mechanics.position)
         )
         self._mounting = Mounting(source, ratio=config.ratio, offset=config.offset, backlash=config.backlash)
         self._per_coordinate = config.per_coordinate
-        self.encoder = encoder_model(config.form, zero_mark=config.zero_mark, rng=rng)
-        self.interface = EncoderInterface(self.encoder, config.form)
         self.words = (0, 0, 0)
         """G2_ZSW, G2_XIST1, G2_XIST2."""
 
@@ -117,7 +116,7 @@ class SecondEncoder(SensorFaults):
 
     def probe_edge(self, number: int, rising: bool, motor_angle: float) -> None:
         """Take an edge of probe 1 or 2 that came when the motor was at an angle, rad."""
-        machine = motor_angle if self.on_motor else motor_angle * self._drive.mechanics.ratio
+        machine = motor_angle if self.on_motor else motor_angle * self._ratio
         place = self._mounting.at(machine) * self._per_coordinate
         self.interface.probe_edge(number, rising, self.encoder.increments_at(place))
 
@@ -125,8 +124,8 @@ class SecondEncoder(SensorFaults):
         """Cut its wire, or repair it: G2_ZSW says so, and the drive warns; it does not control with this
         encoder.
         """
-        SensorFaults.break_encoder_wire(self, broken)
-        self._drive.faults.warn(DriveWarning.SECOND_ENCODER, broken)
+        super().break_encoder_wire(broken)
+        self._faults.warn(DriveWarning.SECOND_ENCODER, broken)
 
 
 def _nowhere() -> float:

@@ -1,18 +1,23 @@
-"""Status words of the axis, and the frame that it sends (PD-060 to PD-085)."""
+"""Status words of the axis (PD-060 to PD-085)."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from emulators.drive.core import RPM
+from emulators.drive.core import RPM, ServoCore
+from emulators.drive.profidrive.config import DriveSettings
+from emulators.drive.profidrive.data_sets import DataSets
 from emulators.drive.profidrive.faults.catalogue import DriveWarning, alarm_class
-from emulators.drive.profidrive.signals import Getter, getters
+from emulators.drive.profidrive.faults.state import FaultState
+from emulators.drive.profidrive.modes import OperatingMode
+from emulators.drive.profidrive.modes.speed import SpeedDeviation
+from emulators.drive.profidrive.operation import Operation
+from emulators.drive.profidrive.process_data import ProcessData
+from emulators.drive.profidrive.safety.state import SafetyState
 from emulators.drive.profidrive.statemachine import AxisState, Off
-from emulators.drive.protection import WindowTimer
+from emulators.drive.profidrive.torque import TorqueLimits
+from fieldbus.profidrive.sign_of_life import SignOfLife
 from fieldbus.profidrive.words import MELDW, SIGN_OF_LIFE_SHIFT, ZSW1, ZSW2
-
-if TYPE_CHECKING:
-    from emulators.drive.profidrive.drive import ProfidriveDrive
 
 _NO_OFF2: Final = int(ZSW1.NO_OFF2)
 _NO_OFF3: Final = int(ZSW1.NO_OFF3)
@@ -40,61 +45,80 @@ _NO_OVERLOAD: Final = int(MELDW.NO_POWER_UNIT_OVERLOAD)
 _DEVIATION: Final = int(MELDW.DEVIATION_IN_TOLERANCE)
 _CONTROLS: Final = int(MELDW.CONTROLLER_ENABLED | MELDW.PULSES_ENABLED)
 _READY: Final = int(MELDW.READY)
-_G1: Final = ("G1_ZSW", "G1_XIST1", "G1_XIST2")
 
 
 class StatusWords:
-    """Forms the words of the telegram to the controller.
+    """Forms ZSW1, ZSW2 and MELDW.
 
     Args:
-        drive: The drive.
+        core: Servo core.
+        settings: Parameters in force.
+        data: Control words in force.
+        operation: State machine.
+        mode: Operating mode; some bits of ZSW1 are its own.
+        faults: Faults and warnings.
+        safety: Safety functions in force.
+        torque: Torque limits.
+        deviation: Deviation of the speed.
+        signs: Sign of life of the drive.
+        data_sets: Data set in force.
+        operation_while_braking: ZSW1 bit 2 stays 1 during a stop ramp.
 
     """
 
     __slots__ = (
         "_cleared",
-        "_cycle_s",
+        "_core",
+        "_data",
+        "_data_sets",
         "_deviation",
-        "_drive",
-        "_ends_with_g1",
+        "_faults",
         "_frozen",
-        "_getters",
-        "_pack",
+        "_machine",
+        "_mode",
+        "_operation",
+        "_safety",
         "_set",
+        "_settings",
         "_sign",
-        "in_tolerance",
+        "_signs",
+        "_torque",
+        "_while_braking",
     )
 
-    def __init__(self, drive: ProfidriveDrive) -> None:
-        self._drive = drive
-        self._cycle_s = drive.config.cycle_ns / 1e9
-        self._deviation = WindowTimer()
-        self.in_tolerance = True
-        """Whether the speed is, or was a moment ago, near its setpoint (PD-079)."""
+    def __init__(
+        self,
+        core: ServoCore,
+        settings: DriveSettings,
+        data: ProcessData,
+        *,
+        operation: Operation,
+        mode: OperatingMode,
+        faults: FaultState,
+        safety: SafetyState,
+        torque: TorqueLimits,
+        deviation: SpeedDeviation,
+        signs: SignOfLife,
+        data_sets: DataSets,
+        operation_while_braking: bool,
+    ) -> None:
+        self._core = core
+        self._settings = settings
+        self._data = data
+        self._operation = operation
+        self._machine = operation.machine
+        self._mode = mode
+        self._faults = faults
+        self._safety = safety
+        self._torque = torque
+        self._deviation = deviation
+        self._signs = signs
+        self._data_sets = data_sets
+        self._while_braking = operation_while_braking
         self._frozen: int | None = None
         self._set = 0
-        self._sign: int | None = None
         self._cleared = 0
-        self._pack = drive.telegram.actual.pack
-        self._getters: tuple[Getter, ...] = ()
-        self._ends_with_g1 = False
-
-    def connect(self) -> None:
-        """Find the source of every signal; when the drive is complete."""
-        names = self._drive.telegram.actual.names
-        self._ends_with_g1 = names[-3:] == _G1
-        self._getters = getters(self._drive, names[:-3] if self._ends_with_g1 else names)
-
-    def frame(self) -> bytes:
-        """Return the telegram to the controller with the values of now."""
-        if self._ends_with_g1:
-            return self._pack(*[get() for get in self._getters], *self._drive.g1_words)
-        return self._pack(*[get() for get in self._getters])
-
-    def restart(self) -> None:
-        """Begin as after power-on."""
-        self._deviation.reset()
-        self.in_tolerance = True
+        self._sign: int | None = None
 
     # -- overridden bits -------------------------------------------------------------------------------
 
@@ -104,7 +128,7 @@ class StatusWords:
 
     def freeze_sign_of_life(self, frozen: bool) -> None:
         """Let the drive's sign of life stand still, or count again."""
-        self._sign = self._drive.sign_of_life.value if frozen else None
+        self._sign = self._signs.value if frozen else None
 
     def override_bits(self, *, set_bits: int = 0, clear_bits: int = 0) -> None:
         """Show bits of ZSW1 as 1, or as 0, whatever they should be."""
@@ -113,82 +137,64 @@ class StatusWords:
 
     # -- words -----------------------------------------------------------------------------------------
 
-    def watch_deviation(self) -> None:
-        """Look at the speed deviation; once per bus cycle (PD-079)."""
-        drive = self._drive
-        core = drive.core
-        if not core.enabled:
-            self._deviation.reset()
-            self.in_tolerance = True
-            return
-        settings = drive.settings
-        self._deviation.time_s = settings.deviation_time_s
-        difference = abs(core.precontrol_velocity - core.velocity)
-        self.in_tolerance = not self._deviation.update(
-            difference > settings.deviation_rpm * RPM, self._cycle_s
-        )
-
     def zsw1(self) -> int:
         """Return ZSW1, or what a test makes of it."""
         word = self._true_zsw1() if self._frozen is None else self._frozen
         return (word | self._set) & ~self._cleared & 0xFFFF
 
     def _true_zsw1(self) -> int:
-        drive = self._drive
-        if not drive.controlled_cyclically:
+        if not self._data.controlled_cyclically:
             return 0
-        state = drive.operation.machine.state
+        state = self._machine.state
         word = state.bits | _REQUESTED
-        faults = drive.faults
-        off = faults.off | drive.safety.off
-        stw1 = drive.stw1
+        faults = self._faults
+        off = faults.off | self._safety.off
+        stw1 = self._data.stw1
         if stw1 & 0x0002 and not off & _OFF2:
             word |= _NO_OFF2
-        if stw1 & 0x0004 and not (off & _OFF3 or drive.safety.holding) and state is not _S5B:
+        if stw1 & 0x0004 and not (off & _OFF3 or self._safety.holding) and state is not _S5B:
             word |= _NO_OFF3
         if faults.buffer.current:
             word |= _FAULT
         if faults.warnings:
             word |= _WARNING
-        word |= drive.mode.zsw1()
-        if drive.config.operation_while_braking and state in (AxisState.S5A, AxisState.S5B):
+        word |= self._mode.zsw1()
+        if self._while_braking and state in (AxisState.S5A, AxisState.S5B):
             word |= _OPERATION
         return word
 
     def zsw2(self) -> int:
         """Return ZSW2 with the drive's sign of life."""
-        drive = self._drive
-        sign = drive.sign_of_life.value if self._sign is None else self._sign
-        sets = drive.data_sets
+        sign = self._signs.value if self._sign is None else self._sign
+        sets = self._data_sets
         word = sign << SIGN_OF_LIFE_SHIFT | sets.active
         if sets.changing:
             word |= _CHANGEOVER
-        if drive.faults.warnings:
-            word |= alarm_class(drive.faults.warnings) << _ALARM_CLASS_SHIFT
-        if drive.core.enabled:
+        if self._faults.warnings:
+            word |= alarm_class(self._faults.warnings) << _ALARM_CLASS_SHIFT
+        if self._core.enabled:
             word |= _PULSES
-        if drive.parked:
+        if self._operation.parked:
             word |= _PARKING
-        if drive.torque.at_fixed_stop:
+        if self._torque.at_fixed_stop:
             word |= _FIXED_STOP
         return word
 
     def _variable(self) -> float:
         """Return the amount of the signal that MELDW bit 5 watches: Nm, or rpm."""
-        core = self._drive.core
-        return abs(core.torque if self._drive.settings.variable_signal == "torque" else core.velocity / RPM)
+        core = self._core
+        return abs(core.torque if self._settings.variable_signal == "torque" else core.velocity / RPM)
 
     def meldw(self) -> int:
         """Return the message word (PD-085)."""
-        drive = self._drive
-        core = drive.core
-        settings = drive.settings
+        core = self._core
+        settings = self._settings
         speed = abs(core.velocity) / RPM
-        warnings = drive.faults.warnings
+        warnings = self._faults.warnings
         word = 0
-        if not core.enabled or abs(core.precontrol_velocity - drive.channel.target) < 1e-9:
+        if not core.enabled or abs(core.precontrol_velocity - self._mode.channel.target) < 1e-9:
             word |= _RAMP_COMPLETED
-        if not drive.torque.utilised:
+        if not self._torque.utilised:
             word |= _BELOW_TORQUE
         if speed < settings.speed_threshold_3_rpm:
             word |= _BELOW_3
@@ -200,10 +206,10 @@ class StatusWords:
             word |= _COOL_MOTOR
         if _STAGE_TEMPERATURE not in warnings:
             word |= _NO_OVERLOAD
-        if self.in_tolerance:
+        if self._deviation.in_tolerance:
             word |= _DEVIATION
         if core.enabled:
             word |= _CONTROLS
-        if drive.ready and not drive.faults.buffer.current:
+        if self._operation.ready and not self._faults.buffer.current:
             word |= _READY
         return word

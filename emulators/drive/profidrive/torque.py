@@ -5,13 +5,13 @@ PD-038).
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from emulators.drive.core import ServoCore
+from emulators.drive.profidrive.config import DriveSettings
+from emulators.drive.profidrive.process_data import ProcessData
 from fieldbus.profidrive.formats import from_n2, torque_factor
 from fieldbus.profidrive.words import STW2
-
-if TYPE_CHECKING:
-    from emulators.drive.profidrive.drive import ProfidriveDrive
 
 _INTERPOLATES: Final = 1
 """Bit of p1409 with which the additive torque goes in a straight line from telegram to telegram (CTL-058)."""
@@ -22,16 +22,21 @@ class TorqueLimits:
     """What limits the torque, and the additive torque of telegram 750.
 
     Args:
-        drive: The drive.
+        core: Servo core.
+        data: Setpoints of the telegram.
+        settings: Parameters in force.
+        steps: Servo steps of a bus cycle.
 
     """
 
     __slots__ = (
         "_add_at",
-        "_drive",
+        "_core",
+        "_data",
         "_high_at",
         "_low_at",
         "_momred_at",
+        "_settings",
         "_steps",
         "_words",
         "clamping_Nm",
@@ -43,9 +48,11 @@ class TorqueLimits:
         "upper_Nm",
     )
 
-    def __init__(self, drive: ProfidriveDrive) -> None:
-        self._drive = drive
-        self._steps = drive.config.cycle_ns // drive.config.servo_period_ns
+    def __init__(self, core: ServoCore, data: ProcessData, settings: DriveSettings, *, steps: int) -> None:
+        self._core = core
+        self._data = data
+        self._settings = settings
+        self._steps = steps
         self.upper_Nm = math.inf
         """Upper torque limit in force, Nm."""
         self.lower_Nm = math.inf
@@ -58,7 +65,7 @@ class TorqueLimits:
         """Limit because of the current limit p0640, Nm; inf = none."""
         self.clamping_Nm = math.inf
         """Limit of the positioner while it travels to a fixed stop, Nm; inf = none."""
-        place = drive.setpoint_place
+        place = data.place
         self._momred_at = place("MOMRED")
         self._add_at = place("M_ADD1")
         self._high_at = place("M_LIMIT_POS")
@@ -70,10 +77,9 @@ class TorqueLimits:
     def lead(self) -> None:
         """Let the words of the telegram act; in every bus cycle while there are pulses."""
         if self._add_at >= 0:
-            drive = self._drive
-            settings = drive.settings
-            torque = from_n2(drive.row[self._add_at]) * settings.reference_torque_Nm
-            drive.core.add_torque(
+            settings = self._settings
+            torque = from_n2(self._data.row[self._add_at]) * settings.reference_torque_Nm
+            self._core.add_torque(
                 torque, self._steps if settings.speed_control_extended & _INTERPOLATES else 1
             )
         self.apply()
@@ -106,8 +112,7 @@ class TorqueLimits:
 
     def apply(self) -> None:
         """Give the limits to the servo core if they have changed."""
-        drive = self._drive
-        row = drive.row
+        row = self._data.row
         momred = row[self._momred_at] if self._momred_at >= 0 else 0
         high_word, low_word = (row[self._high_at], row[self._low_at]) if self._add_at >= 0 else (0, 0)
         cap = min(self.protection_Nm, self.injected_Nm, self.current_Nm, self.clamping_Nm)
@@ -115,31 +120,30 @@ class TorqueLimits:
         if words == self._words:
             return
         self._words = words
-        settings = drive.settings
+        settings = self._settings
         high, low = (
             limit if share is None else 0.01 * share * settings.reference_torque_Nm
             for limit, share in zip(settings.torque_limits_Nm, settings.torque_limits_percent, strict=True)
         )
-        if self._add_at >= 0 and drive.controlled_cyclically:
+        if self._add_at >= 0 and self._data.controlled_cyclically:
             high = min(high, max(0.0, from_n2(high_word) * settings.reference_torque_Nm))
             low = min(low, max(0.0, -from_n2(low_word) * settings.reference_torque_Nm))
         factor = torque_factor(momred, settings.momred_evaluation_percent)
         self.upper_Nm = min(cap, high * factor)
         self.lower_Nm = min(cap, low * factor)
-        drive.core.set_torque_limits(self.upper_Nm, self.lower_Nm)
+        self._core.set_torque_limits(self.upper_Nm, self.lower_Nm)
 
     @property
     def utilised(self) -> bool:
         """Whether the torque is at or above the threshold of its limit, p2194 (STP-156, STP-157)."""
-        core = self._drive.core
+        core = self._core
         if not core.enabled:
             return False
         torque = core.torque_demand
         limit = self.upper_Nm if torque >= 0.0 else self.lower_Nm
-        return abs(torque) >= self._drive.settings.torque_threshold_percent * 0.01 * limit
+        return abs(torque) >= self._settings.torque_threshold_percent * 0.01 * limit
 
     @property
     def at_fixed_stop(self) -> bool:
         """Whether the controller travels to a fixed stop: STW2 bit 8, in operation (PD-082, PD-083)."""
-        drive = self._drive
-        return bool(drive.stw2 & _FIXED_STOP) and drive.core.enabled
+        return bool(self._data.stw2 & _FIXED_STOP) and self._core.enabled

@@ -61,8 +61,9 @@ def trace_row(drive: ProfidriveDrive, *bus: float) -> tuple[float, ...]:
     core = drive.core
     mechanics = drive.mechanics
     faults = drive.faults
-    row = drive.row
-    nsoll, xerr, kpc, m_add = drive.control_places
+    data = drive.data
+    row = data.row
+    nsoll, xerr, kpc, m_add = data.control_places
     return (
         mechanics.position,
         mechanics.velocity,
@@ -72,9 +73,9 @@ def trace_row(drive: ProfidriveDrive, *bus: float) -> tuple[float, ...]:
         core.velocity_demand * _PER_RPM,
         core.position_demand - core.position,
         drive.encoder.increments,
-        drive.stw1,
+        data.stw1,
         drive.words.zsw1(),
-        drive.stw2,
+        data.stw2,
         drive.words.zsw2(),
         drive.operation.machine.state.number,
         *bus,

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from emulators.encoder.cia406._objects import CAMS, all_objects
+from emulators.encoder.cia406._measurement import Measurement
+from emulators.encoder.cia406._objects import CAMS
+from emulators.encoder.cia406.config import EncoderDeviceConfig
 from fieldbus.canopen.abort import AbortCode, SdoAbort
-from fieldbus.canopen.object_table import STRING
+from fieldbus.canopen.store import ObjectStore
 from fieldbus.cia406 import OperatingParameter
-from fieldbus.errors import ConfigurationError
 
-if TYPE_CHECKING:
-    from emulators.encoder.cia406.device import EncoderDevice
-
-_REQUIRED: Final = (0x6000, 0x6004)
 EVENT_TIMER: Final = 0x180005
 """1800h:5, to which 6200h is hard-wired (C406-009)."""
 LONGEST_INTERVAL_MS: Final = 1000
@@ -24,43 +21,17 @@ _HIGHEST_PRESET: Final = 1 << 62
 """6009h: so that its difference to any position still fits 64 bits."""
 
 
-def prepare_values(device: EncoderDevice) -> None:
-    """Give objects that the EDS lacks their built-in default, so that the encoder works with any EDS of its
-    kind.
+def readers(
+    values: dict[int, Any], device: Measurement, operating_time_tenths: Callable[[], int]
+) -> dict[int, Callable[[], Any]]:
+    """Return what is read live, by key.
 
-    Raises:
-        ConfigurationError: The EDS is not that of a CiA 406 encoder.
+    Args:
+        values: Values of the object dictionary.
+        device: Forms the positions.
+        operating_time_tenths: Returns 6508h.
 
     """
-    store = device.slave.store
-    for index in _REQUIRED:
-        if index << 8 not in store.entries:
-            raise ConfigurationError("eds", f"no object {index:04X}h", "an EDS of a CiA 406 encoder")
-    for row in all_objects(device.family):
-        if row.index < 0x2000:
-            continue
-        for sub, item in row.items.items():
-            key = row.index << 8 | sub
-            if item.volatile:
-                store.volatile.add(key)
-            if key not in store.entries:
-                empty = "" if item.data_type == STRING else 0
-                device.slave.values[key] = empty if item.default is None else item.default
-
-
-def install(device: EncoderDevice) -> None:
-    """Register all callbacks with the slave; objects that the EDS lacks are left out."""
-    entries = device.slave.store.entries
-    for key, read in _readers(device).items():
-        if key in entries:
-            device.slave.on_read(key >> 8, key & 0xFF, read)
-    for key, check in (_position_checks(device) | _limit_checks(device)).items():
-        if key in entries:
-            device.slave.on_write(key >> 8, key & 0xFF, check)
-
-
-def _readers(device: EncoderDevice) -> dict[int, Callable[[], Any]]:
-    values = device.slave.values
     first = device.channels[0]
     scaling = device.scaling
 
@@ -80,37 +51,37 @@ def _readers(device: EncoderDevice) -> dict[int, Callable[[], Any]]:
 
         return read
 
-    readers: dict[int, Callable[[], Any]] = {
+    found: dict[int, Callable[[], Any]] = {
         0x600200: settings(0x600200),
         0x600400: sampled(0, "position"),
         0x600800: sampled(0, "unfolded"),
         0x600C00: sampled(0, "raw"),
         0x620000: lambda: values.get(EVENT_TIMER, 0),
         0x650000: lambda: values[0x600000],
-        0x650800: lambda: device.operating_time_tenths,
+        0x650800: operating_time_tenths,
         0x650900: settings_of(device, lambda: first.offset),
         0x650A03: lambda: scaling.raw_range - 1,
     }
     for number, channel in enumerate(device.channels, 1):
-        readers[0x602000 | number] = sampled(number - 1, "position")
-        readers[0x603000 | number] = partial(getattr, channel, "speed")
-        readers[0x604000 | number] = partial(getattr, channel, "acceleration")
-        readers[0x605000 | number] = partial(getattr, channel, "jerk")
-        readers[0x650C00 | number] = settings_of(device, partial(getattr, channel, "offset"))
+        found[0x602000 | number] = sampled(number - 1, "position")
+        found[0x603000 | number] = partial(getattr, channel, "speed")
+        found[0x604000 | number] = partial(getattr, channel, "acceleration")
+        found[0x605000 | number] = partial(getattr, channel, "jerk")
+        found[0x650C00 | number] = settings_of(device, partial(getattr, channel, "offset"))
         for index in (0x6300, 0x6400):
-            readers[index << 8 | number] = _state(device, index << 8 | number)
-    return readers
+            found[index << 8 | number] = _state(values, device, index << 8 | number)
+    return found
 
 
-def _state(device: EncoderDevice, key: int) -> Callable[[], int]:
+def _state(values: dict[int, Any], device: Measurement, key: int) -> Callable[[], int]:
     def read() -> int:
         device.sample()
-        return int(device.slave.values[key])
+        return int(values[key])
 
     return read
 
 
-def settings_of(device: EncoderDevice, read: Callable[[], int]) -> Callable[[], int]:
+def settings_of(device: Measurement, read: Callable[[], int]) -> Callable[[], int]:
     """Return a reader that first has written parameters taken over."""
 
     def take_and_read() -> int:
@@ -130,9 +101,24 @@ def _within(low: int, high: int) -> Callable[[Any], None]:
     return check
 
 
-def _position_checks(device: EncoderDevice) -> dict[int, Callable[[Any], object]]:
-    values = device.slave.values
-    linear = device.config.kind.linear
+def checks(
+    store: ObjectStore, device: Measurement, config: EncoderDeviceConfig
+) -> dict[int, Callable[[Any], object]]:
+    """Return what checks and takes written values, by key.
+
+    Args:
+        store: Object dictionary.
+        device: Forms the positions.
+        config: The encoder.
+
+    """
+    return {**_position_checks(store.values, device, config), **_limit_checks(store, device)}
+
+
+def _position_checks(
+    values: dict[int, Any], device: Measurement, config: EncoderDeviceConfig
+) -> dict[int, Callable[[Any], object]]:
+    linear = config.kind.linear
 
     def changes(key: int, check: Callable[[Any], None]) -> Callable[[Any], None]:
         """Refuse what is not allowed; another value makes the offset invalid (C406-007)."""
@@ -166,25 +152,24 @@ def _position_checks(device: EncoderDevice) -> dict[int, Callable[[Any], object]
         _within(-_HIGHEST_PRESET, _HIGHEST_PRESET)(value)
         device.preset(value)
 
-    checks: dict[int, Callable[[Any], object]] = {
+    found: dict[int, Callable[[Any], object]] = {
         0x600000: changes(0x600000, operating_parameters),
         0x600200: changes(0x600200, total_range),
         0x600300: preset(0),
         0x600900: wide_preset,
     }
     if linear:
-        checks[0x600501] = changes(0x600501, _within(device.config.measuring_step_nm, 0xFFFFFFFF))
+        found[0x600501] = changes(0x600501, _within(config.measuring_step_nm, 0xFFFFFFFF))
         for sub in (2, 3, 4):
-            checks[0x600500 | sub] = _within(1, 0xFFFFFFFF)
+            found[0x600500 | sub] = _within(1, 0xFFFFFFFF)
     else:
-        checks[0x600100] = changes(0x600100, _within(1, device.config.steps_per_revolution))
+        found[0x600100] = changes(0x600100, _within(1, config.steps_per_revolution))
     for number in range(1, len(device.channels) + 1):
-        checks[0x601000 | number] = preset(number - 1)
-    return checks
+        found[0x601000 | number] = preset(number - 1)
+    return found
 
 
-def _limit_checks(device: EncoderDevice) -> dict[int, Callable[[Any], object]]:
-    store = device.slave.store
+def _limit_checks(store: ObjectStore, device: Measurement) -> dict[int, Callable[[Any], object]]:
     values = store.values
 
     def event_timer(value: Any) -> None:
@@ -214,7 +199,7 @@ def _limit_checks(device: EncoderDevice) -> dict[int, Callable[[Any], object]]:
     def again(_value: Any) -> None:
         device.forget_sample()
 
-    checks: dict[int, Callable[[Any], object]] = {
+    found: dict[int, Callable[[Any], object]] = {
         EVENT_TIMER: event_timer,
         0x620000: cyclic_timer,
         0x603101: _within(0, 1),
@@ -223,9 +208,9 @@ def _limit_checks(device: EncoderDevice) -> dict[int, Callable[[Any], object]]:
         0x603104: _within(1, 0xFFFF),
     }
     for number in range(1, len(device.channels) + 1):
-        checks[0x640100 | number] = lower(0x640100 | number)
-        checks[0x640200 | number] = upper(0x640200 | number)
+        found[0x640100 | number] = lower(0x640100 | number)
+        found[0x640200 | number] = upper(0x640200 | number)
         cams = (0x6301, 0x6302, *(base + cam for base in (0x6310, 0x6320, 0x6330) for cam in range(CAMS)))
         for index in cams:
-            checks[index << 8 | number] = again
-    return checks
+            found[index << 8 | number] = again
+    return found

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
 
+from emulators.canopen_node import CanopenNode
 from emulators.drive.profidrive.canopen.process_words import ProcessWords
 from emulators.encoder._mounting import Mounting
 from emulators.encoder._own_shaft import OwnShaft
@@ -17,13 +18,13 @@ from emulators.encoder.profidrive import _objects as objects
 from emulators.encoder.profidrive._abilities import EncoderState
 from emulators.encoder.profidrive._eds import profidrive_encoder_dictionary
 from emulators.encoder.profidrive.device import ProfidriveEncoder, ProfidriveEncoderConfig
-from emulators.encoder.profidrive.faults import SensorFaults
+from emulators.encoder.profidrive.sensor import ProfidriveSensor
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.nmt import NmtState
-from fieldbus.canopen.slave import CanopenSlave
-from fieldbus.clock import MS, Scheduler, seconds_to_ns
+from fieldbus.clock import MS, Scheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
+from fieldbus.node_clock import own_clock
 from fieldbus.profidrive import telegram
 from fieldbus.profidrive.words import ENCODER_ERRORS
 
@@ -72,7 +73,7 @@ class ProfidriveEncoderNodeConfig:
             raise ConfigurationError("boot_time_s", self.boot_time_s, ">= 0")
 
 
-class ProfidriveCanEncoder(SensorFaults, OwnShaft):
+class ProfidriveCanEncoder(ProfidriveSensor):
     """An emulated PROFIdrive encoder on a CAN segment, with all that a test can do to it. It is off until
     `power_on`.
 
@@ -95,14 +96,12 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
         "_code",
         "_history",
         "_mounting",
-        "_scheduler",
         "_sync_ns",
         "_words",
         "config",
         "device",
-        "encoder",
-        "interface",
-        "name",
+        "node",
+        "scheduler",
         "shaft",
         "slave",
         "trace_columns",
@@ -126,25 +125,25 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
         rng: np.random.Generator | None = None,
         shaft: DrivenShaft | None = None,
     ) -> None:
-        self._scheduler = scheduler
+        device = ProfidriveEncoder(scheduler, config.encoder, mounting, rng=rng)
+        super().__init__(name, device.encoder, device.interface)
+        self.scheduler = scheduler
         self._history = history
         self._mounting = mounting
-        self.name = name
         self.config = config
-        self.shaft = shaft
-        self.device = device = ProfidriveEncoder(scheduler, config.encoder, mounting, rng=rng)
+        self.shaft = OwnShaft(name, shaft)
+        self.device = device
         """The encoder without a bus."""
-        self.encoder = device.encoder
-        self.interface = device.interface
-        self.slave = slave = CanopenSlave(
+        self.node = CanopenNode(
             scheduler,
             segment,
             profidrive_encoder_dictionary(),
             config.node_id,
             name=name,
             history=history,
-            boot_time_ns=seconds_to_ns(config.boot_time_s),
+            boot_time_s=config.boot_time_s,
         )
+        self.slave = slave = self.node.slave
         self._set_defaults()
         self._words = ProcessWords(slave, telegram(config.encoder.telegram))
         self._sync_ns = 0
@@ -172,7 +171,6 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
         """Enter what depends on the telegram: its number, formats, and PDOs with no more words than it
         has.
         """
-        store = self.slave.store
         words = telegram(self.config.encoder.telegram).actual.words
         values = {(0x1017, 0): self.config.heartbeat_ms, (objects.TELEGRAM, 0): self.config.encoder.telegram}
         values.update({(objects.FORMAT, at): value for at, value in enumerate(self.device.p979, 1)})
@@ -181,13 +179,7 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
             values[0x1A00 + number, 0] = min(max(left, 0), objects.WORDS_PER_PDO)
             if left <= 0:
                 values[0x1800 + number, 1] = (0x180 + 0x100 * number + self.config.node_id) | _NOT_VALID_PDO
-        for (index, sub), value in values.items():
-            entry = store.entries.get(index << 8 | sub)
-            if entry is not None:
-                entry.default = entry.coerce(value)
-            else:
-                self.slave.values[index << 8 | sub] = value
-        store.load(application=True)
+        self.node.set_defaults(values, "encoder")
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the present values of `trace_columns`; the coordinate is the true one, `speed` in percent of
@@ -243,7 +235,7 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
             self._cycle()
 
     def _free_running(self) -> None:
-        late = self._scheduler.now - self._sync_ns > 2 * self.config.cycle_ns
+        late = self.scheduler.now - self._sync_ns > 2 * self.config.cycle_ns
         if late and self.slave.nmt_state is NmtState.OPERATIONAL:
             self._cycle()
 
@@ -278,8 +270,46 @@ class ProfidriveCanEncoder(SensorFaults, OwnShaft):
     # -- node ------------------------------------------------------------------------------------------
 
     def stop_heartbeat(self, stopped: bool) -> None:
-        """Keep the heartbeat back, or send it again."""
-        self.slave.error_control.silent = stopped
+        """Stop sending the heartbeat, or send it again."""
+        self.node.stop_heartbeat(stopped)
+
+    def set_clock_drift(self, ppm: float) -> None:
+        """Let the clock of the encoder run fast (positive) or slow, ppm; 0 = at the pace of the bench.
+
+        Raises:
+            UnsupportedFaultError: The encoder has no clock of its own.
+
+        """
+        own_clock(self.scheduler, self.name).drift(ppm)
+
+    def set_clock_jitter(self, longest_ns: int) -> None:
+        """Let the cycles of the encoder begin late by up to so many ns; 0 = on time again.
+
+        Raises:
+            UnsupportedFaultError: The encoder has no clock of its own.
+
+        """
+        own_clock(self.scheduler, self.name).jitter(longest_ns)
+
+    # -- shaft -------------------------------------------------------------------------------------------
+
+    def turn_shaft(self, speed: float, ramp_s: float = 0.0) -> None:
+        """Turn the encoder's own shaft, rad/s (m/s linear), reached linearly within `ramp_s`.
+
+        Raises:
+            UnsupportedFaultError: The encoder sits on the machine of a drive.
+
+        """
+        self.shaft.turn(speed, ramp_s)
+
+    def place_shaft(self, position: float) -> None:
+        """Put the encoder's own shaft at rest at a position, rad or m.
+
+        Raises:
+            UnsupportedFaultError: The encoder sits on the machine of a drive.
+
+        """
+        self.shaft.place(position)
 
     def freeze_sign_of_life(self, frozen: bool) -> None:
         """Let the encoder's sign of life stand still, or count again."""

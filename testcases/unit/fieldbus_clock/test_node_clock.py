@@ -7,7 +7,7 @@ import pytest
 
 from fieldbus.clock import MS, US, S, VirtualScheduler
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
-from fieldbus.node_clock import NodeClock, OwnClock
+from fieldbus.node_clock import NodeClock, own_clock
 
 
 @pytest.fixture
@@ -129,9 +129,5 @@ def test_what_is_no_pace_is_refused(clock):
     with pytest.raises(ConfigurationError, match="jitter: -1"):
         clock.jitter(-1)
 
-    class Device(OwnClock):
-        name = "device"
-        scheduler = VirtualScheduler()
-
     with pytest.raises(UnsupportedFaultError, match="device has no clock of its own"):
-        Device().set_clock_drift(1.0)
+        own_clock(VirtualScheduler(), "device")

@@ -17,9 +17,14 @@ PACKAGES: Final = ("fieldbus", "emulators", "motion", "hil", "reports")
 IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
     "fieldbus": frozenset(
         {
+            "fieldbus.canopen.boot",
+            "fieldbus.canopen.boot_runner",
+            "fieldbus.canopen.master",
             "fieldbus.canopen.mpdo",
+            "fieldbus.canopen.node",
             "fieldbus.canopen.pdo",
             "fieldbus.canopen.pdo_engine",
+            "fieldbus.canopen.sdo_client",
         }
     ),
     "emulators": frozenset(
@@ -38,28 +43,11 @@ IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
             "emulators.drive.cia402.status_word",
             "emulators.drive.cia402.sync_jitter",
             "emulators.drive.cia402.trace",
-            "emulators.drive.profidrive.config",
-            "emulators.drive.profidrive.data_sets",
-            "emulators.drive.profidrive.drive",
-            "emulators.drive.profidrive.modes.position",
-            "emulators.drive.profidrive.modes.setpoint_channel",
-            "emulators.drive.profidrive.modes.speed",
-            "emulators.drive.profidrive.monitors",
-            "emulators.drive.profidrive.operation",
             "emulators.drive.profidrive.positioner.blocks",
             "emulators.drive.profidrive.positioner.fixed_stop",
             "emulators.drive.profidrive.positioner.homing",
             "emulators.drive.profidrive.positioner.positioner",
             "emulators.drive.profidrive.positioner.status",
-            "emulators.drive.profidrive.safety.brake_test",
-            "emulators.drive.profidrive.safety.functions",
-            "emulators.drive.profidrive.safety.monitors",
-            "emulators.drive.profidrive.second_encoder",
-            "emulators.drive.profidrive.signals",
-            "emulators.drive.profidrive.status_words",
-            "emulators.drive.profidrive.torque",
-            "emulators.encoder.cia406._object_rules",
-            "emulators.encoder.cia406.device",
         }
     ),
     "motion": frozenset(
@@ -99,6 +87,8 @@ IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
     ),
     "hil": frozenset(
         {
+            "hil._plugin_cases",
+            "hil._plugin_report",
             "hil.bench._profidrive_encoder",
             "hil.bench.axis_config",
             "hil.bench.config",
@@ -111,6 +101,7 @@ IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
             "hil.bench.modbus_config",
             "hil.faults._compose",
             "hil.faults._trigger",
+            "hil.pytest_plugin",
             "hil.record._storage",
             "hil.record._trace",
         }
@@ -125,11 +116,8 @@ STILL_SINGLE: Final[frozenset[str]] = frozenset(
     {
         "emulators.drive.cia402.modes._cyclic.CyclicPosition",
         "emulators.drive.cia402.modes._homing_motion.HomingMotion",
-        "emulators.encoder._faults.EncoderFaults",
-        "emulators.encoder.cia406.device.EncoderDevice",
         "fieldbus.canopen.slave_access.DeviceAccess",
         "fieldbus.modbus.server.ModbusServer",
-        "fieldbus.node_clock.OwnClock",
         "hil.campaign._case.Campaign",
         "motion.drives.profidrive.TelegramConfig",
         "motion.drives.profidrive_can.ProfidriveCanConfig",

@@ -5,7 +5,7 @@ PD-139).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Protocol
 
 from emulators.drive.profidrive.faults.buffer import FaultBuffer, FaultMessage
 from emulators.drive.profidrive.faults.catalogue import Acknowledgement, DriveWarning, Fault, fault
@@ -14,6 +14,15 @@ from fieldbus.clock import MS, Scheduler
 
 Listener = Callable[[Fault, int], None]
 _WORD: Final = 0xFFFF
+
+
+class RaiseFault(Protocol):
+    """Raises a fault of a drive."""
+
+    def __call__(
+        self, code: int, *, value: int = 0, persistent: bool = False, reaction: Off | None = None
+    ) -> None:
+        """Raise a fault; see `ProfidriveDrive.raise_fault`."""
 
 
 class FaultState:

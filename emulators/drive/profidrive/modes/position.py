@@ -9,18 +9,20 @@ the axis on its way is a fault.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from emulators.drive.inputs import DigitalInputs
 from emulators.drive.machine import INPUT_BITS
 from emulators.drive.profidrive.faults.catalogue import DriveWarning
+from emulators.drive.profidrive.faults.state import FaultState, RaiseFault
+from emulators.drive.profidrive.modes.setpoint_channel import SetpointChannel
 from emulators.drive.profidrive.positioner.positioner import Positioner, Refused, Words
-from emulators.drive.profidrive.statemachine import AxisState
+from emulators.drive.profidrive.process_data import ProcessData
+from emulators.drive.profidrive.safety.state import SafetyState
+from emulators.drive.profidrive.statemachine import AxisState, GeneralStateMachine
+from emulators.drive.profidrive.torque import TorqueLimits
 from fieldbus.profidrive.formats import N2_ONE
 from fieldbus.profidrive.words import POS_STW2, STW1
-
-if TYPE_CHECKING:
-    from emulators.drive.profidrive.drive import ProfidriveDrive
-    from emulators.drive.profidrive.modes.setpoint_channel import SetpointChannel
 
 _JOG: Final = int(STW1.JOG_1 | STW1.JOG_2)
 _NEGATIVE_LIMIT: Final = 1 << INPUT_BITS["negative_limit"]
@@ -38,36 +40,71 @@ class PositionMode:
     """Leads the axis by traversing tasks.
 
     Args:
-        drive: The drive.
         channel: Setpoint channel, whose stop ramps are used.
+        positioner: Basic positioner.
+        data: Setpoints of the telegram.
+        machine: General state machine.
+        safety: Safety functions in force.
+        faults: Faults and warnings.
+        torque: Torque limits.
+        inputs: Limit and home switches.
+        keeps_home: Whether the encoder keeps the home position over power-off.
+        raise_fault: Raises a fault of the drive.
 
     """
 
     __slots__ = (
         "_acc_at",
         "_acc_fine_at",
+        "_data",
         "_dec_at",
         "_dec_fine_at",
-        "_drive",
+        "_faults",
+        "_inputs",
+        "_keeps_home",
+        "_machine",
         "_mod_at",
         "_override_at",
         "_pos_stw_at",
+        "_raise_fault",
         "_refusals",
+        "_safety",
         "_satzanw_at",
         "_stw1_at",
         "_stw2_at",
         "_target_at",
+        "_torque",
         "_velocity_at",
         "_warned",
         "channel",
         "positioner",
     )
 
-    def __init__(self, drive: ProfidriveDrive, channel: SetpointChannel) -> None:
-        self._drive = drive
+    def __init__(
+        self,
+        channel: SetpointChannel,
+        positioner: Positioner,
+        data: ProcessData,
+        *,
+        machine: GeneralStateMachine,
+        safety: SafetyState,
+        faults: FaultState,
+        torque: TorqueLimits,
+        inputs: DigitalInputs,
+        keeps_home: bool,
+        raise_fault: RaiseFault,
+    ) -> None:
         self.channel = channel
-        self.positioner = Positioner(drive.core, drive.config.positioner, cycle_s=drive.config.cycle_ns / 1e9)
-        place = drive.setpoint_place
+        self.positioner = positioner
+        self._data = data
+        self._machine = machine
+        self._safety = safety
+        self._faults = faults
+        self._torque = torque
+        self._inputs = inputs
+        self._keeps_home = keeps_home
+        self._raise_fault = raise_fault
+        place = data.place
         self._stw1_at = place("POS_STW1")
         self._stw2_at = place("POS_STW2")
         self._pos_stw_at = place("POS_STW")
@@ -85,23 +122,22 @@ class PositionMode:
 
     def restart(self) -> None:
         """Begin as after power-on: an incremental encoder has lost the home position."""
-        self.positioner.restart(keep_home=self._drive.config.encoder.kind == "absolute")
+        self.positioner.restart(keep_home=self._keeps_home)
         self._warned = None
 
     def jogs(self, stw1: int) -> bool:
         """Say whether a control word switches on by a jog bit: not in position mode; both bits at once are a
         warning.
         """
-        self._drive.faults.warn(DriveWarning.JOG_CONTRADICTION, stw1 & _JOG == _JOG)
+        self._faults.warn(DriveWarning.JOG_CONTRADICTION, stw1 & _JOG == _JOG)
         return False
 
     # -- setpoint words --------------------------------------------------------------------------------
 
     def words(self, row: tuple[int, ...]) -> Words:
         """Return the setpoint words in force, whichever telegram brings them."""
-        drive = self._drive
         settings = self.positioner.settings
-        inputs = drive.inputs
+        inputs = self._inputs.value
         if self._satzanw_at >= 0:
             pos_stw1 = Positioner.words_of_satzanw(row[self._satzanw_at], row[self._mod_at])
         else:
@@ -120,7 +156,7 @@ class PositionMode:
             acceleration, deceleration = row[self._acc_at], row[self._dec_at]
         has_mdi = self._target_at >= 0
         return Words(
-            stw1=drive.stw1,
+            stw1=self._data.stw1,
             pos_stw1=pos_stw1,
             pos_stw2=pos_stw2,
             override=row[self._override_at] if self._override_at >= 0 else N2_ONE,
@@ -137,40 +173,41 @@ class PositionMode:
 
     def watch(self) -> None:
         """Let the positioner work; in every bus cycle, whatever the state is."""
-        drive = self._drive
         positioner = self.positioner
-        inputs = drive.inputs
+        torque = self._torque
+        inputs = self._inputs.value
         positioner.step(
-            self.words(drive.row),
-            operating=drive.state is AxisState.S4 and not drive.safety.holding,
+            self.words(self._data.row),
+            operating=self._machine.state is AxisState.S4 and not self._safety.holding,
             minus_cam=bool(inputs & _NEGATIVE_LIMIT),
             plus_cam=bool(inputs & _POSITIVE_LIMIT),
-            fixed_stop=drive.torque.at_fixed_stop,
+            fixed_stop=torque.at_fixed_stop,
         )
         clamping = positioner.settings.clamping_torque_Nm if positioner.fixed_stop.active else math.inf
-        if clamping != drive.torque.clamping_Nm:
-            drive.torque.cap(clamping_Nm=clamping)
+        if clamping != torque.clamping_Nm:
+            torque.cap(clamping_Nm=clamping)
         if positioner.refused is not self._warned or positioner.refusals != self._refusals:
             self._refusals = positioner.refusals
             self._report(positioner.refused)
-        if positioner.off_course and drive.state is AxisState.S4:
-            drive.raise_fault(Refused.FOLLOWING_ERROR)
+        if positioner.off_course and self._machine.state is AxisState.S4:
+            self._raise_fault(Refused.FOLLOWING_ERROR)
 
     def probe_edge(self, number: int, rising: bool, increments: int) -> None:
         """Take an edge of probe input 1 or 2, with the increments of the motor encoder at it."""
-        self.positioner.probe_edge(number, rising, increments * self._drive.encoder.radians_per_increment)
+        per_increment = self.positioner.core.encoder.radians_per_increment
+        self.positioner.probe_edge(number, rising, increments * per_increment)
 
     def _report(self, refused: Refused | None) -> None:
-        drive = self._drive
+        faults = self._faults
         if self._warned is not None and not self._warned.is_fault:
-            drive.faults.warn(self._warned, False)
+            faults.warn(self._warned, False)
         self._warned = refused
         if refused is None:
             return
         if refused.is_fault:
-            drive.raise_fault(refused)
+            self._raise_fault(refused)
         else:
-            drive.faults.warn(refused, True)
+            faults.warn(refused, True)
 
     def stop(self, *, quick: bool) -> None:
         """Brake to standstill: OFF1 with p1121, OFF3 with p1135."""

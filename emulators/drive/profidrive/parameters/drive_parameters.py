@@ -127,9 +127,17 @@ class DriveParameters:
         self._show_machine()
         if isinstance(drive.mode, PositionMode):
             connect_positioner(store, drive.mode)
-        self.terminals = Terminals(drive, store)
-        ZeroMarkSource(drive, store)
+        self.terminals = Terminals(
+            store,
+            drive.settings,
+            core=drive.core,
+            power=drive.power,
+            torque=drive.torque,
+            inputs=drive.digital_inputs,
+            rated_torque_Nm=drive.config.rated_torque_Nm,
+        )
         """Digital and analog terminals."""
+        ZeroMarkSource(drive.encoder_words, drive.mechanics, drive.probe_latch, drive.emit, store)
         self.memory = ParameterMemory(store, self._restart)
         store.save()
 

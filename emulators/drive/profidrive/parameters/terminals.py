@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from emulators.drive.core import ServoCore
+from emulators.drive.inputs import DigitalInputs
+from emulators.drive.power_stage import PowerStage
+from emulators.drive.profidrive.config import DriveSettings
+from emulators.drive.profidrive.parameters.store import ParameterStore
+from emulators.drive.profidrive.torque import TorqueLimits
 from fieldbus.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from emulators.drive.profidrive.drive import ProfidriveDrive
-    from emulators.drive.profidrive.parameters.store import ParameterStore
 
 ANALOG_INPUTS: Final = 4
 _DIGITAL_OUTPUTS: Final = (730, 731, 732, 733)
@@ -21,16 +23,30 @@ class Terminals:
     """Digital and analog terminals; inputs beyond the switches of the machine are set by a test.
 
     Args:
-        drive: The axis.
-        store: Its parameters.
+        store: Parameters of the axis.
+        settings: Parameters in force; the torque limits among them stand above a current limit as set.
+        core: Servo core.
+        power: Heat and supply.
+        torque: Torque limits.
+        inputs: Digital inputs.
+        rated_torque_Nm: Rated torque of the motor, Nm.
 
     """
 
     __slots__ = ("_analog",)
 
-    def __init__(self, drive: ProfidriveDrive, store: ParameterStore) -> None:
+    def __init__(
+        self,
+        store: ParameterStore,
+        settings: DriveSettings,
+        *,
+        core: ServoCore,
+        power: PowerStage,
+        torque: TorqueLimits,
+        inputs: DigitalInputs,
+        rated_torque_Nm: float,
+    ) -> None:
         self._analog = [0.0] * ANALOG_INPUTS
-        power = drive.power
 
         def outputs(_: int) -> int:
             return sum(bool(store.value(number)) << bit for bit, number in enumerate(_DIGITAL_OUTPUTS))
@@ -40,22 +56,22 @@ class Terminals:
             return both[sub_index] / _J_PER_KWH
 
         def voltage(_: int) -> float:
-            share = abs(drive.core.speed_rpm) / max(float(store.value(311)), 1e-9)
+            share = abs(core.speed_rpm) / max(float(store.value(311)), 1e-9)
             return min(share * float(store.value(304)), power.dc_link.voltage_V / math.sqrt(2.0))
 
-        rated = drive.config.rated_torque_Nm
+        rated = rated_torque_Nm
 
         def limit_current(_: int, value: float) -> None:
-            drive.torque.cap(current_Nm=value / max(float(store.value(305)), 1e-9) * rated)
+            torque.cap(current_Nm=value / max(float(store.value(305)), 1e-9) * rated)
 
         # As set, the current limit leaves the torque limits of the configuration alone.
-        needed = max(drive.settings.torque_limits_Nm) / rated * float(store.value(305))
+        needed = max(settings.torque_limits_Nm) / rated * float(store.value(305))
         store.set(640, max(float(store.value(640)), 2.0 * needed))
         store.writers[640] = limit_current
         readers = store.readers
         readers[25] = voltage
         readers[39] = energy
-        readers[722] = lambda _: drive.inputs
+        readers[722] = lambda _: inputs.value
         readers[747] = outputs
         readers[755] = lambda sub_index: self._analog[sub_index]
         readers[774] = lambda sub_index: store.value(791, sub_index)

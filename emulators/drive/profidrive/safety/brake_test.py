@@ -5,13 +5,17 @@ moves (CFG-454 to CFG-456).
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from typing import Final
 
-from emulators.drive.profidrive.statemachine import AxisState
-from fieldbus.clock import seconds_to_ns
-
-if TYPE_CHECKING:
-    from emulators.drive.profidrive.drive import ProfidriveDrive
+from emulators.drive.core import ServoCore
+from emulators.drive.profidrive.process_data import ProcessData
+from emulators.drive.profidrive.safety.config import SafeMotionConfig
+from emulators.drive.profidrive.safety.state import SafetyState
+from emulators.drive.profidrive.statemachine import AxisState, GeneralStateMachine
+from emulators.events import Emit
+from emulators.mechanics import AxisMechanics
+from fieldbus.clock import Scheduler, seconds_to_ns
 
 SELECT, START, NEGATIVE = 0x0001, 0x0002, 0x0008
 """Bits of S_STW3B."""
@@ -27,21 +31,63 @@ class BrakeTest:
     brake.
 
     Args:
-        drive: The drive.
+        scheduler: Clock of the drive.
+        config: Torque, time and tolerance of the test.
+        core: Servo core.
+        mechanics: Machine.
+        machine: General state machine.
+        data: Setpoints of the telegram; S_STW3B is among them.
+        state: Gets told that the test moves the axis.
+        settle_brake: Closes the brake while the test runs, and releases it.
+        emit: Writes the result into the log.
 
     """
 
-    __slots__ = ("_before", "_drive", "_place", "_pulled_ns", "_result", "_stw_at", "active", "word")
+    __slots__ = (
+        "_before",
+        "_config",
+        "_core",
+        "_data",
+        "_emit",
+        "_machine",
+        "_mechanics",
+        "_place",
+        "_pulled_ns",
+        "_result",
+        "_scheduler",
+        "_settle_brake",
+        "_state",
+        "_stw_at",
+        "word",
+    )
 
-    def __init__(self, drive: ProfidriveDrive) -> None:
-        self._drive = drive
-        self._stw_at = drive.setpoint_place("S_STW3B")
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        config: SafeMotionConfig,
+        *,
+        core: ServoCore,
+        mechanics: AxisMechanics,
+        machine: GeneralStateMachine,
+        data: ProcessData,
+        state: SafetyState,
+        settle_brake: Callable[[], None],
+        emit: Emit,
+    ) -> None:
+        self._scheduler = scheduler
+        self._config = config
+        self._core = core
+        self._mechanics = mechanics
+        self._machine = machine
+        self._data = data
+        self._state = state
+        self._settle_brake = settle_brake
+        self._emit = emit
+        self._stw_at = data.place("S_STW3B")
         self._before = 0
         self._place = 0.0
         self._pulled_ns = -1
         self._result = 0
-        self.active = False
-        """The drive leads itself: the brake is closed, or closing."""
         self.word = 0
         """Bits of S_ZSW3B."""
 
@@ -52,68 +98,64 @@ class BrakeTest:
 
     def step(self) -> None:
         """Evaluate S_STW3B, and go on with the test; once per bus cycle."""
-        drive = self._drive
-        stw = drive.row[self._stw_at] & 0xFFFF
+        stw = self._data.row[self._stw_at] & 0xFFFF
         before, self._before = self._before, stw
         if not stw & SELECT:
-            if self.active:
+            if self._state.testing_brake:
                 self._end()
             self.word = 0
             return
         self.word |= SELECTED
-        if self.active:
+        if self._state.testing_brake:
             self._go_on()
         elif stw & START and not before & START:
             self._begin()
 
     def _begin(self) -> None:
-        drive = self._drive
-        core = drive.core
+        core = self._core
         self.word = SELECTED
-        torque = drive.config.safe_motion.sbt_torque_Nm
-        if not (torque and core.brake.fitted and drive.state is AxisState.S4 and core.standing):
+        torque = self._config.sbt_torque_Nm
+        if not (torque and core.brake.fitted and self._machine.state is AxisState.S4 and core.standing):
             return
-        self.active = True
+        self._state.testing_brake = True
         self.word |= ACTIVE
         self._pulled_ns = -1
         self._result = 0
         self._place = core.position
         core.command_velocity(0.0, 1)
-        drive.safety.settle_brake()
+        self._settle_brake()
 
     def _go_on(self) -> None:
-        drive = self._drive
-        core = drive.core
-        config = drive.config.safe_motion
+        core = self._core
+        config = self._config
         ramp = max(1, math.ceil(_RAMP_S / core.period_s))
-        if drive.state is not AxisState.S4:
+        if self._machine.state is not AxisState.S4:
             self._end()  # the stop of the drive goes on by itself
         elif self._result:
             if abs(core.torque_demand) < _NOTHING_NM:
                 self._end()
-        elif abs((core.position - self._place) * drive.mechanics.ratio) > config.sbt_tolerance:
+        elif abs((core.position - self._place) * self._mechanics.ratio) > config.sbt_tolerance:
             self._result = COMPLETED
             core.command_torque(0.0)
         elif self._pulled_ns < 0:
             if core.brake.closed:
-                self._pulled_ns = drive.now_ns
+                self._pulled_ns = self._scheduler.now
                 sign = -1.0 if self._before & NEGATIVE else 1.0
                 core.command_torque(sign * config.sbt_torque_Nm, ramp)
-        elif drive.now_ns - self._pulled_ns >= seconds_to_ns(_RAMP_S + config.sbt_time_s):
+        elif self._scheduler.now - self._pulled_ns >= seconds_to_ns(_RAMP_S + config.sbt_time_s):
             self._result = GOOD | COMPLETED
             core.command_torque(0.0, ramp)
 
     def _end(self) -> None:
-        drive = self._drive
-        self.active = False
+        self._state.testing_brake = False
         self.word = SELECTED | self._result
-        if drive.state is AxisState.S4:
-            drive.core.command_velocity(0.0, 1)
-        drive.safety.settle_brake()
+        if self._machine.state is AxisState.S4:
+            self._core.command_velocity(0.0, 1)
+        self._settle_brake()
         if self._result:
-            drive.emit("drive.brake_test", good=bool(self._result & GOOD))
+            self._emit("drive.brake_test", good=bool(self._result & GOOD))
 
     def restart(self) -> None:
         """Begin as after power-on."""
-        self.active = False
+        self._state.testing_brake = False
         self._before = self.word = 0

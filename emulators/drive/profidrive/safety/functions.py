@@ -8,18 +8,25 @@ torque off (STO, OFF2), ramp and then torque off (SS1, OFF3), ramp and then moni
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from typing import Final
 
-from emulators.drive.core import RPM
+from emulators.drive.core import RPM, ServoCore
+from emulators.drive.machine import SafetyConfig
+from emulators.drive.profidrive.config import DriveSettings
 from emulators.drive.profidrive.faults import catalogue as numbers
 from emulators.drive.profidrive.faults.catalogue import DriveWarning
+from emulators.drive.profidrive.faults.state import FaultState, RaiseFault
+from emulators.drive.profidrive.modes import OperatingMode
+from emulators.drive.profidrive.process_data import ProcessData
 from emulators.drive.profidrive.safety.brake_test import BrakeTest
+from emulators.drive.profidrive.safety.config import SafeMotionConfig
 from emulators.drive.profidrive.safety.monitors import SafeMonitors
-from emulators.drive.profidrive.statemachine import AxisState, Off
-from fieldbus.clock import S, seconds_to_ns
-
-if TYPE_CHECKING:
-    from emulators.drive.profidrive.drive import ProfidriveDrive
+from emulators.drive.profidrive.safety.state import SafetyState
+from emulators.drive.profidrive.statemachine import AxisState, GeneralStateMachine, Off
+from emulators.events import Emit
+from emulators.mechanics import AxisMechanics
+from fieldbus.clock import S, Scheduler, seconds_to_ns
 
 _ALLOWANCE: Final = 0.1
 """The monitored ramp may be exceeded by this share of the speed at its beginning."""
@@ -31,20 +38,24 @@ class _Stop:
     """A safe stop that runs.
 
     Args:
-        drive: The drive.
+        scheduler: Clock of the drive.
+        core: Servo core.
         time_s: Its time, s.
         ramp: The drive brakes by itself.
         monitored: Its ramp is watched.
 
     """
 
-    __slots__ = ("_drive", "_limit", "_start_ns", "_time_s", "done", "monitored", "ramp")
+    __slots__ = ("_core", "_limit", "_scheduler", "_start_ns", "_time_s", "done", "monitored", "ramp")
 
-    def __init__(self, drive: ProfidriveDrive, time_s: float, *, ramp: bool, monitored: bool) -> None:
-        self._drive = drive
-        self._start_ns = drive.now_ns
+    def __init__(
+        self, scheduler: Scheduler, core: ServoCore, time_s: float, *, ramp: bool, monitored: bool
+    ) -> None:
+        self._scheduler = scheduler
+        self._core = core
+        self._start_ns = scheduler.now
         self._time_s = time_s
-        self._limit = abs(drive.core.velocity)
+        self._limit = abs(core.velocity)
         self.monitored = ramp and monitored
         self.ramp = ramp
         self.done = False
@@ -53,15 +64,15 @@ class _Stop:
     @property
     def over(self) -> bool:
         """Whether its time has passed."""
-        return self._drive.now_ns - self._start_ns >= seconds_to_ns(self._time_s)
+        return self._scheduler.now - self._start_ns >= seconds_to_ns(self._time_s)
 
     @property
     def violated(self) -> bool:
         """Whether the speed is above the line that falls to zero within its time."""
         if not self.monitored:
             return False
-        core = self._drive.core
-        elapsed_s = (self._drive.now_ns - self._start_ns) / S
+        core = self._core
+        elapsed_s = (self._scheduler.now - self._start_ns) / S
         share = max(1.0 - elapsed_s / self._time_s + _ALLOWANCE, 0.0)
         return abs(core.velocity) > self._limit * share + core.standstill_speed
 
@@ -71,34 +82,95 @@ class SafetyFunctions:
     module.
 
     Args:
-        drive: The drive.
+        scheduler: Clock of the drive.
+        inputs: What the safety inputs do.
+        motion: Safe stop 2, safe motion monitoring and brake test.
+        settings: Parameters in force.
+        core: Servo core.
+        mechanics: Machine.
+        machine: General state machine.
+        mode: Operating mode; it makes the ramp of safe stop 2.
+        data: Setpoints of the telegram, for the brake test.
+        faults: Faults and warnings.
+        state: What is in force; written here.
+        raise_fault: Raises a fault of the drive.
+        act: Lets the state machine react at once.
+        emit: Writes events into the log.
 
     """
 
     __slots__ = (
-        "_drive",
+        "_act",
+        "_core",
+        "_emit",
+        "_faults",
         "_halted",
+        "_inputs",
+        "_machine",
+        "_mechanics",
+        "_mode",
+        "_motion",
+        "_raise_fault",
         "_reaction",
+        "_scheduler",
+        "_settings",
         "_ss1",
         "_ss2",
+        "_state",
         "_told",
         "brake_test",
-        "holding",
         "messages",
         "monitors",
-        "off",
         "sbc_input",
         "ss1_input",
         "ss2_input",
         "sto_input",
-        "torque_off",
         "watching",
     )  # fmt: skip
 
-    def __init__(self, drive: ProfidriveDrive) -> None:
-        self._drive = drive
-        self.monitors = SafeMonitors(drive)
-        self.brake_test = BrakeTest(drive)
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        inputs: SafetyConfig,
+        motion: SafeMotionConfig,
+        *,
+        settings: DriveSettings,
+        core: ServoCore,
+        mechanics: AxisMechanics,
+        machine: GeneralStateMachine,
+        mode: OperatingMode,
+        data: ProcessData,
+        faults: FaultState,
+        state: SafetyState,
+        raise_fault: RaiseFault,
+        act: Callable[[], None],
+        emit: Emit,
+    ) -> None:
+        self._scheduler = scheduler
+        self._inputs = inputs
+        self._motion = motion
+        self._settings = settings
+        self._core = core
+        self._mechanics = mechanics
+        self._machine = machine
+        self._mode = mode
+        self._faults = faults
+        self._state = state
+        self._raise_fault = raise_fault
+        self._act = act
+        self._emit = emit
+        self.monitors = SafeMonitors(scheduler, motion, core, mechanics)
+        self.brake_test = BrakeTest(
+            scheduler,
+            motion,
+            core=core,
+            mechanics=mechanics,
+            machine=machine,
+            data=data,
+            state=state,
+            settle_brake=self.settle_brake,
+            emit=emit,
+        )
         self._ss1: _Stop | None = None
         self._ss2: _Stop | None = None
         self._reaction = _NOTHING
@@ -110,12 +182,6 @@ class SafetyFunctions:
         self.ss2_input = False
         self.messages: dict[int, None] = {}
         """Numbers of the safety messages that wait for a safe acknowledgement, oldest first."""
-        self.torque_off = False
-        """Safe torque off is in force."""
-        self.holding = False
-        """Safe stop 2 has taken the setpoints away: the axis brakes, or stands under control."""
-        self.off = 0
-        """Stop commands, bits of `Off`."""
         self.watching = False
         """`watch` has something to do."""
 
@@ -155,9 +221,14 @@ class SafetyFunctions:
         )
 
     @property
-    def leads(self) -> bool:
-        """Whether setpoints do not count: safe stop 2 holds the axis, or the brake is being tested."""
-        return self.holding or self.brake_test.active
+    def torque_off(self) -> bool:
+        """Whether safe torque off is in force."""
+        return self._state.torque_off
+
+    @property
+    def holding(self) -> bool:
+        """Whether safe stop 2 has taken the setpoints away: the axis brakes, or stands under control."""
+        return self._state.holding
 
     @property
     def event(self) -> bool:
@@ -236,14 +307,14 @@ class SafetyFunctions:
         self._reaction = _NOTHING
         self.messages.clear()
         self._ss1 = self._ss2 = None
-        self.torque_off = False
+        self._state.torque_off = False
         self.monitors.restart()
         self.brake_test.restart()
         self._settle()
 
     def _forget_messages(self) -> None:
         for number in self.messages:
-            self._drive.faults.warn(number, False)
+            self._faults.warn(number, False)
         self.messages.clear()
         self._reaction = _NOTHING
         self.monitors.restart()
@@ -263,31 +334,29 @@ class SafetyFunctions:
         self._tell()
 
     def _watch_ss1(self, stop: _Stop) -> None:
-        drive = self._drive
         if stop.over:
             stop.done = True
-            moves = not drive.core.standing
+            moves = not self._core.standing
             self._settle()
             if stop.monitored and moves:
-                drive.raise_fault(numbers.SAFE_STOP)
+                self._raise_fault(numbers.SAFE_STOP)
         elif stop.monitored:
-            if not drive.core.enabled:
+            if not self._core.enabled:
                 stop.done = True
                 self._settle()
             elif stop.violated:
                 stop.done = True
                 self._settle()
-                drive.raise_fault(numbers.SAFE_STOP)
+                self._raise_fault(numbers.SAFE_STOP)
 
     def _watch_ss2(self, stop: _Stop) -> None:
-        drive = self._drive
-        core = drive.core
+        core = self._core
         if self.holding:
-            if drive.state is not AxisState.S4:
+            if self._machine.state is not AxisState.S4:
                 self._halted = False
             elif not self._halted:
                 self._halted = True
-                drive.mode.stop(quick=True)
+                self._mode.stop(quick=True)
         if stop.done:
             return
         if stop.over or (stop.ramp and core.standing and core.precontrol_velocity == 0.0):
@@ -303,8 +372,8 @@ class SafetyFunctions:
             return
         if message not in self.messages:
             self.messages[int(message)] = None
-            self._drive.faults.warn(message, True)
-            self._drive.emit("drive.safety_message", number=int(message), reaction=reaction)
+            self._faults.warn(message, True)
+            self._emit("drive.safety_message", number=int(message), reaction=reaction)
         self._reaction = max(self._reaction, _BY_NAME[reaction])
         self._settle()
 
@@ -312,49 +381,51 @@ class SafetyFunctions:
 
     def _settle(self) -> None:
         """Bring into force what is selected and what reacts."""
-        drive = self._drive
-        common, own = drive.config.safety, drive.config.safe_motion
+        common, own = self._inputs, self._motion
         reaction = self._reaction
         if not (self.ss1_input or reaction == _SS1):
             self._ss1 = None
         elif self._ss1 is None:
             ramp = reaction == _SS1 or not own.ss1_external
-            self._ss1 = _Stop(drive, common.ss1_time_s, ramp=ramp, monitored=common.ss1_monitored)
-            self._ss1.done = not drive.core.enabled
+            self._ss1 = _Stop(
+                self._scheduler, self._core, common.ss1_time_s, ramp=ramp, monitored=common.ss1_monitored
+            )
+            self._ss1.done = not self._core.enabled
         if not (self.ss2_input or reaction == _SS2):
             if self._ss2 is not None:
                 self._ss2 = None
                 self.monitors.release_position()
         elif self._ss2 is None or (reaction == _SS2 and not self._ss2.ramp):
             ramp = reaction == _SS2 or not own.ss2_external
-            self._ss2 = _Stop(drive, own.ss2_time_s, ramp=ramp, monitored=own.ss2_monitored)
+            self._ss2 = _Stop(
+                self._scheduler, self._core, own.ss2_time_s, ramp=ramp, monitored=own.ss2_monitored
+            )
         torque_off = (
             self.sto_input or self.sbc_input or reaction == _STO or (self._ss1 is not None and self._ss1.done)
         )
-        self.holding = self._ss2 is not None and self._ss2.ramp and not torque_off
+        self._state.holding = self._ss2 is not None and self._ss2.ramp and not torque_off
         if not self.holding:
             self._halted = False
-        elif drive.state is AxisState.S4 and not self._halted:
+        elif self._machine.state is AxisState.S4 and not self._halted:
             self._halted = True
-            drive.mode.stop(quick=True)
+            self._mode.stop(quick=True)
         self.watching = self._ss1 is not None or self._ss2 is not None or self.monitors.selected
-        self.off = int(Off.OFF2) if torque_off else int(Off.OFF3) if self.braking else 0
+        self._state.off = int(Off.OFF2) if torque_off else int(Off.OFF3) if self.braking else 0
         changed = torque_off is not self.torque_off
-        self.torque_off = torque_off
+        self._state.torque_off = torque_off
         self.settle_brake()
         if changed:
-            drive.faults.warn(DriveWarning.SAFE_TORQUE_OFF, torque_off)
-            if torque_off and common.sto == "fault" and drive.core.enabled and self._ss1 is None:
-                drive.raise_fault(numbers.SAFE_TORQUE_OFF)
-                drive.faults.keep(numbers.SAFE_TORQUE_OFF, lambda: self.torque_off)
+            self._faults.warn(DriveWarning.SAFE_TORQUE_OFF, torque_off)
+            if torque_off and common.sto == "fault" and self._core.enabled and self._ss1 is None:
+                self._raise_fault(numbers.SAFE_TORQUE_OFF)
+                self._faults.keep(numbers.SAFE_TORQUE_OFF, lambda: self.torque_off)
         self._tell()
-        drive.act()
+        self._act()
 
     def settle_brake(self) -> None:
         """Hold the brake closed as long as a function demands it."""
-        drive = self._drive
-        with_sto = self.torque_off and drive.config.safe_motion.sbc
-        drive.core.brake.forced_closed = self.sbc_input or with_sto or self.brake_test.active
+        with_sto = self.torque_off and self._motion.sbc
+        self._core.brake.forced_closed = self.sbc_input or with_sto or self._state.testing_brake
 
     # -- words -----------------------------------------------------------------------------------------
 
@@ -362,7 +433,7 @@ class SafetyFunctions:
         word = self.s_zsw1b()
         if word != self._told:
             self._told = word
-            self._drive.emit("drive.safety", word=word)
+            self._emit("drive.safety", word=word)
 
     def s_zsw1b(self) -> int:
         """Return S_ZSW1B (CFG-471 to CFG-493)."""
@@ -407,10 +478,9 @@ class SafetyFunctions:
         """Return the limit of the speed setpoint at the motor, rad/s: 0 with a safe stop or safe direction
         (CFG-442).
         """
-        drive = self._drive
         monitors = self.monitors
         if self.stopping or monitors.sdi:
             return 0.0
         if monitors.sls_level:
-            return monitors.sls_limit * drive.config.safe_motion.sls_factor / abs(drive.mechanics.ratio)
-        return drive.settings.max_speed_rpm * RPM
+            return monitors.sls_limit * self._motion.sls_factor / abs(self._mechanics.ratio)
+        return self._settings.max_speed_rpm * RPM

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from emulators.drive.core import ServoCore
 from emulators.drive.profidrive.faults.catalogue import DriveWarning
-from fieldbus.clock import seconds_to_ns
+from emulators.drive.profidrive.safety.config import SafeMotionConfig
+from emulators.mechanics import AxisMechanics
+from fieldbus.clock import Scheduler, seconds_to_ns
 from fieldbus.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from emulators.drive.profidrive.drive import ProfidriveDrive
 
 
 class SafeMonitors:
@@ -18,15 +16,21 @@ class SafeMonitors:
     Each one is selected, and monitored when its delay has passed.
 
     Args:
-        drive: The drive.
+        scheduler: Clock of the drive.
+        config: Limits, delays and reactions.
+        core: Servo core.
+        mechanics: Machine.
 
     """
 
     __slots__ = (
-        "_drive",
+        "_config",
+        "_core",
         "_furthest",
         "_held",
+        "_mechanics",
         "_reference",
+        "_scheduler",
         "_sdi_ns",
         "_slp_ns",
         "_sls_ns",
@@ -40,8 +44,13 @@ class SafeMonitors:
         "sls_level",
     )
 
-    def __init__(self, drive: ProfidriveDrive) -> None:
-        self._drive = drive
+    def __init__(
+        self, scheduler: Scheduler, config: SafeMotionConfig, core: ServoCore, mechanics: AxisMechanics
+    ) -> None:
+        self._scheduler = scheduler
+        self._config = config
+        self._core = core
+        self._mechanics = mechanics
         self._sos_selected = False
         self._held = False
         self._reference: float | None = None
@@ -75,7 +84,7 @@ class SafeMonitors:
     @property
     def sls_limit(self) -> float:
         """Limit of the selected level, m/s or rad/s of the load."""
-        return self._drive.config.safe_motion.sls_limits[self.sls_level - 1]
+        return self._config.sls_limits[self.sls_level - 1]
 
     # -- selection -------------------------------------------------------------------------------------
 
@@ -83,7 +92,7 @@ class SafeMonitors:
         """Select or deselect safe operating stop."""
         if selected is not self._sos_selected:
             self._sos_selected = selected
-            self._sos_ns = self._drive.now_ns
+            self._sos_ns = self._scheduler.now
             if not self.sos_selected:
                 self._reference = None
 
@@ -91,7 +100,7 @@ class SafeMonitors:
         """Monitor the standstill from now on: safe stop 2 has braked."""
         self._held = True
         if self._reference is None:
-            self._reference = self._drive.core.position
+            self._reference = self._core.position
 
     def release_position(self) -> None:
         """Safe stop 2 is over."""
@@ -101,11 +110,11 @@ class SafeMonitors:
 
     def select_sls(self, level: int | None) -> None:
         """Select a level of safely limited speed, None = deselect; see `SafetyFunctions.set_sls`."""
-        limits = self._drive.config.safe_motion.sls_limits
+        limits = self._config.sls_limits
         if level is not None and not 1 <= level <= len(limits):
             raise ConfigurationError("safely limited speed, level", level, f"1..{len(limits)}")
         self.sls_level = 0 if level is None else level
-        self._sls_ns = self._drive.now_ns
+        self._sls_ns = self._scheduler.now
         self.sls_active = False
 
     def select_sdi(self, direction: int | None) -> None:
@@ -113,22 +122,22 @@ class SafeMonitors:
         if direction not in (None, 1, -1):
             raise ConfigurationError("safe direction", direction, "1, -1")
         self.sdi = direction or 0
-        self._sdi_ns = self._drive.now_ns
+        self._sdi_ns = self._scheduler.now
         self.sdi_active = False
 
     def select_slp(self, number: int | None) -> None:
         """Select a range of safely limited position, None = deselect; see `SafetyFunctions.set_slp`."""
-        ranges = self._drive.config.safe_motion.slp_ranges
+        ranges = self._config.slp_ranges
         if number is not None and not 1 <= number <= len(ranges):
             allowed = f"1..{len(ranges)}" if ranges else "slp_ranges in the configuration"
             raise ConfigurationError("safely limited position, range", number, allowed)
         self.slp_range = number or 0
-        self._slp_ns = self._drive.now_ns
+        self._slp_ns = self._scheduler.now
         self.slp_active = False
 
     def restart(self) -> None:
         """Let every delay begin anew: after power-on, and after an acknowledgement."""
-        now = self._drive.now_ns
+        now = self._scheduler.now
         self._held = False
         self._reference = None
         self._sos_ns = self._sls_ns = self._sdi_ns = self._slp_ns = now
@@ -138,11 +147,10 @@ class SafeMonitors:
 
     def watch(self) -> tuple[DriveWarning, str] | None:
         """Look at the load; returns message and reaction of the first function that is violated."""
-        drive = self._drive
-        config = drive.config.safe_motion
-        now = drive.now_ns
-        core = drive.core
-        ratio = drive.mechanics.ratio
+        config = self._config
+        now = self._scheduler.now
+        core = self._core
+        ratio = self._mechanics.ratio
         if self.sos_selected:
             if self._reference is None and now - self._sos_ns >= seconds_to_ns(config.sos_delay_s):
                 self._reference = core.position
@@ -167,6 +175,6 @@ class SafeMonitors:
             if now - self._slp_ns >= seconds_to_ns(config.slp_delay_s):
                 self.slp_active = True
             low, high = config.slp_ranges[self.slp_range - 1]
-            if self.slp_active and not low <= drive.mechanics.position <= high:
+            if self.slp_active and not low <= self._mechanics.position <= high:
                 return DriveWarning.SAFE_POSITION, config.slp_reaction
         return None
