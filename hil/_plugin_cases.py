@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pytest
 
+from hil._plugin_settings import bench_reference, run_seed
 from hil.campaign import CaseSettings, case_seed, execute_case
 from hil.campaign._discover import matrix_campaign
 from hil.campaign._execute import make_token
@@ -18,6 +19,7 @@ from reports.model import CaseResult, Verdict
 
 if TYPE_CHECKING:
     from hil.campaign import Case
+    from hil.protocols import BenchFile
 
 
 class CaseFailedError(HilError):
@@ -33,38 +35,41 @@ class MatrixTests(pytest.File):
             yield CaseTest.from_parent(self, name=case.identifier, case=case)
 
 
+class CaseOutcome(NamedTuple):
+    """What has become of a case."""
+
+    result: CaseResult
+    bench_file: BenchFile
+
+
 class CaseTest(pytest.Item):
     """A case as a test."""
 
     def __init__(self, *, case: Case, **more: Any) -> None:
         super().__init__(**more)
         self.case = case
-        self.result: CaseResult | None = None
-        self.bench_file: Any = None
+        self.outcome: CaseOutcome | None = None
         if case.requirements:
             self.add_marker(pytest.mark.requirement(*case.requirements))
 
     def runtest(self) -> None:
         """Run the case with the seed that `hil run` gives it."""
-        from hil.pytest_plugin import run_seed
-
-        bench = str(
-            self.config.getoption("--hil-bench") or self.config.getini("hil_bench") or self.case.bench
-        )
-        self.bench_file = bench_of(bench)
+        bench = bench_reference(self.config, default=self.case.bench)
+        bench_file: BenchFile = bench_of(bench)
         seed = case_seed(run_seed(self.config), self.case.identifier)
         token = make_token(
             self.case,
             seed=seed,
             campaign=_shortest(self.path),
             bench=bench,
-            bench_digest=self.bench_file.digest,
+            bench_digest=bench_file.digest,
         )
-        self.result = execute_case(self.case, self.bench_file, CaseSettings(seed=seed, token=token)).result
-        if self.result.verdict is Verdict.BLOCKED:
-            raise BlockedError(self.result.message)
-        if self.result.verdict is not Verdict.PASSED:
-            raise CaseFailedError(f"{self.result.message}\nrepeat with: {replay_command(token)}")
+        result = execute_case(self.case, bench_file, CaseSettings(seed=seed, token=token)).result
+        self.outcome = CaseOutcome(result, bench_file)
+        if result.verdict is Verdict.BLOCKED:
+            raise BlockedError(result.message)
+        if result.verdict is not Verdict.PASSED:
+            raise CaseFailedError(f"{result.message}\nrepeat with: {replay_command(token)}")
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """Return what is told of a failure: expected, observed, when, and how to repeat it."""

@@ -6,14 +6,15 @@ import shutil
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hil._history import kept
+from hil._plugin_cases import CaseTest
+from hil._plugin_settings import REQUIREMENT, workers_folder
 from hil._requirements import complete
 from hil.campaign import environment_facts
 from hil.campaign._evidence import build_alarms, build_faults, build_messages, build_signals, build_story
 from hil.campaign._runner import clear_run
-from hil.pytest_plugin import WORKERS
 from hil.record import homing_drawings
 from reports import write_report
 from reports.model import CaseResult, RunResult, Verdict
@@ -23,13 +24,14 @@ if TYPE_CHECKING:
     import pytest
 
     from hil.faults import Injector
+    from hil.protocols import Bench, BenchFile
     from hil.testing import CurrentTrace
 
 
 class _Entry:
     """A test that uses a bench."""
 
-    def __init__(self, bench: Any, result: CaseResult) -> None:
+    def __init__(self, bench: Bench, result: CaseResult) -> None:
         self.bench = bench
         self.result = result
         self.injectors: list[Injector] = []
@@ -42,19 +44,18 @@ class PluginReport:
     """Collects the cases of one pytest process.
 
     Args:
-        directory: Folder of the report.
+        directory: Folder for the run of this process.
         seed: Seed of the run.
-        worker: Name of the xdist worker; empty in the main process.
 
     """
 
-    def __init__(self, directory: Path, seed: int, worker: str = "") -> None:
-        self.directory = directory / WORKERS / worker if worker else directory
+    def __init__(self, directory: Path, seed: int) -> None:
+        self.directory = directory
         self._seed = seed
         self._entries: dict[str, _Entry] = {}
         self._started = False
 
-    def begin(self, item: pytest.Item, bench: Any, bench_file: Any, seed: int) -> None:
+    def begin(self, item: pytest.Item, bench: Bench, bench_file: BenchFile, seed: int) -> None:
         """Note that a test has got its bench."""
         self._start(bench_file)
         title = str(getattr(getattr(item, "obj", None), "__doc__", "") or item.name).strip().splitlines()[0]
@@ -65,11 +66,11 @@ class PluginReport:
             group=item.nodeid.partition("::")[0],
             seed=seed,
             tags=sorted({marker.name for marker in item.iter_markers()}),
-            requirements=[str(value) for name, value in item.user_properties if name == "requirement"],
+            requirements=[str(value) for name, value in item.user_properties if name == REQUIREMENT],
         )
         self._entries[item.nodeid] = _Entry(bench, result)
 
-    def _start(self, bench_file: Any) -> None:
+    def _start(self, bench_file: BenchFile) -> None:
         if not self._started:
             if (self.directory / RUN_FILE).exists():
                 clear_run(self.directory)
@@ -104,11 +105,10 @@ class PluginReport:
 
     def note(self, item: pytest.Item, report: pytest.TestReport) -> None:
         """Take over the outcome of a phase; after the last one the case is written."""
-        case: CaseResult | None = getattr(item, "result", None)
-        if case is not None and report.when == "teardown":
+        if isinstance(item, CaseTest) and item.outcome is not None and report.when == "teardown":
             # A case of a campaign brings its whole result.
-            self._start(getattr(item, "bench_file", None))
-            write_case(self.directory, case)
+            self._start(item.outcome.bench_file)
+            write_case(self.directory, item.outcome.result)
         entry = self._entries.get(item.nodeid)
         if entry is None:
             return
@@ -130,10 +130,10 @@ class PluginReport:
             entry.result.verdict, entry.result.message = entry.outcome, entry.message
             write_case(self.directory, entry.result)
 
-    @property
-    def started(self) -> bool:
-        """Whether any test has used a bench."""
-        return self._started
+    def finish(self) -> None:
+        """End the run of this process, if any test has used a bench."""
+        if self._started:
+            finish_run(self.directory)
 
 
 def new_run(seed: int, bench_name: str, bench_text: str) -> RunResult:
@@ -143,28 +143,23 @@ def new_run(seed: int, bench_name: str, bench_text: str) -> RunResult:
 
 
 def finish_report(
-    config: pytest.Config, report: PluginReport | None, *, worker: bool, crashed: Mapping[str, str]
+    config: pytest.Config, directory: Path, *, crashed: Mapping[str, str], history: str
 ) -> None:
-    """End the run of this process; the main process gathers what its workers have left and writes the report.
+    """Gather the runs of the xdist workers and write the report; for the main process.
 
     Args:
         config: Of pytest.
-        report: What this process has collected.
-        worker: Whether it is a worker of xdist.
+        directory: Folder of the report.
         crashed: What is said of tests that have taken their worker along.
+        history: File of the history of runs; empty: that of the folder; `none`: none.
 
     """
-    if report is not None and report.started:
-        finish_run(report.directory)
-    if worker:
-        return
-    directory = Path(str(config.getoption("--hil-report")))
     _gather(directory, crashed)
     if not (directory / RUN_FILE).exists():
         return
     run = load_run(directory, lazy=True)
     complete(run)
-    background = kept(run, directory, str(config.getoption("--hil-history")))
+    background = kept(run, directory, history)
     written = write_report(run, directory, background=background)
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if reporter is not None:
@@ -175,7 +170,7 @@ def _gather(directory: Path, crashed: Mapping[str, str]) -> None:
     """Merge the runs of xdist workers into the main one, in the order of test names; a test that crashed is
     an error.
     """
-    folder = directory / WORKERS
+    folder = workers_folder(directory)
     if not folder.is_dir():
         return
     runs = [load_run(part, lazy=True) for part in sorted(folder.iterdir()) if (part / RUN_FILE).exists()]

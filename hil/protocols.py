@@ -118,12 +118,25 @@ class Device(Protocol):
 class Bench(Protocol):
     """A wired bench: one scheduler, one history, drives, axes, segments."""
 
-    scheduler: Scheduler
-    history: History
-    recorder: Recorder
-    kind: str
-    """`virtual` or `live`."""
-    seed: int
+    @property
+    def scheduler(self) -> Scheduler:
+        """Time of the bench."""
+
+    @property
+    def history(self) -> History:
+        """Event log."""
+
+    @property
+    def recorder(self) -> Recorder:
+        """Samples signals."""
+
+    @property
+    def kind(self) -> str:
+        """`virtual` or `live`."""
+
+    @property
+    def seed(self) -> int:
+        """Seed of every random stream."""
 
     def axis(self, name: str | None = None) -> Any:
         """Return an axis; without a name the only or first one."""
@@ -173,11 +186,17 @@ class Bench(Protocol):
 class BenchFile(Protocol):
     """A validated bench description that builds fresh benches."""
 
-    name: str
-    text: str
-    """The description as it stands in the file."""
-    digest: str
-    """SHA-256 of the description, hexadecimal."""
+    @property
+    def name(self) -> str:
+        """Name that the description gives to the bench."""
+
+    @property
+    def text(self) -> str:
+        """The description as it stands in the file."""
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the description, hexadecimal."""
 
     def build(self, *, seed: int) -> Any:
         """Return a fresh bench."""

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hil.errors import ExpectationFailedError
 from hil.expect import Expectation, describe, evaluate, run_checkers
 from hil.protocols import Bench, BenchFile
-from hil.record import Signal, Trace, first_difference, homing_drawings
+from hil.record import Trace, first_difference, homing_drawings
 from reports.model import Check, Verdict
+
+if TYPE_CHECKING:
+    from fieldbus.history import Event
+    from hil.bench.bench import Bench as ConcreteBench
+    from hil.record import EventSelector, Signal, TraceFrame, TraceGroup
 
 __all__ = ["CurrentTrace", "assert_repeatable", "assert_trace", "homing_drawings"]
 
@@ -38,7 +44,7 @@ def assert_trace(trace: Trace, *expectations: Expectation) -> list[Check]:
 class CurrentTrace:
     """The recording of a bench as far as it has come; the fixture `trace`.
 
-    Calling it returns a `Trace`; signals, events and everything else of `Trace` can be asked of it directly.
+    Calling it returns a `Trace`; signals, events, frames and the like can be asked of it directly.
 
     Args:
         bench: The bench.
@@ -65,10 +71,64 @@ class CurrentTrace:
     def __contains__(self, name: object) -> bool:
         return name in self()
 
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return getattr(self(), name)
+    def __iter__(self) -> Iterator[Signal]:
+        return iter(self())
+
+    def names(self) -> list[str]:
+        """Return the names of all signals."""
+        return self().names()
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """The event log, in order."""
+        return self().events
+
+    def select(self, *, source: str | None = None, kind: str | None = None) -> Iterator[Event]:
+        """Return events of a source and of a kind (a trailing dot selects a family)."""
+        return self().select(source=source, kind=kind)
+
+    def instant(self, reference: float | EventSelector) -> float | None:
+        """Return a reference instant in seconds; None when its event did not happen."""
+        return self().instant(reference)
+
+    @property
+    def frames(self) -> tuple[TraceFrame, ...]:
+        """All frames of all buses, by time."""
+        return self().frames
+
+    @property
+    def buses(self) -> list[str]:
+        """Names of the recorded buses."""
+        return self().buses
+
+    @property
+    def groups(self) -> tuple[TraceGroup, ...]:
+        """The recorded groups in the order in which they were added."""
+        return self().groups
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """Facts of the bench that a judge of the trace needs, by `component.fact`:
+        `axis1.max_deceleration`.
+        """
+        return self().constants
+
+    @property
+    def end_s(self) -> float:
+        """Time of the snapshot, s."""
+        return self().end_s
+
+    def window(self, start_s: float, end_s: float) -> Trace:
+        """Return what lies between two times, both included; times keep their origin."""
+        return self().window(start_s, end_s)
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the recording so far, hexadecimal."""
+        return self().digest()
+
+    def save(self, path: str | Path) -> tuple[Path, Path]:
+        """Write the recording so far as `NAME.npz` and `NAME.json`; returns the two files."""
+        return self().save(path)
 
     def check(self, *expectations: Expectation) -> None:
         """Evaluate expectations on what is recorded so far; raises `ExpectationFailedError` when one does not
@@ -87,7 +147,9 @@ class CurrentTrace:
         _assert_all(outcomes)
 
 
-def assert_repeatable(bench_file: BenchFile, script: Callable[[Any], object], *, seed: int = 0) -> str:
+def assert_repeatable(
+    bench_file: BenchFile, script: Callable[[ConcreteBench], object], *, seed: int = 0
+) -> str:
     """Run `script(bench)` on two fresh benches and compare the traces.
 
     Returns:
@@ -97,12 +159,11 @@ def assert_repeatable(bench_file: BenchFile, script: Callable[[Any], object], *,
         ExpectationFailedError: They differ; the message names the first difference.
 
     """
-    traces = []
+    traces: list[Trace] = []
     for _ in range(2):
         with bench_file.build(seed=seed) as bench:
             script(bench)
             traces.append(bench.trace())
     if traces[0].digest() != traces[1].digest():
         raise ExpectationFailedError(f"not repeatable: {first_difference(*traces)}")
-    digest: str = traces[0].digest()
-    return digest
+    return traces[0].digest()

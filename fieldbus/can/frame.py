@@ -86,5 +86,9 @@ class CanSegment(Protocol):
     name: str
     scheduler: Scheduler
 
+    @property
+    def bitrate(self) -> int | None:
+        """Bit rate, bit/s; None = not known."""
+
     def attach(self, name: str, receive: FrameReceiver) -> CanPort:
         """Connect a node; `receive` gets every frame of the others, never the node's own."""

@@ -17,9 +17,8 @@ from fieldbus.canopen.eds import load_dictionary, shared_dictionary
 from fieldbus.canopen.eds_text import DeviceEds, write_eds_files
 from fieldbus.canopen.master import CanopenMaster
 from fieldbus.canopen.nmt import NmtCommand, NmtState
-from fieldbus.canopen.node import RemoteNode
+from fieldbus.canopen.node import Emcy, NodeUser, RemoteNode
 from fieldbus.canopen.node_setup import NodeSetup, Parameter, PdoSetup
-from fieldbus.canopen.node_user import Emcy, NodeUser
 from fieldbus.canopen.sdo_client import SdoClient, SdoJob
 from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.canopen.virtual_time import virtual_time

@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Final
 
-from fieldbus.can.frame import CanFrame, CanSegment, FrameReceiver
+from fieldbus.can.frame import CanFrame, CanSegment
+from fieldbus.canopen.connection import BusConnection, DataCallback, Remover
 from fieldbus.canopen.nmt import COB_EMCY, COB_ERROR_CONTROL, COB_NMT, COB_SYNC, NmtCommand, NmtState
-from fieldbus.canopen.node import RemoteNode
+from fieldbus.canopen.node import NodeUser, RemoteNode
 from fieldbus.canopen.node_setup import NodeSetup
-from fieldbus.canopen.node_user import NodeUser
-from fieldbus.canopen.sdo_client import SdoClient
+from fieldbus.canopen.sdo_client import SdoClient, SdoPacing
 from fieldbus.canopen.supervision import HeartbeatWatch
-from fieldbus.clock import S, Scheduler, Timer
+from fieldbus.clock import Scheduler, Timer
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History, Scalar
 
@@ -23,13 +23,6 @@ SYNC_PRIORITY: Final = -10
 """SYNC goes before everything else of its instant."""
 
 _NMT_COMMANDS: Final = frozenset(NmtCommand)
-_FRAME_BITS: Final = 135
-"""Longest frame of a PDO or SDO with all its stuff bits, and the gap behind it."""
-_SDO_IN_A_ROW: Final = 16
-"""SDO requests, of all clients together, between two pauses."""
-
-DataCallback = Callable[[bytes, int], None]
-Remover = Callable[[], None]
 
 
 class CanopenMaster:
@@ -48,29 +41,6 @@ class CanopenMaster:
 
     """
 
-    __slots__ = (
-        "_accept",
-        "_clients",
-        "_frame_ns",
-        "_heartbeat",
-        "_history",
-        "_mailboxes",
-        "_nodes",
-        "_port",
-        "_sdo_active",
-        "_sdo_count",
-        "_sdo_pause_ns",
-        "_subscribers",
-        "_sync",
-        "_sync_frames",
-        "_sync_next",
-        "_watches",
-        "name",
-        "node_id",
-        "scheduler",
-        "sync_count",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,
@@ -86,29 +56,18 @@ class CanopenMaster:
         self.name = name
         self.node_id = node_id
         self._history = history
-        self._subscribers: dict[int, tuple[DataCallback, ...]] = {}
+        self._connection = BusConnection(segment, name)
+        self._port = self._connection.port
         self._watches: list[HeartbeatWatch] = []
+        self._pacing = SdoPacing(scheduler, segment.bitrate)
         self._clients: dict[int, SdoClient] = {}
-        self._sdo_active: set[int] = set()
-        self._sdo_count = 0
-        self._sdo_pause_ns = 0
         self._nodes: dict[int, RemoteNode] = {}
-        # Live segments may not know their bit rate; most run at the highest.
-        self._frame_ns = _FRAME_BITS * S // (getattr(segment, "bitrate", None) or 1_000_000)
         self._heartbeat: Timer | None = None
         self._sync: Timer | None = None
         self._sync_frames: tuple[CanFrame, ...] = ()
         self._sync_next = 0
         self.sync_count = 0
         """SYNCs sent since construction."""
-        self._mailboxes: dict[int, FrameReceiver] = {}
-        self._port = segment.attach(name, self._receive)
-        # A controller in virtual time looks up itself who takes a frame.
-        self._accept: Callable[[Mapping[int, FrameReceiver]], None] | None = getattr(
-            self._port, "accept", None
-        )
-        if self._accept is not None:
-            self._accept(self._mailboxes)
 
     # -- frames
     # -----------------------------------------------------------------------------------------------
@@ -130,33 +89,7 @@ class CanopenMaster:
 
         `data` is what came on the wire, of any length: the callback must not trust it.
         """
-        subscribers = self._subscribers
-        self._subscribe(cob_id, (*subscribers.get(cob_id, ()), callback))
-
-        def remove() -> None:
-            self._subscribe(
-                cob_id, tuple(other for other in subscribers.get(cob_id, ()) if other is not callback)
-            )
-
-        return remove
-
-    def _subscribe(self, cob_id: int, callbacks: tuple[DataCallback, ...]) -> None:
-        if not callbacks:
-            self._subscribers.pop(cob_id, None)
-            self._mailboxes.pop(cob_id, None)
-        else:
-            self._subscribers[cob_id] = callbacks
-            self._mailboxes[cob_id] = _only(callbacks[0]) if len(callbacks) == 1 else self._receive
-        if self._accept is not None:
-            self._accept(self._mailboxes)
-
-    def _receive(self, frame: CanFrame, time_ns: int) -> None:
-        callbacks = self._subscribers.get(frame.can_id)
-        if callbacks is None or frame.remote or frame.extended:
-            return
-        data = frame.data
-        for callback in callbacks:
-            callback(data, time_ns)
+        return self._connection.subscribe(cob_id, callback)
 
     # -- network management
     # -----------------------------------------------------------------------------------
@@ -200,7 +133,14 @@ class CanopenMaster:
         node = setup.node_id
         if node == self.node_id or node in self._nodes:
             raise ConfigurationError(f"{self.name}: node_id of {setup.name}", node, "a node-ID of its own")
-        self._nodes[node] = managed = RemoteNode(self, setup, user)
+        self._nodes[node] = managed = RemoteNode(
+            setup,
+            user,
+            scheduler=self.scheduler,
+            connection=self._connection,
+            sdo=self.sdo(node),
+            report=self.emit,
+        )
         return managed
 
     def sdo(self, node: int) -> SdoClient:
@@ -212,48 +152,14 @@ class CanopenMaster:
         """
         client = self._clients.get(node)
         if client is None:
-            client = self._clients[node] = SdoClient(self, node)
+            client = self._clients[node] = SdoClient(
+                node,
+                scheduler=self.scheduler,
+                connection=self._connection,
+                pacing=self._pacing,
+                name=self.name,
+            )
         return client
-
-    def sdo_under_way(self, client: SdoClient, active: bool) -> None:
-        """Note whether a client has a transfer under way; clients call this."""
-        if active:
-            self._sdo_active.add(client.node)
-        else:
-            self._sdo_active.discard(client.node)
-
-    def sdo_delay_ns(self, requests: int = 1) -> int:
-        """Return how long SDO requests have to wait for the good of the others, ns; 0 = not at all.
-
-        * A request whose answer may still be on the bus when SYNC is due waits for it: SYNC would come late
-          by up to a frame, and every drive would sample late. A cycle that is too short for it is not spared.
-        * After some requests there is a pause. Frames of error control have less priority than SDOs, and
-          would not get through between clients and servers that answer each other without delay.
-
-        Both hold for all clients together. Requests that need not wait count as sent.
-
-        Args:
-            requests: Frames that are to be sent at once; one answer is expected.
-
-        """
-        now = self.scheduler.now
-        if now < self._sdo_pause_ns:
-            return self._sdo_pause_ns - now
-        clients = max(1, len(self._sdo_active))
-        need_ns = self._frame_ns * (requests + 1) * clients
-        sync = self._sync
-        if sync is not None:
-            left_ns = sync.due_ns - now
-            if 0 < left_ns < need_ns < sync.period_ns:
-                return left_ns
-        self._sdo_count += 1
-        if self._sdo_count <= _SDO_IN_A_ROW:
-            return 0
-        self._sdo_count = 0
-        # The exchanges of the other clients end; then a moment is enough for a frame that has been waiting.
-        pause_ns = 2 * self._frame_ns * (clients - 1) + self._frame_ns // 8
-        self._sdo_pause_ns = now + pause_ns
-        return pause_ns
 
     def emit(self, kind: str, **data: Scalar) -> None:
         """Write an event into the history, if there is one."""
@@ -334,7 +240,7 @@ class CanopenMaster:
         else:
             self._sync_frames = (CanFrame(cob_id),)
         self._sync_next = 0
-        self._sync = self.scheduler.every(
+        self._pacing.sync = self._sync = self.scheduler.every(
             period_ns, self._send_sync, phase_ns=phase_ns, priority=SYNC_PRIORITY
         )
 
@@ -342,7 +248,7 @@ class CanopenMaster:
         """Stop sending SYNC."""
         if self._sync is not None:
             self._sync.cancel()
-            self._sync = None
+            self._pacing.sync = self._sync = None
 
     def _send_sync(self) -> None:
         frames = self._sync_frames
@@ -415,12 +321,3 @@ class CanopenMaster:
                 self._watches.remove(watch)
 
         return end
-
-
-def _only(callback: DataCallback) -> FrameReceiver:
-    """Return what gives the data of a frame to a callback."""
-
-    def take(frame: CanFrame, time_ns: int) -> None:
-        callback(frame.data, time_ns)
-
-    return take

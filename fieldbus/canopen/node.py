@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, NamedTuple, Protocol
 
-from fieldbus.canopen.boot import BootFailure, BootReport, BootState, boot_script
-from fieldbus.canopen.boot_runner import BootRunner
+from fieldbus.canopen.boot import BootFailure, BootReport, BootRunner, BootState, boot_script
+from fieldbus.canopen.connection import BusConnection
 from fieldbus.canopen.nmt import COB_EMCY, COB_ERROR_CONTROL, COB_NMT, NmtCommand, NmtState
 from fieldbus.canopen.node_setup import NodeSetup
-from fieldbus.canopen.node_user import Emcy, NodeUser
+from fieldbus.canopen.sdo_client import SdoClient
 from fieldbus.canopen.supervision import HeartbeatWatch, NodeGuard
-from fieldbus.clock import MS, S, Timer
-
-if TYPE_CHECKING:
-    from fieldbus.canopen.master import CanopenMaster
+from fieldbus.cia402 import emcy_text
+from fieldbus.clock import MS, S, Scheduler, Timer
+from fieldbus.history import Scalar
 
 EMCY_LIMIT: Final = 254
 """EMCYs that are kept of each node, the newest; as many as 1003h can hold."""
@@ -33,6 +32,48 @@ START_TIMEOUT_NS: Final = 1 * S
 _NAMES: Final = {int(state): state.name for state in NmtState}
 
 
+class EventWriter(Protocol):
+    """Writes an event into the history."""
+
+    def __call__(self, kind: str, **data: Scalar) -> None:
+        """Write an event of `kind`."""
+
+
+class Emcy(NamedTuple):
+    """An emergency message of a node (C301-108)."""
+
+    time_ns: int
+    code: int
+    register: int
+    """Error register 1001h."""
+    data: bytes
+    """Five manufacturer-specific bytes."""
+
+    @property
+    def text(self) -> str:
+        """What the code means."""
+        return emcy_text(self.code)
+
+
+class NodeUser(Protocol):
+    """Who depends on a node; told of what concerns the use of it. Everything is called within callbacks."""
+
+    def node_restarted(self) -> None:
+        """The node has started anew: what it knew is gone."""
+
+    def node_in_service(self) -> None:
+        """The node is checked, configured and Operational."""
+
+    def node_lost(self, reason: str) -> None:
+        """The node must not be relied on any more."""
+
+    def node_state(self, state: int) -> None:
+        """The node reports another NMT state."""
+
+    def node_emcy(self, code: int) -> None:
+        """The node has sent an EMCY."""
+
+
 class RemoteNode:
     """One node of the network; made by `CanopenMaster.add_node`.
 
@@ -42,17 +83,29 @@ class RemoteNode:
     another device, or refuses a parameter, stays `FAILED` until it starts anew or `boot` is called.
 
     Args:
-        master: Services of the controller.
         setup: What the node is expected to be.
-        user: Who depends on it; None = nobody.
+        user: Receiver of what concerns the use of the node; None = nobody.
+        scheduler: Time.
+        connection: Connection of the controller to the segment.
+        sdo: SDO client of the node.
+        report: Writes an event into the history.
 
     """
 
-    def __init__(self, master: CanopenMaster, setup: NodeSetup, user: NodeUser | None = None) -> None:
+    def __init__(
+        self,
+        setup: NodeSetup,
+        user: NodeUser | None,
+        *,
+        scheduler: Scheduler,
+        connection: BusConnection,
+        sdo: SdoClient,
+        report: EventWriter,
+    ) -> None:
         self.setup = setup
         self.node_id = setup.node_id
         self.name = setup.name
-        self.sdo = master.sdo(setup.node_id)
+        self.sdo: Final = sdo
         """The client for reads and writes of your own; they wait behind those of the boot."""
         self.boot_state = BootState.OFF
         self.nmt_state: NmtState | None = None
@@ -67,7 +120,9 @@ class RemoteNode:
         """Boot-up messages received."""
         self.losses = 0
         """How often the node went out of service without being told to."""
-        self._master = master
+        self._scheduler = scheduler
+        self._connection = connection
+        self._report = report
         self._user = user
         self._runner = BootRunner(self.sdo, self._configured, self._fail)
         self._in_place = False
@@ -75,7 +130,6 @@ class RemoteNode:
         self._retry: Timer | None = None
         self._start_timer: Timer | None = None
         self._signs: list[Callable[[], None]] = []
-        scheduler = master.scheduler
         self._heartbeat: HeartbeatWatch | None = None
         self._guard: NodeGuard | None = None
         if setup.heartbeat_timeout_ms:
@@ -88,14 +142,14 @@ class RemoteNode:
         elif setup.guard_time_ms:
             self._guard = NodeGuard(
                 scheduler,
-                lambda: master.send_remote(COB_ERROR_CONTROL + setup.node_id, 1),
+                lambda: connection.send_remote(COB_ERROR_CONTROL + setup.node_id, 1),
                 guard_time_ns=setup.guard_time_ms * MS,
                 life_time_factor=setup.life_time_factor,
                 on_lost=lambda reason: self._supervision_lost("guarding", reason=reason),
                 on_back=lambda: self._log("guarding.back"),
             )
-        master.subscribe(COB_ERROR_CONTROL + setup.node_id, self._on_error_control)
-        master.subscribe(COB_EMCY + setup.node_id, self._on_emcy)
+        connection.subscribe(COB_ERROR_CONTROL + setup.node_id, self._on_error_control)
+        connection.subscribe(COB_EMCY + setup.node_id, self._on_emcy)
 
     # -- what a user asks
     # -------------------------------------------------------------------------------------
@@ -132,7 +186,7 @@ class RemoteNode:
         in_service = self.in_service
         self._forget()
         self.failure = None
-        self._began_ns = self._master.scheduler.now
+        self._began_ns = self._scheduler.now
         self._enter(BootState.WAITING)
         if in_service and self._user is not None:
             self._user.node_lost("boot")
@@ -220,13 +274,13 @@ class RemoteNode:
         if self._guard is not None:
             self._guard.start()
         self._watch_for_signs()
-        self._start_timer = self._master.scheduler.after(
+        self._start_timer = self._scheduler.after(
             max(START_TIMEOUT_NS, self.setup.heartbeat_timeout_ms * MS), self._start_due
         )
 
     def _watch_for_signs(self) -> None:
         """Take whatever proves the state Operational: a PDO, or error control (see `_report_state`)."""
-        subscribe = self._master.subscribe
+        subscribe = self._connection.subscribe
         for pdo in self.setup.pdos:
             if pdo.transmit and pdo.entries is not None:
                 self._signs.append(subscribe(pdo.cob_id, self._on_pdo))
@@ -241,7 +295,7 @@ class RemoteNode:
         self._signs_stop()
         self._enter(BootState.IN_SERVICE)
         self.failure = None
-        self._log("node.booted", duration_ms=(self._master.scheduler.now - self._began_ns) / MS)
+        self._log("node.booted", duration_ms=(self._scheduler.now - self._began_ns) / MS)
         if self._heartbeat is not None:
             self._heartbeat.expect()
         if self._user is not None:
@@ -284,7 +338,7 @@ class RemoteNode:
 
     def _retry_later(self, delay_ns: int) -> None:
         self._retry_stop()
-        self._retry = self._master.scheduler.after(delay_ns, self._try_again)
+        self._retry = self._scheduler.after(delay_ns, self._try_again)
 
     def _try_again(self) -> None:
         self._retry = None
@@ -321,10 +375,10 @@ class RemoteNode:
             self._log("node.boot", step=state.value)
 
     def _command(self, command: NmtCommand) -> None:
-        self._master.send(COB_NMT, bytes((command, self.node_id)))
+        self._connection.send(COB_NMT, bytes((command, self.node_id)))
 
-    def _log(self, kind: str, **data: str | float | bool | None) -> None:
-        self._master.emit(kind, node=self.node_id, name=self.name, **data)
+    def _log(self, kind: str, **data: Scalar) -> None:
+        self._report(kind, node=self.node_id, name=self.name, **data)
 
     # -- supervision
     # ------------------------------------------------------------------------------------------
@@ -398,7 +452,7 @@ class RemoteNode:
     def _lose(self, reason: str) -> None:
         self.losses += 1
         self._forget()
-        self._began_ns = self._master.scheduler.now
+        self._began_ns = self._scheduler.now
         self._enter(BootState.LOST)
         self._log("node.lost", reason=reason)
         if self._user is not None:
@@ -407,7 +461,7 @@ class RemoteNode:
     def _back(self, state: int) -> None:
         """Begin the re-integration of a node that shows a sign of life without having booted."""
         self._forget()
-        self._began_ns = self._master.scheduler.now
+        self._began_ns = self._scheduler.now
         if state == NmtState.STOPPED:
             self._command(NmtCommand.ENTER_PRE_OPERATIONAL)  # it could not answer otherwise
         self._begin(in_place=True)

@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from fieldbus.canopen.abort import ABORT_TEXTS, AbortCode
+from fieldbus.canopen.connection import BusConnection
 from fieldbus.canopen.nmt import COB_SDO_CLIENT, COB_SDO_SERVER
 from fieldbus.canopen.sdo_transfer import SdoDownload, SdoTransfer, SdoUpload
-from fieldbus.clock import MS, Timer
+from fieldbus.clock import MS, S, Scheduler, Timer
 from fieldbus.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from fieldbus.canopen.master import CanopenMaster
 
 TIMEOUT_NS: Final = 300 * MS
 """How long a server may take for an answer, ns."""
@@ -31,7 +29,71 @@ _BURST: Final = 4
 """Segments of a block that are handed to the bus at once; a real transmit queue is short."""
 _BURST_NS: Final = 1 * MS
 
+_FRAME_BITS: Final = 135
+"""Longest frame of a PDO or SDO with all its stuff bits, and the gap behind it."""
+_IN_A_ROW: Final = 16
+"""Requests, of all clients together, between two pauses."""
+
 JobCallback = Callable[["SdoJob"], object]
+
+
+class SdoPacing:
+    """Delays the SDO requests of a controller for the good of SYNC and error control.
+
+    * A request whose answer may still be on the bus when SYNC is due waits for it: SYNC would come late
+      by up to a frame, and every drive would sample late. A cycle that is too short for it is not spared.
+    * After some requests there is a pause. Frames of error control have less priority than SDOs, and
+      would not get through between clients and servers that answer each other without delay.
+
+    Both hold for all clients of the controller together.
+
+    Args:
+        scheduler: Time.
+        bitrate: Bit rate of the segment, bit/s; None = not known: most run at the highest.
+
+    """
+
+    def __init__(self, scheduler: Scheduler, bitrate: int | None) -> None:
+        self.sync: Timer | None = None
+        """When SYNC is due; None = it is not sent."""
+        self._scheduler = scheduler
+        self._frame_ns = _FRAME_BITS * S // (bitrate or 1_000_000)
+        self._busy: set[int] = set()
+        self._count = 0
+        self._pause_ns = 0
+
+    def set_busy(self, node: int, busy: bool) -> None:
+        """Note whether the client of `node` has a transfer under way."""
+        if busy:
+            self._busy.add(node)
+        else:
+            self._busy.discard(node)
+
+    def delay_ns(self, requests: int = 1) -> int:
+        """Return how long requests have to wait, ns; 0 = not at all: they then count as sent.
+
+        Args:
+            requests: Frames that are to be sent at once; one answer is expected.
+
+        """
+        now = self._scheduler.now
+        if now < self._pause_ns:
+            return self._pause_ns - now
+        clients = max(1, len(self._busy))
+        need_ns = self._frame_ns * (requests + 1) * clients
+        sync = self.sync
+        if sync is not None:
+            left_ns = sync.due_ns - now
+            if 0 < left_ns < need_ns < sync.period_ns:
+                return left_ns
+        self._count += 1
+        if self._count <= _IN_A_ROW:
+            return 0
+        self._count = 0
+        # The exchanges of the other clients end; then a moment is enough for a frame that has been waiting.
+        pause_ns = 2 * self._frame_ns * (clients - 1) + self._frame_ns // 8
+        self._pause_ns = now + pause_ns
+        return pause_ns
 
 
 class SdoJob:
@@ -40,11 +102,17 @@ class SdoJob:
     Attributes that end in `ed` or say what came of it are valid once `done()` is true.
     """
 
-    __slots__ = ("_callback", "_client", "_done", "attempts", "transfer")
-
-    def __init__(self, client: SdoClient, transfer: SdoTransfer, callback: JobCallback | None) -> None:
-        self._client = client
+    def __init__(
+        self,
+        node: int,
+        transfer: SdoTransfer,
+        callback: JobCallback | None,
+        withdraw: Callable[[SdoJob], None],
+    ) -> None:
         self._callback = callback
+        self._withdraw = withdraw
+        self.node = node
+        """Node-ID of the server."""
         self._done = False
         self.transfer = transfer
         self.attempts = 0
@@ -93,7 +161,7 @@ class SdoJob:
         """Give the transfer up; the callback is not called any more. Harmless when it has ended."""
         self._callback = None
         if not self._done:
-            self._client.withdraw(self)
+            self._withdraw(self)
 
     def finish(self) -> None:
         """End it; called by the client."""
@@ -106,39 +174,35 @@ class SdoJob:
         state = "waiting" if not self.attempts else "ended" if self._done else "under way"
         what = "read" if isinstance(self.transfer, SdoUpload) else "write"
         where = f"{self.transfer.index:04X}h:{self.transfer.sub}"
-        return f"<SdoJob {what} {where} at node {self._client.node}: {state} {self.reason}>"
+        return f"<SdoJob {what} {where} at node {self.node}: {state} {self.reason}>"
 
 
 class SdoClient:
     """The client of one node's default SDO server; made by `CanopenMaster.sdo`.
 
     Args:
-        master: Services of the controller on the segment.
         node: Node-ID of the server, 1..127.
+        scheduler: Time.
+        connection: Connection of the controller to the segment.
+        pacing: Delays the requests of all clients.
+        name: Name of the controller, for messages.
 
     Raises:
         ConfigurationError: `node` is out of range.
 
     """
 
-    __slots__ = (
-        "_deadline",
-        "_jobs",
-        "_master",
-        "_no_block",
-        "_pending",
-        "_request_id",
-        "_timer",
-        "_waiting",
-        "attempts",
-        "node",
-        "strays",
-        "timeout_ns",
-    )
-
-    def __init__(self, master: CanopenMaster, node: int) -> None:
+    def __init__(
+        self,
+        node: int,
+        *,
+        scheduler: Scheduler,
+        connection: BusConnection,
+        pacing: SdoPacing,
+        name: str,
+    ) -> None:
         if not 1 <= node <= 127:
-            raise ConfigurationError(f"{master.name}: SDO client node", node, "1..127")
+            raise ConfigurationError(f"{name}: SDO client node", node, "1..127")
         self.node = node
         self.timeout_ns = TIMEOUT_NS
         """How long the server may take for an answer, ns."""
@@ -146,7 +210,9 @@ class SdoClient:
         """How often a transfer is begun before silence counts as its end; 1 or more."""
         self.strays = 0
         """Answers that belonged to no transfer: somebody else's, or late ones."""
-        self._master = master
+        self._scheduler = scheduler
+        self._connection = connection
+        self._pacing = pacing
         self._request_id = COB_SDO_CLIENT + node
         self._jobs: deque[SdoJob] = deque()
         self._waiting: deque[bytes] = deque()  # requests that have not gone out yet
@@ -154,7 +220,7 @@ class SdoClient:
         self._timer: Timer | None = None
         self._deadline = 0
         self._no_block = False
-        master.subscribe(COB_SDO_SERVER + node, self._receive)
+        connection.subscribe(COB_SDO_SERVER + node, self._receive)
 
     @property
     def busy(self) -> bool:
@@ -176,7 +242,7 @@ class SdoClient:
             ConfigurationError: Index or sub-index is out of range.
 
         """
-        return self._queue(SdoJob(self, SdoUpload(index, sub, block=block and not self._no_block), on_done))
+        return self._queue(self._job(SdoUpload(index, sub, block=block and not self._no_block), on_done))
 
     def download(
         self,
@@ -206,7 +272,7 @@ class SdoClient:
             )
         wanted = len(data) >= BLOCK_FROM_BYTES if block is None else block
         return self._queue(
-            SdoJob(self, SdoDownload(index, sub, data, block=wanted and not self._no_block), on_done)
+            self._job(SdoDownload(index, sub, data, block=wanted and not self._no_block), on_done)
         )
 
     def cancel(self) -> None:
@@ -214,8 +280,11 @@ class SdoClient:
         for job in tuple(self._jobs):
             job.cancel()
 
-    def withdraw(self, job: SdoJob) -> None:
-        """Take a job out; one that is under way is aborted. Jobs call this for themselves."""
+    def _job(self, transfer: SdoTransfer, on_done: JobCallback | None) -> SdoJob:
+        return SdoJob(self.node, transfer, on_done, self._withdraw)
+
+    def _withdraw(self, job: SdoJob) -> None:
+        """Remove a job; one that is under way is aborted."""
         if job not in self._jobs:
             return
         under_way = job is self._jobs[0]
@@ -226,7 +295,7 @@ class SdoClient:
             unsent = bool(self._waiting)
             self._waiting.clear()
             if not unsent:
-                self._master.send(self._request_id, abort)
+                self._connection.send(self._request_id, abort)
             self._next()
 
     # -- course
@@ -241,21 +310,20 @@ class SdoClient:
     def _next(self) -> None:
         """Begin the first job of the queue, if there is one."""
         jobs = self._jobs
-        self._master.sdo_under_way(self, bool(jobs))
+        self._pacing.set_busy(self.node, bool(jobs))
         if jobs:
             job = jobs[0]
             job.attempts += 1
             self._send(job.transfer.start())
 
     def _send(self, requests: list[bytes]) -> None:
-        master = self._master
-        self._deadline = master.scheduler.now + self.timeout_ns
+        self._deadline = self._scheduler.now + self.timeout_ns
         if self._timer is None:
-            self._timer = master.scheduler.at(self._deadline, self._due)
+            self._timer = self._scheduler.at(self._deadline, self._due)
         if len(requests) == 1 and not self._waiting:
-            delay = master.sdo_delay_ns()
+            delay = self._pacing.delay_ns()
             if not delay:
-                master.send(self._request_id, requests[0])
+                self._connection.send(self._request_id, requests[0])
                 return
         self._waiting.extend(requests)
         self._hand_over()
@@ -265,16 +333,15 @@ class SdoClient:
         waiting = self._waiting
         if self._pending is not None or not waiting:
             return
-        master = self._master
         burst = min(_BURST, len(waiting))
-        delay = master.sdo_delay_ns(burst)
+        delay = self._pacing.delay_ns(burst)
         if not delay:
             for _ in range(burst):
-                master.send(self._request_id, waiting.popleft())
-            self._deadline = master.scheduler.now + self.timeout_ns
+                self._connection.send(self._request_id, waiting.popleft())
+            self._deadline = self._scheduler.now + self.timeout_ns
             delay = _BURST_NS
         if waiting:
-            self._pending = master.scheduler.after(delay, self._go_on)
+            self._pending = self._scheduler.after(delay, self._go_on)
 
     def _go_on(self) -> None:
         self._pending = None
@@ -298,7 +365,7 @@ class SdoClient:
         if transfer.done:
             self._waiting.clear()  # segments of a block that has been refused
             if requests:
-                self._master.send(self._request_id, requests[0])
+                self._connection.send(self._request_id, requests[0])
             self._end(job)
         elif requests:
             self._send(requests)
@@ -306,7 +373,7 @@ class SdoClient:
     def _end(self, job: SdoJob) -> None:
         self._jobs.popleft()
         if not self._jobs:
-            self._master.sdo_under_way(self, False)
+            self._pacing.set_busy(self.node, False)
         first = self._jobs[0] if self._jobs else None
         if first is not None:
             self._next()
@@ -316,13 +383,13 @@ class SdoClient:
         self._timer = None
         if not self._jobs:
             return
-        now = self._master.scheduler.now
+        now = self._scheduler.now
         if self._deadline > now:
-            self._timer = self._master.scheduler.at(self._deadline, self._due)
+            self._timer = self._scheduler.at(self._deadline, self._due)
             return
         job = self._jobs[0]
         self._waiting.clear()
-        self._master.send(self._request_id, job.transfer.expire())
+        self._connection.send(self._request_id, job.transfer.expire())
         if job.attempts < self.attempts:
             self._next()
         else:

@@ -238,7 +238,7 @@ def sdo_uploads() -> list[Figure]:
 
     from fieldbus.canopen import CanopenMaster, CanopenSlave
     from fieldbus.canopen.network import PumpedNetwork
-    from fieldbus.canopen.sdo_client import SdoClient, SdoJob
+    from fieldbus.canopen.sdo_client import SdoJob
     from hil.bench.drives import object_dictionary
 
     dictionary = object_dictionary()
@@ -249,7 +249,7 @@ def sdo_uploads() -> list[Figure]:
     scheduler.run_for(S)
     network = PumpedNetwork(medium, name="client")
     entry = network.add_node(5, dictionary).sdo[0x1000]
-    own = SdoClient(CanopenMaster(scheduler, medium), 5)
+    own = CanopenMaster(scheduler, medium).sdo(5)
     scheduler.run_for(S)  # nobody was there to acknowledge the boot-up
 
     def ours() -> int:

@@ -13,7 +13,17 @@ from hil.bench.config import EMBEDDED, BenchConfig, BenchFileError, digest, pars
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
 
-__all__ = ["EMBEDDED", "BenchConfig", "BenchFile", "BenchFileError", "load_bench"]
+__all__ = ["EMBEDDED", "Bench", "BenchConfig", "BenchFile", "BenchFileError", "load_bench"]
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> object:
+        """Load the bench when it is first used: it brings controller, buses and devices along."""
+        if name != "Bench":
+            raise AttributeError(f"module 'hil.bench' has no attribute {name!r}")
+        from hil.bench.bench import Bench
+
+        return Bench
 
 
 class BenchFile:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
+from copy import copy
 from dataclasses import dataclass, fields, replace
 from typing import Self
 
+from fieldbus.errors import ConfigurationError
 from hil.errors import NotRecordedError, RecordingError
 from hil.record import EventSelector, Signal, Trace, check_selector
 from reports.model import Check, Verdict
@@ -55,6 +57,17 @@ def end_of(trace: Trace, until: Reference | None) -> float:
     return trace.end_s if until is None else instant(trace, until)
 
 
+def check_bound(where: str, value: float | None) -> None:
+    """Refuse a time or tolerance that is negative or no number.
+
+    Raises:
+        ConfigurationError: With `where` and what is allowed.
+
+    """
+    if value is not None and not value >= 0:
+        raise ConfigurationError(where, value, "a time >= 0 s" if where.endswith("_s") else "a number >= 0")
+
+
 def value_in_force(trace: Trace, name: str, time_s: float) -> float:
     """Return the value of a signal at an instant.
 
@@ -80,7 +93,10 @@ def words_of_span(since: Reference, until: Reference | None) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expectation(ABC):
-    """Base of all expectations. They are made by the functions of `hil.expect`."""
+    """Base of all expectations, which are frozen dataclasses: `alarm(421, within_s=0.05)` is a value.
+
+    Their names are in lower case, because they read as sentences in a test: `ctx.expect(alarm(421))`.
+    """
 
     requirements: tuple[str, ...] = ()
     """Identifiers of the specification that this expectation checks."""
@@ -89,11 +105,18 @@ class Expectation(ABC):
 
     def covers(self, *identifiers: str) -> Self:
         """Return the same expectation, marked with requirement identifiers."""
-        return replace(self, requirements=(*self.requirements, *identifiers))
+        return self._with(requirements=(*self.requirements, *identifiers))
 
     def named(self, label: str) -> Self:
         """Return the same expectation under another name."""
-        return replace(self, label=label)
+        return self._with(label=label)
+
+    def _with(self, **changes: object) -> Self:
+        """Return a copy with other values; `dataclasses.replace` needs an `__init__` of the fields."""
+        result = copy(self)
+        for name, value in changes.items():
+            object.__setattr__(result, name, value)
+        return result
 
     @property
     @abstractmethod

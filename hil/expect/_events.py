@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Final
 
 from fieldbus.errors import ConfigurationError
@@ -12,6 +12,7 @@ from hil.expect._base import (
     SLACK_S,
     Expectation,
     Reference,
+    check_bound,
     end_of,
     instant,
     value_in_force,
@@ -58,14 +59,30 @@ def _listed(entries: Sequence[Event]) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class AlarmExpectation(Expectation):
-    """An alarm with number and reaction within a bound. Made by `alarm`."""
+class alarm(Expectation):
+    """Expect technology alarm `number`, with `reaction`, at most `within_s` after `since`.
+
+    Args:
+        number: Number of the technology alarm.
+        reaction: Expected reaction, 0 to 5; None: any.
+        within_s: Bound after `since`, s; None: up to the end of the trace.
+        since: Reference instant.
+        axis: Name of the axis; None: any.
+
+    Raises:
+        ConfigurationError: `within_s` is negative.
+
+    """
 
     number: int
-    reaction: int | None
-    within_s: float | None
-    since: Reference
-    axis: str | None
+    _: KW_ONLY
+    reaction: int | None = None
+    within_s: float | None = None
+    since: Reference = 0.0
+    axis: str | None = None
+
+    def __post_init__(self) -> None:
+        check_bound("alarm.within_s", self.within_s)
 
     @property
     def title(self) -> str:
@@ -82,7 +99,7 @@ class AlarmExpectation(Expectation):
     def events_named(self) -> Iterator[EventSelector]:
         """See `Expectation`: the alarm, and the reference."""
         yield select_event("alarm.raised", self.axis, number=self.number)
-        yield from super(AlarmExpectation, self).events_named()
+        yield from super(alarm, self).events_named()
 
     def needed_until(self, trace: Trace) -> Reference:  # noqa: ARG002 - see `Expectation`
         """See `Expectation`: what has come has come."""
@@ -116,13 +133,22 @@ class AlarmExpectation(Expectation):
 
 
 @dataclass(frozen=True, slots=True)
-class NoAlarmExpectation(Expectation):
-    """No alarm in an interval. Made by `no_alarm`."""
+class no_alarm(Expectation):
+    """Expect no alarm from `since` to `until` (default: the end), besides the numbers given.
 
-    since: Reference
-    until: Reference | None
-    axis: str | None
-    besides: tuple[int, ...]
+    Args:
+        since: Begin of the observation.
+        until: End of the observation; None: the end of the trace.
+        axis: Name of the axis; None: all.
+        besides: Numbers of alarms that may come.
+
+    """
+
+    _: KW_ONLY
+    since: Reference = 0.0
+    until: Reference | None = None
+    axis: str | None = None
+    besides: Sequence[int] = ()
 
     @property
     def title(self) -> str:
@@ -138,7 +164,7 @@ class NoAlarmExpectation(Expectation):
         """See `Expectation`: any alarm, the excepted ones, and the references."""
         yield select_event("alarm.raised", self.axis)
         yield from (select_event("alarm.raised", number=number) for number in self.besides)
-        yield from super(NoAlarmExpectation, self).events_named()
+        yield from super(no_alarm, self).events_named()
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
@@ -149,14 +175,31 @@ class NoAlarmExpectation(Expectation):
 
 
 @dataclass(frozen=True, slots=True)
-class HappensExpectation(Expectation):
-    """An event happens, or never does. Made by `happens`, `never_happens` and `job_output`."""
+class happens(Expectation):
+    """Expect an event at most `within_s` after `since`, and not after `until`.
+
+    Args:
+        selector: The event, without an offset.
+        since: Reference instant.
+        within_s: Bound after `since`, s; None: none.
+        until: Latest instant; None: the end of the trace.
+        never: The event must not happen in this time; `never_happens` reads better.
+
+    Raises:
+        ConfigurationError: The event has an offset, or `within_s` is negative.
+
+    """
 
     selector: EventSelector
-    since: Reference
-    until: Reference | None
-    within_s: float | None
-    never: bool
+    _: KW_ONLY
+    since: Reference = 0.0
+    within_s: float | None = None
+    until: Reference | None = None
+    never: bool = False
+
+    def __post_init__(self) -> None:
+        _check_event("never_happens" if self.never else "happens", self.selector)
+        check_bound("happens.within_s", self.within_s)
 
     @property
     def title(self) -> str:
@@ -172,7 +215,7 @@ class HappensExpectation(Expectation):
 
     def needed_until(self, trace: Trace) -> Reference:
         """See `Expectation`: what has come has come, what never comes has to be watched to the end."""
-        return super(HappensExpectation, self).needed_until(trace) if self.never else self.since
+        return super(happens, self).needed_until(trace) if self.never else self.since
 
     def components_named(self) -> tuple[str, ...]:
         """See `Expectation`: who has to be heard to say that it does not happen."""
@@ -243,11 +286,28 @@ class HappensExpectation(Expectation):
 
 
 @dataclass(frozen=True, slots=True)
-class OrderExpectation(Expectation):
-    """Events happen in an order. Made by `event_order`."""
+class event_order(Expectation):
+    """Expect events in this order in the log, others in between allowed.
 
-    selectors: tuple[EventSelector, ...]
-    since: Reference
+    Args:
+        selectors: The events, without offsets.
+        since: Reference instant.
+
+    Raises:
+        ConfigurationError: No event is given, or one has an offset.
+
+    """
+
+    selectors: Sequence[EventSelector]
+    _: KW_ONLY
+    since: Reference = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "selectors", tuple(self.selectors))
+        if not self.selectors:
+            raise ConfigurationError("event_order.selectors", self.selectors, "at least one event")
+        for one in self.selectors:
+            _check_event("event_order", one)
 
     @property
     def title(self) -> str:
@@ -305,13 +365,22 @@ class OrderExpectation(Expectation):
 
 
 @dataclass(frozen=True, slots=True)
-class StateExpectation(Expectation):
-    """A component is in a state at an instant. Made by `state_at`."""
+class state_at(Expectation):
+    """Expect `component` in the state `text` at an instant.
+
+    Args:
+        component: Axis, drive, encoder or node.
+        at: The instant.
+        text: Name of the state.
+        kind: Event kind of the state machine, where a component has several (`drive.nmt`).
+
+    """
 
     component: str
     at: Reference
     text: str
-    kind: str
+    _: KW_ONLY
+    kind: str = ""
 
     @property
     def title(self) -> str:
@@ -333,7 +402,7 @@ class StateExpectation(Expectation):
 
     def verify(self, trace: Trace) -> None:
         """See `Expectation`: the component has to have this state."""
-        super(StateExpectation, self).verify(trace)
+        super(state_at, self).verify(trace)
         check_state(trace, self.component, self.text, self.kind)
 
     def judge(self, trace: Trace) -> list[Check]:
@@ -361,77 +430,21 @@ class StateExpectation(Expectation):
         return [self.outcome(passed=self.text in states, observed=observed, time_s=at_s)]
 
 
-def _checked_event(where: str, selector: EventSelector) -> EventSelector:
+def _check_event(where: str, selector: EventSelector) -> None:
     """Refuse an instant (`event(...).plus(s)`) where an event itself is meant."""
     if selector.offset_s:
         raise ConfigurationError(
             where, str(selector), "an event; times after it go to since, until or within_s"
         )
-    return selector
-
-
-def _checked_bound(where: str, within_s: float | None) -> float | None:
-    if within_s is not None and not within_s >= 0:
-        raise ConfigurationError(where, within_s, "a time >= 0 s")
-    return within_s
-
-
-def alarm(
-    number: int,
-    *,
-    reaction: int | None = None,
-    within_s: float | None = None,
-    since: Reference = 0.0,
-    axis: str | None = None,
-) -> AlarmExpectation:
-    """Expect technology alarm `number`, with `reaction`, at most `within_s` after `since`."""
-    return AlarmExpectation(number, reaction, _checked_bound("alarm.within_s", within_s), since, axis)
-
-
-def no_alarm(
-    *,
-    since: Reference = 0.0,
-    until: Reference | None = None,
-    axis: str | None = None,
-    besides: Sequence[int] = (),
-) -> NoAlarmExpectation:
-    """Expect no alarm from `since` to `until` (default: the end), besides the numbers given."""
-    return NoAlarmExpectation(since, until, axis, tuple(besides))
-
-
-def happens(
-    selector: EventSelector,
-    *,
-    since: Reference = 0.0,
-    within_s: float | None = None,
-    until: Reference | None = None,
-) -> HappensExpectation:
-    """Expect an event at most `within_s` after `since`, and not after `until`."""
-    bound = _checked_bound("happens.within_s", within_s)
-    return HappensExpectation(_checked_event("happens", selector), since, until, bound, never=False)
 
 
 def never_happens(
     selector: EventSelector, *, since: Reference = 0.0, until: Reference | None = None
-) -> HappensExpectation:
+) -> happens:
     """Expect that an event does not happen from `since` to `until` (default: the end); with nth=2 not a
     second time.
     """
-    return HappensExpectation(_checked_event("never_happens", selector), since, until, None, never=True)
-
-
-def event_order(selectors: Sequence[EventSelector], *, since: Reference = 0.0) -> OrderExpectation:
-    """Expect events in this order in the log, others in between allowed."""
-    if not selectors:
-        raise ConfigurationError("event_order.selectors", selectors, "at least one event")
-    return OrderExpectation(tuple(_checked_event("event_order", one) for one in selectors), since)
-
-
-def state_at(component: str, at: Reference, text: str, *, kind: str = "") -> StateExpectation:
-    """Expect `component` in the state `text` at an instant; `kind` picks one of several state machines
-    (`drive.nmt`).
-    """
-    return StateExpectation(component, at, text, kind)
+    return happens(selector, since=since, until=until, never=True)
 
 
 def job_output(
@@ -441,7 +454,7 @@ def job_output(
     within_s: float | None = None,
     since: Reference = 0.0,
     error_id: int | None = None,
-) -> HappensExpectation:
+) -> happens:
     """Expect the rising edge of an output of an instruction instance.
 
     Args:

@@ -4,7 +4,7 @@ is disabled.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from hil.expect._base import (
     SLACK_S,
     Expectation,
     Reference,
+    check_bound,
     end_of,
     instant,
     value_in_force,
@@ -27,15 +28,38 @@ from reports.model import Check, Verdict
 
 
 @dataclass(frozen=True, slots=True)
-class TelegramBitsExpectation(Expectation):
-    """Bits of a word at a time, and for a while. Made by `telegram_bits`."""
+class telegram_bits(Expectation):
+    """Expect bits of a word of a telegram.
+
+    Args:
+        word: Signal: `axis1.stw1`, `axis1.zsw1`, `drive1.statusword`, `drive1.drive_zsw2`, ...
+        at: Reference instant.
+        ones: Mask of the bits that have to be 1.
+        zeros: Mask of the bits that have to be 0.
+        within_s: Time for it to happen, s; 0: at the instant itself.
+        for_s: Time for which it has to stay so from then on, s.
+
+    Raises:
+        ConfigurationError: No bit is named, one in both masks, or a time is negative.
+
+    """
 
     word: str
-    ones: int
-    zeros: int
+    _: KW_ONLY
     at: Reference
-    within_s: float
-    for_s: float
+    ones: int = 0
+    zeros: int = 0
+    within_s: float = 0.0
+    for_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        ones, zeros = self.ones, self.zeros
+        if not 0 < ones | zeros <= 0xFFFFFFFF or ones & zeros or ones < 0 or zeros < 0:
+            raise ConfigurationError(
+                "telegram_bits.ones/zeros", (ones, zeros), "masks of up to 32 bits without a bit in both"
+            )
+        check_bound("telegram_bits.within_s", self.within_s)
+        check_bound("telegram_bits.for_s", self.for_s)
 
     @property
     def title(self) -> str:
@@ -119,15 +143,26 @@ def _bits(mask: int) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class SettlesExpectation(Expectation):
-    """A signal comes into a band within a time and stays there. Made by `settles_within`."""
+class settles_within(Expectation):
+    """Expect `signal` within `tolerance` of `target` (its unit) at most `within_s` after `since`, and from
+    then on to `until`, or to the end of the trace.
+
+    Raises:
+        ConfigurationError: `tolerance` or `within_s` is negative.
+
+    """
 
     signal: str
     target: float
+    _: KW_ONLY
     tolerance: float
     within_s: float
-    since: Reference
-    until: Reference | None
+    since: Reference = 0.0
+    until: Reference | None = None
+
+    def __post_init__(self) -> None:
+        check_bound("settles_within.tolerance", self.tolerance)
+        check_bound("settles_within.within_s", self.within_s)
 
     @property
     def title(self) -> str:
@@ -194,13 +229,29 @@ class SettlesExpectation(Expectation):
 
 
 @dataclass(frozen=True, slots=True)
-class DisabledExpectation(Expectation):
-    """An axis without enable and its drive without torque. Made by `disabled`."""
+class disabled(Expectation):
+    """Expect no enable of the axis and no torque of its drive from `by` on.
 
-    axis: str
-    drive: str
+    Args:
+        by: Begin of the observation.
+        axis: Name of the axis; empty: only the drive is judged.
+        drive: Name of the drive; empty: only the axis is judged.
+        until: End of the observation; None: the end of the trace.
+
+    Raises:
+        ConfigurationError: Neither axis nor drive is named.
+
+    """
+
+    _: KW_ONLY
     by: Reference
-    until: Reference | None
+    axis: str = "axis1"
+    drive: str = "drive1"
+    until: Reference | None = None
+
+    def __post_init__(self) -> None:
+        if not self.axis and not self.drive:
+            raise ConfigurationError("disabled", (self.axis, self.drive), "an axis, a drive, or both")
 
     @property
     def title(self) -> str:
@@ -287,60 +338,3 @@ def _from_operation(zsw1: NDArray[np.int64]) -> NDArray[np.bool_]:
         torque = one == 0x07 or (torque and one == 0x03)
         result[index] = torque
     return result
-
-
-def telegram_bits(
-    word: str, *, at: Reference, ones: int = 0, zeros: int = 0, within_s: float = 0.0, for_s: float = 0.0
-) -> TelegramBitsExpectation:
-    """Expect bits of a word of a telegram.
-
-    Args:
-        word: Signal: `axis1.stw1`, `axis1.zsw1`, `drive1.statusword`, `drive1.drive_zsw2`, ...
-        at: Reference instant.
-        ones: Mask of the bits that have to be 1.
-        zeros: Mask of the bits that have to be 0.
-        within_s: Time for it to happen, s; 0: at the instant itself.
-        for_s: Time for which it has to stay so from then on, s.
-
-    Raises:
-        ConfigurationError: No bit is named, one in both masks, or a time is negative.
-
-    """
-    if not 0 < ones | zeros <= 0xFFFFFFFF or ones & zeros or ones < 0 or zeros < 0:
-        raise ConfigurationError(
-            "telegram_bits.ones/zeros", (ones, zeros), "masks of up to 32 bits without a bit in both"
-        )
-    for name, value in (("within_s", within_s), ("for_s", for_s)):
-        if not value >= 0:
-            raise ConfigurationError(f"telegram_bits.{name}", value, "a time >= 0 s")
-    return TelegramBitsExpectation(word, ones, zeros, at, within_s, for_s)
-
-
-def settles_within(
-    signal: str,
-    target: float,
-    *,
-    tolerance: float,
-    within_s: float,
-    since: Reference = 0.0,
-    until: Reference | None = None,
-) -> SettlesExpectation:
-    """Expect `signal` within `tolerance` of `target` (its unit) at most `within_s` after `since`, and to the
-    end or `until`.
-    """
-    if not tolerance >= 0:
-        raise ConfigurationError("settles_within.tolerance", tolerance, "a number >= 0")
-    if not within_s >= 0:
-        raise ConfigurationError("settles_within.within_s", within_s, "a time >= 0 s")
-    return SettlesExpectation(signal, target, tolerance, within_s, since, until)
-
-
-def disabled(
-    *, by: Reference, axis: str = "axis1", drive: str = "drive1", until: Reference | None = None
-) -> DisabledExpectation:
-    """Expect no enable of the axis and no torque of its drive from `by` on; with `axis=""` or `drive=""` of
-    the other alone.
-    """
-    if not axis and not drive:
-        raise ConfigurationError("disabled", (axis, drive), "an axis, a drive, or both")
-    return DisabledExpectation(axis, drive, by, until)

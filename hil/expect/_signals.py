@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from hil.expect._base import (
     SLACK_S,
     Expectation,
     Reference,
+    check_bound,
     end_of,
     instant,
     value_in_force,
@@ -30,9 +31,23 @@ STW1_MASK = 0x04FF
 """Bits of control word 1 that the technology object owns; the others belong to `MC_SetAxisSTW`."""
 
 
-@dataclass(frozen=True, slots=True)
-class AlwaysExpectation(Expectation):
-    """A predicate over signals holds at every sample, or at none. Made by `always` and `never`."""
+@dataclass(frozen=True, slots=True, init=False)
+class always(Expectation):
+    """Expect `predicate` at every sample.
+
+    Args:
+        text: The rule in words, for the report.
+        predicate: Takes one NumPy array per signal, returns an array of truth values.
+        signals: Names of the signals; the first gives the sample times.
+        since: Begin of the observation.
+        until: End of the observation; None: the end of the trace.
+        condition: Judge only samples where this is true (*always while*).
+        never: The predicate must hold at no sample; `never` reads better.
+
+    Raises:
+        ConfigurationError: No signal is named.
+
+    """
 
     text: str
     predicate: Predicate
@@ -41,6 +56,26 @@ class AlwaysExpectation(Expectation):
     until: Reference | None
     condition: Predicate | None
     never: bool
+
+    def __init__(
+        self,
+        text: str,
+        predicate: Predicate,
+        *signals: str,
+        since: Reference = 0.0,
+        until: Reference | None = None,
+        condition: Predicate | None = None,
+        never: bool = False,
+    ) -> None:
+        if not signals:
+            where = "never.signals" if never else "always.signals"
+            raise ConfigurationError(where, signals, "at least one signal name")
+        given = {
+            "text": text, "predicate": predicate, "signals": signals, "since": since, "until": until,
+            "condition": condition, "never": never, "requirements": (), "label": "",
+        }  # fmt: skip
+        for name, value in given.items():
+            object.__setattr__(self, name, value)
 
     @property
     def title(self) -> str:
@@ -110,13 +145,22 @@ def _held(signal: Signal, base: Signal) -> tuple[NDArray[np.float64], NDArray[np
 
 
 @dataclass(frozen=True, slots=True)
-class ValueExpectation(Expectation):
-    """A signal has a value at an instant. Made by `value_at`."""
+class value_at(Expectation):
+    """Expect `signal` at an instant to be `expected` within `tolerance`, in the unit of the signal.
+
+    Raises:
+        ConfigurationError: The tolerance is negative.
+
+    """
 
     signal: str
     at: Reference
     expected: float
+    _: KW_ONLY
     tolerance: float
+
+    def __post_init__(self) -> None:
+        check_bound("value_at.tolerance", self.tolerance)
 
     @property
     def title(self) -> str:
@@ -156,14 +200,27 @@ class ValueExpectation(Expectation):
 
 
 @dataclass(frozen=True, slots=True)
-class RangeExpectation(Expectation):
-    """A signal stays within limits. Made by `stays_within`."""
+class stays_within(Expectation):
+    """Expect `signal` within limits, in its unit, from `since` to `until`.
+
+    Raises:
+        ConfigurationError: No limit is given, or `low` is above `high`.
+
+    """
 
     signal: str
-    low: float | None
-    high: float | None
-    since: Reference
-    until: Reference | None
+    _: KW_ONLY
+    low: float | None = None
+    high: float | None = None
+    since: Reference = 0.0
+    until: Reference | None = None
+
+    def __post_init__(self) -> None:
+        low, high = self.low, self.high
+        if low is None and high is None:
+            raise ConfigurationError("stays_within", None, "low, high or both")
+        if not (-math.inf if low is None else low) <= (math.inf if high is None else high):
+            raise ConfigurationError("stays_within", (low, high), "numbers, low not above high")
 
     @property
     def title(self) -> str:
@@ -215,15 +272,34 @@ class RangeExpectation(Expectation):
 
 
 @dataclass(frozen=True, slots=True)
-class SequenceExpectation(Expectation):
-    """A word takes a sequence of values. Made by `word_sequence` and `stw1_sequence`."""
+class word_sequence(Expectation):
+    """Expect a word to take these values one after the other, beginning with the one in force at `since`.
+
+    Args:
+        signal: Name of the signal.
+        words: The values.
+        mask: Bits that count.
+        since: Begin of the observation.
+        until: End of the observation; None: the end of the trace.
+        exact: No other values in between.
+
+    Raises:
+        ConfigurationError: No value is given.
+
+    """
 
     signal: str
-    words: tuple[int, ...]
-    mask: int
-    since: Reference
-    until: Reference | None
-    exact: bool
+    words: Sequence[int]
+    _: KW_ONLY
+    mask: int = 0xFFFF
+    since: Reference = 0.0
+    until: Reference | None = None
+    exact: bool = True
+
+    def __post_init__(self) -> None:
+        if not self.words:
+            raise ConfigurationError("word_sequence.words", self.words, "at least one word")
+        object.__setattr__(self, "words", tuple(word & self.mask for word in self.words))
 
     @property
     def title(self) -> str:
@@ -269,30 +345,6 @@ def _chain(words: Sequence[int]) -> str:
     return " -> ".join(f"16#{word:04X}" for word in words)
 
 
-def always(
-    text: str,
-    predicate: Predicate,
-    *signals: str,
-    since: Reference = 0.0,
-    until: Reference | None = None,
-    condition: Predicate | None = None,
-) -> AlwaysExpectation:
-    """Expect `predicate` at every sample.
-
-    Args:
-        text: The rule in words, for the report.
-        predicate: Takes one NumPy array per signal, returns an array of truth values.
-        signals: Names of the signals; the first gives the sample times.
-        since: Begin of the observation.
-        until: End of the observation; default the end of the trace.
-        condition: Judge only samples where this is true (*always while*).
-
-    """
-    if not signals:
-        raise ConfigurationError("always.signals", signals, "at least one signal name")
-    return AlwaysExpectation(text, predicate, signals, since, until, condition, never=False)
-
-
 def never(
     text: str,
     predicate: Predicate,
@@ -300,49 +352,9 @@ def never(
     since: Reference = 0.0,
     until: Reference | None = None,
     condition: Predicate | None = None,
-) -> AlwaysExpectation:
+) -> always:
     """Expect `predicate` at no sample; arguments as of `always`."""
-    if not signals:
-        raise ConfigurationError("never.signals", signals, "at least one signal name")
-    return AlwaysExpectation(text, predicate, signals, since, until, condition, never=True)
-
-
-def value_at(signal: str, at: Reference, expected: float, *, tolerance: float) -> ValueExpectation:
-    """Expect `signal` at an instant to be `expected` within `tolerance`, in the unit of the signal."""
-    if not tolerance >= 0:
-        raise ConfigurationError("value_at.tolerance", tolerance, "a number >= 0")
-    return ValueExpectation(signal, at, expected, tolerance)
-
-
-def stays_within(
-    signal: str,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    since: Reference = 0.0,
-    until: Reference | None = None,
-) -> RangeExpectation:
-    """Expect `signal` within limits, in its unit, from `since` to `until`."""
-    if low is None and high is None:
-        raise ConfigurationError("stays_within", None, "low, high or both")
-    if not (-math.inf if low is None else low) <= (math.inf if high is None else high):
-        raise ConfigurationError("stays_within", (low, high), "numbers, low not above high")
-    return RangeExpectation(signal, low, high, since, until)
-
-
-def word_sequence(
-    signal: str,
-    words: Sequence[int],
-    *,
-    mask: int = 0xFFFF,
-    since: Reference = 0.0,
-    until: Reference | None = None,
-    exact: bool = True,
-) -> SequenceExpectation:
-    """Expect a word to take these values one after the other, beginning with the one in force at `since`."""
-    if not words:
-        raise ConfigurationError("word_sequence.words", words, "at least one word")
-    return SequenceExpectation(signal, tuple(word & mask for word in words), mask, since, until, exact)
+    return always(text, predicate, *signals, since=since, until=until, condition=condition, never=True)
 
 
 def stw1_sequence(
@@ -353,20 +365,45 @@ def stw1_sequence(
     until: Reference | None = None,
     mask: int = STW1_MASK,
     exact: bool = True,
-) -> SequenceExpectation:
+) -> word_sequence:
     """Expect control word 1 of an axis to run through `words`, such as 16#047F, 16#047B, 16#0478, 16#047E."""
     return word_sequence(f"{axis}.stw1", words, mask=mask, since=since, until=until, exact=exact)
 
 
 @dataclass(frozen=True, slots=True)
-class BitExpectation(Expectation):
-    """A bit of a word has a value. Made by `status_word_bit`."""
+class status_word_bit(Expectation):
+    """Expect bit `bit` (0..31) of a word of an axis to be `state` at an instant, or within a time after it.
 
-    signal: str
+    Args:
+        bit: Number of the bit: 7 for X7.
+        state: Expected value.
+        at: Reference instant.
+        within_s: Time for it to happen; 0 = at the instant itself.
+        axis: Name of the axis.
+        word: Column: status_word, status_word2, error_word, warning_word, zsw1, ...
+
+    Raises:
+        ConfigurationError: There is no such bit, or `within_s` is negative.
+
+    """
+
     bit: int
     state: bool
-    since: Reference
-    within_s: float
+    _: KW_ONLY
+    at: Reference
+    within_s: float = 0.0
+    axis: str = "axis1"
+    word: str = "status_word"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.bit <= 31:
+            raise ConfigurationError("status_word_bit.bit", self.bit, "0..31")
+        check_bound("status_word_bit.within_s", self.within_s)
+
+    @property
+    def signal(self) -> str:
+        """Name of the signal."""
+        return f"{self.axis}.{self.word}"
 
     @property
     def title(self) -> str:
@@ -377,7 +414,7 @@ class BitExpectation(Expectation):
     def wanted(self) -> str:
         """What is expected, in words."""
         bound = f" within {self.within_s:g} s of" if self.within_s else " at"
-        return f"{'TRUE' if self.state else 'FALSE'}{bound} {words_of(self.since)}"
+        return f"{'TRUE' if self.state else 'FALSE'}{bound} {words_of(self.at)}"
 
     def signals_named(self) -> tuple[str, ...]:
         """See `Expectation`."""
@@ -385,11 +422,11 @@ class BitExpectation(Expectation):
 
     def needed_until(self, trace: Trace) -> Reference:  # noqa: ARG002 - see `Expectation`
         """See `Expectation`: what has come has come."""
-        return self.since
+        return self.at
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
-        since_s = instant(trace, self.since)
+        since_s = instant(trace, self.at)
         signal = trace[self.signal]
         if not self.within_s:
             value_in_force(trace, self.signal, since_s)
@@ -414,30 +451,3 @@ class BitExpectation(Expectation):
                 high=self.within_s,
             )
         ]
-
-
-def status_word_bit(
-    bit: int,
-    state: bool,
-    *,
-    at: Reference,
-    within_s: float = 0.0,
-    axis: str = "axis1",
-    word: str = "status_word",
-) -> BitExpectation:
-    """Expect bit `bit` (0..31) of a word of an axis to be `state` at an instant, or within a time after it.
-
-    Args:
-        bit: Number of the bit: 7 for X7.
-        state: Expected value.
-        at: Reference instant.
-        within_s: Time for it to happen; 0 = at the instant itself.
-        axis: Name of the axis.
-        word: Column: status_word, status_word2, error_word, warning_word, zsw1, ...
-
-    """
-    if not 0 <= bit <= 31:
-        raise ConfigurationError("status_word_bit.bit", bit, "0..31")
-    if not within_s >= 0:
-        raise ConfigurationError("status_word_bit.within_s", within_s, "a time >= 0 s")
-    return BitExpectation(f"{axis}.{word}", bit, state, at, within_s)

@@ -4,11 +4,11 @@ trace.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from typing import Final
 
 from fieldbus.errors import ConfigurationError
-from hil.expect._base import Expectation, Reference, instant, value_in_force, words_of
+from hil.expect._base import Expectation, Reference, check_bound, instant, value_in_force, words_of
 from hil.expect._stops import ramp
 from hil.expect.golden import StopRamp, stop_ramp
 from hil.record import Trace
@@ -25,15 +25,38 @@ _REST: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class StopExpectation(Expectation):
-    """A stop of the axis with the ramp of its mode. Made by `stop`."""
+class stop(Expectation):
+    """Expect a stop of the axis whose time and travel are those of its mode, from the velocity that the axis
+    has in the trace.
 
-    mode: str
-    axis: str
+    Args:
+        since: The falling edge of the enable, the alarm, the job.
+        mode: `emergency` (StopMode 0, reaction 3, `MC_Stop` 0), `maximum` (StopMode 2, reaction 2,
+            `MC_Stop` 2) or `default` (`MC_Halt`, reaction 1 with the default dynamics). For ramps of the
+            drive see `ramp` with `made_by="drive"`.
+        axis: The axis.
+        until: End of the observation.
+        time_tolerance_s: Default two cycles.
+        distance_tolerance: Default two cycles at the start velocity.
+
+    Raises:
+        ConfigurationError: There is no such mode, or a tolerance is negative.
+
+    """
+
     since: Reference
-    until: Reference | None
-    time_tolerance_s: float | None
-    distance_tolerance: float | None
+    mode: str
+    _: KW_ONLY
+    axis: str = "axis1"
+    until: Reference | None = None
+    time_tolerance_s: float | None = None
+    distance_tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.mode not in MODES:
+            raise ConfigurationError("stop.mode", self.mode, ", ".join(MODES))
+        check_bound("stop.time_tolerance_s", self.time_tolerance_s)
+        check_bound("stop.distance_tolerance", self.distance_tolerance)
 
     @property
     def title(self) -> str:
@@ -74,7 +97,7 @@ class StopExpectation(Expectation):
             if self.distance_tolerance is None
             else self.distance_tolerance,
         )
-        return replace(judged, label=self.label or self.title, requirements=self.requirements).judge(trace)
+        return judged.named(self.label or self.title).covers(*self.requirements).judge(trace)
 
     def _ramp(self, trace: Trace, since_s: float) -> tuple[StopRamp, float]:
         """Return the ramp by formula and the speed with which it begins."""
@@ -95,37 +118,3 @@ class StopExpectation(Expectation):
         )
         present = max(acceleration, -limit)
         return stop_ramp(abs(velocity), limit, of[f"{self.axis}.{jerk}"], acceleration=present), abs(velocity)
-
-
-def stop(
-    since: Reference,
-    mode: str,
-    *,
-    axis: str = "axis1",
-    until: Reference | None = None,
-    time_tolerance_s: float | None = None,
-    distance_tolerance: float | None = None,
-) -> StopExpectation:
-    """Expect a stop of the axis whose time and travel are those of its mode, from the velocity that the axis
-    has in the trace.
-
-    Args:
-        since: The falling edge of the enable, the alarm, the job.
-        mode: `emergency` (StopMode 0, reaction 3, `MC_Stop` 0), `maximum` (StopMode 2, reaction 2,
-            `MC_Stop` 2) or `default` (`MC_Halt`, reaction 1 with the default dynamics). For ramps of the
-            drive see `ramp` with `made_by="drive"`.
-        axis: The axis.
-        until: End of the observation.
-        time_tolerance_s: Default two cycles.
-        distance_tolerance: Default two cycles at the start velocity.
-
-    Raises:
-        ConfigurationError: There is no such mode, or a tolerance is negative.
-
-    """
-    if mode not in MODES:
-        raise ConfigurationError("stop.mode", mode, ", ".join(MODES))
-    for name, value in (("time_tolerance_s", time_tolerance_s), ("distance_tolerance", distance_tolerance)):
-        if value is not None and not value >= 0:
-            raise ConfigurationError(f"stop.{name}", value, "a number >= 0")
-    return StopExpectation(mode, axis, since, until, time_tolerance_s, distance_tolerance)

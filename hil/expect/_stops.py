@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Literal
 
 import numpy as np
 
 from fieldbus.errors import ConfigurationError
-from hil.expect._base import SLACK_S, Expectation, Reference, end_of, instant, value_in_force, words_of
+from hil.expect._base import (
+    SLACK_S,
+    Expectation,
+    Reference,
+    check_bound,
+    end_of,
+    instant,
+    value_in_force,
+    words_of,
+)
 from hil.expect._measure import measure_stop
 from hil.expect.golden import StopRamp
 from hil.record import Trace
@@ -18,28 +27,85 @@ Maker = Literal["controller", "drive"]
 
 
 @dataclass(frozen=True, slots=True)
-class RampExpectation(Expectation):
-    """A stop with ramp time, travel, slope and maker. Made by `ramp`."""
+class ramp(Expectation):
+    """Expect a stop: its ramp time, travel, slope, and which side makes the ramp.
 
-    velocity: str
-    position: str
-    setpoints: tuple[str, ...]
+    A ramp of the controller is measured on its setpoints, from the reference to setpoint zero. A ramp of the
+    drive is measured on the actual values, as the straight line through its middle, which begins at most
+    `delay_s` after the reference; so the delays of bus and measurement do not count as ramp time. Without
+    `made_by` the actual values are measured from the reference to rest.
+
+    Args:
+        since: The falling edge of the enable, the alarm, the job.
+        expected: Ramp time and travel from `hil.expect.golden`; `time_s` and `distance` override it.
+        axis: Axis whose standard signals are measured.
+        made_by: `controller` or `drive`; distinguished by the speed output of the axis.
+        velocity: Another signal that brakes.
+        position: Another signal for the travel.
+        setpoint: Another setpoint to the drive.
+        until: End of the observation.
+        time_s: Ramp time, s.
+        time_tolerance_s: Default two cycles of 4 ms.
+        distance: Travel, in the unit of the position.
+        distance_tolerance: Default two cycles of 4 ms at 300 mm/s; add the following error for actual values.
+        slope: Deceleration in the middle of the ramp, magnitude.
+        slope_tolerance: Default 2 % of `slope`.
+        delay_s: Latest begin of a ramp of the drive after the reference; default five cycles of 4 ms.
+        threshold: Magnitude that counts as rest; default 0.5 % of the start velocity, for setpoints a
+            millionth.
+
+    Raises:
+        ConfigurationError: A tolerance is negative, or there is no such maker.
+
+    """
+
     since: Reference
-    until: Reference | None
-    time_s: float | None
-    time_tolerance_s: float
-    distance: float | None
-    distance_tolerance: float
-    slope: float | None
-    slope_tolerance: float
-    delay_s: float
-    made_by: Maker | None
-    threshold: float | None
+    expected: StopRamp | None = None
+    _: KW_ONLY
+    axis: str = "axis1"
+    made_by: Maker | None = None
+    velocity: str | None = None
+    position: str | None = None
+    setpoint: str | None = None
+    until: Reference | None = None
+    time_s: float | None = None
+    time_tolerance_s: float = 0.008
+    distance: float | None = None
+    distance_tolerance: float = 2.4
+    slope: float | None = None
+    slope_tolerance: float | None = None
+    delay_s: float = 0.02
+    threshold: float | None = None
+
+    def __post_init__(self) -> None:
+        check_bound("ramp.time_tolerance_s", self.time_tolerance_s)
+        check_bound("ramp.distance_tolerance", self.distance_tolerance)
+        check_bound("ramp.delay_s", self.delay_s)
+        if self.made_by not in {None, "controller", "drive"}:
+            raise ConfigurationError("ramp.made_by", self.made_by, "controller, drive")
+
+    @property
+    def _on_setpoints(self) -> bool:
+        return self.made_by == "controller" and self.velocity is None
+
+    @property
+    def braking(self) -> str:
+        """Name of the velocity signal that is measured."""
+        if self.velocity:
+            return self.velocity
+        return f"{self.axis}.{'velocity_setpoint' if self._on_setpoints else 'actual_velocity'}"
+
+    @property
+    def travelling(self) -> str:
+        """Name of the position signal that is measured."""
+        if self.position:
+            return self.position
+        return f"{self.axis}.{'position_setpoint' if self._on_setpoints else 'actual_position'}"
 
     @property
     def title(self) -> str:
         """Name made from the content."""
-        return f"stop of {self.velocity}"
+        return f"stop of {self.braking}"
 
     @property
     def wanted(self) -> str:
@@ -48,25 +114,34 @@ class RampExpectation(Expectation):
 
     def signals_named(self) -> tuple[str, ...]:
         """See `Expectation`."""
-        return (self.velocity, self.position)
+        return (self.braking, self.travelling)
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace: one check for every quantity that is expected."""
         since_s, until_s = instant(trace, self.since), end_of(trace, self.until)
-        setpoint = next((name for name in self.setpoints if name in trace), self.setpoints[-1])
+        velocity, position, expected = self.braking, self.travelling, self.expected
+        time_s = expected.time_s if self.time_s is None and expected is not None else self.time_s
+        distance = expected.distance if self.distance is None and expected is not None else self.distance
+        threshold = 1e-6 if self._on_setpoints and self.threshold is None else self.threshold
+        setpoints = (
+            [self.setpoint]
+            if self.setpoint
+            else [f"{self.axis}.speed_output", f"{self.axis}.velocity_setpoint"]
+        )
+        setpoint = next((name for name in setpoints if name in trace), setpoints[-1])
         stop = measure_stop(
             trace,
             since_s,
-            velocity=self.velocity,
-            position=self.position,
+            velocity=velocity,
+            position=position,
             setpoint=setpoint if self.made_by else None,
-            threshold=self.threshold,
+            threshold=threshold,
             until_s=until_s,
             straight=self.made_by == "drive",
         )
-        speed_unit = trace[self.velocity].unit
+        speed_unit = trace[velocity].unit
         if stop.end_s is None:
-            last = trace[self.velocity].at(until_s)
+            last = trace[velocity].at(until_s)
             observed = f"still {last:g} {speed_unit} at the end of the observation"
             return [self.outcome(passed=False, observed=observed, time_s=until_s)]
         checks: list[Check] = []
@@ -101,14 +176,15 @@ class RampExpectation(Expectation):
                 unit="s",
                 text=f"at most {self.delay_s:g} s",
             )
-        if self.time_s is not None:
-            low, high = self.time_s - self.time_tolerance_s, self.time_s + self.time_tolerance_s
+        if time_s is not None:
+            low, high = time_s - self.time_tolerance_s, time_s + self.time_tolerance_s
             limit("ramp time", stop.duration_s, low, high, unit="s")
-        if self.distance is not None:
-            low, high = self.distance - self.distance_tolerance, self.distance + self.distance_tolerance
-            limit("travel", stop.distance, low, high, unit=trace[self.position].unit)
+        if distance is not None:
+            low, high = distance - self.distance_tolerance, distance + self.distance_tolerance
+            limit("travel", stop.distance, low, high, unit=trace[position].unit)
         if self.slope is not None:
-            low, high = self.slope - self.slope_tolerance, self.slope + self.slope_tolerance
+            room = abs(self.slope) * 0.02 if self.slope_tolerance is None else self.slope_tolerance
+            low, high = self.slope - room, self.slope + room
             limit("slope", stop.mean_deceleration, low, high, unit=f"{speed_unit}/s")
         if self.made_by is not None:
             checks.append(
@@ -127,98 +203,42 @@ class RampExpectation(Expectation):
         return checks
 
 
-def ramp(
-    since: Reference,
-    expected: StopRamp | None = None,
-    *,
-    axis: str = "axis1",
-    made_by: Maker | None = None,
-    velocity: str | None = None,
-    position: str | None = None,
-    setpoint: str | None = None,
-    until: Reference | None = None,
-    time_s: float | None = None,
-    time_tolerance_s: float = 0.008,
-    distance: float | None = None,
-    distance_tolerance: float = 2.4,
-    slope: float | None = None,
-    slope_tolerance: float | None = None,
-    delay_s: float = 0.02,
-    threshold: float | None = None,
-) -> RampExpectation:
-    """Expect a stop.
-
-    A ramp of the controller is measured on its setpoints, from the reference to setpoint zero. A ramp of the
-    drive is measured on the actual values, as the straight line through its middle, which begins at most
-    `delay_s` after the reference; so the delays of bus and measurement do not count as ramp time. Without
-    `made_by` the actual values are measured from the reference to rest.
+@dataclass(frozen=True, slots=True)
+class standstill(Expectation):
+    """Expect |velocity| <= `tolerance` (in the unit of the signal) from `by` to `until` (default: the
+    end).
 
     Args:
-        since: The falling edge of the enable, the alarm, the job.
-        expected: Ramp time and travel from `hil.expect.golden`; `time_s` and `distance` override it.
-        axis: Axis whose standard signals are measured.
-        made_by: `controller` or `drive`; told apart by the speed output of the axis.
-        velocity: Another signal that brakes.
-        position: Another signal for the travel.
-        setpoint: Another setpoint to the drive.
-        until: End of the observation.
-        time_s: Ramp time, s.
-        time_tolerance_s: Default two cycles of 4 ms.
-        distance: Travel, in the unit of the position.
-        distance_tolerance: Default two cycles of 4 ms at 300 mm/s; add the following error for actual values.
-        slope: Deceleration in the middle of the ramp, magnitude.
-        slope_tolerance: Default 2 % of `slope`.
-        delay_s: Latest begin of a ramp of the drive after the reference; default five cycles of 4 ms.
-        threshold: Magnitude that counts as rest; default 0.5 % of the start velocity, for setpoints a
-            millionth.
+        by: Begin of the observation.
+        axis: Axis whose actual velocity is judged.
+        velocity: Another signal.
+        tolerance: Magnitude that counts as rest.
+        until: End of the observation; None: the end of the trace.
+
+    Raises:
+        ConfigurationError: The tolerance is negative.
 
     """
-    for name, value in (
-        ("time_tolerance_s", time_tolerance_s),
-        ("distance_tolerance", distance_tolerance),
-        ("delay_s", delay_s),
-    ):
-        if not value >= 0:
-            raise ConfigurationError(f"ramp.{name}", value, "a number >= 0")
-    if made_by not in {None, "controller", "drive"}:
-        raise ConfigurationError("ramp.made_by", made_by, "controller, drive")
-    if expected is not None:
-        time_s = expected.time_s if time_s is None else time_s
-        distance = expected.distance if distance is None else distance
-    on_setpoints = made_by == "controller" and velocity is None
-    if on_setpoints and threshold is None:
-        threshold = 1e-6
-    return RampExpectation(
-        velocity or (f"{axis}.velocity_setpoint" if on_setpoints else f"{axis}.actual_velocity"),
-        position or (f"{axis}.position_setpoint" if on_setpoints else f"{axis}.actual_position"),
-        (setpoint,) if setpoint else (f"{axis}.speed_output", f"{axis}.velocity_setpoint"),
-        since,
-        until,
-        time_s,
-        time_tolerance_s,
-        distance,
-        distance_tolerance,
-        slope,
-        (abs(slope or 0.0) * 0.02) if slope_tolerance is None else slope_tolerance,
-        delay_s,
-        made_by,
-        threshold,
-    )
 
-
-@dataclass(frozen=True, slots=True)
-class StandstillExpectation(Expectation):
-    """At rest by an instant, and from then on. Made by `standstill`."""
-
-    velocity: str
+    _: KW_ONLY
     by: Reference
-    tolerance: float
-    until: Reference | None
+    axis: str = "axis1"
+    velocity: str | None = None
+    tolerance: float = 1.0
+    until: Reference | None = None
+
+    def __post_init__(self) -> None:
+        check_bound("standstill.tolerance", self.tolerance)
+
+    @property
+    def signal(self) -> str:
+        """Name of the signal that is judged."""
+        return self.velocity or f"{self.axis}.actual_velocity"
 
     @property
     def title(self) -> str:
         """Name made from the content."""
-        return f"standstill of {self.velocity}"
+        return f"standstill of {self.signal}"
 
     @property
     def wanted(self) -> str:
@@ -227,12 +247,12 @@ class StandstillExpectation(Expectation):
 
     def signals_named(self) -> tuple[str, ...]:
         """See `Expectation`."""
-        return (self.velocity,)
+        return (self.signal,)
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         by_s = instant(trace, self.by)
-        part = trace[self.velocity].between(by_s, end_of(trace, self.until))
+        part = trace[self.signal].between(by_s, end_of(trace, self.until))
         if len(part) == 0:
             return [self.unseen(trace, "nothing was recorded after that", by_s)]
         # A value that is not a number is no standstill.
@@ -248,25 +268,50 @@ class StandstillExpectation(Expectation):
                 unit=part.unit,
                 low=-self.tolerance,
                 high=self.tolerance,
-                signal=self.velocity,
+                signal=self.signal,
                 since_s=by_s,
             )
         ]
 
 
 @dataclass(frozen=True, slots=True)
-class NoMotionExpectation(Expectation):
-    """No displacement after an instant. Made by `no_motion_after`."""
+class no_motion_after(Expectation):
+    """Expect that the position stays within `tolerance` (its unit) of where it is at `after`.
 
-    position: str
+    Judge the true position of the mechanics (`position="drive1.position"`) where the encoder is faulty
+    (STP-550).
+
+    Args:
+        after: Reference instant.
+        axis: Axis whose actual position is judged.
+        position: Another signal.
+        tolerance: Greatest displacement.
+        until: End of the observation; None: the end of the trace.
+
+    Raises:
+        ConfigurationError: The tolerance is negative.
+
+    """
+
     after: Reference
-    tolerance: float
-    until: Reference | None
+    _: KW_ONLY
+    axis: str = "axis1"
+    position: str | None = None
+    tolerance: float = 0.05
+    until: Reference | None = None
+
+    def __post_init__(self) -> None:
+        check_bound("no_motion_after.tolerance", self.tolerance)
+
+    @property
+    def signal(self) -> str:
+        """Name of the signal that is judged."""
+        return self.position or f"{self.axis}.actual_position"
 
     @property
     def title(self) -> str:
         """Name made from the content."""
-        return f"no motion of {self.position}"
+        return f"no motion of {self.signal}"
 
     @property
     def wanted(self) -> str:
@@ -275,16 +320,16 @@ class NoMotionExpectation(Expectation):
 
     def signals_named(self) -> tuple[str, ...]:
         """See `Expectation`."""
-        return (self.position,)
+        return (self.signal,)
 
     def judge(self, trace: Trace) -> list[Check]:
         """Evaluate on a trace."""
         after_s = instant(trace, self.after)
-        signal = trace[self.position]
+        signal = trace[self.signal]
         part = signal.between(after_s, end_of(trace, self.until))
         if len(part) == 0:
             return [self.unseen(trace, "nothing was recorded after that", after_s)]
-        displacement = part.values - value_in_force(trace, self.position, after_s)
+        displacement = part.values - value_in_force(trace, self.signal, after_s)
         distances = np.where(np.isnan(displacement), np.inf, np.abs(displacement))
         index = int(np.argmax(distances))
         value = float(displacement[index])
@@ -300,37 +345,3 @@ class NoMotionExpectation(Expectation):
                 since_s=after_s,
             )
         ]
-
-
-def standstill(
-    *,
-    by: Reference,
-    axis: str = "axis1",
-    velocity: str | None = None,
-    tolerance: float = 1.0,
-    until: Reference | None = None,
-) -> StandstillExpectation:
-    """Expect |velocity| <= `tolerance` (in the unit of the signal) from `by` to `until` (default: the
-    end).
-    """
-    if not tolerance >= 0:
-        raise ConfigurationError("standstill.tolerance", tolerance, "a number >= 0")
-    return StandstillExpectation(velocity or f"{axis}.actual_velocity", by, tolerance, until)
-
-
-def no_motion_after(
-    after: Reference,
-    *,
-    axis: str = "axis1",
-    position: str | None = None,
-    tolerance: float = 0.05,
-    until: Reference | None = None,
-) -> NoMotionExpectation:
-    """Expect that the position stays within `tolerance` (its unit) of where it is at `after`.
-
-    Judge the true position of the mechanics (`position="drive1.position"`) where an encoder fault lies
-    (STP-550).
-    """
-    if not tolerance >= 0:
-        raise ConfigurationError("no_motion_after.tolerance", tolerance, "a number >= 0")
-    return NoMotionExpectation(position or f"{axis}.actual_position", after, tolerance, until)

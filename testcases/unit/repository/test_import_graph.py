@@ -17,14 +17,9 @@ PACKAGES: Final = ("fieldbus", "emulators", "motion", "hil", "reports")
 IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
     "fieldbus": frozenset(
         {
-            "fieldbus.canopen.boot",
-            "fieldbus.canopen.boot_runner",
-            "fieldbus.canopen.master",
             "fieldbus.canopen.mpdo",
-            "fieldbus.canopen.node",
             "fieldbus.canopen.pdo",
             "fieldbus.canopen.pdo_engine",
-            "fieldbus.canopen.sdo_client",
         }
     ),
     "emulators": frozenset(
@@ -87,8 +82,6 @@ IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
     ),
     "hil": frozenset(
         {
-            "hil._plugin_cases",
-            "hil._plugin_report",
             "hil.bench._profidrive_encoder",
             "hil.bench.axis_config",
             "hil.bench.config",
@@ -101,7 +94,6 @@ IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
             "hil.bench.modbus_config",
             "hil.faults._compose",
             "hil.faults._trigger",
-            "hil.pytest_plugin",
             "hil.record._storage",
             "hil.record._trace",
         }
