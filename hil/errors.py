@@ -61,10 +61,10 @@ class CaseEndedError(BaseException):
 
 
 class RecordingError(HilError):
-    """Misuse of a recorder or trace, such as a column that was not recorded."""
+    """Misuse of a recorder or trace, such as the name of a signal that does not exist."""
 
 
-class NotRecordedError(RecordingError):
+class NotRecordedError(HilError):
     """A recording of this sort cannot hold what is asked for: a bus log knows no jobs of the controller."""
 
 

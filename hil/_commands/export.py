@@ -67,18 +67,14 @@ def _write_bus(trace: Trace, output: Path, bus: str, signals: Sequence[str]) -> 
 
     if signals:
         raise CannotRunError(f"--signal: {output.suffix} holds the frames of a segment, not signals")
-    there = [
-        name
-        for name in trace.buses
-        if not any(hasattr(entry[2], "protocol") for entry in trace.raw_frames(name)[:1])
-    ]
+    there = trace.can_buses
     if not there:
         raise CannotRunError("the trace holds no CAN frames")
     if bus and bus not in there:
         raise CannotRunError(f"--bus {bus!r}: the trace has the CAN segments {', '.join(there)}")
     if not bus and len(there) > 1:
         raise CannotRunError(f"the trace has the CAN segments {', '.join(there)}: say which one with --bus")
-    log = trace.raw_frames(bus or there[0])
+    log = trace.can_log(bus or there[0])
     write_log(log, output, channel=bus or there[0])
     return {"frames": len(log)}
 

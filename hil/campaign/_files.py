@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final, Literal
 
+from fieldbus.can.frame import CanFrame
 from hil.campaign._execute import Execution
 from hil.record import Trace, TraceFrame
 from reports.model import Verdict
@@ -48,7 +49,7 @@ def write_modbus_log(trace: Trace, path: Path) -> Path:
         (time_ns, bus, sender, frame, error)
         for bus in trace.buses
         for time_ns, sender, frame, error in trace.raw_frames(bus)
-        if hasattr(frame, "protocol")
+        if not isinstance(frame, CanFrame)
     ]
     rows.sort(key=lambda row: row[0])
     with path.open("w", encoding="utf-8") as stream:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from fieldbus.history import Event
-from hil.errors import RecordingError
+from hil.errors import NotRecordedError, RecordingError
 from hil.faults._trigger import (
     AtTime,
     ComposedTrigger,
@@ -105,7 +105,7 @@ def check_names(bench: Bench, trigger: Trigger, where: str = "trigger") -> None:
             check_selector(words, EventSelector(selector.kind, selector.source, data=data))
         elif isinstance(trigger, InState):
             check_state(words, trigger.component, trigger.state, trigger.kind)
-    except RecordingError as error:
+    except (RecordingError, NotRecordedError) as error:
         raise ConfigurationError(where, str(trigger), f"what the bench can tell: {error}") from None
 
 

@@ -1,15 +1,21 @@
-"""Frames of a long log in little memory: packed, and made when somebody looks at them."""
+"""The frame log of a bus, and the one of a long log in little memory: packed, and made when they are read."""
 
 from __future__ import annotations
 
 from array import array
 from collections.abc import Iterator, Sequence
-from typing import Final, overload
+from typing import TYPE_CHECKING, Final, TypeAlias, overload
 
 from fieldbus.can.frame import CanFrame
 
-Entry = tuple[int, str, CanFrame, str]
+if TYPE_CHECKING:
+    from fieldbus.modbus import ModbusFrame
+
+BusFrame: TypeAlias = "CanFrame | ModbusFrame"
+Entry: TypeAlias = tuple[int, str, CanFrame, str]
 """Time (ns), sender, frame, error (empty: none)."""
+FrameLog: TypeAlias = "Sequence[tuple[int, str, BusFrame, str]]"
+"""The log of a bus of any kind, in the order in which the frames ended."""
 
 _EXTENDED: Final = 0x8000_0000
 _REMOTE: Final = 0x4000_0000

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldbus.history import Event
+from hil.errors import RecordingError
 from hil.record._trace import Trace
 from reports.homing import HomingDrawing, HomingStep, SwitchEdge, SwitchLane
 
@@ -82,13 +83,12 @@ class _Homing:
         )
         if columns is None:
             return None
-        data = _data(started)
         begin_s = started.time_ns * 1e-9
         ended = next(
             (
                 entry
                 for entry in trace.select(source=axis, kind="job.")
-                if _data(entry).get("job") == data["job"]
+                if entry.data.get("job") == started.data["job"]
                 and entry.kind in _OUTCOMES
                 and entry.time_ns >= started.time_ns
             ),
@@ -99,7 +99,7 @@ class _Homing:
             (
                 entry
                 for entry in trace.select(source=axis, kind="axis.homed")
-                if "mark" in _data(entry) and begin_s <= entry.time_ns * 1e-9 <= job_end_s + 1e-9
+                if "mark" in entry.data and begin_s <= entry.time_ns * 1e-9 <= job_end_s + 1e-9
             ),
             None,
         )
@@ -113,9 +113,9 @@ class _Homing:
             path, job_end_s, homed if not parts else None, done=ended is not None and ended.kind == "job.done"
         )
         offsets = [
-            (entry.time_ns * 1e-9, float(_data(entry)["offset"]))
+            (entry.time_ns * 1e-9, _number(entry, "offset"))
             for entry in trace.select(source=axis, kind="axis.homed")
-            if "offset" in _data(entry) and entry.time_ns * 1e-9 <= end_s
+            if "offset" in entry.data and entry.time_ns * 1e-9 <= end_s
         ]
         for time_s, offset in offsets:
             path.position[self._trace[f"{axis}.{columns[0]}"].time_s < time_s - 1e-9] += offset
@@ -124,26 +124,26 @@ class _Homing:
         if not len(path.time):
             return None
         outcome = (
-            "still active" if ended is None else _OUTCOMES[ended.kind].format(_data(ended).get("error_id", 0))
+            "still active" if ended is None else _OUTCOMES[ended.kind].format(ended.data.get("error_id", 0))
         )
         drawing = HomingDrawing(
             axis,
             trace[f"{axis}.{columns[0]}"].unit,
-            str(data["job"]),
-            int(data["mode"]),
+            _text(started, "job"),
+            int(_number(started, "mode")),
             bool(parts),
-            _KINDS[int(data["mark"])],
-            int(data["direction"]),
+            _KINDS[int(_number(started, "mark"))],
+            int(_number(started, "direction")),
             outcome,
             begin_s,
             end_s,
-            float(data["approach"]),
-            float(data["homing"]),
-            mark=None if homed is None else float(_data(homed)["mark"]),
+            _number(started, "approach"),
+            _number(started, "homing"),
+            mark=None if homed is None else _number(homed, "mark"),
         )
         if drawing.active and outcome == "Done":
             drawing.home = path.at(job_end_s)
-        drawing.lanes = self._lanes(axis, data, path, drawing)
+        drawing.lanes = self._lanes(axis, started, path, drawing)
         mark_s = None if homed is None else homed.time_ns * 1e-9
         drawing.steps = list(
             self._active_steps(drawing, path, parts, mark_s, job_end_s)
@@ -179,21 +179,20 @@ class _Homing:
     # -- switches
     # ---------------------------------------------------------------------------------------------
 
-    def _lanes(
-        self, axis: str, data: dict[str, Any], path: _Path, drawing: HomingDrawing
-    ) -> list[SwitchLane]:
+    def _lanes(self, axis: str, started: Event, path: _Path, drawing: HomingDrawing) -> list[SwitchLane]:
+        mark = int(_number(started, "mark"))
         wired = next(self._trace.select(source=axis, kind="axis.wired"), None)
         found: list[SwitchLane] = []
-        drive = "" if wired is None else str(_data(wired)["drive"])
-        homing_input = "" if wired is None else str(_data(wired)["homing_input"])
+        drive = "" if wired is None else _text(wired, "drive")
+        homing_input = "" if wired is None else _text(wired, "homing_input")
         names = {"negative_limit": "negative limit", "positive_limit": "positive limit"}
-        if data["mark"] and f"{drive}.inputs" in self._trace:
+        if mark and f"{drive}.inputs" in self._trace:
             lane = self._lane(
-                drive, homing_input, path, "cam" if data["mark"] == 1 else "input", level=bool(data["level"])
+                drive, homing_input, path, "cam" if mark == 1 else "input", level=bool(started.data["level"])
             )
             names.pop(homing_input, None)
             found.append(lane)
-        if data["mark"] != 2:
+        if mark != 2:
             found.append(self._zero_marks(wired, path, drawing))
         if f"{drive}.inputs" in self._trace:
             limits = (self._lane(drive, bit, path, name) for bit, name in names.items())
@@ -210,7 +209,7 @@ class _Homing:
         since = begin_s
         for entry in self._trace.select(source=drive, kind="drive.inputs"):
             time_s = entry.time_ns * 1e-9
-            state = (int(_data(entry)["inputs"]) & mask != 0) is level
+            state = (int(_number(entry, "inputs")) & mask != 0) is level
             if state is active or not begin_s < time_s <= end_s:
                 continue
             lane.edges.append(SwitchEdge(time_s, path.at(time_s), state, int(np.sign(path.speed(time_s)))))
@@ -229,10 +228,10 @@ class _Homing:
         if drawing.mark is None:
             return lane
         lane.bars.append([drawing.mark, drawing.mark])
-        pitch = 0.0 if wired is None else float(_data(wired)["zero_mark_pitch"])
-        drive = "" if wired is None else str(_data(wired)["drive"])
+        pitch = 0.0 if wired is None else _number(wired, "zero_mark_pitch")
+        drive = "" if wired is None else _text(wired, "drive")
         switched = [
-            _data(entry)["external"] for entry in self._trace.select(source=drive, kind="drive.zero_mark")
+            entry.data["external"] for entry in self._trace.select(source=drive, kind="drive.zero_mark")
         ]
         low, high = float(path.position.min()), float(path.position.max())
         if pitch <= 0.0 or (switched and switched[-1]) or (high - low) / pitch > _MOST_MARKS:
@@ -253,7 +252,7 @@ class _Homing:
         cycle = self._trace.constants.get(f"{drawing.axis}.cycle_s", 0.004)
         times = [entry.time_ns * 1e-9 for entry in parts] + [end_s]
         for index, (entry, begin_s, until_s) in enumerate(zip(parts, times, times[1:], strict=False)):
-            name = str(_data(entry)["phase"])
+            name = _text(entry, "phase")
             if index == 0:
                 yield _moment("start", begin_s, path)
             elif name == "home":
@@ -263,7 +262,7 @@ class _Homing:
             else:
                 moment_s, cause = _cause(drawing.lanes, begin_s - _CAUSE_CYCLES * cycle, begin_s)
                 yield _moment(cause, moment_s, path)
-            yield _travel(name, int(_data(entry)["direction"]), begin_s, until_s, path)
+            yield _travel(name, int(_number(entry, "direction")), begin_s, until_s, path)
         if drawing.home is None:
             yield _moment("end", end_s, path)
             if path.time[-1] - end_s > 2.0 * cycle:
@@ -302,8 +301,15 @@ def _passive_steps(
     yield _travel("motion", int(np.sign(path.speed(mark_s))), mark_s, float(path.time[-1]), path)
 
 
-def _data(entry: Event) -> dict[str, Any]:
-    return entry.data
+def _number(entry: Event, key: str) -> float:
+    value = entry.data[key]
+    if isinstance(value, int | float):
+        return float(value)
+    raise RecordingError(f"event {entry.kind}: {key} is {value!r}, which is no number")
+
+
+def _text(entry: Event, key: str) -> str:
+    return str(entry.data[key])
 
 
 def _moment(name: str, time_s: float, path: _Path) -> HomingStep:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from struct import Struct
 from struct import error as StructError  # noqa: N812 - the library's own name `error` says nothing here
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.clock import Scheduler
 from fieldbus.errors import ConfigurationError
@@ -13,10 +13,9 @@ from fieldbus.history import History
 from hil.errors import RecordingError
 
 if TYPE_CHECKING:
+    from hil.record._frames import FrameLog
     from hil.record._trace import Trace
     from hil.record._vocabulary import Vocabulary
-
-FrameLog = Sequence[tuple[int, str, Any, str]]
 
 ROWS_PER_CHUNK: Final = 512
 """Rows of one buffer; a full buffer is set aside and a new one begun."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
@@ -13,9 +14,10 @@ from typing import Any, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldbus.can.frame import CanFrame
 from fieldbus.history import Event, Scalar
 from hil.errors import NotRecordedError, RecordingError
-from hil.record._frames import PackedFrames
+from hil.record._frames import BusFrame, Entry, FrameLog, PackedFrames
 from hil.record._select import EventSelector, kind_matches
 from hil.record._signal import Signal
 from hil.record._vocabulary import Vocabulary
@@ -23,6 +25,8 @@ from hil.record._vocabulary import Vocabulary
 _TIME: Final = Struct("<q").pack
 _FRAME_HEAD: Final = Struct("<IBBB").pack
 _OTHER_HEAD: Final = Struct("<qIH").pack
+_FORMAT: Final = 1
+"""Of the files of a saved trace."""
 
 
 class TraceFrame(NamedTuple):
@@ -55,22 +59,22 @@ class TraceFrame(NamedTuple):
         return _TIME(self.time_ns) + _can_body(self, self.data, f"{self.bus}\0{self.sender}\0{self.error}\0")
 
 
-def _can_body(frame: Any, data: bytes, tail: str) -> bytes:
+def _can_body(frame: BusFrame | TraceFrame, data: bytes, tail: str) -> bytes:
     """Return what enters the digest of a CAN frame behind its time."""
     flags = bool(frame.extended) | bool(frame.remote) << 1
     return _FRAME_HEAD(frame.can_id, flags, frame.dlc, len(data)) + data + tail.encode()
 
 
-def _can_log(bus: str, log: Sequence[tuple[int, str, Any, str]]) -> Iterator[tuple[int, bytes]]:
+def _can_log(bus: str, log: FrameLog) -> Iterator[tuple[int, bytes]]:
     """Return time and canonical bytes of the frames of a CAN segment.
 
     The bytes behind the time are made once of a frame that is sent again and again, as one is that nobody
     acknowledges.
     """
     if isinstance(log, PackedFrames):
-        # Its frames are made anew each time, so that they cannot be told by their identity.
-        for time_ns, sender, frame, error in log:
-            yield time_ns, _TIME(time_ns) + _can_body(frame, bytes(frame.data), f"{bus}\0{sender}\0{error}\0")
+        # It makes its frames when they are read, so that their identity says nothing.
+        for time_ns, sender, packed, error in log:
+            yield time_ns, _TIME(time_ns) + _can_body(packed, packed.data, f"{bus}\0{sender}\0{error}\0")
         return
     bodies: dict[tuple[int, str, str], bytes] = {}
     for time_ns, sender, frame, error in log:
@@ -81,9 +85,10 @@ def _can_log(bus: str, log: Sequence[tuple[int, str, Any, str]]) -> Iterator[tup
         yield time_ns, _TIME(time_ns) + body
 
 
-def protocol_of(log: Sequence[tuple[int, str, Any, str]]) -> str:
+def protocol_of(log: FrameLog) -> str:
     """Return what the frames of a bus are: `can`, `modbus_tcp` or `modbus_rtu`."""
-    return str(getattr(log[0][2], "protocol", "can")) if log else "can"
+    frame = log[0][2] if log else None
+    return "can" if frame is None or isinstance(frame, CanFrame) else frame.protocol
 
 
 class TraceGroup(NamedTuple):
@@ -131,11 +136,11 @@ def event_json(entry: Event) -> str:
     )
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """Turn NumPy scalars in event data into Python numbers."""
-    item = getattr(value, "item", None)
-    if callable(item):
-        return item()
+    if isinstance(value, np.generic):
+        number: object = value.item()
+        return number
     raise TypeError(f"{value!r} is no scalar")
 
 
@@ -157,14 +162,14 @@ class Trace:
         groups: Iterable[TraceGroup],
         *,
         events: Sequence[Event] = (),
-        frames: Mapping[str, Sequence[tuple[int, str, Any, str]]] | None = None,
+        frames: Mapping[str, FrameLog] | None = None,
         constants: Mapping[str, float] | None = None,
         end_ns: int = 0,
         vocabulary: Vocabulary | None = None,
     ) -> None:
         self._groups = {group.name: group for group in groups}
         self.events: tuple[Event, ...] = tuple(events)
-        self._raw_frames: dict[str, Sequence[tuple[int, str, Any, str]]] = {
+        self._raw_frames: dict[str, FrameLog] = {
             bus: log if isinstance(log, PackedFrames) else tuple(log) for bus, log in (frames or {}).items()
         }
         self._frames: tuple[TraceFrame, ...] | None = None
@@ -293,12 +298,25 @@ class Trace:
                 frame.dlc,
                 error,
                 protocol,
-                frame.note if protocol != "can" else "",
+                "" if isinstance(frame, CanFrame) else frame.note,
             )
 
-    def raw_frames(self, bus: str) -> Sequence[tuple[int, str, Any, str]]:
+    def raw_frames(self, bus: str) -> FrameLog:
         """Return the frame log of a bus as the segment kept it."""
         return self._raw_frames.get(bus, ())
+
+    def can_log(self, bus: str) -> list[Entry]:
+        """Return the frames of a CAN bus: time (ns), sender, frame, error; of another bus none."""
+        return [
+            (time_ns, sender, frame, error)
+            for time_ns, sender, frame, error in self.raw_frames(bus)
+            if isinstance(frame, CanFrame)
+        ]
+
+    @property
+    def can_buses(self) -> list[str]:
+        """Names of the recorded CAN buses."""
+        return [bus for bus, log in self._raw_frames.items() if protocol_of(log) == "can"]
 
     @property
     def buses(self) -> list[str]:
@@ -370,10 +388,36 @@ class Trace:
         return [content for _time_ns, content in merged]
 
     def save(self, path: str | Path) -> tuple[Path, Path]:
-        """Write `<path>.npz` (columns) and `<path>.json` (everything else); see `load`."""
-        from hil.record._storage import save_trace
-
-        return save_trace(self, Path(path))
+        """Write `<path>.npz` (columns) and `<path>.json` (everything else), for `load`; returns both."""
+        archive, document = _files(Path(path))
+        arrays: dict[str, NDArray[Any]] = {}
+        groups: list[dict[str, object]] = []
+        for index, group in enumerate(self._groups.values()):
+            arrays[f"t{index}"] = group.time_ns
+            arrays[f"v{index}"] = group.values
+            enums = {
+                column: {str(value): text for value, text in texts.items()}
+                for column, texts in group.enums.items()
+            }
+            groups.append({"name": group.name, "columns": group.columns, "enums": enums})
+        content = {
+            "format": _FORMAT,
+            "end_ns": self.end_ns,
+            "digest": self.digest(),
+            "constants": self.constants,
+            "groups": groups,
+            "events": [list(entry) for entry in self.events],
+            "frames": {
+                bus: [_row_of(time_ns, sender, frame, error) for time_ns, sender, frame, error in log]
+                for bus, log in self._raw_frames.items()
+            },
+            "vocabulary": None if self.vocabulary is None else self.vocabulary.as_dict(),
+        }
+        archive.parent.mkdir(parents=True, exist_ok=True)
+        with archive.open("wb") as stream:
+            np.savez_compressed(stream, allow_pickle=False, **arrays)
+        document.write_text(json.dumps(content, separators=(",", ":"), default=_plain), encoding="utf-8")
+        return archive, document
 
     @classmethod
     def load(cls, path: str | Path) -> Trace:
@@ -383,6 +427,60 @@ class Trace:
             RecordingError: The files are missing, damaged, or do not belong together.
 
         """
-        from hil.record._storage import load_trace
+        archive, document = _files(Path(path))
+        try:
+            content = json.loads(document.read_text(encoding="utf-8"))
+            if content.get("format") != _FORMAT:
+                raise RecordingError(f"{document}: format {content.get('format')!r} is not {_FORMAT}")
+            with np.load(archive, allow_pickle=False) as arrays:
+                groups = [
+                    _group_of(entry, arrays[f"t{index}"], arrays[f"v{index}"])
+                    for index, entry in enumerate(content["groups"])
+                ]
+            vocabulary = content.get("vocabulary")
+            trace = cls(
+                groups,
+                events=[Event(*entry) for entry in content["events"]],
+                frames={bus: [_entry_of(row) for row in log] for bus, log in content["frames"].items()},
+                constants=content["constants"],
+                end_ns=content["end_ns"],
+                vocabulary=Vocabulary.from_dict(vocabulary) if vocabulary else None,
+            )
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+            raise RecordingError(f"no readable trace at {document} and {archive.name}: {error}") from error
+        if trace.digest() != content["digest"]:
+            raise RecordingError(f"{document} and {archive.name} do not belong together: the digest differs")
+        return trace
 
-        return load_trace(Path(path))
+
+def _files(path: Path) -> tuple[Path, Path]:
+    """Return archive and document of a saved trace, by the name of either or without a suffix."""
+    stem = path.with_suffix("") if path.suffix in {".npz", ".json"} else path
+    return stem.with_name(stem.name + ".npz"), stem.with_name(stem.name + ".json")
+
+
+def _group_of(entry: Mapping[str, Any], times: NDArray[np.int64], values: NDArray[np.float64]) -> TraceGroup:
+    enums = {
+        column: {int(value): text for value, text in texts.items()}
+        for column, texts in entry["enums"].items()
+    }
+    columns = tuple((str(name), str(unit)) for name, unit in entry["columns"])
+    return TraceGroup(entry["name"], columns, enums, times, values)
+
+
+def _row_of(time_ns: int, sender: str, frame: BusFrame, error: str) -> list[object]:
+    flags = frame.extended | frame.remote << 1
+    row: list[object] = [time_ns, sender, frame.can_id, bytes(frame.data).hex(), flags, frame.dlc, error]
+    return row if isinstance(frame, CanFrame) else [*row, frame.protocol, frame.asked.hex(), frame.note]
+
+
+def _entry_of(row: list[Any]) -> tuple[int, str, BusFrame, str]:
+    time_ns, sender, can_id, data, flags, dlc, error, *modbus = row
+    content = bytes.fromhex(data)
+    if modbus:
+        from fieldbus.modbus import ModbusFrame
+
+        protocol, asked, note = modbus
+        return time_ns, sender, ModbusFrame(protocol, content, bytes.fromhex(asked), note), error
+    frame = CanFrame(can_id, content, extended=bool(flags & 1), remote=bool(flags & 2), dlc=dlc)
+    return time_ns, sender, frame, error

@@ -16,6 +16,22 @@ from hil.record._kinds import EVENT_KINDS, check_event_kind
 from hil.record._select import EventSelector, kind_matches
 
 
+class RecordedGroup(Protocol):
+    """Columns of a component, recorded or still being recorded."""
+
+    @property
+    def name(self) -> str:
+        """The component."""
+
+    @property
+    def columns(self) -> Sequence[tuple[str, str]]:
+        """Names and units."""
+
+    @property
+    def enums(self) -> Mapping[str, Mapping[int, str]]:
+        """Texts of the values of state columns, by column."""
+
+
 class Worded(Protocol):
     """What questions are checked against: a trace, or a bench that still runs."""
 
@@ -24,8 +40,8 @@ class Worded(Protocol):
         """The log so far."""
 
     @property
-    def groups(self) -> Sequence[Any]:
-        """Recorded groups with `name` and `enums`."""
+    def groups(self) -> Sequence[RecordedGroup]:
+        """Recorded groups."""
 
     @property
     def vocabulary(self) -> Vocabulary | None:

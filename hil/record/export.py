@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldbus.errors import ConfigurationError
 from hil.errors import CannotRunError
@@ -67,7 +68,7 @@ def _columns(group: TraceGroup, wanted: set[str]) -> list[int]:
 
 
 def _write_npz(chosen: Chosen, path: Path) -> None:
-    arrays: dict[str, Any] = {}
+    arrays: dict[str, NDArray[Any]] = {}
     for group, columns in chosen:
         arrays[f"{group.name}.time_ns"] = group.time_ns
         arrays[f"{group.name}.time_s"] = group.time_ns * _NS
@@ -126,12 +127,12 @@ def _write_mdf(chosen: Chosen, path: Path) -> None:
         mdf.save(path, overwrite=True, compression=2)
 
 
-def _texts(group: TraceGroup, column: str) -> dict[str, Any] | None:
+def _texts(group: TraceGroup, column: str) -> dict[str, int | str | bytes] | None:
     """Return the texts of a state as a conversion of value to text; None for a quantity."""
     texts = group.enums.get(column)
     if not texts:
         return None
-    table: dict[str, Any] = {}
+    table: dict[str, int | str | bytes] = {}
     for number, (value, text) in enumerate(texts.items()):
         table[f"val_{number}"] = value
         table[f"text_{number}"] = text.encode()

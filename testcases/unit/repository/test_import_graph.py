@@ -94,8 +94,6 @@ IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
             "hil.bench.modbus_config",
             "hil.faults._compose",
             "hil.faults._trigger",
-            "hil.record._storage",
-            "hil.record._trace",
         }
     ),
 }
