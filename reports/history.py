@@ -131,7 +131,7 @@ class History:
             self._prepare()
         except sqlite3.Error as error:
             self._base.close()
-            raise HistoryError(f"{self.path}: {_trouble(error, 'not a history')}") from error
+            raise HistoryError(f"{self.path}: {_database_error(error, 'not a history')}") from error
         except HistoryError:
             self._base.close()
             raise
@@ -182,7 +182,7 @@ class History:
             with _Transaction(self._base):
                 return self._record(run)
         except sqlite3.Error as error:
-            raise HistoryError(f"{self.path}: {_trouble(error, 'cannot be written')}") from error
+            raise HistoryError(f"{self.path}: {_database_error(error, 'cannot be written')}") from error
 
     def _ask(self, query: str, values: Iterable[object] = ()) -> list[Any]:
         """Return the rows of a question.
@@ -194,7 +194,7 @@ class History:
         try:
             return self._base.execute(query, tuple(values)).fetchall()
         except sqlite3.Error as error:
-            raise HistoryError(f"{self.path}: {_trouble(error, 'cannot be read')}") from error
+            raise HistoryError(f"{self.path}: {_database_error(error, 'cannot be read')}") from error
 
     def _record(self, run: RunResult) -> int:
         base = self._base
@@ -409,7 +409,7 @@ def _counts(run: RunResult) -> list[int]:
     ]
 
 
-def _trouble(error: sqlite3.Error, what: str) -> str:
+def _database_error(error: sqlite3.Error, what: str) -> str:
     """Return what is wrong with a file, in words."""
     if getattr(error, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
         return f"another process has held it for {_WAIT_S:g} s: {error}"

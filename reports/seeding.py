@@ -32,10 +32,10 @@ class Defect:
 
 @dataclass(slots=True)
 class Seeding:
-    """What the file says; empty with `trouble` where it cannot be read."""
+    """What the file says; empty with `error` where it cannot be read."""
 
     defects: list[Defect] = field(default_factory=list)
-    trouble: str = ""
+    error: str = ""
 
     def count(self, status: str) -> int:
         """Return the number of defects with a status."""
@@ -51,9 +51,9 @@ def load_seeding(folder: str | Path) -> Seeding | None:
     except FileNotFoundError:
         return None
     except KeyError as error:
-        return Seeding(trouble=f"{SEEDING_FILE}: an entry has no {error}")
+        return Seeding(error=f"{SEEDING_FILE}: an entry has no {error}")
     except (OSError, ValueError, TypeError) as error:
-        return Seeding(trouble=f"{SEEDING_FILE}: {error}")
+        return Seeding(error=f"{SEEDING_FILE}: {error}")
 
 
 def _entries(plain: object) -> list[Any]:

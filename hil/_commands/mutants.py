@@ -75,8 +75,8 @@ class _Progress:
         elif result.status == "survived":
             text += f": none of {len(result.outcomes)} cases notices it"
         self._console.print(text, style=_STYLE.get(result.status, "bold red"), markup=False)
-        if result.trouble:
-            self._console.print(f"    {result.trouble}", style="dim", markup=False)
+        if result.error:
+            self._console.print(f"    {result.error}", style="dim", markup=False)
 
 
 def seed_defects(request: MutantsRequest) -> int:
@@ -164,7 +164,7 @@ def _tell(seeding: Seeding, report: Path | None) -> None:
         return
     total = len(seeding.results)
     parts = [f"{seeding.count('caught')} of {total} caught in {seeding.seconds:.0f} s"]
-    others = {status: seeding.count(status) for status in ("explained", "survived", "never ran", "trouble")}
+    others = {status: seeding.count(status) for status in ("explained", "survived", "never ran", "error")}
     parts += [f"{count} {status}" for status, count in others.items() if count]
     if seeding.interrupted:
         parts.append("interrupted" + ("" if report is None else "; --resume goes on"))

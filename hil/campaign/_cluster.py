@@ -16,8 +16,8 @@ from dataclasses import replace
 from importlib import metadata
 from typing import Any, Final
 
-from hil.campaign._executor import Finished
-from hil.campaign._process import WorkerLostError, WorkerProcess
+from hil._workers import Pool
+from hil.campaign._executor import Finished, finished_orders
 from hil.campaign._worker import Order, Parcel
 from hil.errors import CannotRunError
 
@@ -35,16 +35,12 @@ def versions() -> dict[str, str]:
 
 
 def run_beside(order: Order) -> Parcel | str:
-    """Run an order on the process beside this thread of a worker; returns the reason where it was lost."""
-    process: WorkerProcess | None = getattr(_beside, "process", None)
-    if process is None:
-        process = _beside.process = WorkerProcess()
-    try:
-        return process.run(order)
-    except WorkerLostError as error:
-        process.kill()
-        _beside.process = None
-        return str(error)
+    """Run an order on the process of this thread of a worker; returns the reason if it was lost."""
+    pool: Pool[Order, Parcel] | None = getattr(_beside, "pool", None)
+    if pool is None:
+        pool = _beside.pool = Pool(1)
+    (one,) = finished_orders(pool.run([order]))
+    return one.reason if one.parcel is None else one.parcel
 
 
 class Cluster:

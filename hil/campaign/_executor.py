@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import time
-from collections import deque
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
-from multiprocessing.connection import wait
-from typing import Any, Protocol
+from typing import Protocol
 
+from hil._workers import Answer, Ended, Pool
 from hil.campaign._case import Case
-from hil.campaign._process import LONGEST_WAIT_S, WorkerLostError, WorkerProcess, hung
 from hil.campaign._worker import Order, Parcel, run_order
 
 
@@ -67,62 +65,14 @@ class LocalProcesses:
 
     def execute(self, orders: Sequence[Order]) -> Generator[Finished, None, None]:
         """Execute all orders; a process that dies or hangs is replaced."""
-        waiting = deque(orders)
-        idle: list[WorkerProcess] = []
-        busy: dict[Any, tuple[WorkerProcess, Order, float]] = {}
-        try:
-            while waiting or busy:
-                while waiting and len(busy) < self._jobs:
-                    order = waiting.popleft()
-                    worker = _given(order, idle)
-                    busy[worker.connection] = (worker, order, _due(order))
-                yield from _await(busy, idle)
-        finally:
-            for worker, _order, _due_s in busy.values():
-                worker.kill()
-            for worker in idle:
-                worker.close()
+        with Pool[Order, Parcel](self._jobs) as pool, closing(pool.run(orders)) as events:
+            yield from finished_orders(events)
 
 
-def _given(order: Order, idle: list[WorkerProcess]) -> WorkerProcess:
-    """Return a worker that has taken the order; one that died idle, by what an earlier case left behind, is
-    replaced.
-    """
-    while idle:
-        worker = idle.pop()
-        try:
-            worker.send(order)
-        except WorkerLostError:
-            worker.kill()
-        else:
-            return worker
-    worker = WorkerProcess()
-    worker.send(order)
-    return worker
-
-
-def _due(order: Order) -> float:
-    # Wall time, of a process of the machine; nothing in the bench is controlled by it.
-    return time.monotonic() + order.patience_s if order.patience_s else float("inf")
-
-
-def _await(busy: dict[Any, tuple[WorkerProcess, Order, float]], idle: list[WorkerProcess]) -> list[Finished]:
-    """Wait until workers have answered, died, or used up their patience."""
-    due = min(due_s for _worker, _order, due_s in busy.values()) if busy else 0.0
-    rest = min(max(due - time.monotonic(), 0.0), LONGEST_WAIT_S)
-    done: list[Finished] = []
-    for connection in wait(list(busy), rest):
-        worker, order, _due_s = busy.pop(connection)
-        try:
-            done.append(Finished(order, worker.receive()))
-            idle.append(worker)
-        except WorkerLostError as error:
-            worker.kill()
-            done.append(Finished(order, None, str(error)))
-    now = time.monotonic()
-    for connection, (worker, order, due_s) in list(busy.items()):
-        if due_s <= now:
-            del busy[connection]
-            worker.kill()
-            done.append(Finished(order, None, hung(order)))
-    return done
+def finished_orders(events: Iterable[Answer[Order, Parcel] | Ended[Order]]) -> Iterator[Finished]:
+    """Return what became of the orders of a pool."""
+    for event in events:
+        if isinstance(event, Answer):
+            yield Finished(event.task, event.value)
+        elif event.how != "done":
+            yield Finished(event.task, None, event.reason)

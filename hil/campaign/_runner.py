@@ -12,6 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
+from hil._workers import number_of_processes
 from hil.campaign._case import Case
 from hil.campaign._discover import Selected
 from hil.campaign._execute import LIVE_REPETITIONS, make_token
@@ -21,7 +22,6 @@ from hil.campaign._worker import Order, bench_of
 from hil.errors import CannotRunError
 from reports.model import CaseResult, RunResult, Verdict
 from reports.packed import pack_case
-from reports.processors import processors
 from reports.store import JOURNAL_FILE, RUN_FILE, SIGNAL_FOLDER, finish_run, load_run, start_run, write_case
 
 OnResult = Callable[[CaseResult, int, int], None]
@@ -139,10 +139,7 @@ class Runner:
     def __init__(
         self, cases: Sequence[Selected], options: RunOptions, *, on_result: OnResult | None = None
     ) -> None:
-        if options.jobs < 0:
-            raise CannotRunError(
-                f"{options.jobs} worker processes are not possible; give 1 or more, or 0 for all processors"
-            )
+        self._jobs = number_of_processes(options.jobs)
         if options.wall_limit_s < 0:
             raise CannotRunError(f"{options.wall_limit_s:g} s are no limit; give more than 0 s")
         planned = [selected.case.identifier for selected in cases]
@@ -257,7 +254,7 @@ class Runner:
             from hil.campaign._cluster import Cluster
 
             return Cluster(options.cluster)
-        jobs = min(options.jobs or processors(), number)
+        jobs = min(self._jobs, number)
         if jobs == 1:
             return InProcess({name: selected.case for name, selected in self._cases.items()})
         return LocalProcesses(jobs)

@@ -5,6 +5,7 @@ travels.
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,14 @@ class Order:
     """Time after which a worker that has not answered is taken for hanging, s; 0: never."""
     packed: bool = False
     """Evidence files come back with the result: the worker does not share the folder of the report."""
+
+    def run(self, send: Callable[[Parcel], None]) -> None:
+        """Run the case, on a worker process."""
+        send(run_parcel(self))
+
+    def patience(self, answers: int) -> float:  # noqa: ARG002 - there is one answer
+        """Return how long the worker process may take, s."""
+        return self.patience_s or float("inf")
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,4 +71,4 @@ def _message(result: MutantResult, cases: int) -> str:
         "explained": result.mutant.explained,
         "survived": f"none of {cases} cases that reach it notices it: an expectation is missing",
         "never ran": "no case comes to the changed statement",
-    }.get(result.status, result.trouble)
+    }.get(result.status, result.error)

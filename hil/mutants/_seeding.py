@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+from hil._workers import CopyStarter, Pool, number_of_processes
 from hil.errors import CannotRunError
 from hil.mutants._mutant import Mutant
 from hil.mutants._patch import Patch, TargetChangedError, defect_patch, watching_patch
 from hil.mutants._plan import Judge, hinted, in_order, modules_of
-from hil.mutants._pool import Finished, Pool
-from hil.mutants._worker import Outcome, Task
+from hil.mutants._worker import Finished, Outcome, Task, run_tasks
 
 BASELINE_LIMIT_S: Final = 300.0
 """Limit of wall time of a case without defect, s."""
@@ -55,7 +55,7 @@ class MutantResult:
     """Of the cases run, in order."""
     able: int = 0
     """Cases known to come to the changed statement."""
-    trouble: str = ""
+    error: str = ""
     """Why it could not be judged."""
     over: bool = False
     """Whether it is judged for good: no more cases are tried."""
@@ -91,12 +91,12 @@ class MutantResult:
     @property
     def status(self) -> str:
         """`caught`, `explained` (nobody can notice it, with a reason), `survived`, `never ran`, or
-        `trouble`.
+        `error`.
         """
         if self.earlier is not None:
             return str(self.earlier["status"])
-        if self.trouble:
-            return "trouble"
+        if self.error:
+            return "error"
         if self.caught:
             return "caught"
         if not self.able:
@@ -119,7 +119,7 @@ class MutantResult:
             "status": self.status,
             "caught_by": [outcome.judge.name for outcome in caught_by],
             "how": "" if first is None else first.verdict,
-            "message": self.trouble if first is None else first.message,
+            "message": self.error if first is None else first.message,
             "seconds": round(self.seconds, 3),
             "cases_run": len(self.outcomes),
             "cases_reaching_it": self.able,
@@ -152,7 +152,7 @@ class Seeding:
     @property
     def exit_code(self) -> int:
         """0: every defect caught or explained; 1: one survived; 2: it could not run."""
-        if self.red or self.interrupted or self.count("trouble") or not self.results:
+        if self.red or self.interrupted or self.count("error") or not self.results:
             return 2
         return 1 if self.count("survived") + self.count("never ran") else 0
 
@@ -213,7 +213,8 @@ class Seeder:
         self._options = options
         self._on_baseline = on_baseline
         self._on_result = on_result
-        self._pool = Pool(options.jobs, modules_of(judges))
+        start = CopyStarter(["hil.mutants._preload", *modules_of(judges)])
+        self._pool = Pool[Task, Outcome | None](number_of_processes(options.jobs), start, reuse=False)
         self._seeding = Seeding(seed=options.seed, judged_by=digest_of(judges))
         self._done: dict[str, MutantResult] = {result.mutant.name: result for result in earlier}
         self._told = len(self._done)
@@ -293,9 +294,9 @@ class Seeder:
             for index in range(0, len(new), _CHUNK)
         ]
         total = len(seeding.baseline) + len(new)
-        for finished in self._pool.run(tasks):
-            if finished.trouble:
-                raise CannotRunError(finished.trouble)
+        for finished in run_tasks(self._pool, tasks):
+            if finished.error:
+                raise CannotRunError(finished.error)
             for outcome in finished.outcomes:
                 seeding.baseline[outcome.judge] = outcome
                 if outcome.red:
@@ -337,9 +338,9 @@ class Seeder:
                 )
             elif only is None:
                 self._tell(result)
-        for finished in self._pool.run(tasks):
+        for finished in run_tasks(self._pool, tasks):
             result = self._take(finished)
-            if only is None or result.caught or result.trouble:
+            if only is None or result.caught or result.error:
                 self._tell(result)
 
     def _limit(self, seconds: float) -> float:
@@ -351,10 +352,10 @@ class Seeder:
         assert mutant is not None  # a task of `_judge`
         result = self._done[mutant.name]
         result.outcomes += finished.outcomes
-        result.trouble = finished.trouble
+        result.error = finished.error
         for outcome in finished.outcomes:
             if outcome.catches and mutant.name not in outcome.reached:
-                result.trouble = (
+                result.error = (
                     f"{outcome.judge.name} was {outcome.verdict} though it never came to the changed "
                     f"statement: it is not "
                     "the same twice"

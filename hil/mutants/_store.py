@@ -69,7 +69,7 @@ class Stored:
         kept = []
         for mutant in mutants:
             entry = self.entries.get(mutant.name)
-            if entry is None or entry["changes"] != changes_of(mutant) or entry["status"] == "trouble":
+            if entry is None or entry["changes"] != changes_of(mutant) or entry["status"] == "error":
                 continue
             if entry["status"] in _GOOD or not again:
                 kept.append(MutantResult(mutant, over=True, earlier=entry))

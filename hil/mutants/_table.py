@@ -30,7 +30,7 @@ def markdown(seeding: Seeding) -> str:
         mutant = result.mutant
         red = result.caught_by
         by = ", ".join(f"`{outcome.judge.name}`" for outcome in red) or _cell(
-            mutant.explained or result.trouble
+            mutant.explained or result.error
         )
         how = red[0].verdict if red else ""
         lines.append(

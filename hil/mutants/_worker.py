@@ -4,15 +4,13 @@ nobody else.
 
 from __future__ import annotations
 
-import signal
-import sys
 import time
-from contextlib import redirect_stdout
-from dataclasses import dataclass, replace
-from multiprocessing.connection import Connection
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
+from dataclasses import dataclass, field, replace
 from typing import Final
 
-from hil._interrupt import end_with_parent
+from hil._workers import Answer, Pool
 from hil.campaign import CaseSettings, case_seed, execute_case, load_campaign
 from hil.campaign._limits import USED_UP
 from hil.campaign._worker import bench_of
@@ -21,25 +19,12 @@ from hil.mutants._patch import Patch
 from hil.mutants._plan import Judge
 from reports.model import Verdict
 
+START_LIMIT_S: Final = 120.0
+"""Wall time within which a process has to be ready for its first case, s."""
+RESERVE_S: Final = 5.0
+"""Time that a case gets beyond its limit to end itself, before its process is killed, s."""
 MEMORY_LIMIT: Final = 6 << 30
 """Address space of a worker, bytes: a defect that allocates without end shall not take the machine along."""
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """What a process is to do, as it travels to it."""
-
-    judges: tuple[Judge, ...]
-    seed: int
-    mutant: Mutant | None
-    """The defect that is judged; None: the product as it is."""
-    patch: Patch
-    """Its code; without a defect: code that notes the places of all of them."""
-    stop_at_first: bool = True
-    limits_s: tuple[float, ...] = ()
-    """Limit of wall time of each case, s; the case ends itself at it, and the parent ends the process a
-    little later.
-    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,18 +54,40 @@ class Outcome:
         return self.verdict not in {"passed", "blocked"}
 
 
-def run_task(task: Task, pipe: Connection, path: list[str]) -> None:
-    """Run the cases of a task and send an `Outcome` for each; an exception of the harness is sent as text."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is meant for the command
-    end_with_parent()
-    sys.path[:] = path
-    _limit_memory()
-    try:
-        with redirect_stdout(sys.stderr):
-            _run(task, pipe)
-    except Exception as error:  # noqa: BLE001 - it ends in the report of the parent
-        pipe.send(f"{type(error).__name__}: {error}")
-    pipe.close()
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Cases of one defect; it travels to a process and needs a fresh one."""
+
+    judges: tuple[Judge, ...]
+    seed: int
+    mutant: Mutant | None
+    """The defect that is judged; None: the product as it is."""
+    patch: Patch
+    """Its code; without a defect: code that notes the places of all of them."""
+    stop_at_first: bool = True
+    limits_s: tuple[float, ...] = ()
+    """Limit of wall time of each case, s; the case ends itself at it, and the parent ends the process a
+    little later.
+    """
+
+    def run(self, send: Callable[[Outcome | None], None]) -> None:
+        """Apply the patch, send None, run the cases and send an outcome for each."""
+        _limit_memory()
+        reached: set[str] = set()
+        with self.patch.applied(reached):
+            send(None)
+            for judge, limit_s in zip(self.judges, self.limits_s, strict=True):
+                reached.clear()
+                outcome = _judge(self, judge, limit_s, reached)
+                send(outcome)
+                if outcome.catches and self.stop_at_first:
+                    return
+
+    def patience(self, answers: int) -> float:
+        """Return the time for the start of the process, then for each case, s."""
+        index = answers - 1
+        limit_s = self.limits_s[index] if 0 <= index < len(self.limits_s) else START_LIMIT_S
+        return limit_s + RESERVE_S
 
 
 def _limit_memory() -> None:
@@ -91,18 +98,6 @@ def _limit_memory() -> None:
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     if hard == resource.RLIM_INFINITY or hard > MEMORY_LIMIT:
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, hard))
-
-
-def _run(task: Task, pipe: Connection) -> None:
-    reached: set[str] = set()
-    with task.patch.applied(reached):
-        pipe.send("ready")
-        for judge, limit_s in zip(task.judges, task.limits_s, strict=True):
-            reached.clear()
-            outcome = _judge(task, judge, limit_s, reached)
-            pipe.send(outcome)
-            if outcome.catches and task.stop_at_first:
-                return
 
 
 def _judge(task: Task, judge: Judge, limit_s: float, reached: set[str]) -> Outcome:
@@ -118,3 +113,51 @@ def _judge(task: Task, judge: Judge, limit_s: float, reached: set[str]) -> Outco
         seconds=time.perf_counter() - started,
         reached=frozenset(reached),
     )
+
+
+@dataclass(slots=True)
+class Finished:
+    """A task that has ended."""
+
+    task: Task
+    outcomes: list[Outcome] = field(default_factory=list)
+    error: str = ""
+    """Why it could not be done; empty when it could."""
+
+    def rest(self) -> Task | None:
+        """Return the cases that are left after a process was lost; None: there are none."""
+        task, done = self.task, len(self.outcomes)
+        if done >= len(task.judges) or (self.outcomes[-1].catches and task.stop_at_first):
+            return None
+        return replace(task, judges=task.judges[done:], limits_s=task.limits_s[done:])
+
+    def lose(self, how: str, reason: str) -> None:
+        """Note the case whose process died or hung."""
+        task, done = self.task, len(self.outcomes)
+        if done < len(task.judges):
+            verdict = "hung" if how == "hung" else "crashed"
+            seconds = task.limits_s[done] if how == "hung" else 0.0
+            names = frozenset() if task.mutant is None else frozenset({task.mutant.name})
+            self.outcomes.append(Outcome(task.judges[done], verdict, reason, seconds, names))
+
+
+def run_tasks(pool: Pool[Task, Outcome | None], tasks: Iterable[Task]) -> Iterator[Finished]:
+    """Run tasks and give each as it ends; the rest of one whose process was lost goes to another process."""
+    found = [Finished(task) for task in tasks]
+    by_part = {id(one.task): one for one in found}
+    with closing(pool.run([one.task for one in found])) as events:
+        for event in events:
+            one = by_part[id(event.task)]
+            if isinstance(event, Answer):
+                if event.value is not None:
+                    one.outcomes.append(event.value)
+                continue
+            if event.how == "failed":
+                one.error = event.reason
+            elif event.how != "done":
+                one.lose(event.how, event.reason)
+                if (rest := one.rest()) is not None:
+                    by_part[id(rest)] = one
+                    pool.add(rest)
+                    continue
+            yield one

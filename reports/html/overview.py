@@ -149,7 +149,7 @@ def _changes(found: Comparison) -> dict[str, Any]:
 def _seeding(run: RunResult, seeding: Seeding) -> dict[str, Any]:
     known = {case.identifier for case in run.cases}
     return {
-        "trouble": seeding.trouble,
+        "error": seeding.error,
         "total": len(seeding.defects),
         "caught": seeding.count("caught"),
         "rows": [

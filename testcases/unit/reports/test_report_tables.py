@@ -150,7 +150,7 @@ def test_overview_without_history_says_so(run, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "trouble"),
+    ("content", "error"),
     [
         ("{", "mutants.json: "),
         ("[1]", "1 is not an object"),
@@ -159,11 +159,11 @@ def test_overview_without_history_says_so(run, tmp_path):
         ('{"mutants": 5}', "not a list"),
     ],
 )
-def test_unreadable_seeding_is_said_in_the_report(run, tmp_path, content, trouble):
+def test_unreadable_seeding_is_said_in_the_report(run, tmp_path, content, error):
     """A damaged file costs the table, not the report."""
     (tmp_path / "mutants.json").write_text(content)
-    assert trouble in load_seeding(tmp_path).trouble
-    assert trouble.replace("'", "&#39;") in write_report(run, tmp_path).report.read_text("utf-8")
+    assert error in load_seeding(tmp_path).error
+    assert error.replace("'", "&#39;") in write_report(run, tmp_path).report.read_text("utf-8")
 
 
 def test_seeding_in_full_and_none(tmp_path):
