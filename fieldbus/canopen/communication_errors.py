@@ -1,28 +1,35 @@
-"""What a slave does when the bus fails it: report, tell the device, change the state (C301-113, C301-122 to
-C301-130).
+"""What a slave does about communication errors: EMCY, a call to the device, a change of the NMT state
+(C301-113, C301-122 to C301-130).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from enum import Enum
-from typing import Any, Final
+from typing import Final
 
+from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.dictionary import ObjectValue
 from fieldbus.canopen.emcy import EmcyProducer
 from fieldbus.canopen.nmt import NmtState
+from fieldbus.clock import S, Scheduler, Timer
 from fieldbus.history import History
 
 EMCY_OVERRUN: Final = 0x8110
 EMCY_ERROR_PASSIVE: Final = 0x8120
 EMCY_LIFE: Final = 0x8130
 EMCY_BUS_OFF_RECOVERED: Final = 0x8140
+EMCY_COLLISION: Final = 0x8150
+
+QUIET_NS: Final = 1 * S
+"""A collision error ends when there was no collision for this long, ns."""
 
 _BEHAVIOUR: Final = 0x102901
 _BEHAVIOURS: Final = (0, 1, 2)
 
 
-def check_behaviour(value: Any) -> None:
+def check_behaviour(value: ObjectValue) -> None:
     """Refuse a value that 1029h does not have (C301-113).
 
     Raises:
@@ -46,12 +53,10 @@ class CommunicationErrors:
 
     """
 
-    __slots__ = ("_enter", "_errors", "_history", "_source", "_state", "_values", "listeners")
-
     def __init__(
         self,
         errors: EmcyProducer,
-        values: dict[int, Any],
+        values: dict[int, ObjectValue],
         *,
         state: Callable[[], NmtState],
         enter: Callable[[NmtState], None],
@@ -119,3 +124,51 @@ class CommunicationErrors:
             self._enter(NmtState.PRE_OPERATIONAL)
         elif behaviour == 2 and state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             self._enter(NmtState.STOPPED)
+
+
+class CollisionWatch:
+    """Raises 8150h when another node sends with an identifier that this one sends with.
+
+    Args:
+        scheduler: Time.
+        emcy: Raises an error by code.
+        emcy_clear: Ends an error by code.
+
+    """
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        *,
+        emcy: Callable[[int], object],
+        emcy_clear: Callable[[int], object],
+    ) -> None:
+        self._scheduler = scheduler
+        self._emcy = emcy
+        self._emcy_clear = emcy_clear
+        self._last_ns = 0
+        self._timer: Timer | None = None
+        self.collisions = 0
+        """Frames of others with an identifier that this node sends."""
+
+    def stop(self) -> None:
+        """Forget everything, as at power-off and reset; the error ends with the reset."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def collision(self, _frame: CanFrame, time_ns: int) -> None:
+        """Take a frame of another node with an own identifier."""
+        self.collisions += 1
+        self._last_ns = time_ns
+        if self._timer is None:
+            self._emcy(EMCY_COLLISION)
+            self._timer = self._scheduler.at(max(time_ns + QUIET_NS, self._scheduler.now), self._due)
+
+    def _due(self) -> None:
+        due = self._last_ns + QUIET_NS
+        if due > self._scheduler.now:
+            self._timer = self._scheduler.at(due, self._due)
+            return
+        self._timer = None
+        self._emcy_clear(EMCY_COLLISION)

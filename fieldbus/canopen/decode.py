@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from fieldbus import cia406
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.abort import SdoAbort
 from fieldbus.canopen.decode_sdo import SdoListener
-from fieldbus.canopen.dictionary import INTEGERS, Entry, entries_of
+from fieldbus.canopen.dictionary import INTEGERS, Entry, ObjectValue, entries_of
 from fieldbus.canopen.nmt import (
     COB_EMCY,
     COB_ERROR_CONTROL,
@@ -297,7 +297,7 @@ class _Node:
         self.node_id = node_id
         self.name = name
         self.entries: dict[int, Entry] = {} if dictionary is None else entries_of(dictionary, node_id)
-        self._defaults: dict[int, Any] = {
+        self._defaults: dict[int, ObjectValue] = {
             key: entry.default
             for key, entry in self.entries.items()
             if entry.index < 0x2000 and entry.integer
@@ -308,8 +308,8 @@ class _Node:
                 self._defaults[0x1800 + number << 8 | 1] = COB_TPDO[number] + node_id
         device_type = self._defaults.get(0x100000, 0)
         self._encoder = device_type & 0xFFFF == cia406.PROFILE
-        self._stored: dict[int, Any] = {}
-        self.values: dict[int, Any] = dict(self._defaults)
+        self._stored: dict[int, ObjectValue] = {}
+        self.values: dict[int, ObjectValue] = dict(self._defaults)
         self.words: list[tuple[int, int, Callable[[int, Sequence[int]], list[str]]]] = []
         """Free process data words: first index, count, description."""
         self.sdo = SdoListener(self)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from operator import attrgetter
 from struct import Struct
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.errors import ConfigurationError
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 Value = int | float | str | bytes
 """What an entry holds."""
+ObjectValue: TypeAlias = Any
+"""A `Value` whose type follows from the data type of its entry, which a type checker cannot know."""
 
 BOOLEAN: Final = 0x01
 VISIBLE_STRING: Final = 0x09
@@ -199,7 +201,7 @@ class Entry:
             return data.decode("utf-16-le", errors="replace").rstrip("\0")
         return bytes(data)
 
-    def encode(self, value: Any) -> bytes:
+    def encode(self, value: ObjectValue) -> bytes:
         """Return the bytes of `value`; numbers outside the type are held at its end."""
         if self.integer:
             if type(value) is not int or not self.type_range[0] <= value <= self.type_range[1]:
@@ -217,7 +219,7 @@ class Entry:
             )
         return bytes(value)
 
-    def saturated(self, value: Any) -> int:
+    def saturated(self, value: ObjectValue) -> int:
         """Return `value` as a whole number of the integer type, held at the end of the range; 0 for
         not-a-number.
         """
@@ -235,7 +237,7 @@ class Entry:
         """Most bytes that a download may bring."""
         return self.size or (MAX_DOMAIN_BYTES if self.data_type == DOMAIN else MAX_STRING_BYTES)
 
-    def check_limits(self, value: Any) -> None:
+    def check_limits(self, value: ObjectValue) -> None:
         """Refuse a number outside the limits of the EDS (C301-076).
 
         Raises:
@@ -276,7 +278,7 @@ class Entry:
                 value = self.base + node_id
         return self.coerce(value)
 
-    def coerce(self, value: Any) -> Value:
+    def coerce(self, value: ObjectValue) -> Value:
         """Return `value` as the entry holds it; None becomes zero or empty."""
         if self.integer:
             number = int(value or 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldbus.canopen.dictionary import BOOLEAN, UNICODE_STRING, VISIBLE_STRING, Entry
+from fieldbus.canopen.dictionary import BOOLEAN, UNICODE_STRING, VISIBLE_STRING, Entry, ObjectValue
 from fieldbus.canopen.eds_text import EdsInfo, head_lines
 from fieldbus.canopen.store import NOT_STORED
 from fieldbus.errors import ConfigurationError
@@ -131,7 +131,7 @@ def _configurable(slave: CanopenSlave, entry: Entry) -> bool:
     )
 
 
-def _value(entry: Entry, value: Any, where: str) -> str:
+def _value(entry: Entry, value: ObjectValue, where: str) -> str:
     if entry.data_type in (VISIBLE_STRING, UNICODE_STRING):
         return _text(str(value), where)
     if entry.real is not None:
@@ -156,5 +156,5 @@ def _text(text: str, where: str) -> str:
     return text
 
 
-def _first(declared: int | None, default: Any) -> int:
+def _first(declared: int | None, default: ObjectValue) -> int:
     return int(default) if declared is None else declared

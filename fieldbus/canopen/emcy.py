@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Final
 
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.dictionary import ObjectValue
 from fieldbus.canopen.nmt import COB_EMCY, NmtState, is_restricted
 from fieldbus.canopen.store import ObjectStore
 from fieldbus.clock import Scheduler, Timer
@@ -79,7 +80,7 @@ class EmcyProducer:
         send: Callable[[CanFrame], None],
         *,
         node_id: int,
-        set_value: Callable[[int, int, Any], None],
+        set_value: Callable[[int, int, ObjectValue], None],
         source: str,
         history: History | None,
     ) -> None:
@@ -239,13 +240,13 @@ class EmcyProducer:
 
         return read
 
-    def _clear_history(self, value: Any) -> None:
+    def _clear_history(self, value: ObjectValue) -> None:
         if value != 0:
             raise SdoAbort(AbortCode.VALUE)
         for sub in range(self._capacity + 1):
             self._store.values[_FIELD | sub] = 0
 
-    def _check_cob_id(self, value: Any) -> None:
+    def _check_cob_id(self, value: ObjectValue) -> None:
         old = self._store.values[_COB_ID]
         if not value >> 31 and not value & 1 << 29 and is_restricted(value & 0x7FF):
             raise SdoAbort(AbortCode.VALUE)

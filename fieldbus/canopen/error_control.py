@@ -5,10 +5,11 @@ C301-030).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.dictionary import ObjectValue
 from fieldbus.canopen.nmt import COB_ERROR_CONTROL, NmtState
 from fieldbus.canopen.store import ObjectStore
 from fieldbus.clock import MS, Scheduler, Timer
@@ -204,8 +205,8 @@ class ErrorControl:
         if not self.anyone_lost:
             self._on_found()
 
-    def _consumer_guard(self, sub: int) -> Callable[[Any], None]:
-        def check(value: Any) -> None:
+    def _consumer_guard(self, sub: int) -> Callable[[ObjectValue], None]:
+        def check(value: ObjectValue) -> None:
             node = value >> 16 & 0xFF
             if not value & 0xFFFF or not 1 <= node <= 127:
                 return

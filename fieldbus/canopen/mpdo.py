@@ -10,15 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from struct import Struct
-from typing import TYPE_CHECKING, Any, Final
+from typing import Final
 
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.abort import SdoAbort
+from fieldbus.canopen.dictionary import Entry
+from fieldbus.canopen.pdo import TransmitPdo
 from fieldbus.canopen.store import ObjectStore
-
-if TYPE_CHECKING:
-    from fieldbus.canopen.dictionary import Entry
-    from fieldbus.canopen.pdo import TransmitPdo
 
 SOURCE: Final = 0xFE
 """Number of mapped objects that stands for source address mode."""
@@ -45,8 +43,6 @@ class Multiplexer:
         emcy_clear: Ends an error by code.
 
     """
-
-    __slots__ = ("_emcy", "_emcy_clear", "_send", "_store", "_unavailable", "node_id")
 
     def __init__(
         self,
@@ -169,7 +165,7 @@ class ScannedObject:
 
     def _content(self) -> bytes:
         hook = self._store.read_hooks.get(self._entry.key)
-        value: Any = self._store.values[self._entry.key]
+        value = self._store.values[self._entry.key]
         if hook is not None:
             with suppress(SdoAbort):
                 value = hook()

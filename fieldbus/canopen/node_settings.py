@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from fieldbus.can.frame import CanFrame, CanPort
+from fieldbus.can.port import MediumPort
 from fieldbus.canopen.lss import LssSlave
 from fieldbus.canopen.memory import ParameterFile
 from fieldbus.canopen.nmt import UNCONFIGURED
@@ -132,9 +133,8 @@ class NodeSettings:
     def lss_bitrate(self, bitrate: int) -> None:
         """Change the bit rate of the controller; whoever models it listens to `on_bitrate`."""
         self.bitrate = bitrate
-        set_bitrate = getattr(self._port, "set_bitrate", None)
-        if set_bitrate is not None:
-            set_bitrate(bitrate)
+        if isinstance(self._port, MediumPort):
+            self._port.set_bitrate(bitrate)
         if self._history is not None:
             self._history.emit(self._source, "lss.bitrate", bitrate=bitrate)
         for callback in self.on_bitrate:

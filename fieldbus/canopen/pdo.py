@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Iterable, Mapping
+from typing import Final, Protocol
 
 from fieldbus.can.frame import CanFrame
 from fieldbus.can.timing import FrameMaker
+from fieldbus.canopen.dictionary import ObjectValue
 from fieldbus.canopen.pdo_mapping import EMPTY, Applier, Layout, Sampler
-from fieldbus.clock import MS, Timer
-
-if TYPE_CHECKING:
-    from fieldbus.canopen.mpdo import ScannedObject
-    from fieldbus.canopen.pdo_engine import PdoEngine
+from fieldbus.clock import MS, Scheduler, Timer
 
 EMCY_TOO_SHORT: Final = 0x8210
 EMCY_TOO_LONG: Final = 0x8220
@@ -27,12 +24,92 @@ def _no_effect(_data: bytes) -> None:
     pass
 
 
+class PdoCycle:
+    """What the PDOs of a node share: whether they are in force, and the last SYNC."""
+
+    __slots__ = ("muted", "operational", "sync_ns", "window_ns")
+
+    def __init__(self) -> None:
+        self.operational = False
+        self.sync_ns = -1
+        """Time of the last SYNC in Operational, ns; -1 before the first."""
+        self.window_ns = 0
+        """Synchronous window 1007h, ns; 0 = whole cycle."""
+        self.muted: frozenset[int] = frozenset()
+        """Keys of objects that no TPDO may carry at present; a TPDO that maps one is not sent."""
+
+
+class RpdoErrors:
+    """Wrong lengths and overdue RPDOs: an EMCY is raised once, and ends with the last PDO that has the error.
+
+    Args:
+        emcy: Raises an error by code.
+        emcy_clear: Ends an error by code.
+        on_timeout: Called with the number of an RPDO that has not come in time.
+
+    """
+
+    def __init__(
+        self,
+        *,
+        emcy: Callable[[int], object],
+        emcy_clear: Callable[[int], object],
+        on_timeout: Callable[[int], None],
+    ) -> None:
+        self.lengths: dict[int, int] = {}
+        """RPDOs whose last frame had a wrong length, by number, with the EMCY code."""
+        self.overdue: set[int] = set()
+        """Numbers of the RPDOs that are overdue."""
+        self._emcy = emcy
+        self._emcy_clear = emcy_clear
+        self._on_timeout = on_timeout
+
+    def reset(self) -> None:
+        """Forget everything; the errors themselves end with the reset."""
+        self.lengths.clear()
+        self.overdue.clear()
+
+    def length_wrong(self, number: int, code: int) -> None:
+        """Report a wrong length once until a correct frame has come (C301-054)."""
+        if self.lengths.get(number) != code:
+            self.length_correct(number)
+            self.lengths[number] = code
+            self._emcy(code)
+
+    def length_correct(self, number: int) -> None:
+        """Note a frame of the right length."""
+        code = self.lengths.pop(number, None)
+        if code is not None and code not in self.lengths.values():
+            self._emcy_clear(code)
+
+    def lost(self, number: int) -> None:
+        """Report an overdue RPDO (C301-049)."""
+        self.overdue.add(number)
+        self._emcy(EMCY_RPDO_TIMEOUT)
+        self._on_timeout(number)
+
+    def back(self, number: int) -> None:
+        """Note that an overdue RPDO has come."""
+        self.overdue.discard(number)
+        if not self.overdue:
+            self._emcy_clear(EMCY_RPDO_TIMEOUT)
+
+
+class Watcher(Protocol):
+    """Something that is sent when its objects change."""
+
+    dirty: bool
+    """An object may have changed; looked at when the present instant ends."""
+
+
 class Pdo:
     """What both directions have in common: the communication parameters as they are in force."""
 
     __slots__ = (
+        "_cycle",
+        "_scheduler",
+        "_values",
         "can_id",
-        "engine",
         "extended",
         "key",
         "kind",
@@ -46,8 +123,19 @@ class Pdo:
 
     receive = False
 
-    def __init__(self, engine: PdoEngine, number: int, key: int, map_key: int) -> None:
-        self.engine = engine
+    def __init__(
+        self,
+        number: int,
+        key: int,
+        map_key: int,
+        *,
+        scheduler: Scheduler,
+        values: Mapping[int, ObjectValue],
+        cycle: PdoCycle,
+    ) -> None:
+        self._scheduler = scheduler
+        self._values = values
+        self._cycle = cycle
         self.number = number
         """1 for 1400h or 1800h, 2 for the next, and so on."""
         self.key = key
@@ -74,7 +162,7 @@ class Pdo:
 
     def read_parameters(self) -> None:
         """Take identifier and transmission type from the values."""
-        values = self.engine.store.values
+        values = self._values
         cob_id = values.get(self.key | 1, 1 << 31)
         self.valid = not cob_id >> 31
         self.rtr = not cob_id >> 30 & 1
@@ -84,11 +172,27 @@ class Pdo:
 
 
 class ReceivePdo(Pdo):
-    """One RPDO: checks the length, waits for SYNC when synchronous, stores."""
+    """One RPDO: checks the length, waits for SYNC when synchronous, stores.
+
+    Args:
+        number: 1 for 1400h, 2 for the next, and so on.
+        key: Key of the communication record, sub-index 0.
+        map_key: Key of the mapping record, sub-index 0.
+        scheduler: Time.
+        values: Present values of the dictionary.
+        cycle: What all PDOs of the node share.
+        errors: Reports wrong lengths and timeouts.
+        mark: Has event-driven PDOs looked at when the present instant ends.
+        multiplexed: Takes the address mode and the bytes of a multiplex PDO.
+
+    """
 
     __slots__ = (
         "_deadline_ns",
+        "_errors",
         "_last_ns",
+        "_mark",
+        "_multiplexed",
         "_timed_out",
         "_timer",
         "apply",
@@ -100,8 +204,23 @@ class ReceivePdo(Pdo):
 
     receive = True
 
-    def __init__(self, engine: PdoEngine, number: int, key: int, map_key: int) -> None:
-        super().__init__(engine, number, key, map_key)
+    def __init__(
+        self,
+        number: int,
+        key: int,
+        map_key: int,
+        *,
+        scheduler: Scheduler,
+        values: Mapping[int, ObjectValue],
+        cycle: PdoCycle,
+        errors: RpdoErrors,
+        mark: Callable[[Iterable[Watcher]], None],
+        multiplexed: Callable[[int, bytes], None],
+    ) -> None:
+        super().__init__(number, key, map_key, scheduler=scheduler, values=values, cycle=cycle)
+        self._errors = errors
+        self._mark = mark
+        self._multiplexed = multiplexed
         self.apply: Applier = _no_effect
         """Stores a payload of the right length."""
         self._deadline_ns = 0
@@ -113,19 +232,19 @@ class ReceivePdo(Pdo):
         self.pending: bytes | None = None
         """Payload that becomes effective with the next SYNC."""
         self.size = 0
-        self.watchers: tuple[TransmitPdo | ScannedObject, ...] = ()
+        self.watchers: tuple[Watcher, ...] = ()
         """Event-driven TPDOs that map an object of this one."""
 
     def compile(self, apply: Applier) -> None:
         """Put a new mapping in force."""
         self.apply = apply
         self.size = 8 if self.multiplex else self.layout.size
-        self._deadline_ns = self.engine.store.values.get(self.key | 5, 0) * MS
+        self._deadline_ns = self._values.get(self.key | 5, 0) * MS
         if self._timed_out and not (self.valid and self._deadline_ns):
             self._timed_out = False
-            self.engine.rpdo_back(self)
+            self._errors.back(self.number)
         if not self.valid:
-            self.engine.length_correct(self)
+            self._errors.length_correct(self.number)
 
     def restart(self) -> None:
         """Forget everything, as on reset."""
@@ -147,17 +266,18 @@ class ReceivePdo(Pdo):
         self.effective += 1
         self.apply(data)
         if self.watchers:
-            self.engine.mark(self.watchers)
+            self._mark(self.watchers)
 
     def on_sync_frame(self, frame: CanFrame, time_ns: int) -> None:
         """Take a frame of types 0 to 240: effective with the next SYNC, unless it comes after the window."""
-        data: bytes | None = frame.data
-        engine = self.engine
-        if len(frame.data) != self.size or self._deadline_ns or engine.length_errors:
-            data = self._accepted(frame.data, time_ns)
-            if data is None:
+        data = frame.data
+        if len(data) != self.size or self._deadline_ns or self._errors.lengths:
+            accepted = self._accepted(data, time_ns)
+            if accepted is None:
                 return
-        if engine.window_ns and engine.sync_ns >= 0 and time_ns - engine.sync_ns > engine.window_ns:
+            data = accepted
+        cycle = self._cycle
+        if cycle.window_ns and cycle.sync_ns >= 0 and time_ns - cycle.sync_ns > cycle.window_ns:
             return
         self.pending = data
 
@@ -165,12 +285,12 @@ class ReceivePdo(Pdo):
         """Return the mapped part of a frame that has come, None when it is too short (C301-054)."""
         if len(data) != self.size:
             if len(data) < self.size:
-                self.engine.length_wrong(self, EMCY_TOO_SHORT)
+                self._errors.length_wrong(self.number, EMCY_TOO_SHORT)
                 return None
-            self.engine.length_wrong(self, EMCY_TOO_LONG)
+            self._errors.length_wrong(self.number, EMCY_TOO_LONG)
             data = data[: self.size]
-        elif self.engine.length_errors:
-            self.engine.length_correct(self)
+        elif self._errors.lengths:
+            self._errors.length_correct(self.number)
         if self._deadline_ns:
             self._fed(time_ns)
         return data
@@ -179,7 +299,7 @@ class ReceivePdo(Pdo):
         """Take a frame of a multiplex PDO: effective at once."""
         data = self._accepted(frame.data, time_ns)
         if data is not None:
-            self.engine.multiplexer.receive(self.multiplex, data)
+            self._multiplexed(self.multiplex, data)
 
     @property
     def handler(self) -> Callable[[CanFrame, int], None]:
@@ -192,9 +312,9 @@ class ReceivePdo(Pdo):
         self._last_ns = time_ns
         if self._timed_out:
             self._timed_out = False
-            self.engine.rpdo_back(self)
+            self._errors.back(self.number)
         if self._timer is None:
-            scheduler = self.engine.scheduler
+            scheduler = self._scheduler
             self._timer = scheduler.at(max(time_ns + self._deadline_ns, scheduler.now), self._due)
 
     def _due(self) -> None:
@@ -202,15 +322,26 @@ class ReceivePdo(Pdo):
         if not self._deadline_ns:
             return
         due = self._last_ns + self._deadline_ns
-        if due > self.engine.scheduler.now:
-            self._timer = self.engine.scheduler.at(due, self._due)
+        if due > self._scheduler.now:
+            self._timer = self._scheduler.at(due, self._due)
             return
         self._timed_out = True
-        self.engine.rpdo_lost(self)
+        self._errors.lost(self.number)
 
 
 class TransmitPdo(Pdo):
-    """One TPDO: decides when to send and samples its objects at that instant."""
+    """One TPDO: decides when to send and samples its objects at that instant.
+
+    Args:
+        number: 1 for 1800h, 2 for the next, and so on.
+        key: Key of the communication record, sub-index 0.
+        map_key: Key of the mapping record, sub-index 0.
+        scheduler: Time.
+        values: Present values of the dictionary.
+        cycle: What all PDOs of the node share.
+        send: Puts a frame on the bus.
+
+    """
 
     __slots__ = (
         "_counter",
@@ -221,6 +352,7 @@ class TransmitPdo(Pdo):
         "_period_ns",
         "_period_timer",
         "_sampled",
+        "_send",
         "_sent_ns",
         "_start",
         "_started",
@@ -230,8 +362,19 @@ class TransmitPdo(Pdo):
         "sample",
     )
 
-    def __init__(self, engine: PdoEngine, number: int, key: int, map_key: int) -> None:
-        super().__init__(engine, number, key, map_key)
+    def __init__(
+        self,
+        number: int,
+        key: int,
+        map_key: int,
+        *,
+        scheduler: Scheduler,
+        values: Mapping[int, ObjectValue],
+        cycle: PdoCycle,
+        send: Callable[[CanFrame], None],
+    ) -> None:
+        super().__init__(number, key, map_key, scheduler=scheduler, values=values, cycle=cycle)
+        self._send = send
         self.sample: Sampler = _no_payload
         self.last: bytes | None = None
         """Payload sent last since Operational was entered."""
@@ -263,7 +406,7 @@ class TransmitPdo(Pdo):
 
     def compile(self, sample: Sampler, *, restart: bool = True) -> None:
         """Put new parameters in force; with `restart` counters, timers and events start anew."""
-        values = self.engine.store.values
+        values = self._values
         self.sample = sample
         if not self.extended:
             self.maker = FrameMaker(self.can_id)
@@ -273,12 +416,12 @@ class TransmitPdo(Pdo):
         if restart:
             self.stop()
             return
-        running = self.engine.operational and self.valid
+        running = self._cycle.operational and self.valid
         if self._period_timer is not None:
             self._period_timer.cancel()
             self._period_timer = None
         if running and self._period_ns:
-            scheduler = self.engine.scheduler
+            scheduler = self._scheduler
             self._period_timer = scheduler.at(scheduler.now + self._period_ns, self._period_over)
 
     def start(self) -> None:
@@ -315,18 +458,18 @@ class TransmitPdo(Pdo):
         elif kind == 0:
             if self._event:
                 self._event = False
-                self._send(self.sample())
+                self._emit(self.sample())
         elif self._start and counter and not self._started:
             # The PDO begins at the SYNC whose counter has the start value (C301-050).
             if counter == self._start:
                 self._started = True
                 self._counter = 0
-                self._send(self.sample())
+                self._emit(self.sample())
         else:
             self._counter += 1
             if self._counter >= kind:
                 self._counter = 0
-                self._send(self.sample())
+                self._emit(self.sample())
 
     # -- events
     # -----------------------------------------------------------------------------------------------
@@ -345,21 +488,21 @@ class TransmitPdo(Pdo):
             return
         if self.kind < 254:
             return
-        if self._inhibit_ns and self.engine.scheduler.now < self._not_before_ns:
+        if self._inhibit_ns and self._scheduler.now < self._not_before_ns:
             if self._inhibit_timer is None:
-                self._inhibit_timer = self.engine.scheduler.at(self._not_before_ns, self._inhibit_over)
+                self._inhibit_timer = self._scheduler.at(self._not_before_ns, self._inhibit_over)
             return
         self.transmit()
 
     def transmit(self) -> None:
         """Sample and send an event-driven PDO; restart inhibit time and event timer (C301-047, C301-048)."""
-        scheduler = self.engine.scheduler
+        scheduler = self._scheduler
         self._sent_ns = now = scheduler.now
         if self._inhibit_ns:
             self._not_before_ns = now + self._inhibit_ns
         if self._period_ns and self._period_timer is None:
             self._period_timer = scheduler.at(now + self._period_ns, self._period_over)
-        self._send(self.sample())
+        self._emit(self.sample())
 
     def _inhibit_over(self) -> None:
         self._inhibit_timer = None
@@ -367,7 +510,7 @@ class TransmitPdo(Pdo):
 
     def _period_over(self) -> None:
         self._period_timer = None
-        scheduler = self.engine.scheduler
+        scheduler = self._scheduler
         due = self._sent_ns + self._period_ns
         if due > scheduler.now:
             self._period_timer = scheduler.at(due, self._period_over)
@@ -381,17 +524,17 @@ class TransmitPdo(Pdo):
         """Answer a remote request (C301-041, C301-042, C301-055)."""
         if self.kind == 252:
             if self._sampled is not None:
-                self._send(self._sampled)
+                self._emit(self._sampled)
         elif self.synchronous:
-            self._send(self.sample() if self.last is None else self.last)
+            self._emit(self.sample() if self.last is None else self.last)
         elif self.kind == 253:
-            self._send(self.sample())
+            self._emit(self.sample())
         else:
             self.transmit()
 
-    def _send(self, payload: bytes) -> None:
-        muted = self.engine.muted
+    def _emit(self, payload: bytes) -> None:
+        muted = self._cycle.muted
         if muted and not muted.isdisjoint(self.layout.keys):
             return
         self.last = payload
-        self.engine.send(CanFrame(self.can_id, payload, extended=self.extended))
+        self._send(CanFrame(self.can_id, payload, extended=self.extended))

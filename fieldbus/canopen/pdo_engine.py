@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, Final
+from typing import Final
 
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.dictionary import ObjectValue
 from fieldbus.canopen.mpdo import DESTINATION, MULTIPLEXED, SOURCE, Multiplexer, ScannedObject
 from fieldbus.canopen.nmt import is_restricted
-from fieldbus.canopen.pdo import EMCY_RPDO_TIMEOUT, Pdo, ReceivePdo, TransmitPdo
+from fieldbus.canopen.pdo import Pdo, PdoCycle, ReceivePdo, RpdoErrors, TransmitPdo, Watcher
 from fieldbus.canopen.pdo_mapping import EMPTY, applier, check_mapping, check_mapping_entry, sampler
 from fieldbus.canopen.store import ObjectStore
 from fieldbus.clock import Scheduler
@@ -38,34 +39,6 @@ class PdoEngine:
 
     """
 
-    __slots__ = (
-        "_each_sync",
-        "_emcy",
-        "_emcy_clear",
-        "_flush_pending",
-        "_on_change",
-        "_on_timeout",
-        "_other_sync",
-        "_scanned",
-        "_send_all",
-        "_stale",
-        "_sync_receive",
-        "_watchers",
-        "length_errors",
-        "multiplexer",
-        "muted",
-        "operational",
-        "problems",
-        "receive",
-        "scheduler",
-        "send",
-        "store",
-        "sync_ns",
-        "timed_out",
-        "transmit",
-        "window_ns",
-    )
-
     def __init__(
         self,
         scheduler: Scheduler,
@@ -78,42 +51,45 @@ class PdoEngine:
         emcy_clear: Callable[[int], object],
         on_timeout: Callable[[int], None],
     ) -> None:
-        self.scheduler = scheduler
-        self.store = store
-        self.send = send
+        self._scheduler = scheduler
+        self._store = store
         self._send_all = send_all
         self._on_change = on_change
-        self._emcy = emcy
-        self._emcy_clear = emcy_clear
-        self._on_timeout = on_timeout
-        self.operational = False
-        self.sync_ns = -1
-        """Time of the last SYNC in Operational, ns; -1 before the first."""
-        self.window_ns = 0
-        """Synchronous window 1007h, ns; 0 = whole cycle."""
-        self.muted: frozenset[int] = frozenset()
-        """Keys of objects that no TPDO may carry at present; a TPDO that maps one is not sent."""
-        self.length_errors: dict[ReceivePdo, int] = {}
-        """RPDOs whose last frame had a wrong length, with the EMCY code."""
-        self.timed_out: set[int] = set()
-        """Numbers of the RPDOs that are overdue."""
+        self.cycle: Final = PdoCycle()
+        """What all PDOs share."""
+        self.rpdo_errors: Final = RpdoErrors(emcy=emcy, emcy_clear=emcy_clear, on_timeout=on_timeout)
+        """RPDOs with a wrong length, and overdue ones."""
         self.problems: list[str] = []
         """Default mappings that the dictionary itself forbids; such a PDO stays silent."""
         self._flush_pending = False
         self._sync_receive: tuple[ReceivePdo, ...] = ()
         self._each_sync: tuple[TransmitPdo, ...] = ()
         self._other_sync: tuple[TransmitPdo, ...] = ()
-        self._watchers: dict[int, tuple[TransmitPdo | ScannedObject, ...]] = {}
+        self._watchers: dict[int, tuple[Watcher, ...]] = {}
         self._scanned: tuple[ScannedObject, ...] = ()
         self._stale = False
         self.multiplexer = Multiplexer(store, send, emcy=emcy, emcy_clear=emcy_clear)
-        self.receive = [ReceivePdo(self, *place) for place in self._places(*_RPDO)]
-        self.transmit = [TransmitPdo(self, *place) for place in self._places(*_TPDO)]
+        self.receive = [
+            ReceivePdo(
+                *place,
+                scheduler=scheduler,
+                values=store.values,
+                cycle=self.cycle,
+                errors=self.rpdo_errors,
+                mark=self._mark,
+                multiplexed=self.multiplexer.receive,
+            )
+            for place in self._places(*_RPDO)
+        ]
+        self.transmit = [
+            TransmitPdo(*place, scheduler=scheduler, values=store.values, cycle=self.cycle, send=send)
+            for place in self._places(*_TPDO)
+        ]
         for pdo in (*self.receive, *self.transmit):
             self._install(pdo)
 
     def _places(self, communication: int, mapping: int) -> list[tuple[int, int, int]]:
-        entries = self.store.entries
+        entries = self._store.entries
         return [
             (number + 1, (communication + number) << 8, (mapping + number) << 8)
             for number in range(_RECORDS)
@@ -126,8 +102,7 @@ class PdoEngine:
     def configure(self) -> None:
         """Read all PDOs from the values, as after reset communication."""
         self.problems.clear()
-        self.length_errors.clear()
-        self.timed_out.clear()
+        self.rpdo_errors.reset()
         self.multiplexer.reset()
         for rpdo in self.receive:
             rpdo.restart()
@@ -138,7 +113,7 @@ class PdoEngine:
 
     def enter_operational(self) -> None:
         """Start all valid PDOs."""
-        self.operational = True
+        self.cycle.operational = True
         if self._stale:
             self._recompile()
         self.refresh()
@@ -148,15 +123,15 @@ class PdoEngine:
 
     def leave_operational(self) -> None:
         """Stop all PDOs at once (C301-019)."""
-        self.operational = False
-        self.sync_ns = -1
+        self.cycle.operational = False
+        self.cycle.sync_ns = -1
         for pdo in (*self.receive, *self.transmit):
             pdo.stop()
         self.refresh()
 
     def mute(self, keys: frozenset[int]) -> None:
         """Keep back every TPDO that maps one of these objects; an empty set lets them go again."""
-        self.muted = keys
+        self.cycle.muted = keys
         self.refresh()
         self.touch_all()
 
@@ -165,27 +140,31 @@ class PdoEngine:
         is used.
         """
         self._stale = True
-        if self.operational:
+        if self.cycle.operational:
             self._recompile()
 
     def _recompile(self) -> None:
         self._stale = False
         for rpdo in self.receive:
-            rpdo.compile(applier(rpdo.layout, self.store))
+            rpdo.compile(applier(rpdo.layout, self._store))
         for tpdo in self.transmit:
-            tpdo.sample = sampler(tpdo.layout, self.store.values, self.store.read_hooks)
+            tpdo.sample = sampler(tpdo.layout, self._store.values, self._store.read_hooks)
 
     def refresh(self) -> None:
         """Sort the PDOs in force by what drives them."""
-        self.window_ns = self.store.values.get(0x100700, 0) * 1000
-        valid = [pdo for pdo in self.transmit if pdo.valid and pdo.layout.fields] if self.operational else []
-        if self.muted:
-            valid = [pdo for pdo in valid if self.muted.isdisjoint(pdo.layout.keys)]
+        self.cycle.window_ns = self._store.values.get(0x100700, 0) * 1000
+        valid = (
+            [pdo for pdo in self.transmit if pdo.valid and pdo.layout.fields]
+            if self.cycle.operational
+            else []
+        )
+        if self.cycle.muted:
+            valid = [pdo for pdo in valid if self.cycle.muted.isdisjoint(pdo.layout.keys)]
         self._each_sync = tuple(pdo for pdo in valid if pdo.every_sync)
         self._other_sync = tuple(
             pdo for pdo in valid if (pdo.synchronous and not pdo.every_sync) or pdo.kind == 252
         )
-        watchers: dict[int, tuple[TransmitPdo | ScannedObject, ...]] = {}
+        watchers: dict[int, tuple[Watcher, ...]] = {}
         for pdo in valid:
             if pdo.event_driven:
                 for key in pdo.layout.keys:
@@ -198,7 +177,9 @@ class PdoEngine:
             rpdo.watchers = tuple(
                 dict.fromkeys(pdo for key in rpdo.layout.keys for pdo in watchers.get(key, ()))
             )
-        active = [pdo for pdo in self.receive if pdo.valid and pdo.layout.fields] if self.operational else []
+        active = (
+            [pdo for pdo in self.receive if pdo.valid and pdo.layout.fields] if self.cycle.operational else []
+        )
         self._sync_receive = tuple(pdo for pdo in active if pdo.synchronous)
         self._on_change()
 
@@ -206,7 +187,7 @@ class PdoEngine:
         """Return the RPDOs that listen now."""
         return (
             [pdo for pdo in self.receive if pdo.valid and (pdo.layout.fields or pdo.multiplex)]
-            if self.operational
+            if self.cycle.operational
             else []
         )
 
@@ -218,7 +199,7 @@ class PdoEngine:
         """Return the TPDOs that answer remote frames now."""
         return (
             [pdo for pdo in self.transmit if pdo.valid and pdo.rtr and pdo.layout.fields]
-            if self.operational
+            if self.cycle.operational
             else []
         )
 
@@ -227,7 +208,7 @@ class PdoEngine:
 
     def latch(self, time_ns: int) -> None:
         """Make the synchronous RPDOs received since the last SYNC effective (C301-035)."""
-        self.sync_ns = time_ns
+        self.cycle.sync_ns = time_ns
         for pdo in self._sync_receive:
             data = pdo.pending
             if data is not None:
@@ -235,7 +216,7 @@ class PdoEngine:
                 pdo.effective += 1
                 pdo.apply(data)
                 if pdo.watchers:
-                    self.mark(pdo.watchers)
+                    self._mark(pdo.watchers)
 
     def on_sync(self, counter: int) -> None:
         """Sample and send the synchronous TPDOs."""
@@ -251,21 +232,21 @@ class PdoEngine:
         """Note that the object `key` may have changed."""
         watchers = self._watchers.get(key)
         if watchers is not None:
-            self.mark(watchers)
+            self._mark(watchers)
 
     def touch_all(self) -> None:
         """Note that any object may have changed."""
-        self.mark(
-            [pdo for pdo in self.transmit if pdo.valid and pdo.event_driven] if self.operational else ()
+        self._mark(
+            [pdo for pdo in self.transmit if pdo.valid and pdo.event_driven] if self.cycle.operational else ()
         )
 
-    def mark(self, pdos: Iterable[TransmitPdo | ScannedObject]) -> None:
+    def _mark(self, pdos: Iterable[Watcher]) -> None:
         """Have event-driven PDOs looked at when the present instant ends."""
         for pdo in pdos:
             pdo.dirty = True
             if not self._flush_pending:
                 self._flush_pending = True
-                self.scheduler.at(self.scheduler.now, self._flush, priority=_FLUSH_PRIORITY)
+                self._scheduler.at(self._scheduler.now, self._flush, priority=_FLUSH_PRIORITY)
 
     def _flush(self) -> None:
         self._flush_pending = False
@@ -278,10 +259,10 @@ class PdoEngine:
 
     def _scan(self) -> tuple[ScannedObject, ...]:
         """Return what the multiplex PDOs in source address mode send on a change."""
-        if not self.operational:
+        if not self.cycle.operational:
             return ()
         return tuple(
-            ScannedObject(self.multiplexer, self.store, pdo, entry)
+            ScannedObject(self.multiplexer, self._store, pdo, entry)
             for pdo in self.transmit
             if pdo.valid and pdo.multiplex == SOURCE
             for entry in self.multiplexer.scanned()
@@ -295,45 +276,17 @@ class PdoEngine:
 
         """
         for pdo in self.transmit:
-            if pdo.number == number and pdo.valid and pdo.multiplex == DESTINATION and self.operational:
+            if pdo.number == number and pdo.valid and pdo.multiplex == DESTINATION and self.cycle.operational:
                 self.multiplexer.send_destination(pdo, node, index, sub, content)
                 return True
         return False
-
-    # -- errors
-    # -----------------------------------------------------------------------------------------------
-
-    def length_wrong(self, pdo: ReceivePdo, code: int) -> None:
-        """Report a wrong length once until a correct frame has come (C301-054)."""
-        if self.length_errors.get(pdo) != code:
-            self.length_correct(pdo)
-            self.length_errors[pdo] = code
-            self._emcy(code)
-
-    def length_correct(self, pdo: ReceivePdo) -> None:
-        """Note a frame of the right length."""
-        code = self.length_errors.pop(pdo, None)
-        if code is not None and code not in self.length_errors.values():
-            self._emcy_clear(code)
-
-    def rpdo_lost(self, pdo: ReceivePdo) -> None:
-        """Report an overdue RPDO (C301-049)."""
-        self.timed_out.add(pdo.number)
-        self._emcy(EMCY_RPDO_TIMEOUT)
-        self._on_timeout(pdo.number)
-
-    def rpdo_back(self, pdo: ReceivePdo) -> None:
-        """Note that an overdue RPDO has come."""
-        self.timed_out.discard(pdo.number)
-        if not self.timed_out:
-            self._emcy_clear(EMCY_RPDO_TIMEOUT)
 
     # -- configuration
     # ----------------------------------------------------------------------------------------
 
     def _read(self, pdo: Pdo, *, restart: bool) -> None:
         pdo.read_parameters()
-        values = self.store.values
+        values = self._store.values
         self.problems = [text for text in self.problems if not text.startswith(_mapping_name(pdo))]
         count = values[pdo.map_key]
         pdo.multiplex = count if count in MULTIPLEXED and pdo.kind >= _EVENT_DRIVEN else 0
@@ -341,24 +294,24 @@ class PdoEngine:
             count = 0
         try:
             raw = [values[pdo.map_key | sub] for sub in range(1, count + 1)]
-            pdo.layout = check_mapping(self.store, raw, receive=pdo.receive)
+            pdo.layout = check_mapping(self._store, raw, receive=pdo.receive)
         except (SdoAbort, KeyError) as reason:
             pdo.layout = EMPTY
             self.problems.append(f"{_mapping_name(pdo)}: {reason}")
         if isinstance(pdo, ReceivePdo):
             pdo.stop()
-            pdo.compile(applier(pdo.layout, self.store))
+            pdo.compile(applier(pdo.layout, self._store))
         elif isinstance(pdo, TransmitPdo):
-            pdo.compile(sampler(pdo.layout, values, self.store.read_hooks), restart=restart)
+            pdo.compile(sampler(pdo.layout, values, self._store.read_hooks), restart=restart)
 
     def _install(self, pdo: Pdo) -> None:
         """Put the rules of the communication and mapping record into the store."""
-        store = self.store
+        store = self._store
 
         def apply() -> None:
             self._read(pdo, restart=True)
             self.refresh()
-            if self.operational and pdo.valid and isinstance(pdo, TransmitPdo):
+            if self.cycle.operational and pdo.valid and isinstance(pdo, TransmitPdo):
                 pdo.start()
 
         def apply_time() -> None:
@@ -381,54 +334,54 @@ class PdoEngine:
                 store.guards[pdo.map_key | sub] = lambda value: self._check_map_entry(pdo, value)
 
     def _invalid(self, pdo: Pdo) -> bool:
-        return bool(self.store.values[pdo.key | 1] >> 31)
+        return bool(self._store.values[pdo.key | 1] >> 31)
 
-    def _check_cob_id(self, pdo: Pdo, value: Any) -> None:
+    def _check_cob_id(self, pdo: Pdo, value: ObjectValue) -> None:
         extended = value >> 29 & 1
         can_id = value & 0x1FFFFFFF
         if not extended and (can_id > 0x7FF or (is_restricted(can_id) and (can_id or not value >> 31))):
             raise SdoAbort(AbortCode.VALUE)
-        old = self.store.values[pdo.key | 1]
+        old = self._store.values[pdo.key | 1]
         if not old >> 31 and not value >> 31 and (old ^ value) & 0x3FFFFFFF:
             raise SdoAbort(AbortCode.DEVICE_STATE)
         if not value >> 31 and any(problem.startswith(_mapping_name(pdo)) for problem in self.problems):
             raise SdoAbort(AbortCode.INTERNAL)  # the mapping of the dictionary forbids itself
 
-    def _check_kind(self, pdo: Pdo, kind: Any) -> None:
+    def _check_kind(self, pdo: Pdo, kind: ObjectValue) -> None:
         """Refuse reserved transmission types (C301-040 to C301-042), and SYNC for multiplex PDOs."""
         if 0xF1 <= kind <= (0xFD if pdo.receive else 0xFB):
             raise SdoAbort(AbortCode.VALUE)
-        if self.store.values[pdo.map_key] in MULTIPLEXED and kind < _EVENT_DRIVEN:
+        if self._store.values[pdo.map_key] in MULTIPLEXED and kind < _EVENT_DRIVEN:
             raise SdoAbort(AbortCode.PARAMETER)
 
-    def _only_while_invalid(self, pdo: Pdo, key: int) -> Callable[[Any], None]:
-        def check(value: Any) -> None:
-            if not self._invalid(pdo) and value != self.store.values[key]:
+    def _only_while_invalid(self, pdo: Pdo, key: int) -> Callable[[ObjectValue], None]:
+        def check(value: ObjectValue) -> None:
+            if not self._invalid(pdo) and value != self._store.values[key]:
                 raise SdoAbort(AbortCode.DEVICE_STATE)
 
         return check
 
-    def _check_count(self, pdo: Pdo, count: Any) -> None:
+    def _check_count(self, pdo: Pdo, count: ObjectValue) -> None:
         if not self._invalid(pdo):
             raise SdoAbort(AbortCode.DEVICE_STATE)
         if count in MULTIPLEXED:
-            if self.store.values.get(pdo.key | 2, _EVENT_DRIVEN) < _EVENT_DRIVEN:
+            if self._store.values.get(pdo.key | 2, _EVENT_DRIVEN) < _EVENT_DRIVEN:
                 raise SdoAbort(AbortCode.PARAMETER)  # multiplex PDOs are event-driven
             return
         if count > 64:
             raise SdoAbort(AbortCode.PDO_LENGTH)
-        values = self.store.values
-        if count and pdo.map_key | count not in self.store.entries:
+        values = self._store.values
+        if count and pdo.map_key | count not in self._store.entries:
             raise SdoAbort(AbortCode.PDO_LENGTH)
         check_mapping(
-            self.store, [values[pdo.map_key | sub] for sub in range(1, count + 1)], receive=pdo.receive
+            self._store, [values[pdo.map_key | sub] for sub in range(1, count + 1)], receive=pdo.receive
         )
 
-    def _check_map_entry(self, pdo: Pdo, value: Any) -> None:
-        if self.store.values[pdo.map_key] or not self._invalid(pdo):
+    def _check_map_entry(self, pdo: Pdo, value: ObjectValue) -> None:
+        if self._store.values[pdo.map_key] or not self._invalid(pdo):
             raise SdoAbort(AbortCode.DEVICE_STATE)
         if value:
-            check_mapping_entry(self.store, value, receive=pdo.receive)
+            check_mapping_entry(self._store, value, receive=pdo.receive)
 
 
 def _mapping_name(pdo: Pdo) -> str:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from operator import itemgetter
 from struct import Struct, error
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from fieldbus.canopen.abort import AbortCode, SdoAbort
-from fieldbus.canopen.dictionary import INTEGERS, Entry
+from fieldbus.canopen.dictionary import INTEGERS, Entry, ObjectValue
 from fieldbus.canopen.store import ObjectStore, ReadHook, WriteHook
 
 _CODES: Final = {
@@ -114,7 +114,7 @@ def _compile(layout: Layout) -> Struct | None:
     return Struct(code)
 
 
-def pack_saturated(layout: Layout, values: dict[int, Any]) -> bytes:
+def pack_saturated(layout: Layout, values: dict[int, ObjectValue]) -> bytes:
     """Return the payload of any layout; numbers outside their type are held at its end."""
     word = 0
     for entry, bits, offset in layout.fields:
@@ -123,10 +123,10 @@ def pack_saturated(layout: Layout, values: dict[int, Any]) -> bytes:
     return word.to_bytes(layout.size, "little")
 
 
-def unpack_fields(layout: Layout, data: bytes) -> list[Any]:
+def unpack_fields(layout: Layout, data: bytes) -> list[ObjectValue]:
     """Return the values of a payload in the order of `Layout.keys`; a short payload is filled with zeros."""
     word = int.from_bytes(data, "little")
-    result: list[Any] = []
+    result: list[ObjectValue] = []
     for entry, bits, offset in layout.fields:
         if entry is None:
             continue
@@ -140,7 +140,7 @@ def unpack_fields(layout: Layout, data: bytes) -> list[Any]:
     return result
 
 
-def sampler(layout: Layout, values: dict[int, Any], hooks: dict[int, ReadHook]) -> Sampler:
+def sampler(layout: Layout, values: dict[int, ObjectValue], hooks: dict[int, ReadHook]) -> Sampler:
     """Return the code that reads all mapped objects at one instant and packs them (C301-056)."""
     keys = layout.keys
     code = _compile(layout)
@@ -180,7 +180,7 @@ def sampler(layout: Layout, values: dict[int, Any], hooks: dict[int, ReadHook]) 
     return sample_all
 
 
-def _read(reads: Sequence[tuple[int, ReadHook]], values: dict[int, Any]) -> None:
+def _read(reads: Sequence[tuple[int, ReadHook]], values: dict[int, ObjectValue]) -> None:
     for key, hook in reads:
         try:
             values[key] = hook()
@@ -226,7 +226,9 @@ def applier(layout: Layout, store: ObjectStore) -> Applier:
     return apply_hooked
 
 
-def _store(plan: Sequence[tuple[int, WriteHook | None]], data: Sequence[Any], values: dict[int, Any]) -> None:
+def _store(
+    plan: Sequence[tuple[int, WriteHook | None]], data: Sequence[ObjectValue], values: dict[int, ObjectValue]
+) -> None:
     for (key, hook), value in zip(plan, data, strict=True):
         if hook is not None:
             try:
@@ -244,7 +246,7 @@ def _checked(entry: Entry, store: ObjectStore) -> WriteHook | None:
     if guard is None and not limited:
         return hook
 
-    def check(value: Any) -> None:
+    def check(value: ObjectValue) -> None:
         if limited:
             entry.check_limits(value)
         if guard is not None:

@@ -5,10 +5,11 @@ C301-150).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.dictionary import ObjectValue
 from fieldbus.canopen.nmt import COB_SDO_CLIENT, COB_SDO_SERVER, is_restricted
 from fieldbus.canopen.sdo_server import SdoServer
 from fieldbus.canopen.store import ObjectStore, WriteHook
@@ -84,7 +85,7 @@ class SdoChannels:
         """Return the check of a COB-ID of a record (C301-012, C301-101)."""
         values = self._store.values
 
-        def check(value: Any) -> None:
+        def check(value: ObjectValue) -> None:
             can_id = value & 0x1FFFFFFF
             if value >> 29 & 1 or (can_id and (can_id > 0x7FF or is_restricted(can_id))):
                 raise SdoAbort(AbortCode.VALUE)  # with 11 bits only

@@ -10,11 +10,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from fieldbus.can.frame import CanFrame, CanSegment
-from fieldbus.canopen.bus_watch import BusWatch
-from fieldbus.canopen.communication_errors import CommunicationErrors, check_behaviour
+from fieldbus.can.port import MediumPort
+from fieldbus.canopen.communication_errors import CollisionWatch, CommunicationErrors, check_behaviour
+from fieldbus.canopen.dictionary import ObjectValue
 from fieldbus.canopen.dispatch import Dispatcher, Route
 from fieldbus.canopen.emcy import EmcyProducer
 from fieldbus.canopen.error_control import ErrorControl
@@ -30,8 +31,7 @@ from fieldbus.canopen.nmt import (
 from fieldbus.canopen.node_settings import NodeSettings
 from fieldbus.canopen.pdo_engine import PdoEngine
 from fieldbus.canopen.sdo_channels import SdoChannels
-from fieldbus.canopen.slave_access import DeviceAccess
-from fieldbus.canopen.store import ObjectStore
+from fieldbus.canopen.store import ObjectStore, ReadHook, WriteHook
 from fieldbus.canopen.sync import SyncService
 from fieldbus.canopen.time_stamp import TimeService
 from fieldbus.clock import S, Scheduler, Timer
@@ -39,7 +39,7 @@ from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 from fieldbus.node_clock import NodeClock
 
-_OVERRUN_REPORT_NS: Final = 10_000_000  # later than the loss, so that the EMCY finds room itself
+_OVERRUN_REPORT_NS: Final = 10_000_000  # later than the loss, when the queue can take the EMCY
 
 if TYPE_CHECKING:
     import canopen
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 _EVERYWHERE: Final = (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL)
 
 
-class CanopenSlave(DeviceAccess):
+class CanopenSlave:
     """One node of a CAN segment as CiA 301 describes it.
 
     The slave is off until `power_on`. Frames are taken and sent within scheduler callbacks; nothing waits.
@@ -73,34 +73,6 @@ class CanopenSlave(DeviceAccess):
             cannot be used.
 
     """
-
-    __slots__ = (
-        "_boot_timer",
-        "_communication",
-        "_dispatcher",
-        "_history",
-        "_port",
-        "_powered",
-        "_sdo",
-        "_state",
-        "_store",
-        "boot_time_ns",
-        "bus_watch",
-        "error_control",
-        "errors",
-        "name",
-        "node_id",
-        "on_communication_error",
-        "on_nmt_state",
-        "on_reset",
-        "on_sync",
-        "pdos",
-        "scheduler",
-        "settings",
-        "sync",
-        "time",
-        "values",
-    )
 
     def __init__(
         self,
@@ -137,20 +109,17 @@ class CanopenSlave(DeviceAccess):
 
         self._store = store = ObjectStore(dictionary, node_id)
         store.predefine(node_id)
-        self.values: dict[int, Any] = store.values
+        self.values: dict[int, ObjectValue] = store.values
         """Present values, keyed `index << 8 | sub-index`; what PDOs send and SDO reads."""
         self._dispatcher = Dispatcher(scheduler.heard if isinstance(scheduler, NodeClock) else None)
         self._port = segment.attach(name, self._dispatcher.receive)
         self._port.online = False
-        # A controller in virtual time looks up itself who takes a frame.
-        self._dispatcher.on_change = getattr(self._port, "accept", None)
-        # Ports of a virtual segment tell when the error state of their controller changes.
-        listeners = getattr(self._port, "on_state", None)
-        if isinstance(listeners, list):
-            listeners.append(self._controller_state)
-        overruns = getattr(self._port, "on_overrun", None)
-        if isinstance(overruns, list):
-            overruns.append(lambda: scheduler.after(_OVERRUN_REPORT_NS, self._overrun))
+        # A port in virtual time looks up itself who takes a frame, and reports the state of its controller.
+        self._controller = self._port if isinstance(self._port, MediumPort) else None
+        if self._controller is not None:
+            self._dispatcher.on_change = self._controller.accept
+            self._controller.on_state.append(self._controller_state)
+            self._controller.on_overrun.append(lambda: scheduler.after(_OVERRUN_REPORT_NS, self._overrun))
         send = self._port.send
         self.errors = EmcyProducer(
             scheduler, store, send, node_id=node_id, set_value=self.set, source=name, history=history
@@ -196,7 +165,9 @@ class CanopenSlave(DeviceAccess):
         )
         self.time = TimeService(scheduler, store, send, on_change=self._rebuild)
         """Clock of the device, set and told by TIME (C301-004)."""
-        self.bus_watch = BusWatch(scheduler, emcy=communication.raise_error, emcy_clear=self.errors.clear)
+        self.bus_watch = CollisionWatch(
+            scheduler, emcy=communication.raise_error, emcy_clear=self.errors.clear
+        )
         """Reports collisions of identifiers (C301-125)."""
         self.pdos.multiplexer.node_id = node_id
         self._sdo = SdoChannels(scheduler, store, send, timeout_ns=sdo_timeout_ns)
@@ -262,6 +233,133 @@ class CanopenSlave(DeviceAccess):
     @sdo_response_delay_ns.setter
     def sdo_response_delay_ns(self, delay_ns: int) -> None:
         self._sdo.response_delay_ns = delay_ns
+
+    # -- access of the device
+
+    def get(self, index: int, sub: int = 0) -> ObjectValue:
+        """Return the present value; KeyError when the dictionary has no such entry."""
+        return self.values[index << 8 | sub]
+
+    def set(self, index: int, sub: int, value: ObjectValue) -> None:
+        """Set a value without access checks; event-driven TPDOs that map it are sent if their payload
+        changes.
+        """
+        key = index << 8 | sub
+        values = self.values
+        if values.get(key) != value:
+            values[key] = value
+            self.pdos.touch(key)
+
+    def notify_change(self, index: int, sub: int = 0) -> None:
+        """Have event-driven TPDOs with this object looked at, after a direct write to `values`."""
+        self.pdos.touch(index << 8 | sub)
+
+    def trigger_tpdos(self) -> None:
+        """Have all event-driven TPDOs looked at when the present instant ends; changed payloads are sent."""
+        self.pdos.touch_all()
+
+    def trigger_tpdo(self, number: int) -> None:
+        """Send event-driven TPDO `number` (1 = 1800h) as on a device event, whatever its payload is."""
+        for pdo in self.pdos.transmit:
+            if pdo.number == number and pdo.valid and self.pdos.cycle.operational:
+                pdo.trigger()
+
+    def send_multiplexed(self, number: int, node: int, index: int, sub: int, content: bytes) -> bool:
+        """Send up to four bytes to an object of another node with TPDO `number`, which is in DAM (C301-051).
+
+        Args:
+            number: 1 = 1800h; its mapping record has FFh objects.
+            node: Node-ID of the consumer; 0 = all.
+            index: Index of the consumer's object.
+            sub: Its sub-index.
+            content: Its value, little-endian, at most four bytes.
+
+        Returns:
+            Whether it was sent: the PDO is valid, in destination address mode, and the node Operational.
+
+        Raises:
+            ConfigurationError: An argument is out of range.
+
+        """
+        if not 0 <= node <= 127:
+            raise ConfigurationError("node", node, "0..127")
+        if not 0 <= index <= 0xFFFF or not 0 <= sub <= 0xFF or len(content) > 4:
+            raise ConfigurationError(
+                "destination", (index, sub, content), "an object, and at most four bytes"
+            )
+        return self.pdos.send_multiplexed(number, node, index, sub, content)
+
+    def on_write(self, index: int, sub: int, callback: WriteHook) -> None:
+        """Call `callback(value)` before a value written by SDO or PDO is stored.
+
+        A PDO write takes place when it becomes effective. `SdoAbort` from the callback refuses the value: an
+        SDO is aborted with its code, a PDO leaves the object as it was. Several callbacks run in order.
+
+        Raises:
+            ConfigurationError: The dictionary has no such entry.
+
+        """
+        self._chain(self._store.write_hooks, index, sub, callback)
+        self.pdos.recompile()
+
+    def on_read(self, index: int, sub: int, callback: ReadHook) -> None:
+        """Call `callback() -> value` for SDO reads and when a PDO samples the object.
+
+        `SdoAbort` from the callback aborts an SDO; a PDO sends the last value. One callback per entry.
+
+        Raises:
+            ConfigurationError: The dictionary has no such entry.
+
+        """
+        self._known(index, sub)
+        self._store.read_hooks[index << 8 | sub] = callback
+        self.pdos.recompile()
+
+    def emcy(
+        self, code: int, register: int | None = None, data: bytes = b"", *, repeat: bool = False
+    ) -> bool:
+        """Raise an error: 1001h and 1003h take it up, an EMCY is queued (C301-108 to C301-112).
+
+        Args:
+            code: EMCY error code, 1..FFFFh.
+            register: Bits of 1001h that belong to the error; bit 0 is always added. None = by the code.
+            data: Up to five manufacturer-specific bytes.
+            repeat: Send again although the error is already present.
+
+        Returns:
+            Whether it was new or repeated; a present error is not sent twice.
+
+        """
+        return self.errors.raise_error(code, register, data, repeat=repeat)
+
+    def emcy_clear(self, code: int | None = None) -> bool:
+        """End the error `code`, or all: EMCY 0000h with what remains of 1001h (C301-109).
+
+        Returns:
+            Whether there was anything to end.
+
+        """
+        return self.errors.clear(code)
+
+    def _known(self, index: int, sub: int) -> None:
+        if index << 8 | sub not in self._store.entries:
+            raise ConfigurationError(
+                f"{self.name}: callback", f"{index:04X}h:{sub}", "an entry of the dictionary"
+            )
+
+    def _chain(self, hooks: dict[int, WriteHook], index: int, sub: int, callback: WriteHook) -> None:
+        self._known(index, sub)
+        key = index << 8 | sub
+        first = hooks.get(key)
+        if first is None:
+            hooks[key] = callback
+            return
+
+        def both(value: ObjectValue) -> None:
+            first(value)
+            callback(value)
+
+        hooks[key] = both
 
     # -- power and NMT
     # ----------------------------------------------------------------------------------------
@@ -335,9 +433,8 @@ class CanopenSlave(DeviceAccess):
         self.time.stop()
         self.bus_watch.stop()
         self.lss.stop()
-        flush = getattr(self._port, "flush", None)
-        if flush is not None:
-            flush()  # a controller that starts anew does not send what the old life has queued
+        if self._controller is not None:
+            self._controller.flush()  # a controller that restarts does not send what was queued before
 
     def _restore(self, *, application: bool) -> None:
         self._store.load(application=application)

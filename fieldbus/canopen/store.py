@@ -11,16 +11,16 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from fieldbus.canopen.abort import AbortCode, SdoAbort
-from fieldbus.canopen.dictionary import Entry, Value, entries_of
+from fieldbus.canopen.dictionary import Entry, ObjectValue, Value, entries_of
 from fieldbus.canopen.nmt import predefined_identifiers
 from fieldbus.errors import HilError
 
 if TYPE_CHECKING:
     import canopen
 
-WriteHook = Callable[[Any], object]
+WriteHook = Callable[[ObjectValue], object]
 """Gets the new value before it is stored; raises `SdoAbort` to refuse it."""
-ReadHook = Callable[[], Any]
+ReadHook = Callable[[], ObjectValue]
 """Returns the present value."""
 
 SAVE: Final = 0x65766173
@@ -100,7 +100,7 @@ class ObjectStore:
         """What the device was made of; its defaults are those of the entries."""
         self.entries: dict[int, Entry] = entries_of(dictionary, node_id)
         self._indices = {entry.index for entry in self.entries.values()}
-        self.values: dict[int, Any] = {}
+        self.values: dict[int, ObjectValue] = {}
         """Present values; the object is the same for the life of the device."""
         self.read_hooks: dict[int, ReadHook] = {}
         self.write_hooks: dict[int, WriteHook] = {}
@@ -296,7 +296,7 @@ class ObjectStore:
                 values[key] = 1  # saves and restores on command, not by itself
 
     def _saver(self, group: int) -> WriteHook:
-        def save(signature: Any) -> None:
+        def save(signature: ObjectValue) -> None:
             if signature != SAVE:
                 raise SdoAbort(AbortCode.CANNOT_STORE)
             self.on_save(group)
@@ -329,7 +329,7 @@ class ObjectStore:
             raise SdoAbort(AbortCode.HARDWARE) from None
 
     def _loader(self, group: int) -> WriteHook:
-        def load(signature: Any) -> None:
+        def load(signature: ObjectValue) -> None:
             if signature != LOAD:
                 raise SdoAbort(AbortCode.CANNOT_STORE)
             stored, restoring = self.stored, self.restoring

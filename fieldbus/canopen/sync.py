@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.dictionary import ObjectValue
 from fieldbus.canopen.nmt import COB_SYNC, NmtState, is_restricted
 from fieldbus.canopen.pdo_engine import PdoEngine
 from fieldbus.canopen.store import ObjectStore
@@ -211,20 +212,20 @@ class SyncService:
     # -- rules
     # ------------------------------------------------------------------------------------------------
 
-    def _check_cob_id(self, value: Any) -> None:
+    def _check_cob_id(self, value: ObjectValue) -> None:
         old = self._store.values[_COB_ID]
         if not value >> 29 & 1 and is_restricted(value & 0x7FF):
             raise SdoAbort(AbortCode.VALUE)
         if old >> 30 & 1 and value >> 30 & 1 and (old ^ value) & 0x3FFFFFFF:
             raise SdoAbort(AbortCode.DEVICE_STATE)
 
-    def _check_overflow(self, value: Any) -> None:
+    def _check_overflow(self, value: ObjectValue) -> None:
         if value == 1 or value > 240:
             raise SdoAbort(AbortCode.VALUE)
         if self._store.values.get(_PERIOD, 0):
             raise SdoAbort(AbortCode.DEVICE_STATE)
 
 
-def _check_period(value: Any) -> None:
+def _check_period(value: ObjectValue) -> None:
     if 0 < value < SHORTEST_PERIOD_US:
         raise SdoAbort(AbortCode.VALUE_LOW)

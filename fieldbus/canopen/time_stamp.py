@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from struct import Struct
-from typing import Any, Final
+from typing import Final
 
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.dictionary import ObjectValue
 from fieldbus.canopen.nmt import NmtState, is_restricted
 from fieldbus.canopen.store import ObjectStore
 from fieldbus.clock import MS, Scheduler
@@ -145,7 +146,7 @@ class TimeService:
         self._send(CanFrame(cob_id & (0x1FFFFFFF if extended else 0x7FF), data, extended=extended))
         return True
 
-    def _check_cob_id(self, value: Any) -> None:
+    def _check_cob_id(self, value: ObjectValue) -> None:
         old = self._store.values[_COB_ID]
         can_id = value & 0x1FFFFFFF
         if not value >> 29 & 1 and (can_id > 0x7FF or is_restricted(can_id)):
