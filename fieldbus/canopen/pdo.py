@@ -276,10 +276,13 @@ class ReceivePdo(Pdo):
             if accepted is None:
                 return
             data = accepted
-        cycle = self._cycle
-        if cycle.window_ns and cycle.sync_ns >= 0 and time_ns - cycle.sync_ns > cycle.window_ns:
+        if self._cycle.window_ns and self._outside_window(time_ns):
             return
         self.pending = data
+
+    def _outside_window(self, time_ns: int) -> bool:
+        cycle = self._cycle
+        return cycle.sync_ns >= 0 and time_ns - cycle.sync_ns > cycle.window_ns
 
     def _accepted(self, data: bytes, time_ns: int) -> bytes | None:
         """Return the mapped part of a frame that has come, None when it is too short (C301-054)."""
