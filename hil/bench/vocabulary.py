@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from hil.record import Vocabulary
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from fieldbus.history import Event, Scalar
 
@@ -35,7 +35,11 @@ def _fixed_words() -> dict[str, tuple[Scalar, ...]]:
 
 
 def bench_vocabulary(
-    components: Iterable[str], jobs: Iterable[str], events: Iterable[Event], declared: Iterable[str]
+    components: Iterable[str],
+    jobs: Iterable[str],
+    events: Iterable[Event],
+    declared: Iterable[str],
+    drives: Mapping[str, str],
 ) -> Vocabulary:
     """Return the words of a bench as it is now.
 
@@ -44,6 +48,7 @@ def bench_vocabulary(
         jobs: Names of the instances of instructions that there are.
         events: Log so far; it has the names of jobs that are over.
         declared: Kinds of events that parts of one's own will emit.
+        drives: Axes and the drives that move them.
 
     """
     names: dict[Scalar, None] = dict.fromkeys(jobs)
@@ -51,5 +56,8 @@ def bench_vocabulary(
         if entry.kind.startswith("job."):
             names[entry.data["job"]] = None
     return Vocabulary(
-        tuple(components), {**_fixed_words(), "job.:job": tuple(names)}, declared=tuple(sorted(declared))
+        tuple(components),
+        {**_fixed_words(), "job.:job": tuple(names)},
+        declared=tuple(sorted(declared)),
+        drives=dict(drives),
     )

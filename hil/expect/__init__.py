@@ -19,6 +19,7 @@ from hil.expect._events import (
     state_at,
 )
 from hil.expect._measure import StopMeasurement, measure_stop
+from hil.expect._search_rules import undecided_until
 from hil.expect._settling import disabled, settles_within, telegram_bits
 from hil.expect._signals import (
     STW1_MASK,
@@ -32,7 +33,7 @@ from hil.expect._signals import (
 )
 from hil.expect._stop_mode import stop
 from hil.expect._stops import no_motion_after, ramp, standstill
-from hil.expect.checkers import ALWAYS_ON, Checker, run_checkers
+from hil.expect.checkers import ALWAYS_ON, SEARCH_RULES, Checker, run_checkers
 from hil.expect.golden import (
     REFERENCE_AXIS,
     ReferenceAxis,
@@ -48,6 +49,7 @@ __all__ = [
     "ALWAYS_ON",
     "JOB_OUTPUTS",
     "REFERENCE_AXIS",
+    "SEARCH_RULES",
     "STW1_MASK",
     "Checker",
     "Expectation",
@@ -83,6 +85,7 @@ __all__ = [
     "stop_time",
     "stw1_sequence",
     "telegram_bits",
+    "undecided_until",
     "value_at",
     "word_sequence",
 ]

@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Self
 
 from fieldbus.errors import ConfigurationError
+from fieldbus.history import Event
 from hil.errors import NotRecordedError, RecordingError
 from hil.record import EventSelector, Signal, Trace, check_selector
 from reports.model import Check, Verdict
@@ -79,6 +80,22 @@ def value_in_force(trace: Trace, name: str, time_s: float) -> float:
     if len(signal) == 0 or signal.time_s[0] > time_s + SLACK_S:
         raise UnknownYetError(signal, time_s)
     return signal.at(time_s)
+
+
+def pending_alarms(trace: Trace, axis: str) -> list[tuple[int, int, int, int]]:
+    """Return (raised_ns, cleared_ns, number, reaction) of the alarms of an axis."""
+    open_alarms: dict[int, Event] = {}
+    spans = []
+    for entry in trace.select(source=axis, kind="alarm."):
+        number = int(entry.data.get("number") or 0)
+        if entry.kind == "alarm.raised":
+            open_alarms.setdefault(number, entry)
+        elif entry.kind == "alarm.cleared" and number in open_alarms:
+            raised = open_alarms.pop(number)
+            spans.append((raised.time_ns, entry.time_ns, number, int(raised.data.get("reaction") or 0)))
+    end = trace.end_ns + 1
+    spans += [(e.time_ns, end, n, int(e.data.get("reaction") or 0)) for n, e in open_alarms.items()]
+    return sorted(spans)
 
 
 def words_of(reference: Reference) -> str:

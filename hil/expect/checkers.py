@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldbus.history import Event
+from hil.expect._base import pending_alarms
 from hil.expect._motion_rules import check_motion_while_disabled, check_setpoint_continuity
 from hil.expect._profidrive_rules import (
     check_profidrive_sign_of_life,
@@ -20,6 +21,7 @@ from hil.expect._profidrive_rules import (
     check_profidrive_transitions,
     check_profidrive_words,
 )
+from hil.expect._search_rules import check_comes_up, check_feedback, check_rest_after_alarm
 from hil.expect._setpoint_rules import (
     check_acceleration_setpoint,
     check_position_continuity,
@@ -176,22 +178,6 @@ def _words(trace: Trace, name: str) -> NDArray[np.int64]:
     return trace[name].values.astype(np.int64)
 
 
-def _pending_alarms(trace: Trace, axis: str) -> list[tuple[int, int, int, int]]:
-    """Return (raised_ns, cleared_ns, number, reaction) of the alarms of an axis."""
-    open_alarms: dict[int, Event] = {}
-    spans = []
-    for entry in trace.select(source=axis, kind="alarm."):
-        number = int(entry.data.get("number") or 0)
-        if entry.kind == "alarm.raised":
-            open_alarms.setdefault(number, entry)
-        elif entry.kind == "alarm.cleared" and number in open_alarms:
-            raised = open_alarms.pop(number)
-            spans.append((raised.time_ns, entry.time_ns, number, int(raised.data.get("reaction") or 0)))
-    end = trace.end_ns + 1
-    spans += [(e.time_ns, end, n, int(e.data.get("reaction") or 0)) for n, e in open_alarms.items()]
-    return sorted(spans)
-
-
 def check_status_words(trace: Trace) -> list[Check]:
     """The words of an axis agree with each other in every cycle (STP-507, STP-510 to STP-513, DIA-103)."""
     checks: list[Check] = []
@@ -283,7 +269,7 @@ def _error_spans(
     """
     must, may = np.zeros(len(times), dtype=bool), np.zeros(len(times), dtype=bool)
     slack_s = 2 * float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    for raised_ns, cleared_ns, _, reaction in _pending_alarms(trace, axis):
+    for raised_ns, cleared_ns, _, reaction in pending_alarms(trace, axis):
         start, end = raised_ns * 1e-9, cleared_ns * 1e-9
         may |= (times >= start - slack_s) & (times <= end + slack_s)
         if reaction:
@@ -303,7 +289,7 @@ def check_jobs_and_alarms(trace: Trace) -> list[Check]:
     for axis in trace.components_with("status_word", "alarm_number", "state"):
         times = trace[f"{axis}.status_word"].time_s
         cycle_ns = round(float(np.median(np.diff(times))) * 1e9) if len(times) > 1 else 0
-        spans = [span for span in _pending_alarms(trace, axis) if 1 <= span[3] <= 4]
+        spans = [span for span in pending_alarms(trace, axis) if 1 <= span[3] <= 4]
         problems = []
         for job, instruction, started_ns, ended_ns in _busy_spans(trace, axis):
             if instruction not in MOTION_JOBS:
@@ -377,6 +363,9 @@ ALWAYS_ON: Final[tuple[Checker, ...]] = (
     check_profidrive_sign_of_life,
 )
 """The checkers that judge every case."""
+
+SEARCH_RULES: Final[tuple[Checker, ...]] = (check_rest_after_alarm, check_comes_up, check_feedback)
+"""Further checkers for generated programs, whose axes are sound and enabled before anything else."""
 
 
 def run_checkers(trace: Trace, checkers: Iterable[Checker] = ALWAYS_ON) -> list[Check]:

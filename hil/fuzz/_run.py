@@ -1,4 +1,4 @@
-"""Running a fuzz program on a bench, with invariants watched in every cycle."""
+"""Running a fuzz program on a bench: invariants in every cycle, rules on the trace when it has ended."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from fieldbus.errors import ConfigurationError
 from hil.campaign import CaseContext, Token
 from hil.campaign._execute import collect_evidence
 from hil.errors import BlockedError, CaseTimeoutError, ExpectationFailedError, UnsupportedFaultError
-from hil.expect import run_checkers
+from hil.expect import ALWAYS_ON, SEARCH_RULES, run_checkers, undecided_until
 from hil.fuzz._configuration import UnitScale
-from hil.fuzz._invariants import ComesUp, Invariant, OneJobOutput, Violation, default_invariants
+from hil.fuzz._invariants import Invariant, OneJobOutput, Violation, default_invariants
 from hil.fuzz._program import Break, Do, Program, Step, Wait
 from hil.record import Trace
 from reports.model import CaseResult, Check, Verdict
@@ -23,6 +23,7 @@ STEP_S: Final = 0.012
 """Bench time after every instruction, so that its edge is seen."""
 SETTLE_S: Final = 1.0
 """Bench time after the last step."""
+_RULES: Final = (*ALWAYS_ON, *SEARCH_RULES)
 
 
 _HOW: Final = {"jerk": "Jerk", "buffer": "BufferMode"}
@@ -128,7 +129,7 @@ class _Hands:
 def run_program(
     program: Program, bench_file: Any, *, seed: int = 0, invariants: InvariantFactory = default_invariants
 ) -> FuzzOutcome:
-    """Run a program on a fresh bench until an invariant breaks or it ends.
+    """Run a program on a fresh bench until an invariant breaks or it ends; then judge its trace by the rules.
 
     An exception out of the product counts as a broken invariant too: nothing that a program can say may crash
     it.
@@ -156,9 +157,10 @@ def run_program(
         watched = invariants(bench)
         violation, skipped = _run_in(context, program, watched)
         trace = context.trace()
+        checks = run_checkers(trace, _RULES)
         if violation is None:
-            violation = _checked(trace)
-        result = _result(program, seed, violation, watched)
+            violation = _first_broken(trace, checks)
+        result = _result(program, seed, violation, watched, checks)
         collect_evidence(context, trace, result)
         return FuzzOutcome(program, seed, violation, skipped, trace, result)
 
@@ -166,7 +168,7 @@ def run_program(
 def check_program(
     context: CaseContext, program: Program, *, invariants: InvariantFactory = default_invariants
 ) -> None:
-    """Run a program in a case of a campaign: all of its invariants have to hold.
+    """Run a program in a case of a campaign: all invariants and rules of a search have to hold.
 
     Args:
         context: Of the case.
@@ -180,7 +182,11 @@ def check_program(
     """
     watched = invariants(context.bench)
     violation, skipped = _run_in(context, program, watched)
-    context.checks.extend(_checks(watched, violation))
+    trace = context.trace()
+    found = run_checkers(trace, SEARCH_RULES)
+    if violation is None:
+        violation = _first_broken(trace, found)
+    context.checks.extend(_checks(watched, violation, found))
     if violation is not None:
         raise ExpectationFailedError(str(violation))
     if skipped:
@@ -200,7 +206,7 @@ def _run_in(
         for step in program.steps:
             _perform(step, context, hands, skipped)
         context.run_for(SETTLE_S)
-        horizon_s = max((invariant.horizon_ns() for invariant in watched), default=0) * 1e-9
+        horizon_s = undecided_until(context.trace())
         if horizon_s > context.now_s:
             context.run_for(horizon_s - context.now_s + SETTLE_S / 10)
     except _BrokenError as broken:
@@ -254,9 +260,9 @@ def _skip(step: Step, error: Exception, context: CaseContext, skipped: list[str]
     context.observe(f"skipped: {error}")
 
 
-def _checked(trace: Trace) -> Violation | None:
-    """Apply the rules that hold in every run to the finished trace."""
-    failed = [check for check in run_checkers(trace) if check.verdict is not Verdict.PASSED]
+def _first_broken(trace: Trace, checks: Sequence[Check]) -> Violation | None:
+    """Return the rule that was broken first; None when all held."""
+    failed = [check for check in checks if check.verdict is not Verdict.PASSED]
     if not failed:
         return None
     first = min(failed, key=lambda check: float("inf") if check.time_s is None else check.time_s)
@@ -268,8 +274,8 @@ def _checked(trace: Trace) -> Violation | None:
 
 def _not_up(program: Program, seed: int, error: Exception) -> FuzzOutcome:
     """Return the outcome of a program whose bench has not even started."""
-    violation = Violation(ComesUp.name, 0.0, _crash(error), ComesUp.requirements)
-    return FuzzOutcome(program, seed, violation, [], Trace(()), _result(program, seed, violation, ()))
+    violation = Violation("the bench comes up", 0.0, _crash(error), ("STP-015", "STP-030"))
+    return FuzzOutcome(program, seed, violation, [], Trace(()), _result(program, seed, violation, (), ()))
 
 
 def _crash(error: Exception) -> str:
@@ -278,7 +284,11 @@ def _crash(error: Exception) -> str:
 
 
 def _result(
-    program: Program, seed: int, violation: Violation | None, watched: Sequence[Invariant]
+    program: Program,
+    seed: int,
+    violation: Violation | None,
+    watched: Sequence[Invariant],
+    rules: Sequence[Check],
 ) -> CaseResult:
     result = CaseResult(
         identifier=program.name,
@@ -289,13 +299,14 @@ def _result(
         tags=["fuzz"],
         seed=seed,
     )
-    result.checks.extend(_checks(watched, violation))
+    result.checks.extend(_checks(watched, violation, rules))
     return result
 
 
-def _checks(watched: Sequence[Invariant], violation: Violation | None) -> list[Check]:
-    """Return the invariants as checks of a case."""
-    checks = [
+def _checks(watched: Sequence[Invariant], violation: Violation | None, rules: Sequence[Check]) -> list[Check]:
+    """Return invariants and rules as checks of a case; a violation that is no rule's comes last."""
+    checks = list(rules)
+    checks += [
         Check(
             invariant.name,
             Verdict.PASSED,
@@ -306,7 +317,7 @@ def _checks(watched: Sequence[Invariant], violation: Violation | None) -> list[C
         for invariant in watched
         if violation is None or violation.invariant != invariant.name
     ]
-    if violation is not None:
+    if violation is not None and all(check.name != violation.invariant for check in rules):
         checks.append(
             Check(
                 violation.invariant,

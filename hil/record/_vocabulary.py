@@ -103,6 +103,8 @@ class Vocabulary:
     """Signals whose zero is not known: only their displacement counts."""
     origin: str = "a bench"
     """What was recorded, for messages."""
+    drives: Mapping[str, str] = field(default_factory=dict)
+    """Axes and the drives that move them."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values; `from_dict` reads them back."""
@@ -114,6 +116,7 @@ class Vocabulary:
             "absent": list(self.absent),
             "relative": list(self.relative),
             "origin": self.origin,
+            "drives": dict(self.drives),
         }
 
     @classmethod
@@ -127,6 +130,7 @@ class Vocabulary:
             tuple(content["absent"]),
             tuple(content.get("relative", ())),
             content["origin"],
+            dict(content.get("drives", {})),
         )
 
 

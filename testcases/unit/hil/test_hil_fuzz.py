@@ -156,7 +156,7 @@ def test_a_crash_is_a_finding():
         (
             DEAF,
             Program((*TRIP.steps[:4], Break(Fault("axis.alarm", parameters={"number": 521, "reaction": 4})))),
-            "rest after an alarm",
+            "after an alarm",
         ),
         (
             CREEPING,
@@ -190,7 +190,7 @@ def test_a_feedback_that_leaves_the_mechanics_is_noticed():
 
     program = Program((Do("power_on"), Wait(1.0)))
     violation = run_program(program, Slipping()).violation
-    assert violation.invariant == "position feedback equals mechanics"
+    assert violation.invariant == "position feedback of axis1"
     assert violation.time_s == pytest.approx(0.5, abs=0.01)
     declared = Program(
         (

@@ -138,10 +138,10 @@ def test_a_bench_without_a_file_has_no_configurations():
 
 @pytest.mark.requirement("STP-015", "STP-030")
 def test_a_bench_whose_axis_does_not_come_up_is_a_finding():
-    """An axis that is enabled and nothing else has to come into operation; a fault is an excuse."""
+    """An axis that is enabled and nothing else has to come into operation; a fault excuses it."""
     slow = Configuration({"power on": {"drive": {"drive1": {"power_on_delay_ms": 2000.0}}}})
     violation = run_program(Program(ON, slow), REFERENCE).violation
-    assert violation.invariant == "comes up"
+    assert violation.invariant == "axis1 comes up"
     assert "not enabled 0.30" in violation.text
     assert run_program(Program(ON), REFERENCE).violation is None
     excused = Program.from_json([{"fault": {"kind": "drive.sto"}}, *Program(ON).to_json()])
