@@ -1,23 +1,27 @@
-"""What a case function gets: the bench, its parts, faults, and the words to tell the story and state
-expectations.
-"""
+"""What a case function gets: the bench, its parts, faults, the story of the case and its expectations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fieldbus.errors import ConfigurationError
 from hil.errors import BlockedError, ExpectationFailedError
 from hil.expect import Expectation, describe
 from hil.faults import ArmedFault, Injector
-from hil.protocols import Bench
 from hil.record import Trace
 from reports.model import Check, Scalar, Step, Verdict
 
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from hil.bench.bench import Bench
+    from hil.protocols import Drive
+    from motion.s7.handles import AxisHandle
+
 
 class CaseContext:
-    """The hands of a case.
+    """What a case function works with.
 
     Args:
         bench: A fresh bench.
@@ -26,26 +30,25 @@ class CaseContext:
     """
 
     def __init__(self, bench: Bench, *, seed: int = 0) -> None:
-        self.bench: Any = bench
+        self.bench = bench
         self.seed = seed
         self.faults = Injector(bench)
         """Arms faults: `ctx.faults.inject("drive.fault", code=0x2310)`."""
         self.story: list[Step] = []
         self.checks: list[Check] = []
-        """Outcomes known already."""
+        """Outcomes so far."""
         self.expectations: list[Expectation] = []
         """Judged on the finished trace."""
 
-    # -- parts
-    # --------------------------------------------------------------------------------------------------
+    # -- parts ----------------------------------------------------------------------------------------------
 
     @property
-    def axis(self) -> Any:
+    def axis(self) -> AxisHandle:
         """The default axis of the bench; others with `ctx.bench.axis(name)`."""
         return self.bench.axis()
 
     @property
-    def drive(self) -> Any:
+    def drive(self) -> Drive:
         """The default drive of the bench; others with `ctx.bench.drive(name)`."""
         return self.bench.drive()
 
@@ -54,24 +57,22 @@ class CaseContext:
         """Present time of the bench, s: a reference instant for expectations."""
         return float(self.bench.scheduler.now) * 1e-9
 
-    def rng(self, name: str = "case") -> Any:
+    def rng(self, name: str = "case") -> Generator:
         """Return the seeded random stream `name` of this case."""
         return self.bench.rng(f"case.{name}")
 
     def trace(self) -> Trace:
         """Return a snapshot of the recording."""
-        trace: Trace = self.bench.trace()
-        return trace
+        return self.bench.trace()
 
-    # -- story
-    # --------------------------------------------------------------------------------------------------
+    # -- story ----------------------------------------------------------------------------------------------
 
     def do(self, text: str, **detail: Scalar) -> float:
-        """Tell that an instruction is given now; returns the time, s."""
+        """Add an instruction that is given now to the story; returns the time, s."""
         return self._step("do", text, detail)
 
     def observe(self, text: str, **detail: Scalar) -> float:
-        """Tell something that was seen; alarms, states, jobs and faults tell themselves."""
+        """Add an observation to the story; alarms, states, jobs and faults are added automatically."""
         return self._step("observe", text, detail)
 
     def _step(self, kind: str, text: str, detail: dict[str, Scalar]) -> float:
@@ -79,8 +80,7 @@ class CaseContext:
         self.story.append(Step(now, kind, text, detail))
         return now
 
-    # -- time
-    # ---------------------------------------------------------------------------------------------------
+    # -- time -----------------------------------------------------------------------------------------------
 
     def run_for(self, seconds: float) -> None:
         """Let `seconds` of bench time pass."""
@@ -88,7 +88,7 @@ class CaseContext:
 
     def run_until(self, predicate: Callable[[], object], timeout: float) -> bool:
         """Run until `predicate` is true; returns False when `timeout` seconds have passed before."""
-        return bool(self.bench.run_until(predicate, timeout))
+        return self.bench.run_until(predicate, timeout)
 
     def wait_until(self, predicate: Callable[[], object], timeout: float, text: str) -> float:
         """Run until `predicate` is true; the case fails when that takes longer than `timeout` (STP-554).
@@ -96,7 +96,7 @@ class CaseContext:
         Args:
             predicate: What is waited for.
             timeout: Limit, s.
-            text: The same in words, for the report.
+            text: Its meaning, for the report.
 
         Returns:
             The time at which it became true, s.
@@ -119,8 +119,7 @@ class CaseContext:
             raise ExpectationFailedError(describe(check))
         return self.now_s
 
-    # -- faults
-    # -------------------------------------------------------------------------------------------------
+    # -- faults ---------------------------------------------------------------------------------------------
 
     def inject(self, kind: str, target: str = "", **options: Any) -> ArmedFault:
         """Arm a fault; arguments as of `Injector.inject`. Without a trigger it is applied at once.
@@ -131,11 +130,10 @@ class CaseContext:
         """
         return self.faults.inject(kind, target, **options)
 
-    # -- expectations
-    # -------------------------------------------------------------------------------------------
+    # -- expectations ---------------------------------------------------------------------------------------
 
     def expect(self, *expectations: Expectation) -> None:
-        """State what the finished trace must show."""
+        """Add expectations that judge the finished trace."""
         for expectation in expectations:
             if not isinstance(expectation, Expectation):
                 raise ConfigurationError("ctx.expect", expectation, "expectations made by hil.expect")
@@ -189,10 +187,10 @@ class CaseContext:
         return good
 
     def require(self, condition: object, text: str) -> None:
-        """State what the bench must be like before the test proper.
+        """Require something of the bench before the test itself.
 
         Raises:
-            BlockedError: It is not; the case ends *blocked*.
+            BlockedError: The condition is false; the case ends *blocked*.
 
         """
         if not condition:

@@ -62,6 +62,16 @@ def test_types_of_a_bench_file(hil_bench_file: hil.BenchFile) -> None:
         assert_type(assert_trace(trace, no_alarm()), list[Check])
 
 
+def test_types_of_a_case(bench: hil.Bench) -> None:
+    """In a case of a campaign, the context has the same types as the fixtures."""
+    ctx = hil.CaseContext(bench)
+    assert_type(ctx.bench, hil.Bench)
+    assert_type(ctx.axis, hil.Axis)
+    assert_type(ctx.drive, hil.Drive)
+    assert_type(ctx.trace(), hil.Trace)
+    assert_type(ctx.wait_until(ctx.axis.power().status, 2.0, "the axis is enabled"), float)
+
+
 def test_every_exported_name_is_there() -> None:
     """Each name of `hil` and `hil.bench` can be loaded, and no other is offered."""
     for module in (hil, hil.bench):

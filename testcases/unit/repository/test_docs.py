@@ -330,7 +330,7 @@ def test_every_recorded_column_is_documented():
 
     for component, name in (("axis", "axis1"), ("drive", "drive1"), ("encoder", "encoder1")):
         (line,) = re.findall(
-            rf"^\| {component} \| (.*) \|$", table.partition("Events are selected")[0], re.MULTILINE
+            rf"^\| {component} \| (.*) \|$", table.partition("A signal has")[0], re.MULTILINE
         )
         assert re.findall(r"`(\w+)`", line) == recorded[name]
 
