@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from hil._commands.terminal import print_json
-from hil.faults import CATALOGUE, ENVIRONMENTS, TRIGGERS
-from hil.faults._parameters import Parameter
+from hil.faults import CATALOGUE, ENVIRONMENTS, TRIGGERS, Parameter
 
 
 def _parameter(parameter: Parameter) -> str:
@@ -21,16 +17,6 @@ def _parameter(parameter: Parameter) -> str:
     return f"{parameter.name} ({parameter.allowed}; {default}): {parameter.summary}"
 
 
-def example_call(example: Mapping[str, Any]) -> str:
-    """Return the example of a kind as a call of the injector."""
-    arguments = [repr(example["kind"])]
-    if example.get("target"):
-        arguments.append(repr(example["target"]))
-    options = {key: example[key] for key in ("duration_s", "count") if key in example}
-    arguments += [f"{name}={value!r}" for name, value in {**options, **example.get("parameters", {})}.items()]
-    return f"faults.inject({', '.join(arguments)})".replace("'", '"')
-
-
 def show_faults(*, as_json: bool) -> int:
     """Print the catalogue; returns the exit code."""
     if as_json:
@@ -42,7 +28,7 @@ def show_faults(*, as_json: bool) -> int:
         print(f"    {entry.summary}")  # noqa: T201 - the answer
         for parameter in entry.parameters:
             print(f"      {_parameter(parameter)}")  # noqa: T201 - the answer
-        print(f"      example: {example_call(entry.example)}")  # noqa: T201 - the answer
+        print(f"      example: {entry.example_call}")  # noqa: T201 - the answer
         for where in ENVIRONMENTS:
             if entry.injectable(where):
                 print(f"      not on {where}: {entry.injectable(where)}")  # noqa: T201 - the answer

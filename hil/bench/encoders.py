@@ -11,6 +11,7 @@ from fieldbus.canopen.node_setup import NodeSetup
 from fieldbus.clock import MS
 from fieldbus.node_clock import NodeClock
 from hil.bench._profidrive_encoder import coupling, profidrive_encoder_config
+from hil.faults import ENCODER_FAULT_METHODS
 
 if TYPE_CHECKING:
     import canopen
@@ -36,31 +37,12 @@ _HEARTBEATS: Final = 3
 _SENSOR_SHARE: Final = 0.25
 """The second sensor of a multi-sensor device sits a quarter of the scale behind the first."""
 
-ENCODER_METHODS: Final = frozenset(
-    (
-        "freeze_encoder",
-        "jump_encoder",
-        "set_encoder_noise",
-        "reverse_encoder",
-        "lose_encoder_steps",
-        "suppress_index",
-        "preset_encoder",
-        "move_near_overflow",
-        "set_alarm",
-        "set_warning",
-        "force_cycle_time",
-        "stop_heartbeat",
-        "power_off",
-        "power_on",
-        "turn_shaft",
-        "place_shaft",
-        "set_encoder_error",
-        "break_encoder_wire",
-        "freeze_sign_of_life",
-        "set_clock_drift",
-        "set_clock_jitter",
-    )
-)
+ENCODER_METHODS: Final = ENCODER_FAULT_METHODS | {
+    "turn_shaft",
+    "place_shaft",
+    "freeze_sign_of_life",
+    "set_clock_jitter",
+}
 """Methods of an encoder that may be called through the pipe to another process."""
 
 

@@ -24,8 +24,9 @@ from fieldbus.errors import HilError
 from fieldbus.history import Event
 from hil.bench.devices import DEVICE_METHODS
 from hil.bench.encoders import ENCODER_METHODS
-from hil.bench.remote_calls import FAULT_METHODS, RemoteError
+from hil.bench.remote_calls import RemoteError
 from hil.errors import BlockedError
+from hil.faults import DRIVE_METHODS
 from hil.record import TraceGroup
 
 if TYPE_CHECKING:
@@ -218,7 +219,7 @@ class RemoteDevices:
         """Where the emulated drives on Modbus are: host and port, or device file."""
         drives = {name: one for name, one in config.drive.items() if one.device == "emulated"}
         encoders = [name for name, one in config.encoder.items() if one.device == "emulated"]
-        self.drives = {name: RemoteDrive(self, name, FAULT_METHODS) for name in drives}
+        self.drives = {name: RemoteDrive(self, name, DRIVE_METHODS) for name in drives}
         self.second_encoders = {
             f"{name}.encoder2": RemoteDrive(self, f"{name}.encoder2", ENCODER_METHODS)
             for name, one in drives.items()

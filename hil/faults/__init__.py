@@ -8,53 +8,52 @@ every arming, application and removal as an event (`fault.armed`, `fault.applied
 
 from __future__ import annotations
 
-from hil.faults._catalogue import CATALOGUE, fault_type
-from hil.faults._compose import (
-    AnyOf,
-    ByChance,
-    Every,
-    InCondition,
-    InSequence,
-    any_of,
-    chance,
-    condition,
-    every,
-    sequence,
-)
+from hil.faults._catalogue import CATALOGUE, DRIVE_METHODS, ENCODER_FAULT_METHODS, fault_type
 from hil.faults._fault import Fault
 from hil.faults._injector import ArmedFault, Injector
-from hil.faults._parameters import ENVIRONMENTS, Environment, FaultType, Parameter
+from hil.faults._kind import FaultType
+from hil.faults._parameters import ENVIRONMENTS, Environment, Parameter
 from hil.faults._trigger import (
+    TRIGGERS,
+    AnyOf,
     AtTime,
-    ComposedTrigger,
+    ByChance,
+    Every,
     Immediately,
+    InCondition,
+    InSequence,
     InState,
     OnEvent,
     OnFrame,
     SignalCrossing,
     Trigger,
     after,
+    any_of,
     at,
+    chance,
+    condition,
+    every,
     frame,
     immediately,
     on_event,
     position,
+    sequence,
     signal,
     state,
     trigger_from_dict,
     velocity,
 )
-from hil.faults._trigger_catalogue import TRIGGERS
 
 __all__ = [
     "CATALOGUE",
+    "DRIVE_METHODS",
+    "ENCODER_FAULT_METHODS",
     "ENVIRONMENTS",
     "TRIGGERS",
     "AnyOf",
     "ArmedFault",
     "AtTime",
     "ByChance",
-    "ComposedTrigger",
     "Environment",
     "Every",
     "Fault",

@@ -9,30 +9,17 @@ from typing import Any
 
 from fieldbus.errors import ConfigurationError
 from hil.faults._catalogue import fault_type
-from hil.faults._parameters import FaultType, Scalar
-from hil.faults._trigger import REPEATABLE, Immediately, Trigger, as_trigger, trigger_from_dict
+from hil.faults._kind import FaultType
+from hil.faults._parameters import Scalar, Values
+from hil.faults._trigger import ONCE, Immediately, Trigger, as_trigger, trigger_from_dict
 from hil.record import EventSelector
 
 _KEYS = ("kind", "target", "trigger", "until", "duration_s", "count", "parameters")
-COUNTED = ("frame.", "telegram.", "modbus.")
-"""Kinds whose `count` says how many frames or telegrams are hit."""
-_COMMANDED = (2, 3, 4, 15, 16)
-
-
-def parse_payload(where: str, text: str) -> bytes:
-    """Return hexadecimal text as 0 to 8 bytes; blanks are ignored."""
-    try:
-        data = bytes.fromhex(text)
-    except ValueError:
-        raise ConfigurationError(where, text, "hexadecimal text such as '3702 0000'") from None
-    if len(data) > 8:
-        raise ConfigurationError(where, text, "0 to 8 bytes")
-    return data
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A fault, checked against the catalogue when it is made.
+    """A fault, checked against the definition of its kind when it is made.
 
     Raises:
         ConfigurationError: Unknown kind or parameter, value outside its range, or options that contradict
@@ -63,7 +50,6 @@ class Fault:
             object.__setattr__(self, "until", as_trigger(self.until))
         object.__setattr__(self, "parameters", entry.check(self.parameters))
         self._check_end(entry)
-        self._check_parameters()
 
     def __hash__(self) -> int:
         return hash(
@@ -94,69 +80,29 @@ class Fault:
         if self.count is not None:
             if not isinstance(self.count, int) or isinstance(self.count, bool) or self.count < 1:
                 raise ConfigurationError("fault.count", self.count, "a whole number >= 1")
-            if self.count > 1 and not self.kind.startswith(COUNTED):
-                if not isinstance(self.trigger, REPEATABLE):
+            if self.count > 1 and not entry.counted:
+                if isinstance(self.trigger, ONCE):
                     raise ConfigurationError(
                         "fault.count", self.count, f"1, because the trigger is '{self.trigger}'"
                     )
                 if self.lasting and self.duration_s is None and self.until is None:
                     raise ConfigurationError("fault.count", self.count, "1, or give duration_s or until")
 
-    def _check_parameters(self) -> None:
-        values = self.parameters
-        if "data" in values:
-            parse_payload(f"{self.kind}.parameters.data", str(values["data"]))
-        if values.get("message") and "can_id" in values:
-            raise ConfigurationError(
-                f"{self.kind}.parameters.can_id", values["can_id"], "nothing, because message is given"
-            )
-        shortest, longest = values.get("shortest_s"), values.get("longest_s")
-        if self.kind == "switch.bounce":
-            entry = self.entry
-            low = float(shortest if shortest is not None else entry.parameter("shortest_s").default or 0.0)
-            high = float(longest if longest is not None else entry.parameter("longest_s").default or 0.0)
-            if low > high:
-                raise ConfigurationError(
-                    "switch.bounce.parameters.shortest_s", low, f"at most longest_s = {high:g} s"
-                )
-        if self.kind == "drive.refuse_transition" and values["transition"] not in _COMMANDED:
-            raise ConfigurationError(
-                "drive.refuse_transition.parameters.transition",
-                values["transition"],
-                ", ".join(map(str, _COMMANDED)),
-            )
-        if self.kind in ("frame.inject", "can.babble", "can.load") and not values.get("extended", False):
-            for name in ("can_id", "lowest_id", "highest_id"):
-                if int(values.get(name, 0)) > 0x7FF:
-                    raise ConfigurationError(
-                        f"{self.kind}.parameters.{name}", values[name], "0..7FFh, or extended = true"
-                    )
-        if self.kind == "can.load":
-            for lower, upper in (("lowest_id", "highest_id"), ("shortest", "longest")):
-                if self.value(lower) > self.value(upper):
-                    raise ConfigurationError(
-                        f"can.load.parameters.{lower}",
-                        self.value(lower),
-                        f"at most {upper} = {self.value(upper)}",
-                    )
-
     @property
     def entry(self) -> FaultType:
-        """Catalogue entry of this kind."""
+        """Definition of its kind."""
         return fault_type(self.kind)
+
+    @property
+    def values(self) -> Values:
+        """Parameters, with the defaults of those that are not given."""
+        return self.entry.values(self.parameters)
 
     @property
     def lasting(self) -> bool:
         """Whether it stays until it is removed; False: it is over the moment it is applied."""
-        kind = self.entry
-        once = any(one.name == "persistent" for one in kind.parameters) and not self.value("persistent")
-        return kind.lasting and not once
-
-    def value(self, name: str) -> Any:
-        """Return a parameter, or its default."""
-        if name in self.parameters:
-            return self.parameters[name]
-        return self.entry.parameter(name).default
+        entry = self.entry
+        return entry.lasting and (not entry.has("persistent") or self.values.flag("persistent"))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fault as TOML/JSON values (no nulls); `from_dict` reads it back."""

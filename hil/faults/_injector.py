@@ -8,17 +8,9 @@ from typing import Any
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import HilError
-from hil.faults._action import Action
-from hil.faults._actions import alarm_action, drive_action, encoder_action
-from hil.faults._controller import controller_action
-from hil.faults._fault import COUNTED, Fault
-from hil.faults._frames import FrameAction, InjectAction
-from hil.faults._io import io_action
-from hil.faults._kernel import KernelFrameAction
-from hil.faults._modbus import modbus_action
+from hil.faults._fault import Fault
+from hil.faults._kind import Action, Injection
 from hil.faults._parameters import Scalar
-from hil.faults._segment import segment_action
-from hil.faults._telegram import TelegramAction
 from hil.faults._trigger import Immediately, OnFrame, Trigger, as_trigger
 from hil.faults._watch import Stop, check_names, watch
 from hil.protocols import Bench
@@ -46,34 +38,24 @@ class ArmedFault:
         self._pending = False
         self._ends: list[Stop] = []
         self._stop_trigger: Stop | None = None
-        self._limit = fault.count if fault.count is not None and not fault.kind.startswith(COUNTED) else 1
+        self._limit = fault.count if fault.count is not None and not fault.entry.counted else 1
         self._action = self._make_action()
         self.target = self._action.target
 
     def _make_action(self) -> Action:
-        stream = f"fault{self.number}"
-        kind = self.fault.kind
-        if kind == "frame.inject":
-            return InjectAction(self._bench, self.fault, self._ended)
-        if kind.startswith("frame."):
-            if getattr(self._bench.segment(self.fault.target or None), "kernel", None) is not None:
-                return KernelFrameAction(self._bench, self.fault, self._hit)
-            return FrameAction(self._bench, self.fault, stream, self._ended, self._hit)
-        if kind.startswith("can."):
-            return segment_action(self._bench, self.fault, stream)
-        if kind.startswith("telegram."):
-            return TelegramAction(self._bench, self.fault, self._ended, self._changed)
-        if kind.startswith("modbus."):
-            return modbus_action(self._bench, self.fault, stream, self._ended, self._changed)
-        if kind.startswith("io."):
-            return io_action(self._bench, self.fault, stream)
-        if kind.startswith("controller."):
-            return controller_action(self._bench, self.fault)
-        if kind == "axis.alarm":
-            return alarm_action(self._bench, self.fault)
-        if kind.startswith("encoder."):
-            return encoder_action(self._bench, self.fault)
-        return drive_action(self._bench, self.fault, stream)
+        fault, entry = self.fault, self.fault.entry
+        injection = Injection(
+            bench=self._bench,
+            kind=entry,
+            target=fault.target,
+            values=fault.values,
+            count=fault.count,
+            has_end=fault.duration_s is not None or fault.until is not None,
+            stream=f"fault{self.number}",
+            ended=self._end,
+            report_hit=self._report_hit,
+        )
+        return entry.effect(injection)
 
     def arm(self) -> None:
         """Begin to watch the trigger."""
@@ -81,9 +63,9 @@ class ArmedFault:
         if self.fault.until is not None:
             check_names(self._bench, as_trigger(self.fault.until), "until")
         self._emit("fault.armed", trigger=str(trigger), **self.fault.parameters)
-        if isinstance(self._action, FrameAction) and isinstance(trigger, OnFrame):
+        if self._action.apply_at_frame is not None and isinstance(trigger, OnFrame):
             # The n-th frame must itself be hit, so the hook of the fault counts.
-            self._stop_trigger = self._action.arm_with(trigger, self._apply)
+            self._stop_trigger = self._action.apply_at_frame(trigger, self._apply)
             return
         stop = watch(self._bench, trigger, self._fired, f"fault{self.number}.trigger")
         if self.over or self.applications >= self._limit:
@@ -153,17 +135,9 @@ class ArmedFault:
         else:
             self._end()
 
-    def _ended(self) -> None:
-        """The fault is over by itself (its count of frames is reached)."""
-        self._end()
-
-    def _hit(self, hit: int, can_id: int) -> None:
-        """Log a frame that is hit: it may leave no other mark."""
-        self._emit("fault.hit", hit=hit, can_id=can_id)
-
-    def _changed(self, hit: int, change: str) -> None:
-        """Log a telegram or a Modbus frame that is hit, with what has become of it."""
-        self._emit("fault.hit", hit=hit, change=change)
+    def _report_hit(self, hit: int, **data: Scalar) -> None:
+        """Log a frame or telegram that is hit: it may leave no other mark."""
+        self._emit("fault.hit", hit=hit, **data)
 
     def _end(self) -> None:
         if not self.active:
@@ -274,17 +248,17 @@ class Injector:
             armed.note_waiting()
 
     def remove_all(self) -> None:
-        """End every fault, newest first; one that cannot be ended does not keep the others from it.
+        """End every fault, newest first; one that cannot be ended does not stop the others.
 
         Raises:
-            HilError: What the first of those told that could not be ended.
+            HilError: The error of the first one that cannot be ended.
 
         """
-        troubles = []
+        errors = []
         for armed in reversed(self.armed):
             try:
                 armed.remove()
             except HilError as error:
-                troubles.append(error)
-        if troubles:
-            raise troubles[0]
+                errors.append(error)
+        if errors:
+            raise errors[0]

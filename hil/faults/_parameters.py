@@ -1,17 +1,18 @@
-"""Descriptions of fault types and their parameters: data that validates, documents and generates."""
+"""Parameters of faults: descriptions with type, unit and range, and the values of one fault."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar
 
 from fieldbus.errors import ConfigurationError
 
 Scalar = str | int | float | bool
 ParameterType = Literal["float", "int", "bool", "text"]
 Environment = Literal["virtual", "live", "hardware"]
+V = TypeVar("V", str, int, float, bool)
 ENVIRONMENTS: tuple[Environment, ...] = ("virtual", "live", "hardware")
 
 
@@ -96,72 +97,53 @@ class Parameter:
         return result
 
 
-@dataclass(frozen=True, slots=True)
-class FaultType:
-    """An entry of the catalogue."""
+class Values:
+    """The parameters of one fault, with defaults where nothing was given.
 
-    name: str
-    summary: str
-    target: Literal["segment", "drive", "axis", "switch", "mechanics", "encoder", "station", "controller"]
-    """What kind of thing is broken; switch, mechanics and encoder are addressed by the name of their drive,
-    an
-    encoder with a node of its own by its own."""
-    seam: str
-    """Where in the bench the fault is applied."""
-    parameters: tuple[Parameter, ...] = ()
-    lasting: bool = True
-    """Whether it stays until removed; False: it is over the moment it is applied."""
-    refused: Mapping[Environment, str] = field(default_factory=dict)
-    """Where it cannot be injected, and why."""
-    remark: str = ""
-    example: Mapping[str, Any] = field(default_factory=dict)
+    Args:
+        parameters: What the kind has.
+        given: What was given, checked.
 
-    def parameter(self, name: str) -> Parameter:
-        """Return the description of a parameter; `ConfigurationError` when there is none."""
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        allowed = ", ".join(parameter.name for parameter in self.parameters) or "no parameters"
-        raise ConfigurationError(f"{self.name}.parameters", name, allowed)
+    """
 
-    def check(self, values: Mapping[str, Any]) -> dict[str, Scalar]:
-        """Return the given parameters, validated, in catalogue order.
+    def __init__(self, parameters: Sequence[Parameter], given: Mapping[str, Scalar]) -> None:
+        self._values = {one.name: given.get(one.name, one.default) for one in parameters}
 
-        Raises:
-            ConfigurationError: Unknown name, wrong type, outside the range, or a required one is missing.
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Values) and self._values == other._values
 
-        """
-        for name in values:
-            self.parameter(name)
-        checked: dict[str, Scalar] = {}
-        for parameter in self.parameters:
-            if parameter.name in values:
-                checked[parameter.name] = parameter.check(f"{self.name}.parameters", values[parameter.name])
-            elif parameter.required:
-                raise ConfigurationError(f"{self.name}.parameters.{parameter.name}", None, parameter.allowed)
-        return checked
+    __hash__ = None  # type: ignore[assignment]  # compared, never a key
 
-    def injectable(self, environment: Environment) -> str:
-        """Return why the fault cannot be injected there; empty when it can."""
-        return self.refused.get(environment, "")
+    def get(self, name: str) -> Scalar | None:
+        """Return a value, whatever its type; None: neither given nor a default."""
+        return self._values[name]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry as JSON values."""
-        return {
-            "name": self.name,
-            "summary": self.summary,
-            "target": self.target,
-            "targets": [self.target],
-            "seam": self.seam,
-            "lasting": self.lasting,
-            "parameters": [parameter.to_dict() for parameter in self.parameters],
-            "benches": {
-                environment: {
-                    "injectable": not self.injectable(environment),
-                    "reason": self.injectable(environment),
-                }
-                for environment in ENVIRONMENTS
-            },
-            "remark": self.remark,
-            "example": dict(self.example),
-        }
+    def number(self, name: str) -> float:
+        """Return a number."""
+        return float(self._typed(name, (int, float)))
+
+    def integer(self, name: str) -> int:
+        """Return a whole number."""
+        return self._typed(name, int)
+
+    def optional_integer(self, name: str) -> int | None:
+        """Return a whole number, or None where none was given and there is no default."""
+        return None if self._values[name] is None else self.integer(name)
+
+    def flag(self, name: str) -> bool:
+        """Return a truth value."""
+        return self._typed(name, bool)
+
+    def text(self, name: str) -> str:
+        """Return a text."""
+        return self._typed(name, str)
+
+    def names(self, name: str) -> list[str]:
+        """Return a text as a list of names with commas between."""
+        return [one.strip() for one in self.text(name).split(",") if one.strip()]
+
+    def _typed(self, name: str, kind: type[V] | tuple[type[V], ...]) -> V:
+        value = self._values[name]
+        if not isinstance(value, kind):
+            raise TypeError(f"parameter {name!r} is {value!r}")
+        return value

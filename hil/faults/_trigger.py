@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -133,16 +132,6 @@ class OnEvent:
         return f"at {self.selector}"
 
 
-class ComposedTrigger(ABC):
-    """A trigger made of others, or of a condition; see `hil.faults._compose`."""
-
-    __slots__ = ()
-
-    @abstractmethod
-    def to_dict(self) -> dict[str, Any]:
-        """Return the trigger as TOML/JSON values."""
-
-
 @dataclass(frozen=True, slots=True)
 class OnFrame:
     """At the n-th frame after arming that fits: identifier under a mask, or message name, and the beginning
@@ -193,6 +182,143 @@ class OnFrame:
         return f"at frame {name}{mask}{owner}{data} number {self.number}"
 
 
+@dataclass(frozen=True, slots=True)
+class InCondition:
+    """When a recorded signal comes to be as described, at once if it is already; looked at once per
+    application cycle.
+    """
+
+    signal: str
+    """`component.column`; without a component the default axis is meant."""
+    low: float | None = None
+    high: float | None = None
+    ones: int = 0
+    zeros: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.signal:
+            raise ConfigurationError("trigger.signal", self.signal, "component.column")
+        limits = [limit for limit in (self.low, self.high) if limit is not None]
+        if any(not math.isfinite(limit) for limit in limits) or (len(limits) == 2 and limits[0] > limits[1]):
+            raise ConfigurationError("trigger.low/high", (self.low, self.high), "finite numbers, low <= high")
+        if self.ones < 0 or self.zeros < 0 or self.ones & self.zeros:
+            raise ConfigurationError(
+                "trigger.ones/zeros", (self.ones, self.zeros), "masks without a bit in both"
+            )
+        if not limits and not self.ones and not self.zeros:
+            raise ConfigurationError("trigger.condition", self.signal, "low, high, ones or zeros")
+
+    def holds(self, value: float) -> bool:
+        """Whether a value is as described; what is no number is not."""
+        if math.isnan(value) or (self.low is not None and value < self.low):
+            return False
+        if self.high is not None and value > self.high:
+            return False
+        word = int(value) if self.ones or self.zeros else 0
+        return word & self.ones == self.ones and not word & self.zeros
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the trigger as TOML/JSON values."""
+        result: dict[str, Any] = {"when": "condition", "signal": self.signal}
+        result |= {key: value for key in ("low", "high") if (value := getattr(self, key)) is not None}
+        return result | {key: value for key in ("ones", "zeros") if (value := getattr(self, key))}
+
+    def __str__(self) -> str:
+        parts = [f">= {self.low:g}"] if self.low is not None else []
+        parts += [f"<= {self.high:g}"] if self.high is not None else []
+        parts += [f"has 16#{self.ones:X}"] if self.ones else []
+        parts += [f"has not 16#{self.zeros:X}"] if self.zeros else []
+        return f"when {self.signal} {' and '.join(parts)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Every:
+    """Again and again after arming."""
+
+    period_s: float
+    first_s: float | None = None
+    """Time from arming to the first; None: one period."""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.period_s) and self.period_s > 0):
+            raise ConfigurationError("trigger.period_s", self.period_s, "a number > 0 s")
+        if self.first_s is not None and not (math.isfinite(self.first_s) and self.first_s >= 0):
+            raise ConfigurationError("trigger.first_s", self.first_s, "a number >= 0 s")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the trigger as TOML/JSON values."""
+        first = {} if self.first_s is None else {"first_s": self.first_s}
+        return {"when": "every", "period_s": self.period_s, **first}
+
+    def __str__(self) -> str:
+        begin = "" if self.first_s is None else f", first {self.first_s:g} s after arming"
+        return f"every {self.period_s:g} s{begin}"
+
+
+@dataclass(frozen=True, slots=True)
+class InSequence:
+    """When the last of several triggers fires, each of which is armed when the one before it has fired."""
+
+    parts: tuple[Trigger, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.parts) < 2:
+            raise ConfigurationError("trigger.triggers", self.parts, "two triggers or more")
+        for part in self.parts[1:]:
+            if isinstance(part, AtTime) and not part.relative:
+                raise ConfigurationError(
+                    "trigger.triggers", str(part), "a time after the trigger before: after(...)"
+                )
+            if isinstance(part, Immediately):
+                raise ConfigurationError(
+                    "trigger.triggers", str(part), "a trigger that something brings about"
+                )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the trigger as TOML/JSON values."""
+        return {"when": "sequence", "triggers": [part.to_dict() for part in self.parts]}
+
+    def __str__(self) -> str:
+        return ", then ".join(map(str, self.parts))
+
+
+@dataclass(frozen=True, slots=True)
+class AnyOf:
+    """Whenever one of several triggers fires."""
+
+    parts: tuple[Trigger, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.parts) < 2:
+            raise ConfigurationError("trigger.triggers", self.parts, "two triggers or more")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the trigger as TOML/JSON values."""
+        return {"when": "any", "triggers": [part.to_dict() for part in self.parts]}
+
+    def __str__(self) -> str:
+        return " or ".join(map(str, self.parts))
+
+
+@dataclass(frozen=True, slots=True)
+class ByChance:
+    """With a probability whenever another trigger fires, drawn from the seeded stream of the fault."""
+
+    part: Trigger
+    probability: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.probability <= 1.0:
+            raise ConfigurationError("trigger.probability", self.probability, "a number above 0, at most 1")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the trigger as TOML/JSON values."""
+        return {"when": "chance", "trigger": self.part.to_dict(), "probability": self.probability}
+
+    def __str__(self) -> str:
+        return f"{self.part}, with probability {self.probability:g}"
+
+
 def parse_pattern(text: str) -> tuple[int | None, ...]:
     """Return the bytes of a pattern of data, None for any; blanks are ignored.
 
@@ -211,9 +337,26 @@ def parse_pattern(text: str) -> tuple[int | None, ...]:
     return found
 
 
-Trigger = Immediately | AtTime | SignalCrossing | InState | OnEvent | OnFrame | ComposedTrigger
-REPEATABLE = (SignalCrossing, InState, OnEvent, OnFrame, ComposedTrigger)
-"""Triggers that can fire more than once."""
+Trigger = (
+    Immediately
+    | AtTime
+    | SignalCrossing
+    | InState
+    | OnEvent
+    | OnFrame
+    | InCondition
+    | Every
+    | InSequence
+    | AnyOf
+    | ByChance
+)
+"""What a fault waits for."""
+TriggerOrSelector = Trigger | EventSelector
+ONCE: Final = (Immediately, AtTime)
+"""Triggers that fire once only."""
+
+
+# -- functions that make them ----------------------------------------------------------------------------
 
 
 def immediately() -> Immediately:
@@ -294,9 +437,45 @@ def frame(
     return OnFrame(can_id, number, message, drive, segment, mask, data)
 
 
+def condition(
+    signal: str, *, low: float | None = None, high: float | None = None, ones: int = 0, zeros: int = 0
+) -> InCondition:
+    """When a recorded signal is within limits, or a word has bits set and cleared; at once if it is so
+    already.
+    """
+    return InCondition(signal, low, high, ones, zeros)
+
+
+def every(period_s: float, *, first_s: float | None = None) -> Every:
+    """Every `period_s` seconds after arming; `count` of the fault says how often."""
+    return Every(period_s, first_s)
+
+
+def sequence(*triggers: TriggerOrSelector) -> InSequence:
+    """When the last of `triggers` fires; each counts from when the one before it has fired.
+
+    `sequence(on_event("fault.removed", fault="drive.sto"), after(0.3))` is 0.3 s behind the end of another
+    fault.
+    """
+    return InSequence(tuple(as_trigger(one) for one in triggers))
+
+
+def any_of(*triggers: TriggerOrSelector) -> AnyOf:
+    """Whenever one of `triggers` fires."""
+    return AnyOf(tuple(as_trigger(one) for one in triggers))
+
+
+def chance(trigger: TriggerOrSelector, probability: float) -> ByChance:
+    """With `probability` whenever `trigger` fires; the same seed gives the same occasions."""
+    return ByChance(as_trigger(trigger), probability)
+
+
 def as_trigger(value: Trigger | EventSelector) -> Trigger:
     """Accept an event selector where a trigger is wanted."""
     return OnEvent(value) if isinstance(value, EventSelector) else value
+
+
+# -- the form in files -------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,6 +500,59 @@ _FORMS: dict[str, _Form] = {
 }
 
 
+_NUMBERS: Final[Mapping[str, tuple[str, ...]]] = {
+    "condition": ("low", "high", "ones", "zeros"),
+    "every": ("period_s", "first_s"),
+    "chance": ("probability",),
+}
+_OTHERS: Final[Mapping[str, tuple[str, ...]]] = {
+    "condition": ("signal",),
+    "every": (),
+    "sequence": ("triggers",),
+    "any": ("triggers",),
+    "chance": ("trigger",),
+}
+_COMPOSED: Final = tuple(_OTHERS)
+"""Values of `when` of these triggers."""
+
+
+def _composed_from_dict(content: Mapping[str, Any], where: str) -> Trigger:
+    """Build one of these triggers from TOML/JSON values; `when` is one of `_COMPOSED`.
+
+    Raises:
+        ConfigurationError: A key is unknown, missing or ill-typed.
+
+    """
+    when = content["when"]
+    numbers, others = _NUMBERS.get(when, ()), _OTHERS[when]
+    for key, value in content.items():
+        if key == "when":
+            continue
+        if key not in (*numbers, *others):
+            raise ConfigurationError(f"{where}.{key}", value, ", ".join(["when", *others, *numbers]))
+        whole = key in ("ones", "zeros")
+        if key in numbers and (
+            isinstance(value, bool) or not isinstance(value, int if whole else (int, float))
+        ):
+            raise ConfigurationError(f"{where}.{key}", value, "a whole number" if whole else "a number")
+    for key in (*others, *{"every": ("period_s",), "chance": ("probability",)}.get(when, ())):
+        if key not in content:
+            raise ConfigurationError(f"{where}.{key}", None, f"required with when = {when}")
+    if when == "condition":
+        if not isinstance(content["signal"], str):
+            raise ConfigurationError(f"{where}.signal", content["signal"], "a value of type str")
+        return InCondition(**{key: value for key, value in content.items() if key != "when"})
+    if when == "every":
+        return Every(content["period_s"], content.get("first_s"))
+    if when == "chance":
+        return ByChance(trigger_from_dict(content["trigger"], f"{where}.trigger"), content["probability"])
+    parts = content["triggers"]
+    if not isinstance(parts, Sequence) or isinstance(parts, str):
+        raise ConfigurationError(f"{where}.triggers", parts, "a list of tables")
+    made = tuple(trigger_from_dict(one, f"{where}.triggers[{number}]") for number, one in enumerate(parts))
+    return InSequence(made) if when == "sequence" else AnyOf(made)
+
+
 def trigger_from_dict(content: Any, where: str = "trigger") -> Trigger:
     """Build a trigger from TOML/JSON values.
 
@@ -331,13 +563,11 @@ def trigger_from_dict(content: Any, where: str = "trigger") -> Trigger:
     if not isinstance(content, Mapping):
         raise ConfigurationError(where, content, f"a table with when = {', '.join(_FORMS)}")
     when = content.get("when")
-    from hil.faults._compose import COMPOSED, composed_from_dict
-
-    if isinstance(when, str) and when in COMPOSED:
-        return composed_from_dict(content, where)
+    if isinstance(when, str) and when in _COMPOSED:
+        return _composed_from_dict(content, where)
     form = _FORMS.get(when) if isinstance(when, str) else None
     if form is None:
-        raise ConfigurationError(f"{where}.when", when, ", ".join([*_FORMS, *COMPOSED]))
+        raise ConfigurationError(f"{where}.when", when, ", ".join([*_FORMS, *_COMPOSED]))
     values = {key: value for key, value in content.items() if key != "when"}
     for key, value in values.items():
         kind = form.keys.get(key)
@@ -381,3 +611,29 @@ def trigger_from_dict(content: Any, where: str = "trigger") -> Trigger:
                 values.get("mask", 0x1FFFFFFF),
                 values.get("data", ""),
             )
+
+
+_CONTROLLER: Final = "live: signals of the controller, once per application cycle"
+_EVENTS: Final = "live: what the controller tells; drive.*, encoder.*, emcy.raised and nmt.state are refused"
+_PARTS: Final = "live: as its parts"
+
+TRIGGERS: Final[dict[str, tuple[str, str]]] = {
+    "immediately": ("As soon as the fault is armed", "live: yes"),
+    "at": ("At a time of the bench", "live: yes"),
+    "after": ("A time after arming", "live: yes"),
+    "position": ("When the actual position of an axis passes a value", _CONTROLLER),
+    "velocity": ("When the actual velocity of an axis passes a value", _CONTROLLER),
+    "signal": ("When a recorded signal passes a value", _CONTROLLER),
+    "condition": ("When a recorded signal is within limits, or a word has bits", _CONTROLLER),
+    "state": ("When a component is in a state", _EVENTS),
+    "event": ("At the n-th event of a kind: phase of a job, alarm, begin or end of another fault", _EVENTS),
+    "frame": (
+        "At the n-th frame that fits identifier, mask and data",
+        "live: frames that a local port sends or receives, or that pass a bridge",
+    ),
+    "every": ("Again and again after arming", "live: yes"),
+    "sequence": ("When the last of several triggers fires, one after the other", _PARTS),
+    "any": ("Whenever one of several triggers fires", _PARTS),
+    "chance": ("With a probability whenever another trigger fires", _PARTS),
+}
+"""Value of `when` in a file -> what it waits for, and what it hears on a live bench."""

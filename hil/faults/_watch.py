@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from fieldbus.clock import seconds_to_ns
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from fieldbus.history import Event
 from hil.errors import NotRecordedError, RecordingError
 from hil.faults._trigger import (
+    AnyOf,
     AtTime,
-    ComposedTrigger,
+    ByChance,
+    Every,
     Immediately,
+    InCondition,
+    InSequence,
     InState,
     OnEvent,
     OnFrame,
@@ -20,7 +24,14 @@ from hil.faults._trigger import (
     Trigger,
     parse_pattern,
 )
-from hil.faults._watch_composed import watch_composed
+from hil.faults.seams import (
+    BenchWithAxes,
+    BenchWithComponents,
+    BenchWithNodes,
+    BenchWithVocabulary,
+    FrameSegment,
+    offers,
+)
 from hil.protocols import Bench
 from hil.record import (
     EventSelector,
@@ -30,6 +41,11 @@ from hil.record import (
     check_state,
     kind_matches,
 )
+
+if TYPE_CHECKING:
+    from fieldbus.can.frame import CanFrame
+    from fieldbus.clock import Timer
+    from hil.record._recorder import Group
 
 Stop = Callable[[], None]
 
@@ -45,7 +61,7 @@ def watch(bench: Bench, trigger: Trigger, fire: Callable[[], None], stream: str 
     on the scheduler. `stream` names the random stream of triggers by chance.
 
     Raises:
-        UnsupportedFaultError: A live bench does not hear in time of what the trigger waits for.
+        UnsupportedFaultError: A live bench does not learn in time of what the trigger waits for.
         ConfigurationError: The trigger names something that the bench does not have, or a time in the past.
 
     """
@@ -60,13 +76,21 @@ def watch(bench: Bench, trigger: Trigger, fire: Callable[[], None], stream: str 
         return _watch_state(bench, trigger, fire)
     if isinstance(trigger, OnEvent):
         return _watch_event(bench, trigger, fire)
-    if isinstance(trigger, ComposedTrigger):
-        return watch_composed(bench, trigger, fire, stream, watch)
-    return _watch_frame(bench, trigger, fire)
+    if isinstance(trigger, OnFrame):
+        return _watch_frame(bench, trigger, fire)
+    if isinstance(trigger, InCondition):
+        return _watch_condition(bench, trigger, fire)
+    if isinstance(trigger, Every):
+        return _watch_every(bench, trigger, fire)
+    if isinstance(trigger, InSequence):
+        return _Sequence(bench, trigger, fire, stream).stop
+    if isinstance(trigger, AnyOf):
+        return _watch_any(bench, trigger, fire, stream)
+    return _watch_chance(bench, trigger, fire, stream)
 
 
 def check_kind(bench: Bench, trigger: Trigger, where: str = "trigger") -> None:
-    """Refuse a trigger on a kind of event that nobody emits: it would never fire.
+    """Refuse a trigger on a kind of event that does not exist: it would never fire.
 
     Raises:
         ConfigurationError: There is no such kind; the message names the known ones.
@@ -93,29 +117,30 @@ def check_names(bench: Bench, trigger: Trigger, where: str = "trigger") -> None:
 
     """
     check_kind(bench, trigger, where)
-    _refuse_deaf(bench, trigger)
-    vocabulary = getattr(bench, "vocabulary", None)
+    _refuse_late_events(bench, trigger)
+    vocabulary: Vocabulary | None = bench.vocabulary if offers(bench, BenchWithVocabulary) else None
     if vocabulary is None:
         return
-    words = _BenchWords(bench.history.events, bench.recorder.groups, vocabulary)
+    known = _RunningBench(bench.history.events, bench.recorder.groups, vocabulary)
     try:
         if isinstance(trigger, OnEvent):
             selector = trigger.selector
             data = {key: value for key, value in selector.data.items() if key != "job"}
-            check_selector(words, EventSelector(selector.kind, selector.source, data=data))
+            check_selector(known, EventSelector(selector.kind, selector.source, data=data))
         elif isinstance(trigger, InState):
-            check_state(words, trigger.component, trigger.state, trigger.kind)
+            check_state(known, trigger.component, trigger.state, trigger.kind)
     except (RecordingError, NotRecordedError) as error:
-        raise ConfigurationError(where, str(trigger), f"what the bench can tell: {error}") from None
+        raise ConfigurationError(where, str(trigger), f"what the bench reports: {error}") from None
 
 
 _DRIVE_PROCESS = ("drive.", "encoder.", "emcy.raised", "emcy.cleared", "nmt.state", "rpdo.timeout")
-"""Events that emulated devices tell."""
+"""Events of emulated devices."""
 _CONTROLLER_OWN = ("drive.limit_refused",)
 
 
-def _refuse_deaf(bench: Bench, trigger: Trigger) -> None:
-    """Refuse a trigger on what a live bench learns at its end only, from the process of the drives.
+def _refuse_late_events(bench: Bench, trigger: Trigger) -> None:
+    """Refuse a trigger on an event that a live bench learns of at its end only, from the process of
+    the drives.
 
     Raises:
         UnsupportedFaultError: The trigger would never fire; the message says what may take its place.
@@ -126,28 +151,30 @@ def _refuse_deaf(bench: Bench, trigger: Trigger) -> None:
     if isinstance(trigger, OnEvent):
         kind = trigger.selector.kind
     elif isinstance(trigger, InState):
-        kind = trigger.kind or (
-            "axis.state" if trigger.component in getattr(bench, "axis_names", ()) else "drive.state"
-        )
+        axes = bench.axis_names if offers(bench, BenchWithAxes) else ()
+        kind = trigger.kind or ("axis.state" if trigger.component in axes else "drive.state")
         if trigger.component == "controller":
             return
     else:
         return
-    told = any(kind_matches(one, kind) or kind_matches(kind, one) for one in _DRIVE_PROCESS)
-    if told and kind not in _CONTROLLER_OWN and not any(entry.kind == kind for entry in bench.history.events):
+    remote = any(kind_matches(one, kind) or kind_matches(kind, one) for one in _DRIVE_PROCESS)
+    if (
+        remote
+        and kind not in _CONTROLLER_OWN
+        and not any(entry.kind == kind for entry in bench.history.events)
+    ):
         raise UnsupportedFaultError(
-            f"trigger '{trigger}' cannot be used on a live bench: {kind} is told in the process of the "
-            f"drives, and the "
-            "bench hears of it at its end. Wait for an event of the controller (link.*, axis.*, alarm.*, "
-            "emcy.received), a signal or a frame"
+            f"trigger '{trigger}' cannot be used on a live bench: {kind} happens in the process of the "
+            "drives, and the bench learns of it at its end. Wait for an event of the controller (link.*, "
+            "axis.*, alarm.*, emcy.received), a signal or a frame"
         )
 
 
-class _BenchWords(NamedTuple):
+class _RunningBench(NamedTuple):
     """A bench that still runs, as the place where names are looked up."""
 
     events: Sequence[Event]
-    groups: Sequence[Any]
+    groups: Sequence[Group]
     vocabulary: Vocabulary | None
 
 
@@ -190,7 +217,7 @@ def _watch_signal(bench: Bench, trigger: SignalCrossing, fire: Callable[[], None
 
 def _watch_state(bench: Bench, trigger: InState, fire: Callable[[], None]) -> Stop:
     check_kind(bench, trigger)
-    names: tuple[str, ...] = getattr(bench, "component_names", ())
+    names = bench.component_names if offers(bench, BenchWithComponents) else ()
     heard = (entry.source for entry in bench.history.events)  # somebody may have put more on the segment
     if names and trigger.component not in names and trigger.component not in heard:
         raise ConfigurationError("trigger.component", trigger.component, ", ".join(names))
@@ -220,7 +247,7 @@ def _watch_event(bench: Bench, trigger: OnEvent, fire: Callable[[], None]) -> St
     check_names(bench, trigger)
     delay_ns = seconds_to_ns(selector.offset_s)
     seen = 0
-    timers: list[Any] = []
+    timers: list[Timer] = []
 
     def look(entry: Event) -> None:
         nonlocal seen
@@ -244,7 +271,7 @@ def _watch_event(bench: Bench, trigger: OnEvent, fire: Callable[[], None]) -> St
     return stop
 
 
-def frame_matcher(bench: Bench, trigger: OnFrame, segment: str) -> Callable[[Any], bool]:
+def frame_matcher(bench: Bench, trigger: OnFrame, segment: str) -> Callable[[CanFrame], bool]:
     """Return the function that is true from the n-th matching frame on this segment on."""
     wanted = (
         trigger.can_id
@@ -256,7 +283,7 @@ def frame_matcher(bench: Bench, trigger: OnFrame, segment: str) -> Callable[[Any
     places = [(at, byte) for at, byte in enumerate(pattern) if byte is not None]
     seen = 0
 
-    def count(frame: Any) -> bool:
+    def count(frame: CanFrame) -> bool:
         nonlocal seen
         if (frame.can_id ^ wanted) & mask:
             return False
@@ -270,15 +297,14 @@ def frame_matcher(bench: Bench, trigger: OnFrame, segment: str) -> Callable[[Any
 
 
 def _watch_frame(bench: Bench, trigger: OnFrame, fire: Callable[[], None]) -> Stop:
-    segment = bench.segment(trigger.segment or None)
+    segment: FrameSegment = bench.segment(trigger.segment or None)
     matches = frame_matcher(bench, trigger, segment.name)
 
-    def look(frame: Any, sender: str, time_ns: int) -> None:  # noqa: ARG001 - signature of a segment's hook
+    def look(frame: CanFrame, sender: str, time_ns: int) -> None:  # noqa: ARG001 - signature of a hook
         if matches(frame):
             fire()
 
-    stop: Stop = segment.add_hook(look)
-    return stop
+    return segment.add_hook(look)
 
 
 def message_id(bench: Bench, drive: str, message: str, segment: str) -> int:
@@ -288,8 +314,7 @@ def message_id(bench: Bench, drive: str, message: str, segment: str) -> int:
         ConfigurationError: There is no such node on the segment, or it has no such message.
 
     """
-    nodes_on = getattr(bench, "nodes_on", None)
-    there: tuple[str, ...] | None = None if nodes_on is None else nodes_on(segment)
+    there = bench.nodes_on(segment) if offers(bench, BenchWithNodes) else None
     name = drive or bench.drive().name
     if there and not drive and name not in there:
         name = there[0]
@@ -299,3 +324,115 @@ def message_id(bench: Bench, drive: str, message: str, segment: str) -> int:
     if message not in known:
         raise ConfigurationError("message", message, f"{', '.join(known)} (messages of {name})")
     return known[message]
+
+
+# -- triggers made of triggers --------------------------------------------------------------------------
+
+
+def _watch_any(bench: Bench, trigger: AnyOf, fire: Callable[[], None], stream: str) -> Stop:
+    stops = [watch(bench, part, fire, f"{stream}.{number}") for number, part in enumerate(trigger.parts)]
+
+    def stop_all() -> None:
+        for stop in stops:
+            stop()
+
+    return stop_all
+
+
+def _watch_chance(bench: Bench, trigger: ByChance, fire: Callable[[], None], stream: str) -> Stop:
+    rng = bench.rng(f"{stream}.chance")
+
+    def draw() -> None:
+        if rng.random() < trigger.probability:
+            fire()
+
+    return watch(bench, trigger.part, draw, stream)
+
+
+def _watch_condition(bench: Bench, trigger: InCondition, fire: Callable[[], None]) -> Stop:
+    name = trigger.signal if "." in trigger.signal else f"{bench.axis().name}.{trigger.signal}"
+    if not bench.recorder.has_signal(name):
+        raise ConfigurationError("trigger.signal", name, "a recorded signal of this bench")
+    read = bench.recorder.reader(name)
+    held = False
+
+    def look() -> None:
+        nonlocal held
+        value = read()
+        before, held = held, value is not None and trigger.holds(value)
+        if held and not before:
+            fire()
+
+    stop = bench.on_cycle(look)
+    look()
+    return stop
+
+
+def _watch_every(bench: Bench, trigger: Every, fire: Callable[[], None]) -> Stop:
+    scheduler = bench.scheduler
+    period_ns = max(seconds_to_ns(trigger.period_s), 1)
+    timers: list[Timer] = []
+
+    def come() -> None:
+        timers[0] = scheduler.after(period_ns, come)
+        fire()
+
+    first_s = trigger.period_s if trigger.first_s is None else trigger.first_s
+    timers.append(scheduler.after(seconds_to_ns(first_s), come))
+    return lambda: timers[0].cancel()  # noqa: PLW0108 - the timer of the moment, not the first one
+
+
+class _Sequence:
+    """Watches one part after the other; when the last has fired it begins again with the first."""
+
+    def __init__(self, bench: Bench, trigger: InSequence, fire: Callable[[], None], stream: str) -> None:
+        self._bench = bench
+        self._parts = trigger.parts
+        self._fire = fire
+        self._stream = stream
+        self._stage = 0
+        self._stop: Stop | None = None
+        self._ended = False
+        self._pending: Timer | None = None
+        for part in self._parts[1:]:
+            # A later part that names what the bench does not have must not be found out in the middle of a
+            # run.
+            watch(bench, part, lambda: None, stream)()
+        self._begin()
+
+    def _begin(self) -> None:
+        self._pending = None
+        if self._ended:
+            return
+        stage = self._stage
+        stop = watch(self._bench, self._parts[stage], lambda: self._fired(stage), f"{self._stream}.{stage}")
+        if self._stage != stage or self._ended:
+            stop()  # it has fired already
+        else:
+            self._stop = stop
+
+    def _fired(self, stage: int) -> None:
+        """Go on at the same instant, outside of the component that has fired."""
+        if self._ended or stage != self._stage:
+            return
+        if self._stop is not None:
+            self._stop()
+            self._stop = None
+        self._stage = (stage + 1) % len(self._parts)
+        first = self._parts[0]
+        once = isinstance(first, Immediately) or (isinstance(first, AtTime) and not first.relative)
+        again = self._stage != 0 or not once
+        if again:
+            scheduler = self._bench.scheduler
+            self._pending = scheduler.at(scheduler.now, self._begin)
+        if self._stage == 0:
+            self._fire()
+
+    def stop(self) -> None:
+        """Wait no longer."""
+        self._ended = True
+        if self._pending is not None:
+            self._pending.cancel()
+        if self._stop is not None:
+            self._stop()
+            self._stop = None

@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 
 from hil.faults import CATALOGUE, Fault
-from hil.faults._action import environment
-from hil.faults._actions import offered
-from hil.faults._encoder_kinds import NOT_FUZZED
-from hil.faults._io_catalogue import NOT_FUZZED as IO_KINDS
+from hil.faults._kind import environment
+from hil.faults.seams import missing
 from hil.fuzz._configuration import Configuration
 from hil.fuzz._program import JOBS, Break, Do, Program, Step, Wait
 from hil.fuzz._telegram_strategies import TELEGRAM_KINDS, telegram_fault
@@ -76,7 +74,6 @@ def _selection(messages: Sequence[str]) -> SearchStrategy[dict[str, Any]]:
 
 _OF_A_LINE: Final = ("modbus.crc", "modbus.broadcast", "modbus.noise")
 _OF_A_NETWORK: Final = ("modbus.transaction", "modbus.reset", "modbus.cut")
-_OF_THE_BUS = ("can.noise", "can.load")
 
 
 def _extras(kind: str) -> SearchStrategy[dict[str, Any]]:
@@ -163,45 +160,13 @@ def _fault(kind: str, ids: dict[str, int]) -> SearchStrategy[Step]:
     )
 
 
-_LIES = frozenset(
-    (
-        "drive.brake_slip",
-        "drive.brake_stuck",
-        "drive.interlock",
-        "drive.local_control",
-        "drive.mode_display",
-        "drive.slow_ramp",
-        "drive.statusword_bits",
-        "drive.statusword_stuck",
-        "drive.target_toggle",
-        "drive.torque_limit",
-        "drive.heartbeat_late",
-        "drive.emcy_storm",
-        "drive.sdo_abort",
-        "encoder.drift",
-        "encoder.wire_break",
-        "encoder.scale",
-        "mechanics.slip",
-        "mechanics.coupling_break",
-        "mechanics.backlash",
-        "drive.clock_drift",
-        "drive.clock_jitter",
-        "drive.brown_out",
-    )
-)
-"""Kinds that a fuzz search leaves out: what the bench does not fit, drives that lie or do not do what they
-are told, or have another
-time, under which no invariant can hold, and what is a milder form of another kind."""
-
-
 def fault_kinds(bench: Any) -> list[str]:
     """Return the kinds of the catalogue that a bench can inject and that leave the drive to its controller.
 
-    Of the faults of the segment as a whole only noise and load are drawn; the others need the name of a node,
-    or silence the bus for so long that nothing is left to be seen. A twin node would command the drive like a
-    foreign controller.
+    Their definitions say which are drawn (`FaultType.fuzzed`).
     """
-    where = environment(bench, bench.drive())
+    drive = bench.drive()
+    where = environment(bench, drive)
     has_alarms = hasattr(bench.axis(), "alarms")
     on_modbus = str(getattr(bench.segment(), "kind", "")).startswith("modbus")
     line = str(getattr(bench.segment(), "kind", "")) == "modbus_rtu"
@@ -212,15 +177,10 @@ def fault_kinds(bench: Any) -> list[str]:
         for entry in CATALOGUE
         if not entry.injectable(where)
         and (entry.target != "axis" or has_alarms)
-        and entry.name not in NOT_FUZZED
-        and entry.name not in _LIES
-        and entry.name not in IO_KINDS
-        and offered(bench.drive(), entry.name)
-        and (not entry.name.startswith("can.") or entry.name in _OF_THE_BUS)
-        and entry.name != "frame.collide"
+        and entry.fuzzed
+        and (entry.effect.needs is None or not missing(drive, entry.effect.needs))
         and (entry.target != "segment" or entry.name.startswith("modbus.") == on_modbus)
         and entry.name not in (_OF_A_NETWORK if line else _OF_A_LINE)
-        and entry.name != "modbus.corrupt"
         and (not entry.name.startswith("telegram.") or (entry.name in TELEGRAM_KINDS and led_by_telegram))
     ]
 

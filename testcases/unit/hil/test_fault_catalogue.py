@@ -12,11 +12,9 @@ from pathlib import Path
 import pytest
 
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
-from hil._commands.faults import example_call
 from hil.bench.encoders import ENCODER_METHODS
 from hil.bench.remote import RemoteDrive
-from hil.bench.remote_calls import FAULT_METHODS
-from hil.faults import CATALOGUE, Fault
+from hil.faults import CATALOGUE, DRIVE_METHODS, Fault, handbook
 from testcases.unit.hil.fault_benches import Stage, situation_of, undisturbed
 
 PAGE = (Path(__file__).parents[3] / "docs" / "faults.md").read_text(encoding="utf-8")
@@ -50,7 +48,7 @@ def test_the_example_acts_and_ends(entry):
     stage = Stage(situation)
     try:
         begin = stage.bench.now_s
-        armed = eval(example_call(entry.example), {"faults": stage.faults})
+        armed = eval(entry.example_call, {"faults": stage.faults})
         assert armed.fault == Fault.from_dict(entry.example)
         stage.act()
         assert armed.applied_ns == round(begin * 1e9)
@@ -69,6 +67,11 @@ def test_the_example_acts_and_ends(entry):
         assert bool(trouble) is (entry.name in FOR_GOOD), trouble
     finally:
         stage.close()
+
+
+def test_the_page_of_the_handbook_is_current():
+    """The page is what `python -m hil.faults.handbook docs/faults.md` writes."""
+    assert handbook.page(handbook.head_of(PAGE)) == PAGE
 
 
 @every_kind
@@ -212,7 +215,7 @@ def test_through_the_process_of_a_live_bench(entry, monkeypatch):
     bench = stage.bench
     drive, encoder = bench.drive, bench.encoder
     monkeypatch.setattr(
-        bench, "drive", lambda name=None: RemoteDrive(_Pipe(drive(name)), drive(name).name, FAULT_METHODS)
+        bench, "drive", lambda name=None: RemoteDrive(_Pipe(drive(name)), drive(name).name, DRIVE_METHODS)
     )
     monkeypatch.setattr(
         bench,

@@ -1,6 +1,4 @@
-"""Several faults at the same part at the same time: none of them mends what another one still breaks, in
-whatever order they end.
-"""
+"""Overlapping faults on one target stack: the newest is active; when it ends, the previous one resumes."""
 
 from __future__ import annotations
 
@@ -49,7 +47,7 @@ def others(entry):
         if one.type == "float":
             varied[one.name] = (values.get(one.name, one.default) + one.minimum) / 2
             break
-        if one.type == "int" and one.name not in {"code", "mode", "transition", "level", "range"}:
+        if one.type == "int" and one.name not in {"channel", "code", "mode", "transition", "level", "range"}:
             varied[one.name] = values.get(one.name, one.default) + 1
             break
     return [

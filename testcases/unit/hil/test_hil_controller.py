@@ -182,13 +182,13 @@ def test_overlapping_overruns_leave_the_level_as_it_was():
 
 
 def test_where_it_cannot_be_injected():
-    """Another target is refused, and a bench that leads nobody."""
+    """Another target is refused, and a bench without axes."""
     led = load_bench("reference").build(seed=1)
     with led, pytest.raises(ConfigurationError, match="controller, or nothing"):
         Injector(led).inject("controller.stop", "drive1")
     text = load_bench("reference").text
     without_axis = BenchFile("own.toml", text[: text.index("[axis")]).build()
-    with without_axis, pytest.raises(UnsupportedFaultError, match="somebody else"):
+    with without_axis, pytest.raises(UnsupportedFaultError, match="outside of it"):
         Injector(without_axis).inject("controller.stop")
 
 

@@ -14,7 +14,7 @@ from fieldbus.clock import MS
 from hil.bench import BenchFile, BenchFileError, load_bench
 from hil.errors import ConfigurationError, UnsupportedFaultError
 from hil.faults import Injector, after, on_event, velocity
-from hil.faults._encoder_kinds import ALARM_BITS, WARNING_BITS
+from hil.faults.kinds.encoder import ALARM_BITS, WARNING_BITS
 
 ENCODERS = """
 [encoder.motor]

@@ -133,8 +133,8 @@ def test_a_bridge_is_taken_apart(bridged, kind):
 
 
 def test_without_a_bridge_a_cable_cannot_be_broken(desk):
-    """A bench that has one adapter has no hand at the cable."""
-    with pytest.raises(UnsupportedFaultError, match="it needs a hand at the cable, or a bridge of the bench"):
+    """A bench that has one adapter cannot break the cable."""
+    with pytest.raises(UnsupportedFaultError, match="it needs access to the cable, or a bridge of the bench"):
         desk.faults.inject("can.cable_break", nodes="x")
 
 

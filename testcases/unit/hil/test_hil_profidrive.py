@@ -16,9 +16,9 @@ from hil.bench.bench import Bench
 from hil.bench.config import BenchFileError, parse, read
 from hil.bench.drive_host import DriveHost
 from hil.bench.remote import RemoteDrive
-from hil.bench.remote_calls import FAULT_METHODS, RemoteError
+from hil.bench.remote_calls import RemoteError
 from hil.campaign import CaseSettings, execute_case
-from hil.faults import Injector
+from hil.faults import DRIVE_METHODS, Injector
 from reports.model import Verdict
 from testcases.campaigns import stop_modes
 
@@ -312,7 +312,7 @@ def test_parameters_of_a_drive_in_another_process(request):
             return json.loads(json.dumps(host.execute(json.loads(json.dumps(command)))))
 
     try:
-        parameters = RemoteDrive(Pipe(), "drive1", FAULT_METHODS).parameters
+        parameters = RemoteDrive(Pipe(), "drive1", DRIVE_METHODS).parameters
         parameters.write("p1121", 0.25)
         assert parameters.read(1121) == 0.25
         assert parameters.request(bytes.fromhex("01010101100104610000")) == bytes.fromhex(
@@ -321,6 +321,6 @@ def test_parameters_of_a_drive_in_another_process(request):
         with pytest.raises(ParameterAccessError):
             parameters.write("r0002", 1)
         with pytest.raises(RemoteError, match="drive9"):
-            RemoteDrive(Pipe(), "drive9", FAULT_METHODS).parameters.read(2)
+            RemoteDrive(Pipe(), "drive9", DRIVE_METHODS).parameters.read(2)
     finally:
         host.close()

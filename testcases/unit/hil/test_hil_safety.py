@@ -11,8 +11,7 @@ import pytest
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from hil.bench import BenchFile, BenchFileError, load_bench
 from hil.bench.remote import RemoteDrive
-from hil.bench.remote_calls import FAULT_METHODS
-from hil.faults import CATALOGUE, Fault, Injector
+from hil.faults import CATALOGUE, DRIVE_METHODS, Fault, Injector
 
 TABLES = """
 [drive.drive1.profidrive]
@@ -188,11 +187,11 @@ def test_every_kind_works_through_the_process_of_a_live_bench(rig, monkeypatch, 
 
     class Pipe:
         def call(self, method, name, args, kwargs):
-            assert (method in FAULT_METHODS, name) == (True, "drive1")
+            assert (method in DRIVE_METHODS, name) == (True, "drive1")
             command = json.loads(json.dumps({"args": list(args), "kwargs": kwargs}))
             return getattr(drive, method)(*command["args"], **command["kwargs"])
 
-    proxy = RemoteDrive(Pipe(), "drive1", FAULT_METHODS)
+    proxy = RemoteDrive(Pipe(), "drive1", DRIVE_METHODS)
     monkeypatch.setattr(rig.bench, "drive", lambda _name=None: proxy)
     monkeypatch.setattr(rig.bench, "kind", "live")
     example = {key: value for key, value in entry.example.items() if key != "duration_s"}

@@ -12,7 +12,7 @@ from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from fieldbus.profidrive import telegram
 from hil.bench import load_bench
 from hil.faults import CATALOGUE, Fault, Injector, after
-from hil.faults._telegram_words import displaced, find_place, flipped, lying, scaled, stuck, swapped
+from hil.faults.kinds._places import displaced, find_place, flipped, overridden, scaled, stuck, swapped
 
 KINDS = [entry for entry in CATALOGUE if entry.name.startswith("telegram.")]
 TELEGRAM = telegram(105)
@@ -113,7 +113,7 @@ def test_bits_flip_lie_and_change_places():
     assert values(flipped(place("ZSW1.2"), 0)(frame))["ZSW1"] == 0x0233
     assert values(flipped(place("ZSW1"), 0x0030)(frame))["ZSW1"] == 0x0207
     assert values(flipped(place("ZSW1"), 0)(frame))["ZSW1"] == 0xFDC8
-    assert values(lying(place("ZSW1"), 0x0088, 0x0200)(frame))["ZSW1"] == 0x00BF
+    assert values(overridden(place("ZSW1"), 0x0088, 0x0200)(frame))["ZSW1"] == 0x00BF
     assert values(swapped(place("PZD2"), place("PZD3"))(frame)) == {**values(frame), "NIST_B": 0x22221111}
     assert values(swapped(place("MELDW.0"), place("MELDW.14"))(frame))["MELDW"] == 0xC000
 

@@ -85,8 +85,6 @@ IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
             "hil.bench.io_config",
             "hil.bench.io_devices",
             "hil.bench.modbus_config",
-            "hil.faults._compose",
-            "hil.faults._trigger",
         }
     ),
 }

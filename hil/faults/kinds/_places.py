@@ -127,7 +127,7 @@ def flipped(place: Place, mask: int) -> Change:
     return lambda frame: frame ^ wrong << place.shift
 
 
-def lying(place: Place, ones: int, zeros: int) -> Change:
+def overridden(place: Place, ones: int, zeros: int) -> Change:
     """Show bits as 1, others as 0."""
     return lambda frame: place.write(frame, place.read(frame) & ~zeros | ones)
 
