@@ -6,9 +6,9 @@ knows only how they are combined, reduced, left out and named.
 
 from __future__ import annotations
 
-from hil.matrix._campaign import load_matrix
+from hil.matrix._campaign import combinations_of, load_matrix
 from hil.matrix._combine import Combined, combine
 from hil.matrix._file import MatrixFile, read_matrix
 from hil.matrix._vocabulary import Vocabulary
 
-__all__ = ["Combined", "MatrixFile", "Vocabulary", "combine", "load_matrix", "read_matrix"]
+__all__ = ["Combined", "MatrixFile", "Vocabulary", "combinations_of", "combine", "load_matrix", "read_matrix"]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from fieldbus.errors import ConfigurationError
 from hil.campaign._case import Campaign, Case, slug
@@ -22,95 +22,99 @@ MOST_COMBINATIONS: Final = 20_000_000
 _NO_BENCH = "no bench has this drive and transport"
 
 
-class MatrixCampaign(Campaign):
-    """A campaign that a matrix file describes.
-
-    Args:
-        path: The file.
+def load_matrix(path: str | Path) -> Campaign:
+    """Return the campaign that a matrix file describes.
 
     Raises:
-        ConfigurationError: As of `read_matrix`; or nothing is left of the matrix.
+        ConfigurationError: Something in the file is not allowed, or no combination is left; the message names
+            file, key, value and what is allowed.
+        CannotRunError: Its vocabulary cannot be imported.
 
     """
-
-    def __init__(self, path: Path) -> None:
-        matrix = read_matrix(path)
-        super().__init__(
-            matrix.title, tags=matrix.tags, requirements=matrix.requirements, signals=matrix.signals
+    matrix = read_matrix(Path(path))
+    total = math.prod(map(len, matrix.factors.values()))
+    if total > MOST_COMBINATIONS:
+        raise ConfigurationError(
+            f"{path}: factors",
+            f"{total} combinations",
+            f"at most {MOST_COMBINATIONS} to choose from: name fewer words",
         )
-        self._path = path
-        total = math.prod(map(len, matrix.factors.values()))
-        if total > MOST_COMBINATIONS:
+    found = combinations_of(matrix)
+    if len(found.rows) * matrix.seeds > MOST_CASES:
+        raise ConfigurationError(
+            f"{path}: factors",
+            f"more than {MOST_CASES} cases",
+            'at most that many: name fewer words, exclude more, choose reduction = "pairwise" or fewer seeds',
+        )
+    if not found.rows and not matrix.cases:
+        raise ConfigurationError(
+            f"{path}: factors",
+            f"{sum(found.left_out.values())} combinations, all of them left out",
+            "at least one combination that no [[exclude]] and nothing else speaks against",
+        )
+    campaign = Campaign(
+        matrix.title, tags=matrix.tags, requirements=matrix.requirements, signals=matrix.signals
+    )
+    for case in [*_named_cases(matrix, path), *_combined_cases(matrix, found)]:
+        if case.identifier in campaign:
             raise ConfigurationError(
-                f"{path}: factors",
-                f"{total} combinations",
-                f"at most {MOST_COMBINATIONS} to choose from: name fewer words",
+                f"{path}: case", case.identifier, "a name that no combination of the factors has"
             )
-        self.combined = combined(matrix)
-        """What came of the factors: how many combinations there are, and why which were left out."""
-        if len(self.combined.rows) * matrix.seeds > MOST_CASES:
-            raise ConfigurationError(
-                f"{path}: factors",
-                f"more than {MOST_CASES} cases",
-                'at most that many: name fewer words, exclude more, choose reduction = "pairwise" or '
-                "fewer seeds",
-            )
-        if not self.combined.rows and not matrix.cases:
-            raise ConfigurationError(
-                f"{path}: factors",
-                f"{sum(self.combined.left_out.values())} combinations, all of them left out",
-                "at least one combination that no [[exclude]] and nothing else speaks against",
-            )
-        for named in matrix.cases:
-            values = {**matrix.vocabulary.defaults, **named.values}
-            reason = _objection(matrix, values, exclusions=False)
-            if reason:
-                raise ConfigurationError(f"{path}: case {named.name}", dict(named.values), f"not: {reason}")
-            self._add(matrix, named.name, values, named.title, tags=named.tags, own=named.requirements)
-        for row in self.combined.rows:
-            name = "/".join(_part(factor, value) for factor, value in row.items())
-            self._add(matrix, name, {**matrix.vocabulary.defaults, **row}, "", tags=tuple(row.values()))
-
-    def _add(
-        self,
-        matrix: MatrixFile,
-        name: str,
-        values: Mapping[str, str],
-        title: str,
-        *,
-        tags: tuple[str, ...],
-        own: tuple[str, ...] = (),
-    ) -> None:
-        vocabulary = matrix.vocabulary
-        tags = tuple(tag for tag in tags if tag not in {"", "none"} and not tag.endswith(".toml"))
-        for number in range(1, matrix.seeds + 1):
-            again = f"/{number}" if matrix.seeds > 1 else ""
-            identifier = f"{slug(matrix.title)}/{slug(name)}{again}"
-            if identifier in self:
-                raise ConfigurationError(
-                    f"{self._path}: case", identifier, "a name that no combination of the factors has"
-                )
-            self.add(
-                Case(
-                    identifier=identifier,
-                    title=(title or vocabulary.title(values)) + (f", run {number}" if again else ""),
-                    group=matrix.title,
-                    function=partial(_run, vocabulary, dict(values)),
-                    parameters={},
-                    tags=tuple(dict.fromkeys([*self.tags, *tags])),
-                    requirements=tuple(
-                        dict.fromkeys([*self.requirements, *vocabulary.requirements(values), *own])
-                    ),
-                    bench=_bench_of(matrix, values),
-                    signals=self.signals,
-                    simulated_limit_s=matrix.simulated_limit_s,
-                    wall_limit_s=matrix.wall_limit_s,
-                )
-            )
+        campaign.add(case)
+    return campaign
 
 
-def _run(vocabulary: Vocabulary, values: Mapping[str, str], ctx: CaseContext) -> Any:
-    return vocabulary.run(ctx, values)
+def combinations_of(matrix: MatrixFile) -> Combined:
+    """Return the combinations of a matrix: how many there are, and why which were left out."""
+    most = MOST_CASES // matrix.seeds
+    return combine(matrix.factors, lambda values: _objection(matrix, values), matrix.strength, most=most)
+
+
+def _named_cases(matrix: MatrixFile, path: str | Path) -> Iterator[Case]:
+    for named in matrix.cases:
+        values = {**matrix.vocabulary.defaults, **named.values}
+        reason = _objection(matrix, values, exclusions=False)
+        if reason:
+            raise ConfigurationError(f"{path}: case {named.name}", dict(named.values), f"not: {reason}")
+        yield from _cases(matrix, named.name, values, named.title, tags=named.tags, own=named.requirements)
+
+
+def _combined_cases(matrix: MatrixFile, found: Combined) -> Iterator[Case]:
+    for row in found.rows:
+        name = "/".join(_part(factor, value) for factor, value in row.items())
+        yield from _cases(matrix, name, {**matrix.vocabulary.defaults, **row}, "", tags=tuple(row.values()))
+
+
+def _cases(
+    matrix: MatrixFile,
+    name: str,
+    values: Mapping[str, str],
+    title: str,
+    *,
+    tags: tuple[str, ...],
+    own: tuple[str, ...] = (),
+) -> Iterator[Case]:
+    """Yield the case of a combination, once for each seed."""
+    vocabulary = matrix.vocabulary
+    tags = tuple(tag for tag in tags if tag not in {"", "none"} and not tag.endswith(".toml"))
+    for number in range(1, matrix.seeds + 1):
+        again = f"/{number}" if matrix.seeds > 1 else ""
+        yield Case(
+            identifier=f"{slug(matrix.title)}/{slug(name)}{again}",
+            title=(title or vocabulary.title(values)) + (f", run {number}" if again else ""),
+            group=matrix.title,
+            function=partial(_run, vocabulary, dict(values)),
+            tags=tuple(dict.fromkeys([*matrix.tags, *tags])),
+            requirements=tuple(dict.fromkeys([*matrix.requirements, *vocabulary.requirements(values), *own])),
+            bench=_bench_of(matrix, values),
+            signals=matrix.signals,
+            simulated_limit_s=matrix.simulated_limit_s,
+            wall_limit_s=matrix.wall_limit_s,
+        )
+
+
+def _run(vocabulary: Vocabulary, values: Mapping[str, str], ctx: CaseContext) -> None:
+    vocabulary.run(ctx, values)
 
 
 def _part(factor: str, value: str) -> str:
@@ -138,21 +142,3 @@ def _objection(matrix: MatrixFile, values: Mapping[str, str], *, exclusions: boo
     ):
         return _NO_BENCH
     return matrix.vocabulary.impossible(values)
-
-
-def combined(matrix: MatrixFile) -> Combined:
-    """Return the combinations of a matrix."""
-    most = MOST_CASES // matrix.seeds
-    return combine(matrix.factors, lambda values: _objection(matrix, values), matrix.strength, most=most)
-
-
-def load_matrix(path: str | Path) -> MatrixCampaign:
-    """Return the campaign that a matrix file describes.
-
-    Raises:
-        ConfigurationError: Something in the file is not allowed; the message names file, key, value and
-            what is allowed.
-        CannotRunError: Its vocabulary cannot be imported.
-
-    """
-    return MatrixCampaign(Path(path))

@@ -6,7 +6,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import os
 import re
 from pathlib import Path
@@ -15,6 +17,7 @@ import pytest
 
 from hil.testing import homing_drawings
 from reports.homing import HomingDrawing
+from reports.html.homing import drawing_payload
 from testcases.unit.hil.homing_bench import STEEP, Machine, homing_bench
 
 GOLDEN = Path(__file__).with_name("homing_drawings.json")
@@ -196,6 +199,25 @@ def test_further_zero_marks_are_those_of_the_encoder():
         Machine(bench).done(100.0)
         (drawing,) = homing_drawings(bench.trace())
     assert [lane.bars for lane in drawing.lanes] == [[[100.0, 100.0]]]
+
+
+@pytest.mark.parametrize("way", ["cam, turned round at the limit switch", "no cam", "passive, cam"])
+def test_the_picture_stays_in_its_frame(way):
+    """Every number of a step is in the picture, apart from the others, and inside of the plot."""
+    found = drawn(way)
+    payload = drawing_payload(found)
+
+    def nodes(node):
+        yield node
+        for child in node[2]:
+            if not isinstance(child, str):
+                yield from nodes(child)
+
+    badges = [node[1] for node in nodes(payload["svg"]) if node[1].get("class") == "hn"]
+    assert len(badges) == len([row for row in payload["rows"] if row[0]])
+    for one, other in itertools.combinations(badges, 2):
+        assert math.dist((one["cx"], one["cy"]), (other["cx"], other["cy"])) > 2.0 * one["r"]
+    assert all(92.0 <= badge["cx"] <= 940.0 and 46.0 <= badge["cy"] <= 300.0 for badge in badges)
 
 
 def test_direct_homing_has_no_drawing():
