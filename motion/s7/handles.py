@@ -34,7 +34,10 @@ from motion.s7.start_interlock import StartInterlock
 
 if TYPE_CHECKING:
     from motion.s7.axis import ExternalEncoder, TechnologyAxis
+    from motion.s7.axis.reactions import AxisAlarms
+    from motion.s7.axis.state import AxisState
     from motion.s7.runtime import Runtime
+    from motion.s7.variables import VariableStore
 
 _T = TypeVar("_T", bound=Instruction)
 
@@ -44,8 +47,8 @@ class AxisHandle:
 
     Every method makes an instance, hands it to the runtime, which calls it from the next application cycle
     on, and returns it: `job = axis.move_absolute(100.0); bench.run_until(job.done, timeout=2.0)`. All inputs
-    of the instruction may be given by their own names: `axis.move_velocity(50.0, Jerk=0.0)`. Attributes and
-    methods of the technology object (`var`, `write`, `state`, ...) are reached through the handle as well.
+    of the instruction may be given by their own names: `axis.move_velocity(50.0, Jerk=0.0)`. Every other
+    attribute is that of the technology object (`object`).
     """
 
     def __init__(self, runtime: Runtime, axis: TechnologyAxis) -> None:
@@ -56,6 +59,59 @@ class AxisHandle:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.object, name)
+
+    @property
+    def name(self) -> str:
+        """Name of the technology object."""
+        return self.object.name
+
+    @property
+    def variables(self) -> VariableStore:
+        """Variables of the technology data block."""
+        return self.object.variables
+
+    def var(self, path: str) -> Any:
+        """Return a variable of the technology data block by its original path; bits as `StatusWord.X7`.
+
+        Raises:
+            ConfigurationError: There is no such variable on this object type.
+
+        """
+        return self.object.var(path)
+
+    def write(self, path: str, value: Any) -> None:
+        """Assign a variable as the user program does; the access class decides when it takes effect.
+
+        Raises:
+            ConfigurationError: There is no such variable, or it cannot be written.
+
+        """
+        self.object.write(path, value)
+
+    @property
+    def homed(self) -> bool:
+        """Whether the object is homed."""
+        return self.object.homed
+
+    @property
+    def state(self) -> AxisState:
+        """State of the axis."""
+        return self.object.state
+
+    @property
+    def alarms(self) -> AxisAlarms:
+        """Technology alarms of the axis."""
+        return self.object.alarms
+
+    @property
+    def communication_ok(self) -> bool:
+        """Whether drive and controller exchange cyclic data."""
+        return self.object.communication_ok
+
+    @property
+    def in_operation(self) -> bool:
+        """Whether the drive is in operation, as it reports."""
+        return self.object.in_operation
 
     def diagnosis(self) -> Diagnosis:
         """Return what the axis says about itself now: `print(axis.diagnosis().text())`."""
@@ -226,6 +282,39 @@ class EncoderHandle:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.object, name)
+
+    @property
+    def name(self) -> str:
+        """Name of the technology object."""
+        return self.object.name
+
+    @property
+    def variables(self) -> VariableStore:
+        """Variables of the technology data block."""
+        return self.object.variables
+
+    def var(self, path: str) -> Any:
+        """Return a variable of the technology data block by its original path; bits as `StatusWord.X7`.
+
+        Raises:
+            ConfigurationError: There is no such variable on this object type.
+
+        """
+        return self.object.var(path)
+
+    def write(self, path: str, value: Any) -> None:
+        """Assign a variable as the user program does; the access class decides when it takes effect.
+
+        Raises:
+            ConfigurationError: There is no such variable, or it cannot be written.
+
+        """
+        self.object.write(path, value)
+
+    @property
+    def homed(self) -> bool:
+        """Whether the object is homed."""
+        return self.object.homed
 
     def run(self, instance: _T) -> _T:
         """Hand an instance of your own to the runtime."""

@@ -17,6 +17,7 @@ from fieldbus.clock import Scheduler
 from fieldbus.history import Event
 from hil.expect import alarm, no_alarm
 from hil.testing import assert_trace
+from motion.s7.axis.state import AxisState
 from motion.s7.controller import Controller
 from motion.s7.instructions import MC_MoveAbsolute, MC_Power
 from reports.model import Check
@@ -33,6 +34,8 @@ def test_types_of_a_test(
     assert_type(bench.controller, Controller)
     power = assert_type(axis.power(), MC_Power)
     assert bench.run_until(power.status, timeout=2.0)
+    assert_type(axis.state, AxisState)
+    assert_type(axis.name, str)
     move: hil.Job = axis.move_absolute(5.0)
     assert_type(axis.move_absolute(5.0), MC_MoveAbsolute)
     assert_type(axis.move_absolute(5.0).Done, bool)
