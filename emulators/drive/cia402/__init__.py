@@ -25,9 +25,9 @@ from emulators.drive.cia402.config import (
 from emulators.drive.cia402.drive import CiA402Drive
 from emulators.drive.cia402.faults.rules import COASTING_FAULTS, RULES, FaultRule, fault_rule
 from emulators.drive.cia402.personality import Personality, load_personality, personality_names
-from emulators.drive.cia402.protection import DriveWarning
 from emulators.drive.cia402.quirks import EmcyCode, Quirks
 from emulators.drive.cia402.statemachine import Action, OptionCodes, PowerStateMachine, StopOption
+from emulators.drive.cia402.warnings import DriveWarning
 from emulators.drive.machine import (
     BrakeConfig,
     EncoderConfig,

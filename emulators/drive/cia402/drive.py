@@ -11,27 +11,33 @@ from emulators.drive.cia402._eds import drive_dictionary
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.config import DriveConfig
 from emulators.drive.cia402.faults import codes as faults
-from emulators.drive.cia402.faults.codes import FaultMemory, Monitors
+from emulators.drive.cia402.faults.codes import FaultMemory
 from emulators.drive.cia402.faults.log import FaultLog
 from emulators.drive.cia402.faults.reactions import FaultReactions
 from emulators.drive.cia402.function import DriveFunction
 from emulators.drive.cia402.homing_methods import supported_methods
-from emulators.drive.cia402.modes import Homing, ModeOfOperation, ProfileVelocity
-from emulators.drive.cia402.objects import rules as _object_rules
+from emulators.drive.cia402.modes import ModeOfOperation
+from emulators.drive.cia402.monitors import Monitors
 from emulators.drive.cia402.objects.mode_rules import (
     REFUSALS,
     coupled_values,
-    interpolation,
+    mode_checks,
+    mode_readers,
     restore_buffer,
 )
 from emulators.drive.cia402.objects.profile import SUPPORTED_HOMING
-from emulators.drive.cia402.protection import DriveWarning, Protection
+from emulators.drive.cia402.objects.protection import clear_history, protection_readers
+from emulators.drive.cia402.objects.rules import REQUIRED, adapt_entries, axis_checks, axis_readers
+from emulators.drive.cia402.objects.table import all_objects
+from emulators.drive.cia402.parameters import Parameters
+from emulators.drive.cia402.protection import Protection
 from emulators.drive.cia402.safety import SafetyFunctions
 from emulators.drive.cia402.statemachine import PowerStateMachine
 from emulators.drive.cia402.status_word import StatusWord
 from emulators.drive.cia402.sync_jitter import SyncJitter
 from emulators.drive.cia402.touch_probe import TouchProbe
 from emulators.drive.cia402.trace import TRACE_ENUMS, trace_columns, trace_row
+from emulators.drive.cia402.warnings import DriveWarning, Warnings
 from emulators.drive.drive_train import build_drive_train
 from emulators.drive.emulated_drive import MainsDrive
 from emulators.drive.supply import DcLink
@@ -42,7 +48,7 @@ from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.cia402 import DriveState
 from fieldbus.clock import MS, Scheduler, Timer, seconds_to_ns
-from fieldbus.errors import ConfigurationError, UnsupportedFaultError
+from fieldbus.errors import UnsupportedFaultError
 from fieldbus.history import History
 
 if TYPE_CHECKING:
@@ -84,12 +90,10 @@ class CiA402Drive(MainsDrive):
         "config",
         "faults",
         "function",
-        "homing",
         "machine",
         "monitors",
         "node",
-        "outputs",
-        "parameters_changed",
+        "parameters",
         "protection",
         "reactions",
         "refresh_status",
@@ -98,6 +102,7 @@ class CiA402Drive(MainsDrive):
         "status_word",
         "touch_probe",
         "trace_columns",
+        "warnings",
     )
 
     trace_enums = TRACE_ENUMS
@@ -149,71 +154,124 @@ class CiA402Drive(MainsDrive):
             storage=config.storage,
         )
         self.slave = self.node.slave
+        slave = self.slave
         self._set_defaults()
         self.machine = PowerStateMachine(self._on_transition)
         self.machine.tolerates_no_power = config.quirks.falls_back_without_power_s > 0.0
         self.machine.skips_switched_on = config.quirks.skips_switched_on
         self.axis = ProfileAxis(
-            config=config, core=self.core, values=self.slave.values, options=self.machine.options
+            config=config, core=self.core, values=slave.values, options=self.machine.options
         )
         self.axis.refresh()
-        self._control_period_s = self.axis.control_period_s
-        self.function = DriveFunction(scheduler, machine=self.machine, axis=self.axis)
-        self.function.on_following = self._on_following
-        self.homing = self._homing_mode()
-        interpolation(self).on_empty = self._on_buffer_empty
-        velocity = self.function.modes[ProfileVelocity.number]
-        if config.slippage_reaction == "fault" and isinstance(velocity, ProfileVelocity):
-            velocity.on_slippage = partial(self.raise_fault, faults.SLIPPAGE)
-        self.faults = FaultMemory(
-            self.slave, name=name, history=history, codes=config.emcy, log=FaultLog(scheduler)
-        )
-        self.function.on_fault_reset = self.faults.acknowledge
-        self.digital_inputs.on_change = self._on_inputs
         self.axis.fitted_inputs = self.digital_inputs.fitted
-        self.protection = Protection(self)
-        """Overload, temperatures, DC link, warnings."""
-        self.safety = SafetyFunctions(self)
-        """Safe torque off, safe stop 1, interlock."""
-        self.monitors = Monitors(self)
-        self.reactions = FaultReactions(self)
-        """Fault reaction, reset, lost communication."""
-        self.status_word = StatusWord(self)
+        self._control_period_s = self.axis.control_period_s
+        self.parameters = Parameters(self.axis, self.emit)
+        """Written parameters, and the digital outputs."""
+        self.function = function = DriveFunction(scheduler, machine=self.machine, axis=self.axis)
+        self.faults = FaultMemory(
+            slave, name=name, history=history, codes=config.emcy, log=FaultLog(scheduler)
+        )
+        self.warnings = Warnings(slave, self.emit)
+        self.status_word = StatusWord(slave, function, self.warnings, config.quirks)
         self.refresh_status = self.status_word.refresh
-        """Forms 6041h anew."""
-        self.function.on_change = self.refresh_status
+        """Forms 6041h."""
+        self.warnings.on_change = self.refresh_status
+        self.reactions = FaultReactions(
+            scheduler,
+            config,
+            slave,
+            function=function,
+            memory=self.faults,
+            parameters=self.parameters,
+            dc_link=self.power.dc_link,
+            refresh_status=self.refresh_status,
+            emit=self.emit,
+        )
+        """Fault reaction, reset, lost communication."""
+        self.protection = Protection(
+            scheduler,
+            config,
+            self.power,
+            function=function,
+            parameters=self.parameters,
+            warnings=self.warnings,
+            raise_fault=self.reactions.raise_fault,
+            refresh_status=self.refresh_status,
+        )
+        """Overload, temperatures, DC link."""
+        self.safety = SafetyFunctions(
+            scheduler,
+            config.safety,
+            function=function,
+            inputs=self.digital_inputs,
+            parameters=self.parameters,
+            warnings=self.warnings,
+            raise_fault=self.reactions.raise_fault,
+            refresh_status=self.refresh_status,
+        )
+        """Safe torque off, safe stop 1, interlock."""
+        self.reactions.causes += (self.protection.holds, self.safety.holds)
+        self.monitors = Monitors(config, function, self.reactions.raise_fault)
+        self.touch_probe = TouchProbe(scheduler, slave, self.axis, servo_period_ns=config.servo_period_ns)
         self._self_test: Timer | None = None
         self._toggle = Repetition(scheduler)
-        self.safety.show_interlock()
-        self.touch_probe = TouchProbe(
-            scheduler, self.slave, self.axis, servo_period_ns=config.servo_period_ns
-        )
-        self.touch_probe.on_event = self._on_probe
-        self.digital_inputs.on_probe = self.touch_probe.on_input
-        self.outputs = 0
-        """Digital outputs that are on: 60FEh:1 as far as 60FEh:2 enables it (C402-169)."""
-        self.parameters_changed = False
-        """An object that the drive keeps converted has been written."""
-        _object_rules.install(self)
-        self.slave.on_sync.append(self._on_sync)
-        if config.sync_jitter:
-            self.slave.on_sync.append(SyncJitter(self, config.sync_jitter).on_sync)
-        self.slave.on_nmt_state.append(self._on_nmt_state)
-        self.slave.on_communication_error.append(self.reactions.communication_lost)
-        self.slave.on_reset.append(self._on_reset)
-        self.slave.sync.on_lost.append(self.reactions.sync_lost)
+        self._connect()
+        self._connect_objects()
         scheduler.every(config.control_period_ns, self._control_cycle, priority=_CONTROL_PRIORITY)
 
-    def _homing_mode(self) -> Homing:
-        homing = self.function.modes[Homing.number]
-        assert isinstance(homing, Homing)
-        homing.on_homed = self._on_homed
-        homing.on_search_failed = self._on_search_failed
-        return homing
+    def _connect(self) -> None:
+        """Let the parts of the drive react to each other."""
+        config, function, slave = self.config, self.function, self.slave
+        function.on_following = self._on_following
+        function.on_fault_reset = self.faults.acknowledge
+        function.on_change = self.refresh_status
+        function.homing.on_homed = self._on_homed
+        function.homing.on_search_failed = self._on_search_failed
+        function.interpolation.on_empty = self._on_buffer_empty
+        if config.slippage_reaction == "fault":
+            function.profile_velocity.on_slippage = partial(self.raise_fault, faults.SLIPPAGE)
+        self.digital_inputs.on_change = self._on_inputs
+        self.safety.show_interlock()
+        self.touch_probe.on_event = self._on_probe
+        self.digital_inputs.on_probe = self.touch_probe.on_input
+        slave.on_sync.append(self._on_sync)
+        if config.sync_jitter:
+            jitter = SyncJitter(
+                function, config.sync_jitter, on_jitter=self.reactions.sync_lost, emit=self.emit
+            )
+            slave.on_sync.append(jitter.on_sync)
+        slave.on_nmt_state.append(self._on_nmt_state)
+        slave.on_communication_error.append(self.reactions.communication_lost)
+        slave.on_reset.append(self._on_reset)
+        slave.sync.on_lost.append(self.reactions.sync_lost)
+
+    def _connect_objects(self) -> None:
+        """Connect the objects with what they show and do."""
+        axis, function, probe = self.axis, self.function, self.touch_probe
+        log, slave = self.faults.log, self.slave
+        self.node.connect(
+            {
+                **protection_readers(self.config, self.protection, self.safety, log),
+                0x200001: lambda: slave.sync.lost,
+                0x604100: self.status_word.read,
+                **mode_readers(axis, function.interpolation),
+                **axis_readers(axis, self.dc_link),
+                0x60FD00: lambda: self.digital_inputs.value,
+            },
+            {
+                0x604000: self.on_controlword,
+                0x606000: self.on_mode_request,
+                0x210700: partial(clear_history, log),
+                0x60B800: probe.on_function,
+                0x60D001: probe.on_source,
+                0x60D002: probe.on_source,
+                **axis_checks(axis, self.parameters),
+                **mode_checks(function, self.warnings, self.parameters),
+            },
+        )
 
     def _set_defaults(self) -> None:
         config = self.config
-        store = self.slave.store
         derived = {
             (0x608F, 1): config.encoder.counts_per_revolution,
             (0x6090, 1): config.encoder.counts_per_revolution,
@@ -226,16 +284,10 @@ class CiA402Drive(MainsDrive):
             derived[0x60E3, 0] = len(listed)
             listed += [0] * (len(SUPPORTED_HOMING) - len(listed))
             derived.update({(0x60E3, sub): method for sub, method in enumerate(listed, 1)})
-        _object_rules.prepare_values(self)
-        for (index, sub), value in {**derived, **coupled_values(config.objects), **config.objects}.items():
-            entry = store.entries.get(index << 8 | sub)
-            if entry is not None:
-                entry.default = entry.coerce(value)
-            elif index << 8 | sub in self.slave.values:
-                self.slave.values[index << 8 | sub] = value
-            else:
-                raise ConfigurationError("objects", f"{index:04X}h:{sub}", "an object of the drive")
-        store.load(application=True)
+        self.node.require(REQUIRED, "CiA 402 drive")
+        adapt_entries(self.slave.store)
+        self.node.add_missing(all_objects())
+        self.node.set_defaults({**derived, **coupled_values(config.objects), **config.objects}, "drive")
 
     # -- what it is doing ------------------------------------------------------------------------------
 
@@ -286,23 +338,23 @@ class CiA402Drive(MainsDrive):
             self.axis.home_shift = 0
         self.axis.synchronised = False
         self.axis.missing_count = 0
-        restore_buffer(self)
+        restore_buffer(self.function.interpolation)
         self.axis.primed = False
         self.faults.clear()
         self.monitors.reset()
         self.reactions.forget()
         self.status_word.forget()
         self.touch_probe.reset()
-        self.parameters_changed = True
+        self.parameters.changed = True
         self.function.start()
         self._cancel_self_test()
-        self.protection.warn(REFUSALS, False)
+        self.warnings.warn(REFUSALS, False)
         self.protection.restart()
         if self.config.quirks.silent_until_ready:
             self.slave.pdos.mute(frozenset((_STATUSWORD,)))
 
     def _on_reset(self, application: bool) -> None:
-        self.parameters_changed = True
+        self.parameters.changed = True
         if application:
             self._restart_application()
 
@@ -311,7 +363,7 @@ class CiA402Drive(MainsDrive):
         if old is NmtState.OPERATIONAL:
             self.axis.synchronised = False
         if new is NmtState.PRE_OPERATIONAL and self.machine.state is DriveState.NOT_READY_TO_SWITCH_ON:
-            self.refresh_parameters()
+            self.parameters.refresh()
             self.digital_inputs.read()
             if self.config.self_test_s and self._self_test is None:
                 self._self_test = self.scheduler.after(
@@ -350,8 +402,8 @@ class CiA402Drive(MainsDrive):
         machine = self.machine
         if word == self.function.word and machine.settled:
             return
-        if self.parameters_changed:
-            self.refresh_parameters()
+        if self.parameters.changed:
+            self.parameters.refresh()
         if machine.state is DriveState.FAULT:
             machine.fault_present = self.reactions.present()
             if word & 0x80:
@@ -367,30 +419,10 @@ class CiA402Drive(MainsDrive):
 
         """
         if number and not (number in self.function.modes and self.slave.values[0x650200] >> (number - 1) & 1):
-            self.protection.warn(DriveWarning.MODE_REFUSED, True)
+            self.warnings.warn(DriveWarning.MODE_REFUSED, True)
             raise SdoAbort(AbortCode.VALUE)
-        if self.protection.warnings:
-            self.protection.warn(DriveWarning.MODE_REFUSED, False)
-
-    def take_parameters(self) -> None:
-        """Take written parameters over if there are any, before something acts on them."""
-        if self.parameters_changed:
-            self.refresh_parameters()
-
-    def refresh_parameters(self) -> None:
-        """Take written parameters over."""
-        self.parameters_changed = False
-        self.axis.refresh()
-        values = self.slave.values
-        mask = values[0x60FE02]
-        outputs = values[0x60FE01] & mask
-        brake = self.core.brake
-        if brake.fitted:
-            brake.forced_open = bool(mask & 1 and not outputs & 1)
-            brake.forced_closed = bool(outputs & 1)
-        if outputs != self.outputs:
-            self.outputs = outputs
-            self.emit("drive.outputs", outputs=outputs)
+        if self.warnings.bits:
+            self.warnings.warn(DriveWarning.MODE_REFUSED, False)
 
     # -- cycles ----------------------------------------------------------------------------------------
 
@@ -407,8 +439,8 @@ class CiA402Drive(MainsDrive):
         slave = self.slave
         if not slave.powered:
             return
-        if self.parameters_changed:
-            self.refresh_parameters()
+        if self.parameters.changed:
+            self.parameters.refresh()
         function = self.function
         wanted = slave.values[0x606000]
         if wanted and wanted != function.mode.number:
@@ -431,15 +463,7 @@ class CiA402Drive(MainsDrive):
             pdo.valid and pdo.synchronous and key in pdo.layout.keys for pdo in self.slave.pdos.receive
         )
 
-    # -- warnings and faults ---------------------------------------------------------------------------
-
-    def show_warnings(self, warnings: DriveWarning) -> None:
-        """Show the causes of bit 7 in 1002h and 2100h, and log them."""
-        for index in (0x1002, 0x2100):
-            if index << 8 in self.slave.values:
-                self.slave.set(index, 0, int(warnings))
-        self.emit("drive.warning", warnings=int(warnings), text=warnings.text)
-        self.refresh_status()
+    # -- faults ---------------------------------------------------------------------------
 
     def raise_fault(self, emcy_code: int, *, persistent: bool = False) -> None:
         """Raise a fault: EMCY, 603Fh, transition 13 with the reaction of 605Eh. Without effect while off.
@@ -464,7 +488,7 @@ class CiA402Drive(MainsDrive):
             self.slave.emcy_clear(faults.LIMIT_SWITCH)
 
     def _on_buffer_empty(self, empty: bool) -> None:
-        self.protection.warn(DriveWarning.BUFFER_EMPTY, empty)
+        self.warnings.warn(DriveWarning.BUFFER_EMPTY, empty)
         if empty:
             self.slave.emcy(faults.BUFFER_EMPTY)
         else:
@@ -483,7 +507,7 @@ class CiA402Drive(MainsDrive):
         self.emit("drive.inputs", inputs=inputs)
         if not self.function.following:
             return
-        if self.mode is self.homing:
+        if self.mode is self.function.homing:
             # A switch changes while the machine moves; the encoder shows the position of the edge after that.
             self.scheduler.at(self.scheduler.now, self._inputs_for_homing)
             return
@@ -504,7 +528,7 @@ class CiA402Drive(MainsDrive):
 
     def _inputs_for_homing(self) -> None:
         if self.function.following:
-            self.homing.inputs_changed()
+            self.function.homing.inputs_changed()
 
     def peek(self, index: int, sub: int = 0) -> Any:
         """Return what an SDO upload of an entry would yield, without the bus and its delay."""
@@ -572,7 +596,7 @@ class CiA402Drive(MainsDrive):
 
     def force_warning(self, active: bool) -> None:
         """Show a warning without cause: bit 7, bit 31 of 2100h."""
-        self.protection.warn(DriveWarning.INJECTED, active)
+        self.warnings.warn(DriveWarning.INJECTED, active)
 
     # -- power stage -----------------------------------------------------------------------------------
 

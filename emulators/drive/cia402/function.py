@@ -7,7 +7,19 @@ from functools import partial
 from typing import Final
 
 from emulators.drive.cia402.axis import ProfileAxis
-from emulators.drive.cia402.modes import ModeOfOperation, all_modes
+from emulators.drive.cia402.modes import (
+    CyclicPosition,
+    CyclicTorque,
+    CyclicVelocity,
+    Homing,
+    InterpolatedPosition,
+    ModeOfOperation,
+    NoMode,
+    ProfilePosition,
+    ProfileTorque,
+    ProfileVelocity,
+    Velocity,
+)
 from emulators.drive.cia402.statemachine import Action, PowerStateMachine, StopOption
 from fieldbus.clock import Scheduler, Timer, seconds_to_ns
 
@@ -38,6 +50,8 @@ class DriveFunction:
         "_unseen_cycles",
         "axis",
         "following",
+        "homing",
+        "interpolation",
         "limit_stop",
         "local_control",
         "machine",
@@ -46,6 +60,7 @@ class DriveFunction:
         "on_change",
         "on_fault_reset",
         "on_following",
+        "profile_velocity",
         "released",
         "word",
     )
@@ -54,7 +69,23 @@ class DriveFunction:
         self._scheduler = scheduler
         self.machine = machine
         self.axis = axis
-        self.modes = all_modes(axis)
+        self.homing = Homing(axis)
+        self.interpolation = InterpolatedPosition(axis)
+        self.profile_velocity = ProfileVelocity(axis)
+        modes: tuple[ModeOfOperation, ...] = (
+            NoMode(axis),
+            ProfilePosition(axis),
+            Velocity(axis),
+            self.profile_velocity,
+            ProfileTorque(axis),
+            self.homing,
+            self.interpolation,
+            CyclicPosition(axis),
+            CyclicVelocity(axis),
+            CyclicTorque(axis),
+        )
+        self.modes: Final = {mode.number: mode for mode in modes}
+        """Every mode by its number in 6060h."""
         self.mode: ModeOfOperation = self.modes[0]
         """Mode in force."""
         self.word = 0

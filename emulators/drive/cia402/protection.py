@@ -6,54 +6,19 @@ The models are those of `emulators.drive.power_stage`; here is what the drive do
 from __future__ import annotations
 
 import math
-from enum import IntFlag
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from typing import Final
 
+from emulators.drive.cia402.config import DriveConfig
 from emulators.drive.cia402.faults import codes as faults
+from emulators.drive.cia402.function import DriveFunction
+from emulators.drive.cia402.parameters import Parameters
+from emulators.drive.cia402.warnings import DriveWarning, Warnings
+from emulators.drive.power_stage import PowerStage
 from fieldbus.cia402 import DriveState
-from fieldbus.clock import Timer, seconds_to_ns
-
-if TYPE_CHECKING:
-    from emulators.drive.cia402.drive import CiA402Drive
+from fieldbus.clock import Scheduler, Timer, seconds_to_ns
 
 _WITH_TORQUE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
-
-
-class DriveWarning(IntFlag):
-    """Causes of bit 7 of the status word: 1002h and 2100h."""
-
-    MOTOR_OVERLOAD = 1 << 0
-    """i2t of the motor within 5 % of its end."""
-    STAGE_OVERLOAD = 1 << 1
-    MOTOR_TEMPERATURE = 1 << 2
-    STAGE_TEMPERATURE = 1 << 3
-    CHOPPER_LOAD = 1 << 4
-    """Brake resistor above 80 % of what it bears for ever, or switched off."""
-    MAINS_MISSING = 1 << 5
-    PHASE_MISSING = 1 << 6
-    DC_LINK_LOW = 1 << 7
-    TORQUE_OFF = 1 << 8
-    """Safe torque off is in force."""
-    SAFE_STOP = 1 << 9
-    """Safe stop 1 is under way."""
-    INTERLOCK_OPEN = 1 << 10
-    DERATED = 1 << 11
-    """The torque is limited because of overload or temperature."""
-    MODE_REFUSED = 1 << 12
-    """6060h asks for a mode that the drive does not have (C402-090)."""
-    TARGET_REFUSED = 1 << 13
-    """607Ah asks for a position outside of 607Bh (C402-164)."""
-    SETPOINT_REFUSED = 1 << 14
-    """60C1h has met a full buffer (C402-172)."""
-    BUFFER_EMPTY = 1 << 15
-    """Interpolated position mode has run out of set-points (C402-099)."""
-    INJECTED = 1 << 31
-    """Set by a test."""
-
-    @property
-    def text(self) -> str:
-        """The causes in words."""
-        return ", ".join((one.name or "").lower().replace("_", " ") for one in type(self) if one in self)
 
 
 # Plain integers: operations on flags cost ten times as much.
@@ -73,17 +38,33 @@ class Protection:
     """Models of heat and supply, and what the drive does about them.
 
     Args:
-        drive: The drive.
+        scheduler: Clock of the drive.
+        config: Rated torque, and when a drive without power falls back.
+        power: Models of heat and supply.
+        function: State machine and modes.
+        parameters: Taken over when the torque limit changes.
+        warnings: Gets the warnings.
+        raise_fault: Raises a fault of the drive.
+        refresh_status: Forms the status word.
 
     """
 
     __slots__ = (
+        "_axis",
         "_core",
-        "_drive",
+        "_fall_back_s",
+        "_function",
         "_link_state",
+        "_machine",
         "_motor_cap",
+        "_parameters",
         "_phase_s",
         "_power_timer",
+        "_raise_fault",
+        "_rated_torque_Nm",
+        "_refresh_status",
+        "_scheduler",
+        "_warnings",
         "cap_Nm",
         "dc_link",
         "injected_cap_Nm",
@@ -92,13 +73,32 @@ class Protection:
         "power",
         "stage",
         "stage_overload",
-        "warnings",
     )  # fmt: skip
 
-    def __init__(self, drive: CiA402Drive) -> None:
-        self._drive = drive
-        self._core = drive.core
-        self.power = models = drive.power
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        config: DriveConfig,
+        power: PowerStage,
+        *,
+        function: DriveFunction,
+        parameters: Parameters,
+        warnings: Warnings,
+        raise_fault: Callable[[int], None],
+        refresh_status: Callable[[], None],
+    ) -> None:
+        self._scheduler = scheduler
+        self._rated_torque_Nm = config.rated_torque_Nm
+        self._fall_back_s = config.quirks.falls_back_without_power_s
+        self._axis = function.axis
+        self._core = function.axis.core
+        self._function = function
+        self._machine = function.machine
+        self._parameters = parameters
+        self._warnings = warnings
+        self._raise_fault = raise_fault
+        self._refresh_status = refresh_status
+        self.power = models = power
         self._phase_s = 0.0
         self._motor_cap = math.inf
         self._link_state = ""
@@ -112,8 +112,11 @@ class Protection:
         """Torque limit set by a test, Nm."""
         self.cap_Nm = math.inf
         """Torque limit in force because of overload, temperature or a test, Nm."""
-        self.warnings = 0
-        """Present warnings, bits of `DriveWarning`."""
+
+    @property
+    def derated(self) -> bool:
+        """Whether the torque is limited because of overload, temperature or a test."""
+        return self._axis.derated
 
     # -- life ------------------------------------------------------------------------------------------
 
@@ -121,7 +124,7 @@ class Protection:
         """Start after power-on or reset: i2t forgets, what is hot has cooled meanwhile, the DC link is
         charged if mains are there.
         """
-        self.power.restart(self._drive.now_ns)
+        self.power.restart(self._scheduler.now)
         self._phase_s = 0.0
         self._motor_cap = math.inf
         self._cancel_power_timer()
@@ -131,7 +134,7 @@ class Protection:
     def update(self) -> None:
         """Note the torque of a control cycle; every few cycles advance the models and look at them."""
         power_stage = self.power
-        if power_stage.update(self._drive.scheduler.now):
+        if power_stage.update(self._scheduler.now):
             self.look_at_link()
             self._look_at_phase(power_stage.dt_s)
             self._look_at_heat()
@@ -139,11 +142,10 @@ class Protection:
     # -- heat ------------------------------------------------------------------------------------------
 
     def _look_at_heat(self) -> None:
-        drive = self._drive
         motor, stage = self.motor_overload, self.stage_overload
-        thermal = drive.config.thermal
+        thermal = self.power.thermal
         if thermal.overload == "limit":
-            rated = drive.config.rated_torque_Nm
+            rated = self._rated_torque_Nm
             if motor.utilisation >= 1.0 or stage.utilisation >= 1.0:
                 self._motor_cap = rated if motor.utilisation >= 1.0 else rated * thermal.stage_overload
             elif motor.utilisation < 0.9 and stage.utilisation < 0.9:
@@ -151,14 +153,14 @@ class Protection:
             self._limit_torque()
         else:
             if motor.tripped:
-                drive.raise_fault(faults.OVERLOAD)
+                self._raise_fault(faults.OVERLOAD)
             if stage.tripped:
-                drive.raise_fault(faults.STAGE_OVERLOAD)
+                self._raise_fault(faults.STAGE_OVERLOAD)
         if self.motor.hot:
-            drive.raise_fault(faults.MOTOR_TEMPERATURE)
+            self._raise_fault(faults.MOTOR_TEMPERATURE)
         if self.stage.hot:
-            drive.raise_fault(faults.STAGE_TEMPERATURE)
-        self._show(
+            self._raise_fault(faults.STAGE_TEMPERATURE)
+        self._warnings.show(
             _HEAT,
             (_MOTOR_OVERLOAD if motor.near else 0)
             | (_STAGE_OVERLOAD if stage.near else 0)
@@ -173,19 +175,18 @@ class Protection:
             return
         self._phase_s += dt_s
         if self._phase_s >= link.config.phase_loss_time_s:
-            self._drive.raise_fault(faults.PHASE_LOSS)
+            self._raise_fault(faults.PHASE_LOSS)
 
     # -- supply ----------------------------------------------------------------------------------------
 
     def look_at_link(self) -> None:
         """React to the voltage of the DC link and to the mains (C402-029)."""
         link = self.dc_link
-        drive = self._drive
-        machine = drive.machine
+        machine = self._machine
         machine.power_available = not link.low
         if link.chopper_overloaded:
-            drive.raise_fault(faults.CHOPPER_OVERLOAD)
-        self._show(
+            self._raise_fault(faults.CHOPPER_OVERLOAD)
+        self._warnings.show(
             _SUPPLY,
             (_CHOPPER_LOAD if link.chopper_overloaded or link.chopper_load > 0.8 else 0)
             | (0 if link.mains_on else _MAINS_MISSING)
@@ -195,15 +196,15 @@ class Protection:
         state = "high" if link.high else "low" if link.low else ""
         before, self._link_state = self._link_state, state
         if state == "high":
-            drive.raise_fault(faults.OVERVOLTAGE)
+            self._raise_fault(faults.OVERVOLTAGE)
         elif state == "low":
             if machine.state in _WITH_TORQUE:
-                drive.raise_fault(faults.UNDERVOLTAGE)
+                self._raise_fault(faults.UNDERVOLTAGE)
             elif machine.state is DriveState.SWITCHED_ON:
                 self._fall_back()
         elif before:
             self._cancel_power_timer()
-            drive.function.evaluate_again()
+            self._function.evaluate_again()
 
     def on_switched_on(self) -> None:
         """Note that Switched on has been entered, perhaps without power."""
@@ -211,18 +212,17 @@ class Protection:
             self._fall_back()
 
     def _fall_back(self) -> None:
-        delay_s = self._drive.config.quirks.falls_back_without_power_s
+        delay_s = self._fall_back_s
         if not delay_s:
-            self._drive.function.execute(self._drive.machine.disable_voltage())
+            self._function.execute(self._machine.disable_voltage())
         elif self._power_timer is None:
-            self._power_timer = self._drive.scheduler.after(seconds_to_ns(delay_s), self._power_missed)
+            self._power_timer = self._scheduler.after(seconds_to_ns(delay_s), self._power_missed)
 
     def _power_missed(self) -> None:
         self._power_timer = None
-        drive = self._drive
-        if drive.machine.state is DriveState.SWITCHED_ON and self.dc_link.low:
-            drive.function.execute(drive.machine.disable_voltage())
-            drive.refresh_status()
+        if self._machine.state is DriveState.SWITCHED_ON and self.dc_link.low:
+            self._function.execute(self._machine.disable_voltage())
+            self._refresh_status()
 
     def _cancel_power_timer(self) -> None:
         if self._power_timer is not None:
@@ -240,21 +240,9 @@ class Protection:
         cap = min(self._motor_cap, self.injected_cap_Nm)
         if cap != self.cap_Nm:
             self.cap_Nm = cap
-            drive = self._drive
-            drive.axis.protection_cap = cap
-            drive.refresh_parameters()
-            self.warn(DriveWarning.DERATED, self._motor_cap < math.inf)
-
-    def warn(self, bit: DriveWarning, present: bool) -> None:
-        """Show a warning, or take it back: bit 7 of the status word, 1002h, 2100h."""
-        self._show(int(bit), int(bit) if present else 0)
-
-    def _show(self, mask: int, bits: int) -> None:
-        """Set the warnings in `mask` to `bits`."""
-        before = self.warnings
-        if before & mask != bits:
-            self.warnings = before & ~mask | bits
-            self._drive.show_warnings(DriveWarning(self.warnings))
+            self._axis.protection_cap = cap
+            self._parameters.refresh()
+            self._warnings.warn(DriveWarning.DERATED, self._motor_cap < math.inf)
 
     # -- faults ----------------------------------------------------------------------------------------
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from typing import Final
 
 from emulators.drive.cia402.faults import codes as faults
-from emulators.drive.cia402.protection import DriveWarning
+from emulators.drive.cia402.function import DriveFunction
+from emulators.drive.cia402.parameters import Parameters
+from emulators.drive.cia402.warnings import DriveWarning, Warnings
+from emulators.drive.inputs import DigitalInputs
+from emulators.drive.machine import SafetyConfig
 from fieldbus.cia402 import DriveState
-from fieldbus.clock import S, Timer, seconds_to_ns
-
-if TYPE_CHECKING:
-    from emulators.drive.cia402.drive import CiA402Drive
+from fieldbus.clock import S, Scheduler, Timer, seconds_to_ns
 
 _WITH_TORQUE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 _INTERLOCK: Final = 1 << 3
@@ -22,15 +24,31 @@ class SafetyFunctions:
     """Safe torque off, safe stop 1 and interlock of a drive.
 
     Args:
-        drive: The drive.
+        scheduler: Clock of the drive.
+        config: What the inputs do.
+        function: State machine and modes.
+        inputs: Digital inputs; the interlock shows there.
+        parameters: Taken over before a stop.
+        warnings: Gets the warnings.
+        raise_fault: Raises a fault of the drive.
+        refresh_status: Forms the status word.
 
     """
 
     __slots__ = (
-        "_drive",
+        "_config",
+        "_core",
+        "_function",
+        "_inputs",
         "_limit",
+        "_machine",
+        "_parameters",
+        "_raise_fault",
+        "_refresh_status",
+        "_scheduler",
         "_ss1_timer",
         "_start_ns",
+        "_warnings",
         "interlock_open",
         "monitoring",
         "ss1_input",
@@ -38,8 +56,28 @@ class SafetyFunctions:
         "torque_off",
     )
 
-    def __init__(self, drive: CiA402Drive) -> None:
-        self._drive = drive
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        config: SafetyConfig,
+        *,
+        function: DriveFunction,
+        inputs: DigitalInputs,
+        parameters: Parameters,
+        warnings: Warnings,
+        raise_fault: Callable[[int], None],
+        refresh_status: Callable[[], None],
+    ) -> None:
+        self._scheduler = scheduler
+        self._config = config
+        self._core = function.axis.core
+        self._function = function
+        self._machine = function.machine
+        self._inputs = inputs
+        self._parameters = parameters
+        self._warnings = warnings
+        self._raise_fault = raise_fault
+        self._refresh_status = refresh_status
         self._ss1_timer: Timer | None = None
         self._start_ns = 0
         self._limit = 0.0
@@ -80,67 +118,61 @@ class SafetyFunctions:
         if active is self.ss1_input:
             return
         self.ss1_input = active
-        drive = self._drive
         if not active:
             self._end_ramp()
             self._settle()
             return
-        machine = drive.machine
-        if not drive.core.enabled:
+        machine = self._machine
+        if not self._core.enabled:
             self._settle()
             return
-        drive.take_parameters()
-        self._start_ns = drive.now_ns
-        self._limit = abs(drive.core.velocity)
+        self._parameters.take()
+        self._start_ns = self._scheduler.now
+        self._limit = abs(self._core.velocity)
         self.monitoring = True
         machine.inhibited = True
-        self._ss1_timer = drive.scheduler.after(
-            seconds_to_ns(drive.config.safety.ss1_time_s), self._time_over
-        )
-        drive.protection.warn(DriveWarning.SAFE_STOP, True)
-        drive.function.execute(machine.quick_stop())
-        drive.refresh_status()
+        self._ss1_timer = self._scheduler.after(seconds_to_ns(self._config.ss1_time_s), self._time_over)
+        self._warnings.warn(DriveWarning.SAFE_STOP, True)
+        self._function.execute(machine.quick_stop())
+        self._refresh_status()
 
     def set_interlock(self, open_: bool) -> None:
         """Open or close the interlock."""
         self.interlock_open = open_
-        drive = self._drive
-        drive.take_parameters()
-        drive.protection.warn(DriveWarning.INTERLOCK_OPEN, open_)
+        self._parameters.take()
+        self._warnings.warn(DriveWarning.INTERLOCK_OPEN, open_)
         self.show_interlock()
-        reaction = drive.config.safety.interlock
+        reaction = self._config.interlock
         self._inhibit()
         if open_:
             if reaction == "fault":
-                drive.raise_fault(faults.EXTERNAL)
-            elif reaction == "inhibit" or drive.machine.state not in _WITH_TORQUE:
-                drive.function.execute(drive.machine.disable_voltage())
+                self._raise_fault(faults.EXTERNAL)
+            elif reaction == "inhibit" or self._machine.state not in _WITH_TORQUE:
+                self._function.execute(self._machine.disable_voltage())
             else:
-                drive.function.execute(drive.machine.quick_stop())
+                self._function.execute(self._machine.quick_stop())
         else:
-            drive.function.evaluate_again()
-        drive.refresh_status()
+            self._function.evaluate_again()
+        self._refresh_status()
 
     def show_interlock(self) -> None:
         """Show the interlock in 60FDh, where one is wired: 1 = closed."""
-        drive = self._drive
-        if drive.config.safety.interlock != "none":
-            drive.digital_inputs.set_level(_INTERLOCK, not self.interlock_open)
+        if self._config.interlock != "none":
+            self._inputs.set_level(_INTERLOCK, not self.interlock_open)
 
     # -- safe stop 1 -----------------------------------------------------------------------------------
 
     def watch(self) -> None:
         """Compare the speed with the ramp of safe stop 1; call in every control cycle while `monitoring`."""
-        drive = self._drive
-        config = drive.config.safety
+        config = self._config
         if not config.ss1_monitored:
             return
-        core = drive.core
-        if core.standing and not (core.enabled and drive.machine.ramping_down):
+        core = self._core
+        if core.standing and not (core.enabled and self._machine.ramping_down):
             self._end_ramp()
             self._settle()
             return
-        elapsed_s = (drive.now_ns - self._start_ns) / S
+        elapsed_s = (self._scheduler.now - self._start_ns) / S
         allowed = (
             self._limit * max(1.0 - elapsed_s / config.ss1_time_s + _ALLOWANCE, 0.0) + core.standstill_speed
         )
@@ -149,7 +181,7 @@ class SafetyFunctions:
 
     def _time_over(self) -> None:
         self._ss1_timer = None
-        if self._drive.config.safety.ss1_monitored and not self._drive.core.standing:
+        if self._config.ss1_monitored and not self._core.standing:
             self._violated()
             return
         self._end_ramp()
@@ -158,42 +190,39 @@ class SafetyFunctions:
     def _violated(self) -> None:
         self._end_ramp()
         self._settle(silent=True)
-        self._drive.raise_fault(faults.SAFE_STOP)
+        self._raise_fault(faults.SAFE_STOP)
 
     def _end_ramp(self) -> None:
         if self._ss1_timer is not None:
             self._ss1_timer.cancel()
             self._ss1_timer = None
         self.monitoring = False
-        self._drive.protection.warn(DriveWarning.SAFE_STOP, False)
+        self._warnings.warn(DriveWarning.SAFE_STOP, False)
 
     # -- safe torque off -------------------------------------------------------------------------------
 
     def _settle(self, *, silent: bool = False) -> None:
         """Put safe torque off in force, or release it (C402-030)."""
-        drive = self._drive
-        machine = drive.machine
+        machine = self._machine
         wanted = self.sto_input or (self.ss1_input and not self.monitoring)
         if wanted is self.torque_off:
             self._inhibit()
             return
         self.torque_off = wanted
         self._inhibit()
-        drive.protection.warn(DriveWarning.TORQUE_OFF, wanted)
+        self._warnings.warn(DriveWarning.TORQUE_OFF, wanted)
         if wanted:
-            if drive.config.safety.sto == "fault" and machine.state in _WITH_TORQUE and not silent:
-                drive.raise_fault(faults.SAFE_TORQUE_OFF)
+            if self._config.sto == "fault" and machine.state in _WITH_TORQUE and not silent:
+                self._raise_fault(faults.SAFE_TORQUE_OFF)
             elif not silent:
-                drive.function.execute(machine.disable_voltage())
+                self._function.execute(machine.disable_voltage())
         else:
-            drive.function.evaluate_again()
-        drive.refresh_status()
+            self._function.evaluate_again()
+        self._refresh_status()
 
     def _inhibit(self) -> None:
-        self._drive.machine.inhibited = (
-            self.torque_off
-            or self.monitoring
-            or (self.interlock_open and self._drive.config.safety.interlock != "none")
+        self._machine.inhibited = (
+            self.torque_off or self.monitoring or (self.interlock_open and self._config.interlock != "none")
         )
 
     def holds(self, code: int) -> bool:

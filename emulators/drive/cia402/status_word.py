@@ -4,13 +4,14 @@ C402-048).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from emulators.drive.cia402.function import DriveFunction
+from emulators.drive.cia402.quirks import Quirks
+from emulators.drive.cia402.warnings import Warnings
 from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.cia402 import DriveState, Mode
-
-if TYPE_CHECKING:
-    from emulators.drive.cia402.drive import CiA402Drive
 
 _VOLTAGE_ENABLED: Final = 1 << 4
 _WARNING: Final = 1 << 7
@@ -28,7 +29,10 @@ class StatusWord:
     """Forms the status word of a drive.
 
     Args:
-        drive: The drive.
+        slave: Holds 6041h and 6061h.
+        function: State machine and modes.
+        warnings: Shown in bit 7.
+        quirks: What this drive shows beyond the profile.
 
     """
 
@@ -36,27 +40,31 @@ class StatusWord:
         "_axis",
         "_cleared",
         "_core",
-        "_drive",
         "_function",
         "_machine",
         "_mode_display",
         "_overridden",
-        "_protection",
+        "_quirks",
         "_quirky",
         "_set",
+        "_slave",
         "_value",
+        "_warnings",
         "frozen",
         "homing_refused",
     )
 
-    def __init__(self, drive: CiA402Drive) -> None:
-        self._drive = drive
-        self._machine = drive.machine
-        self._function = drive.function
-        self._axis = drive.axis
-        self._core = drive.core
-        self._protection = drive.protection
-        self._quirky = drive.config.quirks.shown_in_status
+    def __init__(
+        self, slave: CanopenSlave, function: DriveFunction, warnings: Warnings, quirks: Quirks
+    ) -> None:
+        self._slave = slave
+        self._function = function
+        self._machine = function.machine
+        self._axis = function.axis
+        self._core = function.axis.core
+        self._warnings = warnings
+        self._quirks = quirks
+        self._quirky = quirks.shown_in_status
         self._overridden = False
         self._set = self._cleared = 0
         self._mode_display: int | None = None
@@ -67,7 +75,7 @@ class StatusWord:
         """The last homing was refused or failed."""
 
     def forget(self) -> None:
-        """Start anew, as at power-on."""
+        """Start as at power-on."""
         self.homing_refused = False
         self._value = -1
 
@@ -79,16 +87,13 @@ class StatusWord:
 
         """
         machine = self._machine
-        if (
-            self._drive.config.quirks.silent_until_ready
-            and machine.state is DriveState.NOT_READY_TO_SWITCH_ON
-        ):
+        if self._quirks.silent_until_ready and machine.state is DriveState.NOT_READY_TO_SWITCH_ON:
             raise SdoAbort(AbortCode.DEVICE_STATE)
         machine.status_seen = True
         return max(self._value, 0)
 
     def refresh(self) -> None:
-        """Form 6041h anew."""
+        """Form 6041h."""
         if self.frozen:
             return
         machine = self._machine
@@ -97,7 +102,7 @@ class StatusWord:
         status = _BITS[state]
         if machine.power_available:
             status |= _VOLTAGE_ENABLED
-        if self._protection.warnings:
+        if self._warnings.bits:
             status |= _WARNING
         if not function.local_control:
             status |= _REMOTE
@@ -130,11 +135,11 @@ class StatusWord:
             status = status & ~self._cleared | self._set
         if status != self._value:
             self._value = status
-            self._drive.slave.set(0x6041, 0, status)
+            self._slave.set(0x6041, 0, status)
 
     def _with_quirks(self, status: int) -> int:
         """Return the status word with the bits that this drive shows beyond, or against, the profile."""
-        quirks = self._drive.config.quirks
+        quirks = self._quirks
         if self._axis.homed:
             status |= quirks.status_homed
         if self.homing_refused:
@@ -166,4 +171,4 @@ class StatusWord:
     def show_mode(self) -> None:
         """Write 6061h."""
         display = self._mode_display
-        self._drive.slave.set(0x6061, 0, self._function.mode.number if display is None else display)
+        self._slave.set(0x6061, 0, self._function.mode.number if display is None else display)

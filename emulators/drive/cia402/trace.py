@@ -65,7 +65,7 @@ def trace_row(drive: CiA402Drive) -> tuple[float, ...]:
         drive.function.mode.number,
         drive.slave.nmt_state,
         drive.inputs,
-        drive.outputs,
+        drive.parameters.outputs,
         core.brake.holding_torque_Nm > 0.0,
         values[0x603F00],
     )

@@ -10,8 +10,9 @@ import canopen
 import pytest
 
 from emulators.drive.cia402 import EDS_PATH, drive_dictionary, eds_text
-from emulators.drive.cia402.objects.table import STRING, TYPE_NAMES, all_objects
+from emulators.drive.cia402.objects.table import all_objects
 from fieldbus.canopen.dictionary import entries_of
+from fieldbus.canopen.object_table import STRING, TYPE_NAMES
 
 # The object table of the profile chapter, in its own notation: index, sub-indices, types, access, PDO
 # direction.

@@ -377,7 +377,7 @@ def test_outputs_have_a_mask(make_bench):
         bench.write(0x60FE, value, 1)
         bench.write(0x60FE, mask, 2)
         bench.run(0.002)
-        assert bench.drive.outputs == outputs
+        assert bench.drive.parameters.outputs == outputs
         assert bench.drive.trace_row()[column] == outputs
     events = [event.data["outputs"] for event in bench.history.select(kind="drive.outputs")]
     assert events == [0x50000, 0x10000, 0]

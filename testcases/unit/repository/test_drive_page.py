@@ -6,7 +6,7 @@ from pathlib import Path
 from emulators.drive.cia402 import RULES, DriveWarning
 from emulators.drive.cia402.faults.rules import Reaction, Reset
 from emulators.drive.cia402.objects.protection import protection_objects
-from emulators.drive.cia402.objects.table import TYPE_NAMES, VAR
+from fieldbus.canopen.object_table import TYPE_NAMES, VAR
 
 TEXT = (Path(__file__).resolve().parents[3] / "docs" / "drive-protection.md").read_text(encoding="utf-8")
 

@@ -17,19 +17,7 @@ PACKAGES: Final = ("fieldbus", "emulators", "motion", "hil", "reports")
 IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
     "emulators": frozenset(
         {
-            "emulators.drive.cia402._eds",
             "emulators.drive.cia402.drive",
-            "emulators.drive.cia402.faults.codes",
-            "emulators.drive.cia402.faults.reactions",
-            "emulators.drive.cia402.objects.mode_rules",
-            "emulators.drive.cia402.objects.profile",
-            "emulators.drive.cia402.objects.protection",
-            "emulators.drive.cia402.objects.rules",
-            "emulators.drive.cia402.objects.table",
-            "emulators.drive.cia402.protection",
-            "emulators.drive.cia402.safety",
-            "emulators.drive.cia402.status_word",
-            "emulators.drive.cia402.sync_jitter",
             "emulators.drive.cia402.trace",
             "emulators.drive.profidrive.positioner.blocks",
             "emulators.drive.profidrive.positioner.fixed_stop",

@@ -1,20 +1,15 @@
-"""Fault memory of the drive and the monitors of its motion."""
+"""EMCY codes of the drive, and its fault memory."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from emulators.drive.cia402.axis import UNLIMITED
 from emulators.drive.cia402.faults.log import FaultLog
 from emulators.drive.cia402.quirks import EmcyCode
-from emulators.drive.protection import WindowTimer
 from fieldbus.canopen.slave import CanopenSlave
 from fieldbus.cia402 import emcy_text
 from fieldbus.history import History
-
-if TYPE_CHECKING:
-    from emulators.drive.cia402.drive import CiA402Drive
 
 FOLLOWING_ERROR: Final = 0x8611
 SLIPPAGE: Final = 0x8400
@@ -124,50 +119,3 @@ class FaultMemory:
     def clear(self) -> None:
         """Forget everything silently, as at power-on or reset."""
         self.causes.clear()
-
-
-class Monitors:
-    """What is watched in every control cycle.
-
-    Args:
-        drive: The drive.
-
-    """
-
-    __slots__ = ("_blocked", "_drive", "_following")
-
-    def __init__(self, drive: CiA402Drive) -> None:
-        config = drive.config
-        self._drive = drive
-        self._following = WindowTimer()
-        self._blocked = WindowTimer(config.blocked_time_s)
-
-    def reset(self) -> None:
-        """Start anew."""
-        self._following.reset()
-        self._blocked.reset()
-
-    def update(self, dt_s: float) -> None:
-        """Watch for `dt_s`; faults go to the drive."""
-        drive = self._drive
-        core = drive.core
-        if not core.enabled:
-            self._following.reset()
-            self._blocked.reset()
-            return
-        mode = drive.function.mode
-        if mode.position_controlled and core.controls_position:
-            values = drive.slave.values
-            window = values[0x606500]
-            exceeded = False
-            if window != UNLIMITED:
-                self._following.time_s = values[0x606600] * 1e-3
-                exceeded = self._following.update(abs(drive.axis.following_error) > window, dt_s)
-            if exceeded is not mode.following_error:
-                mode.following_error = exceeded
-                if exceeded and drive.config.following_error_reaction == "fault":
-                    drive.raise_fault(FOLLOWING_ERROR)
-        elif mode.following_error:
-            mode.following_error = False
-        if self._blocked.time_s and self._blocked.update(core.torque_limited and core.standing, dt_s):
-            drive.raise_fault(BLOCKED)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.modes._base import ModeOfOperation, NoMode
 from emulators.drive.cia402.modes._cyclic import CyclicPosition, CyclicTorque, CyclicVelocity
 from emulators.drive.cia402.modes._homing import Homing
@@ -31,25 +30,7 @@ __all__ = [
     "ProfileTorque",
     "ProfileVelocity",
     "Velocity",
-    "all_modes",
     "vl_percentage",
     "vl_scale",
     "vl_units",
 ]
-
-
-def all_modes(axis: ProfileAxis) -> dict[int, ModeOfOperation]:
-    """Return one instance of every mode by its number in 6060h."""
-    modes: tuple[ModeOfOperation, ...] = (
-        NoMode(axis),
-        ProfilePosition(axis),
-        Velocity(axis),
-        ProfileVelocity(axis),
-        ProfileTorque(axis),
-        Homing(axis),
-        InterpolatedPosition(axis),
-        CyclicPosition(axis),
-        CyclicVelocity(axis),
-        CyclicTorque(axis),
-    )
-    return {mode.number: mode for mode in modes}

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from emulators.drive.cia402.axis import ProfileAxis
+from emulators.drive.cia402.function import DriveFunction
 from emulators.drive.cia402.modes import VL_FULL as FULL
 from emulators.drive.cia402.modes import InterpolatedPosition, vl_percentage, vl_scale, vl_units
-from emulators.drive.cia402.protection import DriveWarning
+from emulators.drive.cia402.parameters import Parameters
+from emulators.drive.cia402.warnings import DriveWarning, Warnings
 from fieldbus.canopen.abort import AbortCode, SdoAbort
-
-if TYPE_CHECKING:
-    from emulators.drive.cia402.drive import CiA402Drive
 
 REFUSALS: Final = (
     DriveWarning.MODE_REFUSED
@@ -42,38 +42,32 @@ _U32: Final = 0xFFFFFFFF
 Checks = dict[int, Callable[[Any], object]]
 
 
-def mode_readers(drive: CiA402Drive) -> dict[int, Callable[[], Any]]:
+def mode_readers(axis: ProfileAxis, interpolation: InterpolatedPosition) -> dict[int, Callable[[], Any]]:
     """Return what 6043h, 6044h, 6053h to 6055h and 60C4h:4 show."""
-    axis = drive.axis
-    core = drive.core
+    core = axis.core
     return {
         0x604300: lambda: vl_units(axis, core.precontrol_velocity),
         0x604400: lambda: vl_units(axis, core.velocity),
         0x605300: lambda: vl_percentage(axis, core.precontrol_velocity),
         0x605400: lambda: vl_percentage(axis, core.velocity),
         0x605500: lambda: vl_percentage(axis, core.velocity_demand),
-        0x60C404: lambda: interpolation(drive).buffer.write,
+        0x60C404: lambda: interpolation.buffer.write,
     }
 
 
-def mode_checks(drive: CiA402Drive) -> Checks:
+def mode_checks(function: DriveFunction, warnings: Warnings, parameters: Parameters) -> Checks:
     """Return the rules of the modes' objects."""
-    return {**_velocity_mode(drive), **_interpolation(drive), **_positions(drive)}
+    return {
+        **_velocity_mode(function.axis),
+        **_interpolation(function, warnings),
+        **_positions(function, warnings, parameters),
+    }
 
 
-def interpolation(drive: CiA402Drive) -> InterpolatedPosition:
-    """Return the mode ip of a drive."""
-    mode = drive.function.modes[InterpolatedPosition.number]
-    assert isinstance(mode, InterpolatedPosition)
-    return mode
-
-
-def restore_buffer(drive: CiA402Drive) -> None:
+def restore_buffer(mode: InterpolatedPosition) -> None:
     """Set the buffer of ip up as 60C4h says, empty, as after reset or power-on."""
-    values = drive.slave.values
-    interpolation(drive).buffer.configure(
-        size=values[0x60C402], organisation=values[0x60C403], enabled=values[0x60C406] == 1
-    )
+    values = mode.axis.values
+    mode.buffer.configure(size=values[0x60C402], organisation=values[0x60C403], enabled=values[0x60C406] == 1)
 
 
 def coupled_values(objects: Mapping[tuple[int, int], int]) -> dict[tuple[int, int], int]:
@@ -92,9 +86,8 @@ def coupled_values(objects: Mapping[tuple[int, int], int]) -> dict[tuple[int, in
 # -- vl ------------------------------------------------------------------------------------------------
 
 
-def _velocity_mode(drive: CiA402Drive) -> Checks:
-    values = drive.slave.values
-    axis = drive.axis
+def _velocity_mode(axis: ProfileAxis) -> Checks:
+    values = axis.values
     checks: Checks = {}
 
     def amount(sub: int) -> Callable[[Any], None]:
@@ -187,14 +180,13 @@ def _saturated(value: float) -> int:
 # -- ip ------------------------------------------------------------------------------------------------
 
 
-def _interpolation(drive: CiA402Drive) -> Checks:
-    values = drive.slave.values
-    mode = interpolation(drive)
-    buffer = mode.buffer
+def _interpolation(function: DriveFunction, warnings: Warnings) -> Checks:
+    values = function.axis.values
+    buffer = function.interpolation.buffer
 
     def record(value: Any) -> None:
         taken = buffer.put(value)
-        drive.protection.warn(DriveWarning.SETPOINT_REFUSED, not taken)
+        warnings.warn(DriveWarning.SETPOINT_REFUSED, not taken)
         if not taken:
             raise SdoAbort(AbortCode.DEVICE_STATE)
 
@@ -221,7 +213,7 @@ def _interpolation(drive: CiA402Drive) -> Checks:
         if value not in (0, 1):
             raise SdoAbort(AbortCode.VALUE)
         buffer.configure(size=buffer.size, organisation=buffer.organisation, enabled=value == 1)
-        drive.protection.warn(DriveWarning.SETPOINT_REFUSED, False)
+        warnings.warn(DriveWarning.SETPOINT_REFUSED, False)
 
     return {
         0x60C101: record,
@@ -236,9 +228,9 @@ def _interpolation(drive: CiA402Drive) -> Checks:
 # -- positions -----------------------------------------------------------------------------------------
 
 
-def _positions(drive: CiA402Drive) -> Checks:
-    values = drive.slave.values
-    axis = drive.axis
+def _positions(function: DriveFunction, warnings: Warnings, parameters: Parameters) -> Checks:
+    axis = function.axis
+    values = axis.values
 
     def target(value: Any) -> None:
         axis.fresh = axis.primed = True
@@ -248,21 +240,21 @@ def _positions(drive: CiA402Drive) -> Checks:
     def within_range(value: Any) -> None:
         """Refuse a target outside of 607Bh; a way of pp may be longer (C402-164)."""
         outside = not values[0x607B01] <= value <= values[0x607B02]
-        if outside and axis.control_word & _RELATIVE and drive.mode.number == 1:
+        if outside and axis.control_word & _RELATIVE and function.mode.number == 1:
             outside = False
-        drive.protection.warn(DriveWarning.TARGET_REFUSED, outside)
+        warnings.warn(DriveWarning.TARGET_REFUSED, outside)
         if outside:
             raise SdoAbort(AbortCode.VALUE)
 
     def range_limit(sub: int) -> Callable[[Any], None]:
         def check(value: Any) -> None:
-            if value != values[0x607B00 | sub] and drive.core.enabled:
+            if value != values[0x607B00 | sub] and axis.core.enabled:
                 raise SdoAbort(AbortCode.DEVICE_STATE)
             low, high = (value, values[0x607B02]) if sub == 1 else (values[0x607B01], value)
             if low > high:
                 raise SdoAbort(AbortCode.MAXIMUM_BELOW_MINIMUM)
-            drive.parameters_changed = True
-            drive.protection.warn(DriveWarning.TARGET_REFUSED, False)
+            parameters.changed = True
+            warnings.warn(DriveWarning.TARGET_REFUSED, False)
 
         return check
 

@@ -11,7 +11,7 @@ from typing import Final
 from emulators.drive.cia402.homing_methods import DEFAULT_STOP_METHODS, supported_methods
 from emulators.drive.cia402.objects.communication import DEVICE_TYPE
 from emulators.drive.cia402.objects.protection import protection_objects
-from emulators.drive.cia402.objects.table import (
+from fieldbus.canopen.object_table import (
     I8,
     I16,
     I32,

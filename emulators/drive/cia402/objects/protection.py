@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from emulators.drive.cia402.faults.log import CAPACITY
-from emulators.drive.cia402.objects.table import (
+from emulators.drive.cia402.config import DriveConfig
+from emulators.drive.cia402.faults.log import CAPACITY, FaultLog
+from emulators.drive.cia402.protection import Protection
+from emulators.drive.cia402.safety import SafetyFunctions
+from fieldbus.canopen.abort import AbortCode, SdoAbort
+from fieldbus.canopen.object_table import (
     I16,
     STRING,
     U8,
@@ -19,10 +23,6 @@ from emulators.drive.cia402.objects.table import (
     record,
     var,
 )
-from fieldbus.canopen.abort import AbortCode, SdoAbort
-
-if TYPE_CHECKING:
-    from emulators.drive.cia402.drive import CiA402Drive
 
 
 def protection_objects() -> tuple[ObjectRow, ...]:
@@ -59,24 +59,24 @@ def protection_objects() -> tuple[ObjectRow, ...]:
     )
 
 
-def protection_readers(drive: CiA402Drive) -> dict[int, Callable[[], Any]]:
+def protection_readers(
+    config: DriveConfig, protection: Protection, safety: SafetyFunctions, log: FaultLog
+) -> dict[int, Callable[[], Any]]:
     """Return what is read live, by key."""
-    protection = drive.protection
     link = protection.dc_link
-    log = drive.faults.log
-    rated = drive.config.rated_torque_Nm
+    rated = config.rated_torque_Nm
     readers: dict[int, Callable[[], Any]] = {
         0x210101: lambda: round(protection.motor.temperature_C * 10.0),
         0x210102: lambda: round(protection.stage.temperature_C * 10.0),
         0x210201: lambda: _permille(protection.motor_overload.utilisation),
         0x210202: lambda: _permille(protection.stage_overload.utilisation),
         0x210203: lambda: _permille(link.chopper_load),
-        0x210204: lambda: 0xFFFF if not drive.axis.derated else _permille(protection.cap_Nm / rated),
+        0x210204: lambda: 0xFFFF if not protection.derated else _permille(protection.cap_Nm / rated),
         0x210301: lambda: (not link.mains_on) | link.phase_missing << 1,
         0x210302: lambda: round(link.chopper_power_W),
         0x210600: lambda: log.operating_ms & 0xFFFFFFFF,
-        0x210800: lambda: drive.safety.bits,
-        0x210900: lambda: drive.config.personality,
+        0x210800: lambda: safety.bits,
+        0x210900: lambda: config.personality,
     }
     for number in range(CAPACITY):
         readers[0x210400 | number + 1] = partial(log.packed, number)
@@ -84,7 +84,7 @@ def protection_readers(drive: CiA402Drive) -> dict[int, Callable[[], Any]]:
     return readers
 
 
-def clear_history(drive: CiA402Drive, value: Any) -> None:
+def clear_history(log: FaultLog, value: Any) -> None:
     """Take 2107h: 1 clears the fault history.
 
     Raises:
@@ -93,7 +93,7 @@ def clear_history(drive: CiA402Drive, value: Any) -> None:
     """
     if value != 1:
         raise SdoAbort(AbortCode.VALUE)
-    drive.faults.log.clear()
+    log.clear()
 
 
 def _permille(share: float) -> int:

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Iterable
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from emulators.drive.cia402.axis import OPTION_CODES, interpolation_period_s
-from emulators.drive.cia402.objects.mode_rules import ALLOWED, mode_checks, mode_readers
-from emulators.drive.cia402.objects.protection import clear_history, protection_readers
-from emulators.drive.cia402.objects.table import STRING, all_objects
+from emulators.drive.cia402.axis import OPTION_CODES, ProfileAxis, interpolation_period_s
+from emulators.drive.cia402.objects.mode_rules import ALLOWED
+from emulators.drive.cia402.objects.table import all_objects
+from emulators.drive.cia402.parameters import Parameters
 from emulators.drive.cia402.units import velocity_unit_rad_s, wrap32
+from emulators.drive.supply import DcLink
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.dictionary import INTEGERS
+from fieldbus.canopen.store import ObjectStore
 from fieldbus.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from emulators.drive.cia402.drive import CiA402Drive
 
 _ALLOWED: Final[dict[int, Container[int]]] = {
     **{index: allowed for index, allowed, _ in OPTION_CODES.values()},
@@ -25,69 +24,41 @@ _ALLOWED: Final[dict[int, Container[int]]] = {
 """Objects with a few allowed values; anything else is 06090030h (C402-073, C402-095)."""
 
 _FIRST_PROFILE_OBJECT: Final = 0x6000
-_REQUIRED: Final = (0x6040, 0x6041, 0x6060, 0x6061)
+REQUIRED: Final = (0x6040, 0x6041, 0x6060, 0x6061)
 _FACTORS: Final = (0x608F, 0x6090, 0x6091, 0x6092, 0x6093, 0x6094, 0x6096, 0x6097)
 _PARAMETERS: Final = (0x6072, 0x6073, 0x607C, 0x607F, 0x6080, 0x60C5, 0x60C6, 0x60C8, 0x60C9, 0x60E0, 0x60E1)
 
 
-def prepare_values(drive: CiA402Drive) -> None:
-    """Give objects that the EDS lacks their built-in default, so that the drive works with any EDS.
-
-    The bus does not see those; the drive works with their defaults.
+def adapt_entries(store: ObjectStore) -> None:
+    """Take the objects of the profile from the EDS, with the signs that they have in the profile.
 
     Raises:
-        ConfigurationError: The EDS is not that of a CiA 402 drive, or gives a profile object another length.
+        ConfigurationError: The EDS gives a profile object another length.
 
     """
-    values = drive.slave.values
-    store = drive.slave.store
-    for index in _REQUIRED:
-        if index << 8 not in store.entries:
-            raise ConfigurationError("eds", f"no object {index:04X}h", "an EDS of a CiA 402 drive")
     for row in all_objects():
-        if row.index < 0x2000:
+        if row.index < _FIRST_PROFILE_OBJECT:
             continue
         for sub, item in row.items.items():
-            key = row.index << 8 | sub
-            if item.volatile:
-                store.volatile.add(key)
-            entry = store.entries.get(key)
-            if entry is None:
-                values[key] = (
-                    item.default if item.default is not None else "" if item.data_type == STRING else 0
+            entry = store.entries.get(row.index << 8 | sub)
+            if entry is None or item.data_type not in INTEGERS:
+                continue
+            bits, signed = INTEGERS[item.data_type]
+            if entry.bits != bits or not entry.integer:
+                raise ConfigurationError(
+                    f"eds: {row.index:04X}h:{sub} DataType",
+                    f"{entry.data_type:04X}h",
+                    f"{item.data_type:04X}h, as the profile says, or another whole number of {bits} bits",
                 )
-            elif row.index >= _FIRST_PROFILE_OBJECT and item.data_type in INTEGERS:
-                bits, entry_signed = INTEGERS[item.data_type]
-                if entry.bits != bits or not entry.integer:
-                    raise ConfigurationError(
-                        f"eds: {row.index:04X}h:{sub} DataType",
-                        f"{entry.data_type:04X}h",
-                        f"{item.data_type:04X}h, as the profile says, or another whole number of {bits} bits",
-                    )
-                # Files differ about signs. What the object means is the profile's business.
-                entry.signed = entry_signed
+            # Files differ about signs; the profile says what the object means.
+            entry.signed = signed
 
 
-def install(drive: CiA402Drive) -> None:
-    """Register all callbacks with the slave; objects that the EDS lacks are left out."""
-    entries = drive.slave.store.entries
-    for key, read in _readers(drive).items():
-        if key in entries:
-            drive.slave.on_read(key >> 8, key & 0xFF, read)
-    for key, check in _checks(drive).items():
-        if key in entries:
-            drive.slave.on_write(key >> 8, key & 0xFF, check)
-
-
-def _readers(drive: CiA402Drive) -> dict[int, Callable[[], Any]]:
-    axis = drive.axis
-    core = drive.core
+def axis_readers(axis: ProfileAxis, dc_link: DcLink) -> dict[int, Callable[[], Any]]:
+    """Return what the actual and demand values show."""
+    core = axis.core
     return {
-        **protection_readers(drive),
-        0x200001: lambda: drive.slave.sync.lost,
         0x200002: lambda: axis.missing_count,
-        0x604100: drive.status_word.read,
-        **mode_readers(drive),
         0x606200: lambda: axis.demand_position,
         0x606300: lambda: wrap32(axis.internal_increments),
         0x606400: lambda: axis.actual_position,
@@ -97,36 +68,32 @@ def _readers(drive: CiA402Drive) -> dict[int, Callable[[], Any]]:
         0x607400: lambda: axis.permille(core.torque_demand),
         0x607700: lambda: axis.permille(core.torque),
         0x607800: lambda: axis.permille(core.torque),
-        0x607900: lambda: round(drive.dc_link.voltage_V * 1000.0),
+        0x607900: lambda: round(dc_link.voltage_V * 1000.0),
         0x60E401: lambda: axis.actual_position,
         0x60E501: lambda: axis.actual_velocity,
         0x60F400: lambda: axis.following_error,
         0x60FA00: lambda: axis.demand_velocity,
         0x60FC00: lambda: wrap32(axis.demand_increments),
-        0x60FD00: lambda: drive.inputs,
     }
 
 
-def _checks(drive: CiA402Drive) -> dict[int, Callable[[Any], object]]:
-    values = drive.slave.values
-    axis = drive.axis
-    checks: dict[int, Callable[[Any], object]] = {
-        0x604000: drive.on_controlword,
-        0x606000: drive.on_mode_request,
-        0x210700: lambda value: clear_history(drive, value),
-    }
+def axis_checks(axis: ProfileAxis, parameters: Parameters) -> dict[int, Callable[[Any], object]]:
+    """Return the rules of the objects of the axis, whatever the mode."""
+    values = axis.values
+    core = axis.core
+    checks: dict[int, Callable[[Any], object]] = {}
 
     def changed(_value: Any) -> None:
-        drive.parameters_changed = True
+        parameters.changed = True
 
     def refuse_while_enabled(_value: Any) -> None:
-        if drive.core.enabled:
+        if core.enabled:
             raise SdoAbort(AbortCode.DEVICE_STATE)
 
     def outside_operation(value: Any, old: Any) -> None:
         if value != old:
             refuse_while_enabled(value)
-            drive.parameters_changed = True
+            parameters.changed = True
 
     def add(keys: Iterable[int], check: Callable[[Any], object]) -> None:
         checks.update(dict.fromkeys(keys, check))
@@ -135,7 +102,7 @@ def _checks(drive: CiA402Drive) -> dict[int, Callable[[Any], object]]:
         def check(value: Any) -> None:
             if value not in allowed:
                 raise SdoAbort(AbortCode.VALUE)
-            drive.parameters_changed = True
+            parameters.changed = True
 
         return check
 
@@ -166,18 +133,16 @@ def _checks(drive: CiA402Drive) -> dict[int, Callable[[Any], object]]:
         outside_operation(value, values[0x60A900])
 
     checks[0x60A900] = unit
-    checks[0x60B800] = drive.touch_probe.on_function
-    add((0x60D001, 0x60D002), drive.touch_probe.on_source)
 
     def lower_limit(value: Any) -> None:
         if value > values[0x607D02]:
             raise SdoAbort(AbortCode.MAXIMUM_BELOW_MINIMUM)
-        drive.parameters_changed = True
+        parameters.changed = True
 
     def upper_limit(value: Any) -> None:
         if value < values[0x607D01]:
             raise SdoAbort(AbortCode.MAXIMUM_BELOW_MINIMUM)
-        drive.parameters_changed = True
+        parameters.changed = True
 
     checks[0x607D01] = lower_limit
     checks[0x607D02] = upper_limit
@@ -194,10 +159,10 @@ def _checks(drive: CiA402Drive) -> dict[int, Callable[[Any], object]]:
             seconds = interpolation_period_s(units, exponent)
         except ConfigurationError:
             raise SdoAbort(AbortCode.VALUE) from None
-        steps = seconds / drive.core.period_s
+        steps = seconds / core.period_s
         if steps < 0.5 or abs(steps - round(steps)) > 1e-6 * steps:
             raise SdoAbort(AbortCode.VALUE)
-        drive.parameters_changed = True
+        parameters.changed = True
 
     checks[0x60C201] = lambda value: period(value, values[0x60C202])
     checks[0x60C202] = lambda value: period(values[0x60C201], value)
@@ -206,4 +171,4 @@ def _checks(drive: CiA402Drive) -> dict[int, Callable[[Any], object]]:
         axis.fresh = True
 
     add((0x60FF00, 0x607100), fresh)
-    return {**checks, **mode_checks(drive)}
+    return checks
