@@ -20,6 +20,8 @@ from itertools import count
 from threading import Condition
 from typing import Final
 
+from typing_extensions import override
+
 from fieldbus.errors import SchedulerError
 
 Callback = Callable[[], object]
@@ -197,8 +199,8 @@ class VirtualScheduler(Scheduler):
         """Enter `callback` at the present instant; virtual time has no other threads."""
         self.at(self.now, callback)
 
+    @override
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
-        """See `Scheduler.run_until`."""
         self._enter(timeout_ns)
         heap = self._heap
         end = self.now + timeout_ns
@@ -255,18 +257,18 @@ class RealtimeScheduler(Scheduler):
             self._posted.append(callback)
             self._wake.notify()
 
+    @override
     def at(self, time_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
-        """See `Scheduler.at`; a time in the past fires as soon as the scheduler runs."""
         self._refresh()
         return super().at(time_ns, callback, priority=priority)
 
+    @override
     def after(self, delay_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
-        """See `Scheduler.after`."""
         self._refresh()
         return super().after(delay_ns, callback, priority=priority)
 
+    @override
     def every(self, period_ns: int, callback: Callback, *, phase_ns: int = 0, priority: int = 0) -> Timer:
-        """See `Scheduler.every`; a scheduler that falls behind skips no instant but catches up."""
         self._refresh()
         return super().every(period_ns, callback, phase_ns=phase_ns, priority=priority)
 
@@ -276,8 +278,8 @@ class RealtimeScheduler(Scheduler):
         if not self._running:
             self.now = max(self.now, time.monotonic_ns() - self.origin_ns)
 
+    @override
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
-        """See `Scheduler.run_until`."""
         self._enter(timeout_ns)
         heap = self._heap
         posted = self._posted

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
+from typing_extensions import override
+
 from fieldbus.clock import Callback, Scheduler, Timer
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 
@@ -25,6 +27,9 @@ _PRUNE: Final = 64
 
 class NodeClock(Scheduler):
     """Time as one node has it.
+
+    Events are entered and fire at times of the node, an interval is one by this clock. Only `run_until` and
+    `next_due_ns` are in the time of the bench.
 
     Args:
         bench: Time of the bench.
@@ -145,45 +150,43 @@ class NodeClock(Scheduler):
     # -- scheduler
     # ---------------------------------------------------------------------------------------------------
 
+    @override
     def at(self, time_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
-        """See `Scheduler.at`; the time is that of the node."""
         return self._note(self.bench.at(self.at_bench(time_ns), callback, priority=priority))
 
+    @override
     def again(self, timer: Timer, time_ns: int) -> None:
-        """See `Scheduler.again`; the time is that of the node."""
         self.bench.again(self._note(timer), self.at_bench(time_ns))
 
+    @override
     def after(self, delay_ns: int, callback: Callback, *, priority: int = 0) -> Timer:
-        """See `Scheduler.after`; the delay is one by this clock."""
         if self._straight:
             return self._note(self.bench.after(delay_ns, callback, priority=priority))
         return self.at(self.now + delay_ns, callback, priority=priority)
 
+    @override
     def every(self, period_ns: int, callback: Callback, *, phase_ns: int = 0, priority: int = 0) -> Timer:
-        """See `Scheduler.every`; the grid is that of the node's clock where it runs as the bench does, and
-        goes on from there.
-        """
         timer = self.bench.every(period_ns, callback, phase_ns=phase_ns, priority=priority)
         if self._ppb:
             timer.period_ns = round(period_ns * PPB / (PPB + self._ppb))
         return self._note(timer)
 
+    @override
     def post(self, callback: Callback) -> None:
-        """See `Scheduler.post`."""
         self.bench.post(callback)
 
+    @override
     def run_until(self, predicate: Callable[[], object], timeout_ns: int) -> bool:
-        """See `Scheduler.run_until`; the time is that of the bench."""
         return self.bench.run_until(predicate, timeout_ns)
 
     @property
+    @override
     def running(self) -> bool:
-        """See `Scheduler.running`."""
         return self.bench.running
 
     @property
+    @override
     def next_due_ns(self) -> int | None:
-        """See `Scheduler.next_due_ns`; time of the bench."""
         return self.bench.next_due_ns
 
     def _note(self, timer: Timer) -> Timer:

@@ -20,19 +20,6 @@ KINDS: Final = ("input", "output", "analog_input", "analog_output", "counter")
 """Names of the kinds of channels."""
 
 
-class _Server(ModbusServer):
-    """A server that has nothing to say while the station is without supply."""
-
-    alive = True
-
-    def respond(
-        self, pdu: bytes, *, serial: bool = False, broadcast: bool = False, unit: int = 1
-    ) -> bytes | None:
-        if not self.alive:
-            return None
-        return super().respond(pdu, serial=serial, broadcast=broadcast, unit=unit)
-
-
 class ModbusIoStation:
     """A station whose channels stand from address 0 on, each kind in its area, and together in a process
     image.
@@ -118,7 +105,7 @@ class ModbusIoStation:
                 elif area is Area.HOLDING_REGISTERS:
                     block.write = self._write_registers
         self._add_image(registers)
-        self.server = _Server(registers, unit=unit)
+        self.server = ModbusServer(registers, unit=unit)
         analog = (
             ("ai", "V", self.analog_inputs),
             ("ao", "V", self.analog_outputs),
@@ -198,7 +185,7 @@ class ModbusIoStation:
         """Take its supply away: it answers nothing, its outputs are off at once."""
         if not self.powered:
             return
-        self.powered = self.server.alive = False
+        self.powered = self.server.powered = False
         self._emit("station.power", on=False)
         for digital in self.digital_outputs:
             digital.set(False)
@@ -208,7 +195,7 @@ class ModbusIoStation:
     def power_on(self) -> None:
         """Give the supply back; counters begin at 0."""
         if not self.powered:
-            self.powered = self.server.alive = True
+            self.powered = self.server.powered = True
             self._emit("station.power", on=True)
             for counter in self.counters:
                 counter.restart()

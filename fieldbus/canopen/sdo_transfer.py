@@ -12,6 +12,8 @@ from binascii import crc_hqx
 from struct import Struct
 from typing import Final
 
+from typing_extensions import override
+
 from fieldbus.canopen.abort import AbortCode
 from fieldbus.errors import ConfigurationError
 
@@ -166,8 +168,8 @@ class SdoUpload(SdoTransfer):
         """What has been read; of a running transfer, as far as it is."""
         return bytes(self._buffer)
 
+    @override
     def start(self) -> Requests:
-        """See `SdoTransfer.start`."""
         self.done = False
         self.abort_code = 0
         self._buffer.clear()
@@ -284,8 +286,8 @@ class SdoDownload(SdoTransfer):
         self._acknowledged = 0
         self._expected = 0
 
+    @override
     def start(self) -> Requests:
-        """See `SdoTransfer.start`."""
         self.done = False
         self.abort_code = 0
         self._offset = 0

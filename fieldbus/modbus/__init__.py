@@ -20,9 +20,9 @@ from fieldbus.modbus.decode import RtuDecoder, TcpDecoder
 from fieldbus.modbus.drive_map import DriveMap, ProcessDataDevice
 from fieldbus.modbus.errors import ModbusError, ResponseError
 from fieldbus.modbus.framing import (
-    RtuFace,
-    TcpFace,
+    RtuResponder,
     TcpFrame,
+    TcpResponder,
     TcpSplitter,
     crc16,
     rtu_frame,
@@ -88,7 +88,7 @@ __all__ = [
     "Result",
     "RtuClient",
     "RtuDecoder",
-    "RtuFace",
+    "RtuResponder",
     "RtuStation",
     "SerialFormat",
     "SerialFrame",
@@ -99,11 +99,11 @@ __all__ = [
     "TcpClient",
     "TcpDecoder",
     "TcpEnd",
-    "TcpFace",
     "TcpFrame",
     "TcpGateway",
     "TcpLink",
     "TcpLog",
+    "TcpResponder",
     "TcpSegment",
     "TcpSplitter",
     "TcpStation",

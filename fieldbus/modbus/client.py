@@ -45,7 +45,7 @@ Done = Callable[[Result], object]
 class Job:
     """A request on its way."""
 
-    __slots__ = ("done", "frame_pdu", "request", "response_pdu", "result", "tries", "trouble", "unit")
+    __slots__ = ("done", "frame_pdu", "problem", "request", "response_pdu", "result", "tries", "unit")
 
     def __init__(self, request: Request, unit: int, done: Done | None) -> None:
         self.request = request
@@ -53,7 +53,7 @@ class Job:
         self.done = done
         self.frame_pdu = request.encode()
         self.tries = 0
-        self.trouble = ""
+        self.problem = ""
         self.result: Result | None = None
         """None until it has ended."""
         self.response_pdu = b""

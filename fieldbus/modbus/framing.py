@@ -11,9 +11,9 @@ from fieldbus.modbus.server import ModbusServer
 __all__ = [
     "LONGEST_RTU",
     "LONGEST_TCP",
-    "RtuFace",
-    "TcpFace",
+    "RtuResponder",
     "TcpFrame",
+    "TcpResponder",
     "TcpSplitter",
     "crc16",
     "rtu_frame",
@@ -85,7 +85,7 @@ class TcpSplitter:
         return frames
 
 
-class TcpFace:
+class TcpResponder:
     """A server at one TCP connection: bytes in, bytes out.
 
     Units: None of the server (any) and 0 and 255 (the server itself) are answered with the unit mirrored
@@ -132,7 +132,7 @@ class TcpFace:
         return out
 
 
-class RtuFace:
+class RtuResponder:
     """A server at a serial line: a frame in, a frame out. What is a frame, the pauses on the line tell.
 
     Args:

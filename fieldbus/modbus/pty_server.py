@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from fieldbus.clock import MS, Scheduler, Timer
-from fieldbus.modbus.framing import LONGEST_RTU, RtuFace
+from fieldbus.modbus.framing import LONGEST_RTU, RtuResponder
 from fieldbus.modbus.serial_line import SerialFormat
 from fieldbus.modbus.server import ModbusServer
 from fieldbus.pty_line import PtyLine
@@ -40,7 +40,7 @@ class PtyServer:
         processing_ns: int = MS,
     ) -> None:
         self._scheduler = scheduler
-        self._face = RtuFace(server)
+        self._responder = RtuResponder(server)
         self._format = format_ if format_ is not None else SerialFormat()
         self.processing_ns = processing_ns
         self.longest_processing_ns = 0
@@ -72,7 +72,7 @@ class PtyServer:
         frame = bytes(self._buffer)
         self._buffer.clear()
         self._timer = None
-        answer = self._face.receive(frame) if self.online else None
+        answer = self._responder.receive(frame) if self.online else None
         late = 0 < self.longest_processing_ns < self.processing_ns
         if answer is not None and not (self.silent or late):
             delay_ns = self.processing_ns + self._format.duration_ns(len(frame) + len(answer))

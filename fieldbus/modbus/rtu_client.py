@@ -72,7 +72,12 @@ class RtuClient(QueuedClient):
             self._timer = self._scheduler.at(end_ns + self.timeout_ns, self._timed_out)
 
     def submit(self, request: Request, unit: int = 1, done: Done | None = None) -> Job:
-        """See `QueuedClient.submit`; a broadcast that is no writing one is refused."""
+        """Queue a request, as `QueuedClient.submit`; a broadcast has to be one that writes.
+
+        Raises:
+            ModbusError: The request cannot be encoded, is a broadcast that reads, or the queue is full.
+
+        """
         if unit == BROADCAST and request.function not in WRITING:
             raise ModbusError(f"{request}: no broadcast; allowed: functions 05, 06, 15, 16")
         return super().submit(request, unit, done)
@@ -97,8 +102,8 @@ class RtuClient(QueuedClient):
         if job is not None:
             if job.tries <= self.retries:
                 self._queue.appendleft(job)
-            elif job.trouble:
-                job.fail(Outcome.INVALID, job.trouble)
+            elif job.problem:
+                job.fail(Outcome.INVALID, job.problem)
             else:
                 job.fail(outcome, text)
         self._go_on()
@@ -111,17 +116,17 @@ class RtuClient(QueuedClient):
             return
         content = None if damaged else unwrap_rtu(frame)
         if content is None:
-            job.trouble = f"a damaged response: {frame.hex(' ')}"
-            self._retry(Outcome.INVALID, job.trouble)
+            job.problem = f"a damaged response: {frame.hex(' ')}"
+            self._retry(Outcome.INVALID, job.problem)
             return
         try:
             response = job.decode(*content)
         except ResponseError as error:
             # The late response to an earlier request, most likely; the right one may still come.
             self.late += 1
-            job.trouble = str(error)
+            job.problem = str(error)
             if self._expired:
-                self._retry(Outcome.INVALID, job.trouble)
+                self._retry(Outcome.INVALID, job.problem)
             return
         self._job = None
         if self._timer is not None:

@@ -341,7 +341,7 @@ class FrameAssembler:
         return self._timer is not None or self._talkers > 0
 
     def started(self, time_ns: int) -> None:
-        """See `SerialListener.started`."""
+        """Note the begin of a character."""
         self._talkers += 1
         if self._timer is None:
             return
@@ -351,7 +351,7 @@ class FrameAssembler:
             self._damaged = True
 
     def received(self, data: bytes, damaged: bool, time_ns: int) -> None:
-        """See `SerialListener.received`."""
+        """Take characters."""
         self._damaged = self._damaged or damaged
         room = LONGEST_RTU - len(self._buffer)
         if len(data) > room:

@@ -30,16 +30,6 @@ _AREAS: Final = {
     _F.WRITE_MULTIPLE_REGISTERS: Area.HOLDING_REGISTERS,
 }
 _READS: Final = frozenset(function for function in _AREAS if function <= _F.READ_INPUT_REGISTERS)
-_COUNTERS: Final = {
-    Diagnostic.BUS_MESSAGES: "bus_messages",
-    Diagnostic.BUS_ERRORS: "bus_errors",
-    Diagnostic.EXCEPTIONS: "exceptions",
-    Diagnostic.SERVER_MESSAGES: "server_messages",
-    Diagnostic.NO_RESPONSES: "no_responses",
-    Diagnostic.NEGATIVE_ACKNOWLEDGES: "negative_acknowledges",
-    Diagnostic.BUSY: "busy",
-    Diagnostic.CHARACTER_OVERRUNS: "character_overruns",
-}
 SERVED: Final = frozenset(map(int, Function))
 """Function codes that are known at all."""
 _BASIC, _REGULAR, _EXTENDED, _SPECIFIC = 1, 2, 3, 4
@@ -91,6 +81,8 @@ class ModbusServer:
             self.functions -= {_F.ENCAPSULATED_INTERFACE}
         self.exception_hook: ExceptionHook | None = None
         """For faults: asked for every request with a known function before it is carried out."""
+        self.powered = True
+        """Whether the device has its supply; without it nothing is answered."""
         self.listen_only = False
         """Whether the device keeps silent until communications are restarted (MODB-016)."""
         self.restarts = 0
@@ -137,7 +129,7 @@ class ModbusServer:
             unit: Unit as received, for the exception hook.
 
         """
-        if not pdu:
+        if not pdu or not self.powered:
             return None
         self.server_messages += 1
         function = pdu[0]
@@ -235,9 +227,21 @@ class ModbusServer:
         if code == Diagnostic.CLEAR_COUNTERS:
             self._clear()
             return Response(function, data=data)
-        counter = _COUNTERS.get(Diagnostic(code))
-        value = 0 if counter is None else getattr(self, counter)
-        return Response(function, data=(value & 0xFFFF).to_bytes(2, "big"))
+        return Response(function, data=(self._counter(code) & 0xFFFF).to_bytes(2, "big"))
+
+    def _counter(self, code: int) -> int:
+        """Return a diagnostic counter; 0 for one that is not kept."""
+        counters = {
+            Diagnostic.BUS_MESSAGES: self.bus_messages,
+            Diagnostic.BUS_ERRORS: self.bus_errors,
+            Diagnostic.EXCEPTIONS: self.exceptions,
+            Diagnostic.SERVER_MESSAGES: self.server_messages,
+            Diagnostic.NO_RESPONSES: self.no_responses,
+            Diagnostic.NEGATIVE_ACKNOWLEDGES: self.negative_acknowledges,
+            Diagnostic.BUSY: self.busy,
+            Diagnostic.CHARACTER_OVERRUNS: self.character_overruns,
+        }
+        return counters.get(Diagnostic(code), 0)
 
     # ------------------------------------------------------------------ function 43/14, device identification
 

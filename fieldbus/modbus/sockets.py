@@ -47,7 +47,7 @@ class SocketEnd:
         self._handler = handler
 
     def send(self, data: bytes) -> None:
-        """See `Connection.send`."""
+        """Send bytes; ignored when the connection is not open."""
         with self._lock:
             if not self.open:
                 return
@@ -67,7 +67,7 @@ class SocketEnd:
         self._network.wake()
 
     def close(self) -> None:
-        """See `Connection.close`."""
+        """End the connection; its own handler is not called."""
         self._handler = None
         with self._lock:
             self._shut()
@@ -79,18 +79,18 @@ class SocketEnd:
             self._socket.shutdown(socket.SHUT_RDWR)
 
     def received(self, data: bytes) -> None:
-        """Tell the handler, unless the connection was given up."""
+        """Give bytes to the handler, unless the connection was closed here."""
         if self._handler is not None and not self._given_up:
             self._handler.receive(data)
 
     def made(self) -> None:
-        """Tell the handler that the connection is there."""
+        """Report the connection to the handler."""
         self.open = True
         if self._handler is not None:
             self._handler.opened()
 
     def ended(self, reason: str) -> None:
-        """Tell the handler that it is over."""
+        """Report the end of the connection to the handler."""
         self.open = False
         handler, self._handler = self._handler, None
         if handler is not None:
@@ -134,7 +134,7 @@ class SocketNetwork:
         self._ends: dict[socket.socket, SocketEnd] = {}
         self._accept: Callable[[SocketEnd], TcpHandler | None] | None = None
         self._closed = False
-        self._room = Semaphore(_MOST_HANDED_OVER)
+        self._slots = Semaphore(_MOST_HANDED_OVER)
         self._thread = Thread(target=self._run, name="modbus sockets", daemon=True)
         self._thread.start()
 
@@ -185,7 +185,7 @@ class SocketNetwork:
             return
         self._closed = True
         self._wake()
-        self._room.release()
+        self._slots.release()
         self._thread.join()
         for end in self._ends.values():
             end.open = False
@@ -277,13 +277,13 @@ class SocketNetwork:
                 self._forget(sock, end, "closed")
                 return
             self._scheduler.post(lambda: self._received(end, data))
-            self._room.acquire()
+            self._slots.acquire()
         if events & selectors.EVENT_WRITE:
             end.flush()
             self._selector.modify(sock, _interest(end), sock)
 
     def _received(self, end: SocketEnd, data: bytes) -> None:
-        self._room.release()
+        self._slots.release()
         end.received(data)
 
     def _forget(self, sock: socket.socket, end: SocketEnd, reason: str) -> None:

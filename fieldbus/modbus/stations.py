@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Generic, Protocol, TypeVar
 
 from fieldbus.clock import MS, Scheduler
-from fieldbus.modbus.framing import RtuFace, TcpFace
+from fieldbus.modbus.framing import RtuResponder, TcpResponder
 from fieldbus.modbus.serial_line import FrameAssembler, SerialFormat, SerialLine
 from fieldbus.modbus.server import ModbusServer
 from fieldbus.modbus.tcp_link import TcpHandler
@@ -72,7 +72,7 @@ class RtuStation:
         self.processing_ns = processing_ns
         self.longest_processing_ns = 0
         """A response that would come later is not sent (p2024[0], PD-291); 0 = it always is."""
-        self._face = RtuFace(server)
+        self._responder = RtuResponder(server)
         rate = format_ if format_ is not None else line.format
         self.assembler = FrameAssembler(
             scheduler,
@@ -103,7 +103,7 @@ class RtuStation:
         if self._pending:
             self.missed += 1
             return
-        answer = self._face.receive(frame, damaged=damaged)
+        answer = self._responder.receive(frame, damaged=damaged)
         late = 0 < self.longest_processing_ns < self.processing_ns
         if answer is not None and not (self.silent or late):
             self._pending = True
@@ -171,12 +171,12 @@ class TcpStation(Generic[End]):
 class _Served(Generic[End]):
     """A connection of a station."""
 
-    __slots__ = ("_end", "_face", "_station")
+    __slots__ = ("_end", "_responder", "_station")
 
     def __init__(self, station: TcpStation[End], end: End) -> None:
         self._station = station
         self._end = end
-        self._face = TcpFace(station.server)
+        self._responder = TcpResponder(station.server)
 
     def opened(self) -> None:
         """Nothing to do: a server waits."""
@@ -189,7 +189,7 @@ class _Served(Generic[End]):
         if end not in station.ends:  # a connection from before the supply was lost
             end.close()
             return
-        answers = self._face.responses(data)
+        answers = self._responder.responses(data)
         if station.silent:
             answers.clear()
         if station.processing_ns == 0:
@@ -197,7 +197,7 @@ class _Served(Generic[End]):
         else:
             for answer in answers:
                 station.scheduler.after(station.processing_ns, lambda answer=answer: self._send(answer))  # type: ignore[misc]
-        if self._face.broken and end.open:
+        if self._responder.broken and end.open:
             station.scheduler.after(station.processing_ns, self._close)
 
     def _send(self, answer: bytes) -> None:

@@ -47,7 +47,7 @@ class Connection(Protocol):
         """Send bytes; ignored when the connection is not open."""
 
     def close(self) -> None:
-        """End the connection; the own handler is not told."""
+        """End the connection; the own handler is not called."""
 
 
 class TcpEnd:
@@ -67,12 +67,12 @@ class TcpEnd:
         self._due_ns = 0
 
     def send(self, data: bytes) -> None:
-        """See `Connection.send`."""
+        """Send bytes; ignored when the connection is not open."""
         if self.open and data:
             self.link.carry(self, data)
 
     def close(self) -> None:
-        """See `Connection.close`."""
+        """End the connection; its own handler is not called."""
         self._end("closed")
 
     def reset(self) -> None:

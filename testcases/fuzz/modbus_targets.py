@@ -17,8 +17,8 @@ from fieldbus.modbus import (
     SerialLine,
     TcpClient,
     TcpDecoder,
-    TcpFace,
     TcpLink,
+    TcpResponder,
     TcpSplitter,
     TcpStation,
     rtu_frame,
@@ -53,11 +53,11 @@ def modbus() -> Take:
         size = 1 + (data[0] % 37 if data else 0)
         pieces = [data[at : at + size] for at in range(1, len(data), size)]
 
-        face, check = TcpFace(server), TcpSplitter()
+        face, check = TcpResponder(server), TcpSplitter()
         for piece in pieces:
             check.feed(face.receive(piece))
             promise(not check.broken and check.pending == 0, "responses that are no frames")
-        fresh = TcpFace(server).receive(tcp_frame(1, 5, read))
+        fresh = TcpResponder(server).receive(tcp_frame(1, 5, read))
         promise(fresh[:9] == bytes.fromhex("0001 0000 0005 05 03 02"), "no response over a new connection")
 
         scheduler = VirtualScheduler()

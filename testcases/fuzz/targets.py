@@ -71,6 +71,7 @@ class Loose:
     """
 
     name = "loose"
+    bitrate = 1_000_000
     online = True
 
     def __init__(self) -> None:

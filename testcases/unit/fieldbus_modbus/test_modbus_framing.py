@@ -15,8 +15,8 @@ from fieldbus.modbus import (
     ModbusServer,
     Request,
     ResponseError,
-    RtuFace,
-    TcpFace,
+    RtuResponder,
+    TcpResponder,
     TcpSplitter,
     crc16,
     decode_request,
@@ -53,7 +53,7 @@ def test_crc_is_that_of_the_polynomial(data):
 @pytest.mark.requirement("MODB-007", "MODB-008")
 def test_who_answers_on_a_serial_line(server):
     """The device's own unit is answered; another, a broken CRC, damage and a short frame are not."""
-    face = RtuFace(server)
+    face = RtuResponder(server)
     good = rtu_frame(5, READ.encode())
     assert face.receive(good) == rtu_frame(5, bytes.fromhex("03 04 100a 100b"))
     for unit in (0, 1, 6, 247, 255):
@@ -85,7 +85,7 @@ def test_frames_of_tcp_come_in_any_segments(server):
     for first in range(len(stream)):
         for second in range(first, len(stream)):
             server.registers.set(Area.HOLDING_REGISTERS, 10, 0x100A)
-            face = TcpFace(server)
+            face = TcpResponder(server)
             parts = stream[:first], stream[first:second], stream[second:]
             assert b"".join(face.receive(part) for part in parts) == expected
 
@@ -127,14 +127,14 @@ def test_units_over_tcp_are_mirrored(registers):
     mirrored.
     """
     pdu = READ.encode()
-    face = TcpFace(ModbusServer(registers, unit=5))
+    face = TcpResponder(ModbusServer(registers, unit=5))
     for unit in (0, 5, 255):
         assert face.receive(tcp_frame(0xABCD, unit, pdu))[:7] == bytes.fromhex("abcd 0000 0007") + bytes(
             (unit,)
         )
     assert face.receive(tcp_frame(1, 6, pdu)) == b""
     assert face.ignored == 1
-    anybody = TcpFace(ModbusServer(registers, unit=None))
+    anybody = TcpResponder(ModbusServer(registers, unit=None))
     assert all(anybody.receive(tcp_frame(1, unit, pdu))[6] == unit for unit in range(256))
 
 
@@ -241,7 +241,7 @@ def test_any_bytes_at_the_server(data):
 @given(st.lists(st.binary(max_size=40), max_size=10))
 def test_any_stream_at_the_tcp_face(parts):
     """Any bytes in any segments: whole frames come out, or the connection is broken; nothing piles up."""
-    face = TcpFace(ModbusServer(new_map()))
+    face = TcpResponder(ModbusServer(new_map()))
     splitter = TcpSplitter()
     for part in parts:
         out = face.receive(part)

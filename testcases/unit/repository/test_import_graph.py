@@ -85,7 +85,6 @@ STILL_SINGLE: Final[frozenset[str]] = frozenset(
     {
         "emulators.drive.cia402.modes._cyclic.CyclicPosition",
         "emulators.drive.cia402.modes._homing_motion.HomingMotion",
-        "fieldbus.modbus.server.ModbusServer",
         "hil.campaign._case.Campaign",
         "motion.drives.profidrive.TelegramConfig",
         "motion.drives.profidrive_can.ProfidriveCanConfig",
