@@ -574,6 +574,14 @@ def personalities(
     raise typer.Exit(show_personalities(files or [], as_json=as_json))
 
 
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of the bench file, with which editors complete and check its keys."""
+    from hil._commands.schema import show_schema
+
+    raise typer.Exit(show_schema())
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run `hil` and return its exit code; the console script calls `sys.exit` with it."""
     code = _run(arguments)

@@ -25,7 +25,7 @@ def check_bench(reference: str, *, build: bool, as_json: bool) -> int:
         personalities = {
             name: drive.personality
             for name, drive in getattr(config, "drive", {}).items()
-            if drive.personality != "standard"
+            if getattr(drive, "personality", "standard") != "standard"
         }
         if personalities:
             facts["personalities"] = [f"{name}: {one}" for name, one in personalities.items()]

@@ -49,10 +49,8 @@ def _text(config: Any, name: str, *, dcf: bool, file_name: str) -> str:
     from fieldbus.canopen.eds_export import device_eds
     from fieldbus.clock import S, VirtualScheduler
     from fieldbus.history import History
-    from hil.bench.devices import build_device
-    from hil.bench.drives import build_drive
+    from hil.bench._site import DeviceSite
     from hil.bench.emulated import named_rng
-    from hil.bench.encoders import build_encoder
 
     scheduler = VirtualScheduler()
     history = History(scheduler)
@@ -60,24 +58,24 @@ def _text(config: Any, name: str, *, dcf: bool, file_name: str) -> str:
     for segment, described in config.segment.items():
         segments[segment] = CanMedium(scheduler, bitrate=described.bitrate, name=segment, history=history)
         segments[segment].attach("listener", lambda _frame, _time: None)  # acknowledges
-    device: Any
-    if name in config.device:
-        section = config.device[name]
-        device = build_device(scheduler, segments, config, name, history=history)
-    elif name in config.encoder:
-        section = config.encoder[name]
-        drives = {
-            drive: build_drive(scheduler, segments, config, drive, history=history, rng=named_rng(0, drive))
-            for drive in (section.on,)
-            if drive is not None
-        }
-        device = build_encoder(
-            scheduler, segments, config, name, drives=drives, history=history, rng=named_rng(0, name)
+
+    def site(part: str) -> DeviceSite:
+        return DeviceSite(
+            name=part,
+            bench=config.bench,
+            scheduler=scheduler,
+            segments=segments,
+            history=history,
+            rng=named_rng(0, part),
         )
+
+    if name in config.encoder:
+        encoder = config.encoder[name]
+        drives = {} if encoder.on is None else {encoder.on: config.drive[encoder.on].build(site(encoder.on))}
+        device: Any = encoder.build(site(name), drives, config.lead_mm(encoder))
     else:
-        section = config.drive[name]
-        device = build_drive(scheduler, segments, config, name, history=history, rng=named_rng(0, name))
+        device = config.devices[name].build(site(name))
     device.power_on()
     scheduler.run_for(S)
-    bitrate = config.segment[section.segment].bitrate
+    bitrate = config.segment[config.devices[name].segment].bitrate
     return device_eds(device.slave, dcf=dcf, file_name=file_name, bitrate=bitrate)

@@ -16,17 +16,17 @@ from typing import TYPE_CHECKING, Any, Final
 from fieldbus.errors import ConfigurationError
 from hil._commands.terminal import console
 from hil._interrupt import note
-from hil.bench.segment_config import RESERVED_OPTIONS
+from hil.bench.segment_config import RESERVED_OPTIONS, CanTable, RtuTable
 from hil.campaign import load_bench_file
 from hil.errors import CannotRunError
 
 if TYPE_CHECKING:
     from fieldbus.history import Event
     from hil.bench.config import BenchConfig
-    from hil.bench.device_config import DeviceSection
-    from hil.bench.drive_config import DriveSection
+    from hil.bench.device_config import DeviceTable
+    from hil.bench.drive_config import CanDriveTable
     from hil.bench.drive_host import DriveHost
-    from hil.bench.encoder_config import EncoderSection
+    from hil.bench.encoder_config import EncoderTable
 
 _BOOT_TIMEOUT_S: Final = 10.0
 _SLICE_S: Final = 0.2
@@ -95,16 +95,15 @@ def emulate_bench(
     if adapter not in ("", "slcan"):
         raise ConfigurationError("--adapter", adapter, "slcan")
     config = config_of(reference)
-    devices = {**config.drive, **config.encoder, **config.device}
-    emulated = {name: devices[name] for name in config.emulated_names}
+    emulated = {name: config.devices[name] for name in config.emulated_names}
     if not emulated:
         raise CannotRunError(f"the bench {config.bench.name!r} has no emulated drive")
-    on_can = {name: one for name, one in emulated.items() if not config.segment[one.segment].on_modbus}
+    on_can = {name: one for name, one in config.nodes.items() if name in emulated}
     if not on_can and (place.said or adapter):
         raise ConfigurationError(
             "--adapter" if adapter else "--interface", adapter or place.interface, "for drives on CAN only"
         )
-    lines = [name for name, one in emulated.items() if config.segment[one.segment].kind == "modbus_rtu"]
+    lines = [name for name, one in emulated.items() if isinstance(config.segment[one.segment], RtuTable)]
     if link and not adapter and not lines:
         raise ConfigurationError(
             "--link", link, "a path, together with --adapter or a drive on a Modbus line"
@@ -152,7 +151,7 @@ def _presentation(
 ) -> str:
     """Return what a device is and where."""
     segment = config.segment[section.segment]
-    if not segment.on_modbus:
+    if isinstance(segment, CanTable):
         where = opening or segment.opening_for_drives()
         return (
             f"{name}: {section.profile}, node {section.node_id}, on {where['interface']} {where['channel']}"
@@ -212,7 +211,9 @@ def _bring_adapter(host: DriveHost, config: BenchConfig, link: str, stack: ExitS
 
     name, segment = next(iter(host.segments.items()))
     try:
-        device = SlcanDevice(segment, bitrate=config.segment[name].bitrate, history=host.history)
+        table = config.segment[name]
+        assert isinstance(table, CanTable)  # drives on Modbus take no adapter
+        device = SlcanDevice(segment, bitrate=table.bitrate, history=host.history)
         stack.callback(device.close)
     except OSError as error:
         raise CannotRunError(f"--adapter: {error.strerror or error}") from error
@@ -254,7 +255,7 @@ def config_of(reference: str) -> Any:
     return config
 
 
-def _check_nodes(drives: Mapping[str, DriveSection | EncoderSection | DeviceSection], where: str) -> None:
+def _check_nodes(drives: Mapping[str, CanDriveTable | EncoderTable | DeviceTable], where: str) -> None:
     """Refuse devices of different segments that would have the same node-ID on the one bus."""
     owners: dict[int, str] = {}
     for name, section in drives.items():

@@ -7,13 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hil.bench._toml import dumps, merged
+import tomli_w
+
 from hil.bench.config import EMBEDDED, BenchConfig, BenchFileError, digest, parse, read
 
 if TYPE_CHECKING:
     from hil.bench.bench import Bench
 
-__all__ = ["EMBEDDED", "Bench", "BenchConfig", "BenchFile", "BenchFileError", "load_bench"]
+__all__ = ["EMBEDDED", "Bench", "BenchConfig", "BenchFile", "BenchFileError", "load_bench", "merged"]
 
 if not TYPE_CHECKING:
 
@@ -55,23 +56,32 @@ class BenchFile:
         return self.config.bench.kind
 
     def configured(self, tables: Mapping[str, Any]) -> BenchFile:
-        """Return this bench with other content in some places.
+        """Return this bench with changed tables.
 
         Args:
-            tables: What is laid over the file: tables are merged, everything else takes the place of what
-                was there.
+            tables: Changes: tables are merged, every other value replaces the value of the file.
 
         Raises:
             BenchFileError: The result is not usable.
 
         """
-        return BenchFile(self.source, dumps(merged(tomllib.loads(self.text), tables)))
+        return BenchFile(self.source, tomli_w.dumps(merged(tomllib.loads(self.text), tables)))
 
     def build(self, *, seed: int = 0) -> Bench:
         """Return a fresh, started bench."""
         from hil.bench.bench import Bench
 
         return Bench(self.config, seed=seed)
+
+
+def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `base` with `changes`: tables are merged, every other value is replaced."""
+    result = dict(base)
+    for key, value in changes.items():
+        below = result.get(key)
+        tables = isinstance(value, Mapping) and isinstance(below, Mapping)
+        result[key] = merged(below, value) if tables and below else value
+    return result
 
 
 def load_bench(path: str | Path | None = None) -> BenchFile:

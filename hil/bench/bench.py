@@ -152,10 +152,10 @@ class Bench:
     def _note_stops(self) -> None:
         """Note where the machine ends, for judges of the trace."""
         for name, section in self.config.drive.items():
-            if section.device != "emulated":
+            machine = section.machine
+            if machine is None or section.device != "emulated":
                 continue
-            mechanics = section.mechanics
-            stops_mm = {"negative": mechanics.negative_stop_mm, "positive": mechanics.positive_stop_mm}
+            stops_mm = {"negative": machine.negative_stop_mm, "positive": machine.positive_stop_mm}
             for side, stop_mm in stops_mm.items():
                 if stop_mm is not None:
                     self.recorder.set_constant(f"{name}.{side}_stop", stop_mm / 1000.0)

@@ -8,13 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import MS, S
-from hil.bench.axis_config import (
-    encoders_of_axis,
-    from_drive,
-    from_encoder,
-    from_second_encoder,
-    second_of,
-)
+from hil.bench.axis_config import AxisTable, ExternalEncoderTable, second_of
 from hil.bench.controller_buses import ControllerBuses
 from hil.bench.drive_ports import DrivePorts
 from hil.bench.startup import LINK_TIMEOUT_NS, commission, wait_for_encoders
@@ -28,7 +22,7 @@ if TYPE_CHECKING:
 
     from emulators.io import ModbusIoStation
     from fieldbus.history import History
-    from hil.bench.config import AxisSection, BenchConfig, ExternalEncoderSection
+    from hil.bench.config import BenchConfig
     from hil.bench.drive_ports import Port
     from hil.bench.encoders import EncoderNodes
     from hil.bench.segments import Segments
@@ -93,19 +87,23 @@ class ControlSystem:
             runtime.after_cycle.append(link.exchange)
 
     def _connect_stations(self, segments: Segments, stations: Mapping[str, ModbusIoStation]) -> None:
-        from hil.bench.io_devices import build_link
-
         for name, station in stations.items():
-            segment = segments.modbus[self._config.station[name].segment]
-            self.links[name] = build_link(self._config, name, station, segment, history=self._history)
+            section = self._config.station[name]
+            self.links[name] = section.build_link(
+                name,
+                station,
+                segments.modbus[section.segment],
+                grace_cycles=self._config.bench.grace_cycles,
+                history=self._history,
+            )
 
     def _connect_encoders(self, segments: Segments) -> None:
-        from hil.bench.encoders import EncoderNodes, build_encoder_ports, used_encoders
+        from hil.bench.encoders import EncoderNodes, build_encoder_ports
 
         cia406 = build_encoder_ports(segments.masters, self._config, self._history)
         self._encoder_ports.update(cia406)
         self.encoder_nodes = EncoderNodes(segments.masters, self._config, cia406, self._history)
-        used = used_encoders(self._config)
+        used = self._config.used_encoders
         for name, port in self.encoder_nodes.ports.items():
             if name in used:
                 self._encoder_ports[name] = port  # its technology object reads it
@@ -115,14 +113,12 @@ class ControlSystem:
     # -- axes
     # -------------------------------------------------------------------------------------------------
 
-    def _add_axis(self, name: str, section: AxisSection) -> None:
-        from hil.bench.io_devices import axis_inputs, wired_variables
-
+    def _add_axis(self, name: str, section: AxisTable) -> None:
         config = self._config
         port = self.ports.add(section.drive)
-        variables = from_drive(config.drive[section.drive])
+        variables: dict[str, Any] = dict(config.drive[section.drive].taken_over())
         encoders: list[EncoderPort | Port] | None = None
-        named = encoders_of_axis(section, config.drive[section.drive], config.bench.cpu)
+        named = config.encoders_of_axis(name)
         if named is not None:
             encoders = []
             for number, one in enumerate(named, start=1):
@@ -131,7 +127,7 @@ class ControlSystem:
                 variables |= own
         if section.connection == "data_block":
             self.ports.telegram_port(section.drive).connect_block()
-        variables |= {**wired_variables(config, name), **section.variables}
+        variables |= {**config.wired_variables(name), **section.variables}
         axis: TechnologyAxis = _AXES[section.type](
             name,
             port,
@@ -145,7 +141,9 @@ class ControlSystem:
             cpu=config.bench.cpu,
             ramp_times=section.ramp_times,
         )
-        axis.station_inputs = axis_inputs(config, name, self.links)
+        place = config.inputs_of_axis(name)
+        if place is not None:
+            axis.station_inputs = config.station[place].axis_inputs(section.drive, self.links[place])
         axis.inputs_in_servo = section.inputs_update == "servo"
         axis.homing_input = SWITCHES[section.homing_input]
         axis.enabling.timeout_s = section.enable_timeout_s
@@ -163,7 +161,7 @@ class ControlSystem:
         self._note_limits(name, axis)
 
     def _encoder_of_axis(
-        self, section: AxisSection, encoder: str, sensor: str
+        self, section: AxisTable, encoder: str, sensor: str
     ) -> tuple[EncoderPort | Port, dict[str, Any]]:
         """Return the port to an encoder of an axis, and the variables that follow from it."""
         if encoder == section.drive:
@@ -171,11 +169,11 @@ class ControlSystem:
         if encoder == second_of(section.drive):
             from motion.drives.profidrive_second import SecondEncoderPort
 
-            second = self._config.drive[section.drive].encoder2
+            second = self._config.drive[section.drive].second_encoder
+            assert second is not None  # checked with the bench file
             port = self.ports.telegram_port(section.drive)
-            absolute = not second.type.startswith("incremental")
-            return SecondEncoderPort(port, absolute_encoder=absolute), from_second_encoder(second, sensor)
-        return self._encoder_ports[encoder], from_encoder(self._config.encoder[encoder], sensor)
+            return SecondEncoderPort(port, absolute_encoder=second.absolute), second.taken_over(sensor)
+        return self._encoder_ports[encoder], self._config.encoder[encoder].taken_over(sensor)
 
     @property
     def _interpolator_ns(self) -> int:
@@ -204,8 +202,8 @@ class ControlSystem:
         for key, value in constants.items():
             self._recorder.set_constant(f"{name}.{key}", value)
 
-    def _add_external_encoder(self, name: str, section: ExternalEncoderSection) -> None:
-        variables = from_encoder(self._config.encoder[section.encoder], "Sensor")
+    def _add_external_encoder(self, name: str, section: ExternalEncoderTable) -> None:
+        variables = self._config.encoder[section.encoder].taken_over("Sensor")
         variables.pop("Sensor.MountingMode", None)
         encoder = ExternalEncoder(
             name,

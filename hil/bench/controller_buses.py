@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fieldbus.clock import MS
+from hil.bench.drive_config import CanDriveTable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -53,7 +54,11 @@ class ControllerBuses:
         config = self._config
         led = [config.drive[section.drive] for section in config.axis.values()]
         for name, master in self._masters.items():
-            heartbeats = [drive.heartbeat_ms for drive in led if drive.segment == name]
+            heartbeats = [
+                drive.heartbeat_ms
+                for drive in led
+                if isinstance(drive, CanDriveTable) and drive.segment == name
+            ]
             if config.leads(name):
                 master.start_sync(config.bench.cycle_ms * MS, 0)
             if any(heartbeats):

@@ -1,104 +1,62 @@
-"""`[device.NAME]` of the bench file, and the files that drives and devices name."""
+"""`[device.NAME]` of a bench file: an emulated CANopen device of any kind."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from hil.bench.modbus_config import anchor_map
+from hil.bench._table import NodeId, Table
 
 if TYPE_CHECKING:
-    from hil.bench.config import BenchConfig
+    import canopen
+
+    from emulators.station import CanopenDevice
+    from hil.bench._site import DeviceSite
 
 
-class DeviceSection(BaseModel):
+DEVICE_METHODS: Final = frozenset(("power_off", "power_on", "stop_heartbeat", "get", "set"))
+"""Methods of a device that may be called from another process."""
+
+
+class DeviceTable(Table):
     """`[device.NAME]`: an emulated CANopen device of any kind, made of its EDS."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
     segment: str
-    node_id: Annotated[int, Field(ge=1, le=126)]
+    """Name of the segment to which it is connected."""
+    node_id: NodeId
+    """CANopen node-ID, each once per segment."""
     eds: Annotated[str, Field(min_length=1)]
-    """EDS or DCF file, relative to the bench file."""
+    """Its EDS or DCF, relative to the bench file."""
     storage: str | None = None
-    """File of its stored parameters, relative to the bench file; None = no file."""
+    """Where it keeps its stored parameters, relative to the bench file."""
 
     @property
     def device(self) -> Literal["emulated"]:
-        """What a drive's section says with this key."""
+        """As the key of a drive."""
         return "emulated"
 
     @property
     def profile(self) -> str:
-        """What it is, in words."""
+        """File that describes it."""
         return self.eds
 
+    def build(self, site: DeviceSite) -> CanopenDevice:
+        """Return the emulated device, still switched off."""
+        from emulators.station import CanopenDevice
 
-def check_devices(config: BenchConfig) -> None:
-    """Check what devices say of other tables, and that no two devices share a memory.
+        return CanopenDevice(
+            site.scheduler,
+            site.segments[self.segment],
+            self.eds,
+            self.node_id,
+            name=site.name,
+            history=site.history,
+            storage=self.storage,
+        )
 
-    Raises:
-        ValueError: With the place, the value and what is allowed.
+    def dictionary(self) -> canopen.ObjectDictionary:
+        """Return the object dictionary, shared and read-only."""
+        from fieldbus.canopen.eds import shared_dictionary
 
-    """
-    owners = {
-        **{(drive.segment, drive.node_id): f"drive.{name}" for name, drive in config.drive.items()},
-        **{(encoder.segment, encoder.node_id): f"encoder.{name}" for name, encoder in config.encoder.items()},
-    }
-    tables: tuple[tuple[str, Any], ...] = (
-        ("segment", config.segment),
-        ("drive", config.drive),
-        ("encoder", config.encoder),
-        ("axis", config.axis),
-    )
-    files: dict[str, str] = {}
-    for name, drive in config.drive.items():
-        _own_file(files, f"drive.{name}", drive.storage)
-    for name, device in config.device.items():
-        where = f"device.{name}"
-        if "." in name or not name.strip():
-            raise ValueError(f"device.{name!r}: a name is not empty and has no dot; signals are NAME.COLUMN")
-        for kind, names in tables:
-            if name in names:
-                raise ValueError(f"{where}: a {kind} has this name already; signals are told apart by it")
-        if device.segment not in config.segment:
-            raise ValueError(
-                f"{where}.segment: {device.segment!r} is not a segment; there are: "
-                f"{', '.join(config.segment)}"
-            )
-        owner = owners.setdefault((device.segment, device.node_id), where)
-        if owner != where:
-            raise ValueError(f"{where}.node_id: {device.node_id} is already taken by {owner}")
-        _own_file(files, where, device.storage)
-
-
-def _own_file(files: dict[str, str], where: str, storage: str | None) -> None:
-    if storage is not None and files.setdefault(storage, where) != where:
-        raise ValueError(f"{where}.storage: {storage!r} is already the file of {files[storage]}")
-
-
-def anchor_files(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of files relative to the folder of the bench file; what is no text is left to the
-    checks.
-    """
-    bench = data.get("bench")
-    if isinstance(bench, dict) and isinstance(bench.get("memory_card"), str) and bench["memory_card"]:
-        bench["memory_card"] = str(folder / bench["memory_card"])
-    for kind in ("drive", "device"):
-        sections = data.get(kind)
-        for section in sections.values() if isinstance(sections, dict) else ():
-            for key in ("eds", "storage"):
-                if isinstance(section, dict) and isinstance(section.get(key), str) and section[key]:
-                    section[key] = str(folder / section[key])
-            if isinstance(section, dict) and kind == "drive":
-                anchor_map(section, folder)
-
-
-def eds_files(config: BenchConfig) -> list[Path]:
-    """Return the EDS files and register maps that a bench is made of, as far as they are there."""
-    names = [drive.eds for drive in config.drive.values()]
-    names += [drive.map for drive in config.drive.values() if drive.map.endswith(".toml")]
-    names += [device.eds for device in config.device.values()]
-    return [Path(name) for name in names if name is not None and Path(name).is_file()]
+        return shared_dictionary(self.eds, node_id=1)

@@ -1,328 +1,1226 @@
-"""`[drive.NAME]` of a bench file with its machine: its model and its checks."""
+"""`[drive.NAME]` of a bench file: one model per profile, each of which builds its drive and the controller's
+port.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Final, Literal
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
-
-from hil.bench._drive_sections import (
-    CIA402_KEYS,
-    BrakeSection,
-    Finite,
-    NotNegative,
-    Positive,
-    ProfidriveSection,
-    RampTime,
-    Section,
-    SupplySection,
-    ThermalSection,
-    Time_ms,
-    Word,
-    checked_personality,
+from annotated_types import Unit
+from pydantic import (
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    WrapValidator,
+    field_validator,
+    model_validator,
 )
-from hil.bench._positioner_section import PositionerSection
-from hil.bench._profidrive_encoder import Encoder2Section
-from hil.bench._safety_section import SafetySection
-from hil.bench.io_config import AnalogSection, PtoSection, check_drive_keys
+
+from fieldbus.clock import MS
+from fieldbus.errors import ConfigurationError
+from fieldbus.node_clock import NodeClock
+from hil.bench._table import NodeId, Port, RampTime, Table, Time_ms, Word, refused_by_part
+from hil.bench.drive_tables import (
+    AnalogTable,
+    AnySecondEncoder,
+    BrakeTable,
+    Cia402SafetyTable,
+    HomingTable,
+    MechanicsTable,
+    NoSecondEncoder,
+    PositionerTable,
+    ProfidriveSafetyTable,
+    ProfidriveTable,
+    PtoTable,
+    SecondEncoderTable,
+    SupplyTable,
+    SwitchTable,
+    ThermalTable,
+)
+from hil.bench.segment_config import CanTable
 
 if TYPE_CHECKING:
+    import canopen
+
+    from emulators.drive.analog import AnalogDrive
+    from emulators.drive.analog_config import AnalogConfig
+    from emulators.drive.cia402 import CiA402Drive, DriveConfig
+    from emulators.drive.profidrive import ProfidriveCanDrive, ProfidriveConfig
+    from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
+    from emulators.drive.stepper import StepperDriveConfig
+    from emulators.drive.stepper_can import StepperCanDrive
+    from fieldbus.modbus import MapFile, ProcessDataRegisters
     from fieldbus.profidrive import Telegram
+    from hil.bench._port_site import PortSite
+    from hil.bench._site import DeviceSite
+    from hil.bench.axis_config import AxisTable
+    from hil.bench.bench_config import BenchTable
+    from hil.bench.io_config import StationTable
+    from hil.bench.segment_config import ModbusTable, RtuTable, SegmentTable, TcpTable
+    from motion.drives.analog import AnalogPort
+    from motion.drives.cia402 import Cia402Port
+    from motion.drives.profidrive import TelegramConfig
+    from motion.drives.profidrive_can import ProfidriveCanPort
+    from motion.drives.profidrive_modbus import ProfidriveModbusPort
+    from motion.drives.tm_pto import TmPtoPort
 
-_WORDS: Final = 16
+SWITCHES: Final = ("negative_limit", "positive_limit", "home", "probe1", "probe2")
+"""Terminals of every drive with a machine that a digital input of a station can be wired to."""
+WITHOUT_SETPOINTS: Final = (7, 9, 20, 110, 111)
+"""Telegrams without a speed setpoint for an axis."""
+POSITIONING: Final = (7, 9, 110, 111)
+"""Telegrams of the basic positioner."""
+WITH_G2: Final = (4, 6, 103, 106)
+"""Telegrams with a second encoder."""
+_WITH_XERR: Final = (5, 6, 105, 106)
+"""Telegrams with XERR and KPC."""
+_PDO_LENGTH: Final = 16
 """Free process data words of a node in a direction."""
+_PEAK_TORQUE: Final = 3.0
+"""Torque limit of an emulated PROFIdrive axis as a multiple of the rated torque."""
+_AT_SIGNAL_OUTPUT: Final[Mapping[str, tuple[bool | float, bool | float]]] = {
+    "FollowingError.EnableMonitoring": (False, True),
+    "PositionLimits_HW.Active": (False, False),
+    "Sensor[1].Backlash.Enable": (False, False),
+    "PositionControl.Kpc": (100.0, 100.0),
+    "DynamicAxisModel.VelocityTimeConstant": (0.0, 0.0),
+}
+"""Variables of an axis at an encoder-signal output: required value and default (CFG-413, CFG-414)."""
+_HEAD_AND_TAIL: Final = {"write": (9, 8), "read": (8, 5), "exchange": (13, 5)}
+"""Characters of request and response beside the registers, on a serial line (MODB-011)."""
+_RECORD_BYTES: Final = 14
+"""Registers of a request for one parameter, with the header of data record 47."""
 
 
-class SwitchSection(Section):
-    """`[drive.NAME.switches]`: switches on the travel, mm at the load."""
+class _DriveTable(Table):
+    """What a drive of any profile has."""
 
-    negative_limit_mm: Finite | None = -550.0
-    positive_limit_mm: Finite | None = 550.0
-    limit_width_mm: Positive | None = None
-    """Way on which a limit switch stays actuated; None: as far as the load can travel."""
-    normally_closed: bool = False
-    """The limit switches open when they are actuated, so that a broken wire looks like an actuated switch."""
-    home_mm: Finite | None = -500.0
-    """The home switch is active below this position; not together with the two following keys."""
-    home_from_mm: Finite | None = None
-    """The home switch is active from here to `home_to_mm`; without the other key up to the end of the travel.
+    bus: ClassVar[Literal["can", "modbus", "station"]] = "can"
+    """How the controller reaches it."""
+    terminals: ClassVar[Mapping[str, Sequence[str]]] = {}
+    """Terminals that can be wired to channels of a station, by the key of the channels."""
+
+    profile: str
+    """Profile of the drive; [I/O stations, analog drives and pulse modules](io.md) describes the last three.
     """
-    home_to_mm: Finite | None = None
-    probe1_from_mm: Finite | None = None
-    """The load actuates touch probe 1 from here to `probe1_to_mm`; without the other key up to the end of the
-    travel.
-    """
-    probe1_to_mm: Finite | None = None
-    probe2_from_mm: Finite | None = None
-    probe2_to_mm: Finite | None = None
-    hysteresis_mm: NotNegative = 0.5
-    input_filter_ms: NotNegative = 0.0
-    """A limit or home switch counts when it has been stable for this long, ms."""
-
-    @model_validator(mode="after")
-    def _ranges(self) -> SwitchSection:
-        for name in ("home", "probe1", "probe2"):
-            low, high = getattr(self, f"{name}_from_mm"), getattr(self, f"{name}_to_mm")
-            if low is not None and high is not None and not low < high:
-                raise ValueError(f"{name}_from_mm: {low:g} is not below {name}_to_mm: {high:g}")
-        if self.differs("home_mm") and (self.home_from_mm is not None or self.home_to_mm is not None):
-            raise ValueError("home_mm goes without home_from_mm and home_to_mm")
-        return self
-
-
-class HomingSection(Section):
-    """`[drive.NAME.homing]`: what manufacturers of drives do differently."""
-
-    offset: Literal["profile", "vendor"] = "profile"
-    """6064h at the home position is -607Ch (`profile`) or +607Ch (`vendor`)."""
-    move: Literal["none", "zero"] = "none"
-    """Whether the drive moves to position zero when it has found home."""
-    hard_stop_methods: dict[
-        str, Literal["positive", "negative", "positive_index", "negative_index", "unsupported"]
-    ] = {}
-    """What methods -1 to -4 do where they differ: side of the stop, and whether the index on the way back
-    counts.
-    """
-
-    @model_validator(mode="after")
-    def _numbers(self) -> HomingSection:
-        for number in self.hard_stop_methods:
-            if number not in {"-1", "-2", "-3", "-4"}:
-                raise ValueError(f"hard_stop_methods: {number!r} is not a method; allowed: -1, -2, -3, -4")
-        return self
-
-
-class MechanicsSection(Section):
-    """`[drive.NAME.mechanics]`: what the emulated drive moves."""
-
-    lead_screw_mm: Positive = 10.0
-    """Travel per revolution of the screw, mm."""
-    gear_numerator: Annotated[int, Field(ge=1)] = 1
-    """Motor revolutions of the load gear."""
-    gear_denominator: Annotated[int, Field(ge=1)] = 1
-    """Load revolutions of the load gear."""
-    load_mass_kg: NotNegative = 40.0
-    motor_inertia_kgm2: Positive = 2.0e-4
-    screw_inertia_kgm2: NotNegative = 0.5e-4
-    viscous_friction_n_per_m_s: NotNegative = 30.0
-    coulomb_friction_n: NotNegative = 30.0
-    static_friction_n: NotNegative | None = None
-    """Breakaway force at standstill; None = as the sliding friction."""
-    gravity_n: Finite = 0.0
-    """Constant force on the load in positive direction, N; a hanging load has a negative one."""
-    backlash_mm: NotNegative = 0.0
-    """Play between nut and slide, from one side to the other, mm."""
-    negative_stop_mm: Finite | None = -600.0
-    positive_stop_mm: Finite | None = 600.0
-    start_position_mm: Finite = 0.0
-
-    @model_validator(mode="after")
-    def _friction(self) -> MechanicsSection:
-        if self.static_friction_n is not None and self.static_friction_n < self.coulomb_friction_n:
-            raise ValueError(
-                f"static_friction_n: {self.static_friction_n:g} is less than coulomb_friction_n = "
-                f"{self.coulomb_friction_n:g}"
-            )
-        return self
-
-
-class DriveSection(Section):
-    """`[drive.NAME]`: a drive."""
-
-    profile: Literal["cia402", "profidrive", "analog", "tm_pto", "tm41"] = "cia402"
-    telegram: Literal[1, 2, 3, 4, 5, 6, 7, 9, 20, 102, 103, 105, 106, 110, 111] = 3
-    """Telegram of a PROFIdrive drive; 7, 9, 20, 110 and 111 are for drives without an axis."""
     device: Literal["emulated", "physical"] = "emulated"
-    """`emulated`: this bench brings it; `physical`: it is on the bus (or brought by somebody else)."""
+    """`physical`: it is on the bus, the bench does not bring it; live benches only."""
     segment: str
-    node_id: Annotated[int, Field(ge=0, le=126)] = 0
-    """CANopen node; 0 = not on CAN."""
-    unit: Annotated[int, Field(ge=0, le=255)] = 1
-    """Address on Modbus."""
-    map: str = "sinamics_g120"
-    """Register map on Modbus: the name of a shipped one, or a file `*.toml` beside the bench file."""
-    host: str | None = None
-    """Host of this drive on a live network; None = that of the segment."""
-    port: Annotated[int, Field(ge=0, le=65535)] | None = None
-    """TCP port of this drive on a live network; None = that of the segment."""
-    processing_ms: Annotated[float, Field(ge=0.0, le=10_000.0)] = 1.0
-    """On Modbus: from a request to its response in the emulated drive, ms (p2024[0])."""
-    personality: str = "standard"
-    """How the emulated drive differs from the profile: a name of `hil personalities`, or a file `*.toml`
-    beside the bench file.
-    """
-    encoder: Literal["incremental", "absolute"] = "incremental"
-    increments_per_revolution: Annotated[int, Field(ge=4, le=2**24)] = 131072
-    index_increments: Annotated[int, Field(ge=0)] = 0
-    """Place of the index (zero mark) within the revolution, increments."""
-    max_speed_rpm: Annotated[float, Field(ge=1.0, le=200_000.0)] = 3000.0
-    off1_ramp_s: RampTime = 1.0
-    """Ramp-down time from maximum speed on OFF1 (p1121), s."""
-    off3_ramp_s: RampTime = 0.5
-    """Ramp-down time from maximum speed on OFF3 (p1135), s."""
-    rated_torque_nm: Annotated[float, Field(ge=0.001, le=1_000_000.0)] = 2.0
-    velocity_time_constant_ms: Annotated[float, Field(gt=0.0, le=1000.0)] = 2.0
-    """Time constant of the emulated drive's closed speed loop, ms; at least three servo periods."""
-    torque_precontrol: bool = True
-    """Whether the emulated drive pre-controls the torque of its inertia; without, its speed loop is a
-    first-order lag.
-    """
-    sync_loss: Literal["fault", "warning", "none"] = "fault"
-    """What the emulated drive does when SYNC stays away."""
-    sync_jitter_percent: Annotated[float, Field(ge=0.0, le=50.0)] = 0.0
-    """Deviation of SYNC from the bus cycle from which on the emulated drive does the same; 0 = not watched.
-    """
-    missing_setpoints: Annotated[int, Field(ge=0, le=1000)] = 2
-    """Cycles without a setpoint after which the emulated drive reacts as to a lost connection (6007h); 0 =
-    never.
-    """
-    following_error: Literal["fault", "status"] = "fault"
-    """What the emulated drive does when the window of 6065h is exceeded in its own position modes."""
-    csv_interpolation: bool = True
-    """Whether the emulated drive reaches a csv set-point linearly within the cycle, or at once."""
-    power_on_delay_ms: Time_ms = 0.0
-    """Time of transition 3 in the emulated drive, ms."""
-    boot_time_ms: Time_ms = 0.0
-    """From power-on of the emulated drive to its boot-up frame, ms."""
-    blocked_time_ms: Annotated[float, Field(ge=0.0, le=60_000.0)] = 0.0
-    """Torque limit at standstill for this long is fault 7121h of the emulated drive, ms; 0 = not watched."""
-    eds: str | None = None
-    """EDS or DCF file of the emulated drive, relative to the bench file; None = that of the product."""
-    storage: str | None = None
-    """File of the emulated drive's stored parameters, relative to the bench file; None = no file."""
-    heartbeat_ms: Annotated[int, Field(ge=0, le=60000)] = 100
-    consumer_heartbeat_ms: Annotated[int, Field(ge=1, le=65535)] = 250
-    guard_time_ms: Annotated[int, Field(ge=0, le=65535)] = 0
-    """Period of node guarding, ms, for a drive without heartbeat; 0 = none."""
-    life_time_factor: Annotated[int, Field(ge=1, le=255)] = 3
-    vendor_id: Word | None = None
-    """Expected identity (1018h:1 to 4); None = any."""
-    product_code: Word | None = None
-    revision: Word | None = None
-    serial: Word | None = None
+    """Name of the segment at which the drive is connected."""
     optional: bool = False
-    """The bench is ready without this drive."""
-    store_parameters: bool | None = None
-    """Whether the controller has the drive keep its parameters (1010h); None: an emulated one, no physical
-    one.
+    """The bench is ready without this drive; the drive is taken in when it comes, and its axis can be used
+    then.
     """
-    mechanics: MechanicsSection = MechanicsSection()
-    switches: SwitchSection = SwitchSection()
-    homing: HomingSection = HomingSection()
-    brake: BrakeSection = BrakeSection()
-    supply: SupplySection = SupplySection()
-    thermal: ThermalSection = ThermalSection()
-    safety: SafetySection = SafetySection()
-    encoder2: Encoder2Section = Encoder2Section()
-    profidrive: ProfidriveSection = ProfidriveSection()
-    positioner: PositionerSection = PositionerSection()
-    analog: AnalogSection = AnalogSection()
-    tm_pto: PtoSection = PtoSection()
-
-    @field_validator("personality")
-    @classmethod
-    def _personality(cls, value: str, info: ValidationInfo) -> str:
-        if value == "standard":
-            return value
-        return checked_personality(value, (info.context or {}).get("folder"))
-
-    @model_validator(mode="after")
-    def _profile(self) -> DriveSection:
-        check_drive_keys(self)
-        if self.profile in ("analog", "tm_pto", "tm41"):
-            return self
-        if self.profile == "cia402":
-            for key in ("telegram", "profidrive", "encoder2", "positioner"):
-                if self.differs(key):
-                    raise ValueError(
-                        f'{key}: a drive with profile = "cia402" has none; set profile = "profidrive"'
-                    )
-            beyond = self.safety.beyond
-            if beyond is not None:
-                raise ValueError(
-                    f'safety.{beyond}: a drive with profile = "cia402" has none; set profile = "profidrive"'
-                )
-            return self
-        for key in CIA402_KEYS:
-            if self.differs(key):
-                raise ValueError(f'{key}: a drive with profile = "profidrive" has none')
-        if self.safety.interlock != "none":
-            raise ValueError(
-                "safety.interlock: an interlock is not fitted to a PROFIdrive axis; allowed: none"
-            )
-        if self.profidrive.sign_of_life and self.telegram in (1, 7, 20):
-            raise ValueError(f"profidrive.sign_of_life: telegram {self.telegram} has none; allowed: false")
-        if self.differs("positioner") and not self.positions:
-            raise ValueError(
-                f"positioner: telegram {self.telegram} leads the speed; a positioner goes with 7, 9, 110 "
-                f"and 111"
-            )
-        bits = self.profidrive.fine_resolution_bits
-        if self.increments_per_revolution << bits > 1 << 31:
-            raise ValueError(
-                f"increments_per_revolution: {self.increments_per_revolution} with {bits} bits of fine "
-                f"resolution exceed the "
-                f"32 bits of G1_XIST1; at most {(1 << 31) >> bits}"
-            )
-        if self.encoder == "absolute" and self.increments_per_revolution > 1 << 20:
-            raise ValueError(
-                f"increments_per_revolution: {self.increments_per_revolution} times 4096 revolutions exceed "
-                f"the 32 bits of "
-                f"G1_XIST2; at most {1 << 20}"
-            )
-        return self
+    increments_per_revolution: Annotated[int, Field(ge=4, le=2**24), Unit("inc/rev")] = 131072
+    """Resolution of the encoder (608Fh)."""
+    max_speed_rpm: Annotated[float, Field(ge=1.0, le=200_000.0)] = 3000.0
+    """Maximum speed, to which the ramp times refer (p1082, 6080h)."""
 
     @property
-    def positions(self) -> bool:
-        """Whether the telegram is one of the positioner."""
-        return self.telegram in (7, 9, 110, 111)
+    def second_encoder(self) -> SecondEncoderTable | None:
+        """Second encoder of the drive; None: there is none."""
+        return None
 
-    def words(self) -> tuple[Telegram, str]:
-        """Return the telegram with its supplements, and its name."""
-        from fieldbus.profidrive import telegram
+    @property
+    def machine(self) -> MechanicsTable | None:
+        """What the drive moves; None: nothing."""
+        return None
 
-        words = telegram(self.telegram)
-        names = [str(self.telegram)]
-        if self.profidrive.torque_telegram:
-            words, names = words.with_supplement(), [*names, "750"]
-        if self.profidrive.safety_telegram is not None:
-            words = words.with_supplement(self.profidrive.safety_telegram)
-            names.append(str(self.profidrive.safety_telegram))
-        return words, " with ".join(names)
+    @property
+    def encoder_value(self) -> bool:
+        """Whether a positioning axis gets its position from the drive."""
+        return True
 
-    def check_on_can(self) -> None:
-        """Check that the telegram of a PROFIdrive axis finds place on PDOs.
+    @property
+    def reference_speed_rpm(self) -> float:
+        """Speed of a setpoint of 100 %, rpm."""
+        return self.max_speed_rpm
+
+    @property
+    def reference_torque_nm(self) -> float:
+        """Torque of a setpoint of 100 %, Nm."""
+        return 2.0
+
+    def taken_over(self) -> dict[str, float]:
+        """Return the variables that an axis takes over from the drive, as an offline transfer does
+        (CFG-356).
+        """
+        return {
+            "Actor.DriveParameter.ReferenceSpeed": self.reference_speed_rpm,
+            "Actor.DriveParameter.ReferenceTorque": self.reference_torque_nm,
+        }
+
+    def check_bench(self, where: str, bench: BenchTable) -> None:
+        """Check the drive against `[bench]`.
 
         Raises:
-            ValueError: With key, value and what is allowed.
+            ValueError: With the place, the value and what is allowed.
 
         """
-        words, name = self.words()
-        count = words.actual.words
-        if count > _WORDS:
-            raise ValueError(f"telegram: {name} has {count} words; at most {_WORDS} on CAN (5810h to 581Fh)")
-        if count > 12 and self.node_id > 0x5F:
-            raise ValueError(f"node_id: {self.node_id} with telegram {name}; at most 95")
+
+    def check_segment(self, where: str, segment: SegmentTable) -> None:
+        """Check that the drive can be connected to a segment.
+
+        Raises:
+            ValueError: With the place, the value and what is allowed.
+
+        """
+        if segment.on_modbus:
+            raise ValueError(
+                f'{where}.profile: "{self.profile}" is not spoken on {self.segment!r}, which is of kind = '
+                f'"{segment.kind}"; allowed: profile = "profidrive"'
+            )
+
+    def check_axis(self, where: str, axis: AxisTable) -> None:
+        """Check the axis that the drive moves.
+
+        Raises:
+            ValueError: With the place, the value and what is allowed.
+
+        """
+        if axis.connection == "data_block":
+            raise ValueError(
+                f"{where}.connection: 'data_block' holds a telegram; profile of {axis.drive!r} is "
+                f"{self.profile}"
+            )
+        if axis.variables.get("PositionControl.EnableDSC"):
+            self._refuse_dsc(where)
+
+    def _refuse_dsc(self, where: str) -> None:
+        raise ValueError(
+            f"{where}.variables: PositionControl.EnableDSC needs a drive with XERR and KPC: "
+            'profile = "profidrive" with telegram 5, 6, 105 or 106'
+        )
+
+
+class _NodeTable(_DriveTable):
+    """What a drive on CANopen has."""
+
+    node_id: NodeId
+    """CANopen node-ID, each once per segment; 127 is the controller."""
+    heartbeat_ms: Annotated[int, Field(ge=0, le=60000)] = 100
+    """Heartbeat of drive and controller; 0 = none."""
+    consumer_heartbeat_ms: Annotated[int, Field(ge=1, le=65535)] = 250
+    """After this time either side reports the heartbeat of the other as lost."""
+    guard_time_ms: Annotated[int, Field(ge=0, le=65535)] = 0
+    """Period of node guarding, for a drive without heartbeat (`heartbeat_ms = 0`); 0 = none."""
+    life_time_factor: Annotated[int, Field(ge=1, le=255)] = 3
+    """Guard times without an answer, or a question, after which either side reports the other as lost."""
+    vendor_id: Word | None = None
+    """Expected 1018h:1; without the key any is accepted. Likewise the next three."""
+    product_code: Word | None = None
+    """Expected 1018h:2."""
+    revision: Word | None = None
+    """Expected 1018h:3."""
+    serial: Word | None = None
+    """Expected 1018h:4."""
+    boot_time_ms: Time_ms = 0.0
+    """From power-on of the emulated drive to its boot-up frame."""
 
     @model_validator(mode="after")
-    def _slopes(self) -> DriveSection:
-        if self.profile != "cia402":
-            return self
-        for key in ("off1_ramp_s", "off3_ramp_s"):
-            fastest = self.max_speed_rpm * 1000.0 / 0xFFFFFFFF
-            if getattr(self, key) < fastest:
-                raise ValueError(
-                    f"{key}: {getattr(self, key):g} s from {self.max_speed_rpm:g} rpm is steeper than 6084h "
-                    f"and 6085h can "
-                    f"say (10^-3 rpm/s, 32 bits); at least {fastest:.3g} s"
-                )
+    def _one_watch(self) -> _NodeTable:
+        if self.guard_time_ms and self.heartbeat_ms:
+            raise ValueError(
+                f"guard_time_ms: {self.guard_time_ms} needs heartbeat_ms = 0; a node has one of the two"
+            )
         return self
 
+    def port_arguments(self, bench: BenchTable) -> dict[str, Any]:
+        """Return what every port to a drive on CANopen is made of."""
+        return {
+            "cycle_ns": bench.cycle_ns,
+            "absolute_encoder": False,
+            "grace_cycles": bench.grace_cycles,
+            "optional": self.optional,
+            "node_id": self.node_id,
+            "heartbeat_ms": self.heartbeat_ms,
+            "consumer_heartbeat_ms": self.consumer_heartbeat_ms,
+            "guard_time_ms": self.guard_time_ms,
+            "life_time_factor": self.life_time_factor,
+            "vendor_id": self.vendor_id,
+            "product_code": self.product_code,
+            "revision": self.revision,
+            "serial": self.serial,
+            "store": self.device == "emulated",
+        }
+
+
+class _StoringNodeTable(_NodeTable):
+    """What a drive on CANopen has that can store its parameters."""
+
+    storage: str | None = None
+    """File in which the emulated drive keeps its stored parameters (1010h, LSS) from one run to the next,
+    relative to the bench file.
+    """
+    store_parameters: bool | None = None
+    """Whether the controller has the drive keep its parameters (1010h:1); without the key an emulated drive
+    does, and a physical one is left alone. A drive that keeps nothing is configured again whenever it
+    comes back.
+    """
+
+    def port_arguments(self, bench: BenchTable) -> dict[str, Any]:
+        """Return what every port to a drive on CANopen is made of."""
+        arguments = super().port_arguments(bench)
+        if self.store_parameters is not None:
+            arguments["store"] = self.store_parameters
+        return arguments
+
+    @property
+    def storage_path(self) -> Path | None:
+        """File of the stored parameters."""
+        return None if self.storage is None else Path(self.storage)
+
+
+class _ServoTable(_DriveTable):
+    """What a servo drive of any profile has: motor, encoder, machine, brake and speed loop."""
+
+    terminals: ClassVar[Mapping[str, Sequence[str]]] = {"digital_inputs": SWITCHES, "counters": ("encoder",)}
+
+    encoder: Literal["incremental", "absolute"] = "incremental"
+    """An absolute encoder keeps its position over a loss of supply."""
+    index_increments: Annotated[int, Field(ge=0), Unit("inc")] = 0
+    """Place of the index (zero mark) within the revolution; below `increments_per_revolution`."""
+    off3_ramp_s: RampTime = 0.5
+    """From maximum speed to zero with OFF3 (p1135, 6085h); at a CiA 402 drive the slope has to fit into
+    6085h.
+    """
+    rated_torque_nm: Annotated[float, Field(ge=0.001, le=1_000_000.0)] = 2.0
+    """Rated torque (6076h); torques on the bus are permille of it. The default limit is three times this."""
+    velocity_time_constant_ms: Annotated[float, Field(gt=0.0, le=1000.0)] = 2.0
+    """Time constant of the closed speed loop of the emulated drive, at least three servo periods."""
+    torque_precontrol: bool = True
+    """The emulated drive pre-controls the torque of its inertia and follows an interpolated speed without
+    lag; without it the speed loop is a first-order lag, as position loops are tuned against.
+    """
+    mechanics: MechanicsTable = MechanicsTable()
+    switches: SwitchTable = SwitchTable()
+    brake: BrakeTable = BrakeTable()
+
     @model_validator(mode="after")
-    def _index(self) -> DriveSection:
+    def _index_within_revolution(self) -> _ServoTable:
         if self.index_increments >= self.increments_per_revolution:
             raise ValueError(
                 f"index_increments: {self.index_increments} is not below increments_per_revolution = "
                 f"{self.increments_per_revolution}"
             )
         return self
+
+    @property
+    def machine(self) -> MechanicsTable:
+        """What the drive moves."""
+        return self.mechanics
+
+    @property
+    def reference_torque_nm(self) -> float:
+        """Torque of a setpoint of 100 %, Nm."""
+        return self.rated_torque_nm
+
+    def check_bench(self, where: str, bench: BenchTable) -> None:
+        """Check the drive against `[bench]`.
+
+        Raises:
+            ValueError: With the place, the value and what is allowed.
+
+        """
+        if self.velocity_time_constant_ms * 1000.0 < 3 * bench.servo_period_us:
+            raise ValueError(
+                f"{where}.velocity_time_constant_ms: {self.velocity_time_constant_ms:g} is less than three "
+                "servo "
+                f"periods ({3 * bench.servo_period_us / 1000:g} ms)"
+            )
+
+    def servo_parts(self) -> dict[str, Any]:
+        """Return what an emulated servo drive of any profile is built of."""
+        from emulators.drive.machine import EncoderConfig
+        from emulators.drive.tuning import ServoTuning
+
+        return {
+            "tuning": ServoTuning(
+                velocity_time_constant_s=self.velocity_time_constant_ms / 1000.0,
+                velocity_integral_time_s=self.velocity_time_constant_ms / 100.0,
+                torque_feedforward=self.torque_precontrol,
+            ),
+            "mechanics": self.mechanics.build(self.switches),
+            "encoder": EncoderConfig(
+                kind=self.encoder,
+                counts_per_revolution=self.increments_per_revolution,
+                zero_mark_counts=self.index_increments,
+            ),
+            "brake": self.brake.build(),
+            "input_filter_s": self.switches.input_filter_ms / 1000.0,
+            "rated_torque_Nm": self.rated_torque_nm,
+        }
+
+
+class _PoweredServoTable(_ServoTable):
+    """What a servo drive on a bus has: power stage with DC link and protection."""
+
+    off1_ramp_s: RampTime = 1.0
+    """From maximum speed to zero with OFF1 (p1121, 6084h); at a CiA 402 drive the slope has to fit into
+    6084h.
+    """
+    power_on_delay_ms: Time_ms = 0.0
+    """Time of transition 3 in the emulated drive."""
+    blocked_time_ms: Annotated[float, Field(ge=0.0, le=60_000.0)] = 0.0
+    """Torque limit at standstill for this long is fault 7121h of the emulated drive; 0 = not watched."""
+    supply: SupplyTable = SupplyTable()
+    thermal: ThermalTable = ThermalTable()
+
+    def powered_parts(self) -> dict[str, Any]:
+        """Return what an emulated servo drive on a bus is built of."""
+        return {
+            **self.servo_parts(),
+            "supply": self.supply.build(),
+            "thermal": self.thermal.build(),
+            "thermal_time_constant_s": self.thermal.i2t_time_constant_s,
+            "power_on_delay_s": self.power_on_delay_ms / 1000.0,
+            "blocked_time_s": self.blocked_time_ms / 1000.0,
+        }
+
+
+class Cia402DriveTable(_PoweredServoTable, _StoringNodeTable):
+    """`[drive.NAME]` with `profile = "cia402"`: a servo drive with the profile CiA 402."""
+
+    label: ClassVar[str] = 'a drive with profile = "cia402"'
+
+    profile: Literal["cia402"] = "cia402"
+    personality: str = "standard"
+    """How the emulated drive differs from the profile: a name of `hil personalities`, or a file `*.toml`,
+    relative to the bench file.
+    """
+    sync_loss: Literal["fault", "warning", "none"] = "fault"
+    """What the emulated drive does when SYNC stays away."""
+    sync_jitter_percent: Annotated[float, Field(ge=0.0, le=50.0)] = 0.0
+    """SYNC that comes early or late by more than this part of the bus cycle has the effect of `sync_loss`; 0
+    = not watched.
+    """
+    missing_setpoints: Annotated[int, Field(ge=0, le=1000), Unit("cycles")] = 2
+    """Setpoints in a row that may be missing before the emulated drive reacts as 6007h says; 0 = never."""
+    following_error: Literal["fault", "status"] = "fault"
+    """What the emulated drive does when its own following error exceeds 6065h: fault 8611h, or bit 13 only.
+    """
+    csv_interpolation: bool = True
+    """The emulated drive reaches a csv setpoint linearly within the cycle; false: at once."""
+    eds: str | None = None
+    """EDS or DCF that the emulated drive presents on the bus, relative to the bench file; none: that of the
+    product.
+    """
+    homing: HomingTable = HomingTable()
+    safety: Cia402SafetyTable = Cia402SafetyTable()
+
+    @field_validator("personality")
+    @classmethod
+    def _known_personality(cls, value: str, info: ValidationInfo) -> str:
+        from emulators.drive.cia402.personality import load_personality
+
+        if value == "standard":
+            return value
+        if value.endswith(".toml"):
+            value = str((((info.context or {}).get("folder") or Path()) / value).resolve())
+        load_personality(value)
+        return value
+
+    @model_validator(mode="after")
+    def _slopes_fit(self) -> Cia402DriveTable:
+        fastest = self.max_speed_rpm * 1000.0 / 0xFFFFFFFF
+        for key, ramp_s in (("off1_ramp_s", self.off1_ramp_s), ("off3_ramp_s", self.off3_ramp_s)):
+            if ramp_s < fastest:
+                raise ValueError(
+                    f"{key}: {ramp_s:g} s from {self.max_speed_rpm:g} rpm is steeper than 6084h and 6085h "
+                    "can "
+                    f"say (10^-3 rpm/s, 32 bits); at least {fastest:.3g} s"
+                )
+        return self
+
+    def config(self, bench: BenchTable) -> DriveConfig:
+        """Return the configuration of the emulated drive."""
+        from emulators.drive.cia402 import DriveConfig
+        from emulators.drive.cia402.personality import load_personality
+
+        speed = round(self.max_speed_rpm * 1000)
+        drive = DriveConfig(
+            node_id=self.node_id,
+            servo_period_ns=bench.servo_period_ns,
+            control_period_ns=bench.control_period_ns,
+            **self.powered_parts(),
+            safety=self.safety.build(),
+            homing_move=self.homing.move,
+            hard_stop_methods=self.homing.methods(),
+            following_error_reaction=self.following_error,
+            csv_interpolation=self.csv_interpolation,
+            boot_time_s=self.boot_time_ms / 1000.0,
+            # The axis watches the limit switches; a drive that stopped by itself would fight its ramp.
+            limit_switch_reaction="none",
+            sync_loss_reaction=self.sync_loss,
+            sync_jitter=self.sync_jitter_percent / 100.0,
+            missing_setpoints=self.missing_setpoints,
+            eds=None if self.eds is None else Path(self.eds),
+            storage=self.storage_path,
+            # Velocities are in 10^-3 rpm (60A9h); so are the defaults, for controllers that leave them as
+            # they are.
+            objects={
+                (0x607F, 0): speed,
+                (0x6080, 0): round(self.max_speed_rpm),
+                (0x60A9, 0): 0xFDB44700,
+                (0x6081, 0): speed // 3,
+                (0x6083, 0): round(speed / self.off1_ramp_s),
+                (0x6084, 0): round(speed / self.off1_ramp_s),
+                (0x6085, 0): round(speed / self.off3_ramp_s),
+                (0x6099, 1): speed // 15,
+                (0x6099, 2): speed // 150,
+                (0x609A, 0): round(speed / self.off1_ramp_s),
+                (0x60C2, 1): bench.cycle_ms,
+                (0x60C2, 2): -3,
+                (0x60C5, 0): 60_000_000,
+                (0x60C6, 0): 60_000_000,
+                (0x6092, 1): self.increments_per_revolution,
+                (0x6092, 2): 1,
+            },
+        )
+        drive = load_personality(self.personality).apply(drive)
+        if self.homing.offset is not None:  # what the bench file says itself wins over the personality
+            drive = replace(drive, home_offset=self.homing.offset)
+        return drive
+
+    def build(self, site: DeviceSite) -> CiA402Drive:
+        """Return the emulated drive, still switched off."""
+        from emulators.drive.cia402 import CiA402Drive
+
+        return CiA402Drive(
+            _own_clock(site),
+            site.segments[self.segment],
+            self.config(site.bench),
+            name=site.name,
+            history=site.history,
+            rng=site.rng,
+        )
+
+    def dictionary(self) -> canopen.ObjectDictionary:
+        """Return the object dictionary of the drive, shared and read-only."""
+        from fieldbus.canopen.eds import shared_dictionary
+
+        return shared_dictionary(servo_eds() if self.eds is None else self.eds, node_id=1)
+
+    def build_port(self, site: PortSite) -> Cia402Port:
+        """Return the controller's port to the drive."""
+        from motion.drives.cia402 import Cia402Port, Cia402PortConfig
+
+        arguments = {**self.port_arguments(site.bench), "absolute_encoder": self.encoder == "absolute"}
+        config = Cia402PortConfig(
+            rated_torque_nm=self.rated_torque_nm,
+            increments_per_revolution=self.increments_per_revolution,
+            off1_deceleration_rpm_s=self.max_speed_rpm / self.off1_ramp_s,
+            off3_deceleration_rpm_s=self.max_speed_rpm / self.off3_ramp_s,
+            **arguments,
+        )
+        return Cia402Port(site.masters[self.segment], config, name=site.name, history=site.history)
+
+
+class _ProfidriveTable(_PoweredServoTable):
+    """What a PROFIdrive axis on any bus has."""
+
+    profile: Literal["profidrive"]
+    telegram: Literal[1, 2, 3, 4, 5, 6, 7, 9, 20, 102, 103, 105, 106, 110, 111] = 3
+    """Telegram of the drive; a positioning axis needs one with encoder value, from 3 on; 7, 9, 20, 110 and
+    111 are for drives without an axis, which a test leads (`bench.telegram()`).
+    """
+    safety: ProfidriveSafetyTable = ProfidriveSafetyTable()
+    encoder2: AnySecondEncoder = NoSecondEncoder()
+    profidrive: ProfidriveTable = ProfidriveTable()
+    positioner: PositionerTable | None = None
+
+    @model_validator(mode="after")
+    def _telegram_fits(self) -> _ProfidriveTable:
+        if self.profidrive.sign_of_life and self.telegram in (1, 7, 20):
+            raise ValueError(f"profidrive.sign_of_life: telegram {self.telegram} has none; allowed: false")
+        if self.positioner is not None and not self.positions:
+            raise ValueError(
+                f"positioner: telegram {self.telegram} leads the speed; a positioner goes with 7, 9, 110 "
+                "and 111"
+            )
+        bits = self.profidrive.fine_resolution_bits
+        if self.increments_per_revolution << bits > 1 << 31:
+            raise ValueError(
+                f"increments_per_revolution: {self.increments_per_revolution} with {bits} bits of fine "
+                "resolution "
+                f"exceed the 32 bits of G1_XIST1; at most {(1 << 31) >> bits}"
+            )
+        if self.encoder == "absolute" and self.increments_per_revolution > 1 << 20:
+            raise ValueError(
+                f"increments_per_revolution: {self.increments_per_revolution} times 4096 revolutions exceed "
+                "the "
+                f"32 bits of G1_XIST2; at most {1 << 20}"
+            )
+        return self
+
+    @property
+    def positions(self) -> bool:
+        """Whether the telegram is one of the positioner."""
+        return self.telegram in POSITIONING
+
+    @property
+    def second_encoder(self) -> SecondEncoderTable | None:
+        """Second encoder of the drive; None: there is none."""
+        return None if isinstance(self.encoder2, NoSecondEncoder) else self.encoder2
+
+    @property
+    def encoder_value(self) -> bool:
+        """Whether a positioning axis gets its position from the drive."""
+        return self.telegram not in (1, 2)
+
+    @property
+    def reference_speed_rpm(self) -> float:
+        """Speed of a setpoint of 100 %, rpm."""
+        return self.profidrive.reference_speed_rpm
+
+    @property
+    def reference_torque_nm(self) -> float:
+        """Torque of a setpoint of 100 %, Nm."""
+        return self.profidrive.reference_torque_nm
+
+    def counts_life(self, *, live: bool) -> bool:  # noqa: ARG002 - of a drive on Modbus
+        """Return whether drive and controller watch each other's sign of life.
+
+        Args:
+            live: The bench is live.
+
+        """
+        if self.profidrive.sign_of_life is not None:
+            return self.profidrive.sign_of_life
+        return self.telegram not in (1, *WITHOUT_SETPOINTS)
+
+    def named_telegram(self) -> tuple[Telegram, str]:
+        """Return the telegram with its supplements, and its name."""
+        from fieldbus.profidrive import telegram
+
+        chosen = telegram(self.telegram)
+        names = [str(self.telegram)]
+        if self.profidrive.torque_telegram:
+            chosen, names = chosen.with_supplement(), [*names, "750"]
+        if self.profidrive.safety_telegram is not None:
+            chosen = chosen.with_supplement(self.profidrive.safety_telegram)
+            names.append(str(self.profidrive.safety_telegram))
+        return chosen, " with ".join(names)
+
+    def check_axis(self, where: str, axis: AxisTable) -> None:
+        """Check the axis that the drive moves.
+
+        Raises:
+            ValueError: With the place, the value and what is allowed.
+
+        """
+        if self.telegram in WITHOUT_SETPOINTS:
+            raise ValueError(
+                f"{where}.drive: telegram {self.telegram} of {axis.drive!r} has no setpoints for an axis"
+            )
+        if axis.variables.get("PositionControl.EnableDSC") and self.telegram not in _WITH_XERR:
+            self._refuse_dsc(where)
+
+    def config(self, bench: BenchTable) -> ProfidriveConfig:
+        """Return the configuration of the emulated drive, without its bus."""
+        from emulators.drive.profidrive import DriveSettings, ProfidriveConfig
+        from emulators.drive.profidrive.config import finest_xist2
+
+        own = self.profidrive
+        limit = _PEAK_TORQUE * self.rated_torque_nm
+        parts = self.powered_parts()
+        if self.positioner is not None:
+            parts["positioner"] = self.positioner.build()
+        return ProfidriveConfig(
+            telegram=self.telegram,
+            torque_telegram=own.torque_telegram,
+            safety_telegram=own.safety_telegram,
+            safety=self.safety.build(),
+            safe_motion=self.safety.build_motion(),
+            encoder2=self.encoder2.build(self.mechanics.lead_screw_mm),
+            cycle_ns=bench.cycle_ns,
+            servo_period_ns=bench.servo_period_ns,
+            control_period_ns=bench.control_period_ns,
+            settings=DriveSettings(
+                operating_mode=2 if self.positions else own.operating_mode,
+                reference_speed_rpm=own.reference_speed_rpm,
+                reference_torque_Nm=own.reference_torque_nm,
+                max_speed_rpm=self.max_speed_rpm,
+                ramp_up_s=own.ramp_up_s,
+                ramp_down_s=self.off1_ramp_s,
+                quick_stop_s=self.off3_ramp_s,
+                torque_limits_Nm=(limit, limit),
+                sign_of_life_tolerance=own.sign_of_life_tolerance,
+                setpoint_monitoring_s=own.setpoint_monitoring_ms / 1000.0,
+            ),
+            fine_xist1=own.fine_resolution_bits,
+            fine_xist2=finest_xist2(parts["encoder"]),
+            interpolation=own.interpolation,
+            isochronous=self.counts_life(live=bench.live),
+            **parts,
+        )
+
+    def _telegram_config(self, bench: BenchTable) -> TelegramConfig:
+        from motion.drives.profidrive import TelegramConfig
+
+        own = self.profidrive
+        return TelegramConfig(
+            telegram=self.telegram,
+            torque_telegram=own.torque_telegram,
+            safety_telegram=own.safety_telegram,
+            reference_speed_rpm=own.reference_speed_rpm,
+            reference_torque_nm=own.reference_torque_nm,
+            sign_of_life=self.counts_life(live=bench.live),
+            isochronous=self.bus == "can",
+        )
+
+
+class ProfidriveCanTable(_ProfidriveTable, _StoringNodeTable):
+    """`[drive.NAME]` with `profile = "profidrive"` and a `node_id`: a PROFIdrive axis on CAN."""
+
+    label: ClassVar[str] = 'a drive with profile = "profidrive" and node_id (on CAN)'
+
+    @model_validator(mode="after")
+    def _fits_into_pdos(self) -> ProfidriveCanTable:
+        telegram, name = self.named_telegram()
+        count = telegram.actual.words
+        if count > _PDO_LENGTH:
+            raise ValueError(
+                f"telegram: {name} has {count} words; at most {_PDO_LENGTH} on CAN (5810h to 581Fh)"
+            )
+        if count > 12 and self.node_id > 0x5F:
+            raise ValueError(f"node_id: {self.node_id} with telegram {name}; at most 95")
+        return self
+
+    def check_segment(self, where: str, segment: SegmentTable) -> None:
+        """Check that the drive can be connected to a segment.
+
+        Raises:
+            ValueError: With the place, the value and what is allowed.
+
+        """
+        if segment.on_modbus:
+            raise ValueError(
+                f'{where}.node_id: a drive on a segment of kind = "{segment.kind}" has none; it has a `unit`'
+            )
+
+    def build(self, site: DeviceSite) -> ProfidriveCanDrive:
+        """Return the emulated drive, still switched off."""
+        from emulators.drive.profidrive import ProfidriveCanDrive, ProfidriveNodeConfig
+
+        node = ProfidriveNodeConfig(
+            node_id=self.node_id,
+            drive=self.config(site.bench),
+            boot_time_s=self.boot_time_ms / 1000.0,
+            storage=self.storage_path,
+        )
+        return ProfidriveCanDrive(
+            _own_clock(site),
+            site.segments[self.segment],
+            node,
+            name=site.name,
+            history=site.history,
+            rng=site.rng,
+        )
+
+    def dictionary(self) -> canopen.ObjectDictionary:
+        """Return the object dictionary of the drive, shared and read-only."""
+        return _profidrive_dictionary()
+
+    def build_port(self, site: PortSite) -> ProfidriveCanPort:
+        """Return the controller's port to the drive."""
+        from motion.drives.profidrive_can import ProfidriveCanConfig, ProfidriveCanPort
+
+        arguments = {**self.port_arguments(site.bench), "absolute_encoder": self.encoder == "absolute"}
+        config = ProfidriveCanConfig(words=self._telegram_config(site.bench), **arguments)
+        return ProfidriveCanPort(site.masters[self.segment], config, name=site.name, history=site.history)
+
+
+class ProfidriveModbusTable(_ProfidriveTable):
+    """`[drive.NAME]` with `profile = "profidrive"` and no `node_id`: a PROFIdrive axis on Modbus."""
+
+    label: ClassVar[str] = 'a drive with profile = "profidrive" without node_id (on Modbus)'
+    bus: ClassVar[Literal["can", "modbus", "station"]] = "modbus"
+
+    unit: Annotated[int, Field(ge=0, le=255)] = 1
+    """Address on Modbus, each once per line; on a line 1 to 247."""
+    map: str = "sinamics_g120"
+    """Register map on Modbus: `sinamics_g120`, `sinamics_g220`, `festo`, or a file `*.toml`, which is
+    relative to the bench file and part of its digest.
+    """
+    host: str | None = None
+    """Host of this drive on a live network; none: as the segment says."""
+    port: Port | None = None
+    """TCP port of this drive on a live network; none: that of the segment."""
+    processing_ms: Annotated[float, Field(ge=0.0, le=10_000.0)] = 1.0
+    """From a request to its response in the emulated drive (p2024[0])."""
+    boot_time_ms: Time_ms = 0.0
+    """From power-on of the emulated drive to its first response."""
+
+    def counts_life(self, *, live: bool) -> bool:
+        """Return whether drive and controller watch each other's sign of life.
+
+        Over Modbus the counters keep step only in virtual time: on a live bench nothing keeps both sides to
+        one clock.
+
+        Args:
+            live: The bench is live.
+
+        """
+        if self.profidrive.sign_of_life is None and live:
+            return False
+        return super().counts_life(live=live)
+
+    def check_segment(self, where: str, segment: SegmentTable) -> None:
+        """Check that the drive can be connected to a segment.
+
+        Raises:
+            ValueError: With the place, the value and what is allowed.
+
+        """
+        if isinstance(segment, CanTable):
+            raise ValueError(  # noqa: TRY004 - it becomes a message about the file
+                f"{where}.node_id: the key is missing; {self.segment!r} is a CAN segment"
+            )
+        units = segment.units
+        if self.unit not in units:
+            raise ValueError(f"{where}.unit: {self.unit} is not allowed; allowed: {units[0]}..{units[-1]}")
+        try:
+            self.registers()
+        except ConfigurationError as error:
+            raise ValueError(f"{where}.map: {error}") from None
+
+    def check_axis(self, where: str, axis: AxisTable) -> None:
+        """Check the axis that the drive moves.
+
+        Raises:
+            ValueError: With the place, the value and what is allowed.
+
+        """
+        super().check_axis(where, axis)
+        if axis.variables.get("PositionControl.EnableDSC"):
+            raise ValueError(
+                f"{where}.variables: PositionControl.EnableDSC needs the clock of the bus (PD-198), and "
+                f"{axis.drive!r} is on Modbus, which has none"
+            )
+        if axis.variables.get("PositionLimits_HW.Active") and self.registers().inputs is None:
+            raise ValueError(
+                f"{where}.variables: PositionLimits_HW.Active needs the limit switches, and the map of "
+                f"{axis.drive!r} ({self.map}) shows no digital inputs (r0722)"
+            )
+
+    def map_file(self) -> MapFile:
+        """Return the register map."""
+        from fieldbus.modbus import load_map
+
+        return load_map(self.map)
+
+    def registers(self) -> ProcessDataRegisters:
+        """Return the requests for the telegram.
+
+        Raises:
+            ConfigurationError: The map cannot be used, or does not carry the telegram.
+
+        """
+        from fieldbus.modbus import process_data
+
+        telegram, name = self.named_telegram()
+        return process_data(self.map_file(), telegram, name=f"telegram {name}")
+
+    def address(self, segment: TcpTable) -> tuple[str, int]:
+        """Return host and port on a live network."""
+        return self.host or segment.host, segment.port if self.port is None else self.port
+
+    def combines(self, segment: ModbusTable) -> bool:
+        """Return whether one request writes and reads: on a serial line, where the map allows it, because it
+        takes less time.
+        """
+        return segment.kind == "modbus_rtu" and self.registers().combined
+
+    def cycle_time_ns(self, line: RtuTable) -> int:
+        """Return for how long drive and controller keep a serial line busy in one bus cycle, ns."""
+        registers = self.registers()
+        out, back = 2 * registers.words_out, 2 * registers.words_in
+        parts = [("exchange", out, back)] if self.combines(line) else [("write", out, 0), ("read", 0, back)]
+        # One more request per cycle: inputs, the number of a fault, or a part of an access to a parameter.
+        more = [("read", 0, 2)] if registers.fault_number is not None else []
+        more += [("read", 0, 2 * registers.inputs[1])] if registers.inputs is not None else []
+        more += [("write", _RECORD_BYTES, 0)] if registers.parameters is not None else []
+        if more:
+            parts.append(max(more, key=lambda part: sum(_HEAD_AND_TAIL[part[0]]) + part[1] + part[2]))
+        form = line.serial_format()
+        characters = sum(sum(_HEAD_AND_TAIL[kind]) + asked + answered for kind, asked, answered in parts)
+        pauses = len(parts) * (2 * form.t35_ns + round(self.processing_ms * 1e6))
+        return form.duration_ns(characters) + pauses
+
+    def build(self, site: DeviceSite) -> ProfidriveModbusDrive:
+        """Return the emulated drive, still switched off and on no bus."""
+        from emulators.drive.profidrive.modbus import ProfidriveModbusConfig, ProfidriveModbusDrive
+
+        config = ProfidriveModbusConfig(
+            unit=max(self.unit, 1),  # over TCP it answers every unit
+            registers=self.map,
+            drive=self.config(site.bench),
+            setpoint_monitoring_s=self.profidrive.setpoint_monitoring_ms / 1000.0,
+            processing_ns=round(self.processing_ms * MS),
+            boot_time_s=self.boot_time_ms / 1000.0,
+        )
+        return ProfidriveModbusDrive(
+            _own_clock(site), config, name=site.name, history=site.history, rng=site.rng
+        )
+
+    def build_port(self, site: PortSite) -> ProfidriveModbusPort:
+        """Return the controller's port to the drive."""
+        from motion.drives.profidrive_modbus import ProfidriveModbusConfig, ProfidriveModbusPort
+
+        segment = site.modbus[self.segment]
+        config = ProfidriveModbusConfig(
+            cycle_ns=site.bench.cycle_ns,
+            absolute_encoder=self.encoder == "absolute",
+            grace_cycles=site.bench.grace_cycles,
+            optional=self.optional,
+            unit=self.unit,
+            registers=self.registers(),
+            words=self._telegram_config(site.bench),
+            monitoring_ms=round(self.profidrive.setpoint_monitoring_ms),
+            combined=self.combines(segment.table),
+            request_ns=segment.request_ns(),
+        )
+        port = ProfidriveModbusPort(
+            site.scheduler, segment.client(site.name), config, name=site.name, history=site.history
+        )
+        segment.watch(port)
+        return port
+
+
+class AnalogDriveTable(_ServoTable):
+    """`[drive.NAME]` with `profile = "analog"`: a drive with an analog setpoint, wired to an I/O station."""
+
+    label: ClassVar[str] = 'a drive with profile = "analog"'
+    bus: ClassVar[Literal["can", "modbus", "station"]] = "station"
+    terminals: ClassVar[Mapping[str, Sequence[str]]] = {
+        "digital_inputs": (*SWITCHES, "ready"),
+        "digital_outputs": ("enable",),
+        "analog_outputs": ("setpoint",),
+        "counters": ("encoder",),
+    }
+
+    profile: Literal["analog"]
+    encoder: Literal["incremental"] = "incremental"
+    analog: AnalogTable = AnalogTable()
+
+    @property
+    def reference_speed_rpm(self) -> float:
+        """Speed of a setpoint of 100 %, rpm."""
+        return self.analog.reference_speed_rpm
+
+    def check_bench(self, where: str, bench: BenchTable) -> None:
+        """Check the drive against `[bench]`.
+
+        Raises:
+            ValueError: With the place, the value and what is allowed.
+
+        """
+        super().check_bench(where, bench)
+        if bench.live:
+            raise ValueError(
+                f'{where}.profile: "analog" is emulated on virtual benches; set bench.kind = "virtual"'
+            )
+
+    def check_segment(self, where: str, segment: SegmentTable) -> None:
+        """Its station is on the bus."""
+
+    def station(self, name: str, stations: Mapping[str, StationTable]) -> str | None:
+        """Return the name of the station that the setpoint of the drive `name` comes from; None: there is
+        none.
+        """
+        for place, station in stations.items():
+            if f"{name}.setpoint" in station.analog_outputs:
+                return place
+        return None
+
+    def wired_variables(self, name: str, stations: Mapping[str, StationTable]) -> dict[str, bool | int]:
+        """Return the variables of an axis that follow from the wires of its drive."""
+        station = stations[self.station(name, stations) or ""]
+        return {
+            "Actor.Type": 0,
+            "Actor.Interface.EnableDriveOutput": station.wire("digital_outputs", f"{name}.enable")
+            is not None,
+            "Actor.Interface.DriveReadyInput": station.wire("digital_inputs", f"{name}.ready") is not None,
+        }
+
+    def config(self, bench: BenchTable) -> AnalogConfig:
+        """Return the configuration of the emulated drive."""
+        from emulators.drive.analog_config import AnalogConfig
+
+        own = self.analog
+        return AnalogConfig(
+            **self.servo_parts(),
+            servo_period_ns=bench.servo_period_ns,
+            reference_speed_rpm=own.reference_speed_rpm,
+            max_speed_rpm=self.max_speed_rpm,
+            offset_V=own.offset_v,
+            dead_zone_V=own.dead_zone_v,
+            inverted=own.inverted,
+            enable_input=own.enable_input,
+            ready_delay_s=own.ready_delay_ms / 1000.0,
+            stop=own.stop,
+            stop_ramp_s=self.off3_ramp_s,
+            ready_falls=own.ready_falls,
+        )
+
+    def build(self, site: DeviceSite) -> AnalogDrive:
+        """Return the emulated drive, still switched off."""
+        from emulators.drive.analog import AnalogDrive
+
+        return AnalogDrive(
+            _own_clock(site), self.config(site.bench), name=site.name, history=site.history, rng=site.rng
+        )
+
+    def build_port(self, site: PortSite) -> AnalogPort:
+        """Return the controller's port to the drive, by the wires of its station."""
+        from motion.drives.analog import AnalogPort, AnalogPortConfig
+
+        name = site.name
+        place = self.station(name, site.stations) or ""
+        station = site.stations[place]
+        enable = station.wire("digital_outputs", f"{name}.enable")
+        ready = station.wire("digital_inputs", f"{name}.ready")
+        config = AnalogPortConfig(
+            cycle_ns=site.bench.cycle_ns,
+            grace_cycles=site.bench.grace_cycles,
+            optional=self.optional,
+            reference_speed_rpm=float(
+                site.variables.get("Actor.DriveParameter.ReferenceSpeed", self.analog.reference_speed_rpm)
+            ),
+            setpoint=station.analog_outputs.index(f"{name}.setpoint"),
+            enable=enable if site.variables.get("Actor.Interface.EnableDriveOutput", True) else None,
+            ready=ready if site.variables.get("Actor.Interface.DriveReadyInput", True) else None,
+            counter=station.wire("counters", f"{name}.encoder"),
+        )
+        return AnalogPort(site.links[place], config, name=name, history=site.history)
+
+
+class _PulseTable(_NodeTable):
+    """What both kinds of pulse modules have."""
+
+    @abstractmethod
+    def stepper_config(self, servo_period_ns: int) -> StepperDriveConfig:
+        """Return module, motor and machine.
+
+        Raises:
+            ConfigurationError: The values do not fit together.
+
+        """
+
+    @model_validator(mode="after")
+    def _module_fits(self) -> _PulseTable:
+        self.stepper_config(250_000)
+        return self
+
+    def build(self, site: DeviceSite) -> StepperCanDrive:
+        """Return the emulated module with its motor, still switched off."""
+        from emulators.drive.stepper_can import StepperCanDrive, StepperNodeConfig
+
+        node = StepperNodeConfig(
+            node_id=self.node_id,
+            drive=self.stepper_config(site.bench.servo_period_ns),
+            cycle_ns=site.bench.cycle_ns,
+            boot_time_s=self.boot_time_ms / 1000.0,
+        )
+        return StepperCanDrive(
+            _own_clock(site), site.segments[self.segment], node, name=site.name, history=site.history
+        )
+
+    def dictionary(self) -> canopen.ObjectDictionary:
+        """Return the object dictionary of the module, shared and read-only."""
+        return _profidrive_dictionary()
+
+    def build_port(self, site: PortSite) -> TmPtoPort:
+        """Return the controller's port to the module."""
+        from motion.drives.tm_pto import PtoWords, TmPtoConfig, TmPtoPort
+
+        words = PtoWords(variant=self.telegram_variant, reference_speed_rpm=self.reference_speed_rpm)
+        config = TmPtoConfig(words=words, **self.port_arguments(site.bench))
+        return TmPtoPort(site.masters[self.segment], config, name=site.name, history=site.history)
+
+    @property
+    def telegram_variant(self) -> Literal["device", "standard"]:
+        """Telegram 3 with a setpoint of 16 bits, or the standard one with 32 bits."""
+        return "standard"
+
+
+class PulseDriveTable(_PulseTable):
+    """`[drive.NAME]` with `profile = "tm_pto"`: a pulse module with a stepper motor."""
+
+    label: ClassVar[str] = 'a drive with profile = "tm_pto"'
+    terminals: ClassVar[Mapping[str, Sequence[str]]] = {"digital_inputs": SWITCHES}
+
+    profile: Literal["tm_pto"]
+    off1_ramp_s: RampTime = 1.0
+    """Ramp stop time of the module, which also limits every other change of the speed."""
+    off3_ramp_s: RampTime = 0.5
+    """Quick stop time of the module."""
+    rated_torque_nm: Annotated[float, Field(ge=0.001, le=1_000_000.0)] = 2.0
+    """Pull-out torque of the motor at low speed."""
+    mechanics: MechanicsTable = MechanicsTable()
+    switches: SwitchTable = SwitchTable()
+    tm_pto: PtoTable = PtoTable()
+
+    @model_validator(mode="after")
+    def _no_play(self) -> PulseDriveTable:
+        if self.mechanics.backlash_mm:
+            raise ValueError(
+                f"mechanics.backlash_mm: {self.mechanics.backlash_mm:g} is not allowed; allowed: 0, a "
+                "stepper "
+                "motor moves its load without play"
+            )
+        return self
+
+    @property
+    def machine(self) -> MechanicsTable:
+        """What the drive moves."""
+        return self.mechanics
+
+    @property
+    def reference_speed_rpm(self) -> float:
+        """Speed of a setpoint of 100 %, rpm."""
+        return self.tm_pto.reference_speed_rpm
+
+    @property
+    def reference_torque_nm(self) -> float:
+        """Torque of a setpoint of 100 %, Nm."""
+        return self.rated_torque_nm
+
+    @property
+    def telegram_variant(self) -> Literal["device", "standard"]:
+        """Telegram 3 with a setpoint of 16 bits, or the standard one with 32 bits."""
+        return self.tm_pto.variant
+
+    def stepper_config(self, servo_period_ns: int) -> StepperDriveConfig:
+        """Return module, motor and machine.
+
+        Raises:
+            ConfigurationError: The values do not fit together.
+
+        """
+        from emulators.drive.stepper import StepperDriveConfig
+        from emulators.io.tm_pto import PtoConfig, SignalType
+
+        own = self.tm_pto
+        channel = PtoConfig(
+            signal_type=SignalType[own.signals.upper()],
+            reversal_pause_ms=own.reversal_pause_ms,
+            increments=self.increments_per_revolution,
+            reference_speed=own.reference_speed_rpm,
+            maximum_speed=self.max_speed_rpm,
+            ramp_stop_ms=max(1, round(self.off1_ramp_s * 1000.0)),
+            quick_stop_ms=max(1, round(self.off3_ramp_s * 1000.0)),
+            use_ed=own.use_ed,
+            use_dr=own.use_dr,
+            use_rs=own.use_rs,
+            use_mi=own.use_mi,
+            input_delay_ms=own.input_delay_ms,
+            standard=own.variant == "standard",
+            strict_parking=own.strict_parking,
+        )
+        return StepperDriveConfig(
+            channel=channel,
+            mechanics=self.mechanics.build(self.switches),
+            full_steps=own.full_steps,
+            holding_torque_Nm=self.rated_torque_nm,
+            corner_hz=own.corner_hz,
+            start_stop_hz=own.start_stop_hz,
+            ready_delay_s=own.ready_delay_ms / 1000.0,
+            watchdog_cycles=own.watchdog_cycles,
+            servo_period_ns=servo_period_ns,
+        )
+
+
+class SignalOutputTable(_PulseTable):
+    """`[drive.NAME]` with `profile = "tm41"`: an encoder-signal output."""
+
+    label: ClassVar[str] = 'a drive with profile = "tm41"'
+    terminals: ClassVar[Mapping[str, Sequence[str]]] = {"counters": ("encoder",)}
+
+    profile: Literal["tm41"]
+
+    def check_axis(self, where: str, axis: AxisTable) -> None:
+        """Check the axis that the drive moves.
+
+        Raises:
+            ValueError: With the place, the value and what is allowed.
+
+        """
+        super().check_axis(where, axis)
+        for path, (needed, usual) in _AT_SIGNAL_OUTPUT.items():
+            if axis.variables.get(path, usual) != needed:
+                raise ValueError(
+                    f"{where}.variables: {path} has to be {str(needed).lower()} at an encoder-signal output "
+                    f"({axis.drive!r}, CFG-413, CFG-414)"
+                )
+
+    def stepper_config(self, servo_period_ns: int) -> StepperDriveConfig:
+        """Return the module, which has no motor and no machine.
+
+        Raises:
+            ConfigurationError: The tracks cannot carry so many edges.
+
+        """
+        from emulators.drive.stepper import signal_output_config
+
+        return signal_output_config(
+            self.increments_per_revolution, self.max_speed_rpm, servo_period_ns=servo_period_ns
+        )
+
+
+def servo_eds() -> str:
+    """Return the path of the EDS of the emulated servo drive."""
+    from importlib.resources import files
+
+    return str(files("emulators.drive.cia402") / "servo.eds")
+
+
+def _profidrive_dictionary() -> canopen.ObjectDictionary:
+    from emulators.drive.profidrive import profidrive_dictionary
+
+    return profidrive_dictionary()
+
+
+def _own_clock(site: DeviceSite) -> NodeClock:
+    return NodeClock(site.scheduler, lambda: site.rng.spawn(1)[0])
+
+
+def _choice(table: Any) -> Any:
+    """Return the tag of the model: the profile, and whether a PROFIdrive axis has a CANopen node."""
+    if isinstance(table, _DriveTable):
+        on_can = isinstance(table, ProfidriveCanTable)
+        profile: Any = table.profile
+    elif isinstance(table, dict):
+        profile, on_can = table.get("profile", "cia402"), "node_id" in table
+    else:
+        return None
+    return f"profidrive on {'CAN' if on_can else 'Modbus'}" if profile == "profidrive" else profile
+
+
+DriveTable = (
+    Cia402DriveTable
+    | ProfidriveCanTable
+    | ProfidriveModbusTable
+    | AnalogDriveTable
+    | PulseDriveTable
+    | SignalOutputTable
+)
+CanDriveTable = Cia402DriveTable | ProfidriveCanTable | PulseDriveTable | SignalOutputTable
+ServoTable = Cia402DriveTable | ProfidriveCanTable | ProfidriveModbusTable | AnalogDriveTable
+AnyDrive = Annotated[
+    Annotated[Cia402DriveTable, Tag("cia402")]
+    | Annotated[ProfidriveCanTable, Tag("profidrive on CAN")]
+    | Annotated[ProfidriveModbusTable, Tag("profidrive on Modbus")]
+    | Annotated[AnalogDriveTable, Tag("analog")]
+    | Annotated[PulseDriveTable, Tag("tm_pto")]
+    | Annotated[SignalOutputTable, Tag("tm41")],
+    Discriminator(_choice),
+    WrapValidator(refused_by_part),
+]
+"""`[drive.NAME]`, chosen by its key `profile`."""

@@ -24,8 +24,10 @@ from fieldbus.canopen.nmt import NmtState
 from fieldbus.clock import RealtimeScheduler, S
 from fieldbus.history import History
 from hil.bench.config import BenchConfig
+from hil.bench.drive_config import ProfidriveModbusTable
 from hil.bench.emulated import DeviceBuilder, EmulatedDevices
 from hil.bench.remote_calls import PARAMETER_METHODS, REMOTE_METHODS, RemoteError
+from hil.bench.segment_config import CanTable, RtuTable, TcpTable
 from hil.record import Recorder
 
 if TYPE_CHECKING:
@@ -101,7 +103,7 @@ class DriveHost:
         from fieldbus.can.live import LiveSegment
 
         for name, section in self._config.segment.items():
-            if section.on_modbus:
+            if not isinstance(section, CanTable):
                 continue
             self.segments[name] = LiveSegment.open(
                 self.scheduler,
@@ -116,20 +118,22 @@ class DriveHost:
     def _serve(self, segment_name: str, name: str, drive: ModbusDevice) -> None:
         """Put a drive on a TCP port or a pseudo-terminal of its own."""
         from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
-        from hil.bench.modbus_config import address_of
 
         assert isinstance(drive, ProfidriveModbusDrive)  # I/O stations are for benches in virtual time
         self._modbus_drives.append(drive)
         segment = self._config.segment[segment_name]
-        if segment.kind == "modbus_rtu":
+        if isinstance(segment, RtuTable):
             self.places[name] = str(drive.open_terminal(segment.serial_format()).path)
             return
         from fieldbus.modbus import SocketNetwork
 
+        table = self._config.drive[name]
+        assert isinstance(table, ProfidriveModbusTable)
+        assert isinstance(segment, TcpTable)
         network = SocketNetwork(self.scheduler)
         self._networks.append(network)
         drive.listen(network)
-        self.places[name] = network.serve(*address_of(self._config.drive[name], segment))
+        self.places[name] = network.serve(*table.address(segment))
 
     def execute(self, command: Mapping[str, Any]) -> object:
         """Carry out one command of the pipe; returns its result, plain data.

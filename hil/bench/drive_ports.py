@@ -1,27 +1,24 @@
-"""The controller's ports to the drives of a bench file, as profile and bus want them."""
+"""The controller's ports to the drives of a bench file."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias, TypedDict
+from typing import TYPE_CHECKING, TypeAlias
 
-from fieldbus.clock import MS
 from fieldbus.errors import ConfigurationError
-from motion.drives.cia402 import Cia402Port, Cia402PortConfig
-from motion.drives.profidrive import TelegramConfig
-from motion.drives.profidrive_can import ProfidriveCanConfig, ProfidriveCanPort
+from hil.bench._port_site import PortSite
+from hil.bench.drive_config import AnalogDriveTable, ProfidriveModbusTable
+from motion.drives.cia402 import Cia402Port
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from fieldbus.canopen.master import CanopenMaster
     from fieldbus.canopen.node import RemoteNode
     from fieldbus.clock import Scheduler
     from fieldbus.history import History
     from hil.bench.config import BenchConfig
-    from hil.bench.drive_config import DriveSection
-    from hil.bench.modbus_links import ModbusSegment
     from hil.bench.segments import Segments
     from motion.drives.analog import AnalogPort
+    from motion.drives.profidrive_can import ProfidriveCanPort
     from motion.drives.profidrive_modbus import ProfidriveModbusPort
     from motion.drives.station import StationLink
 
@@ -64,22 +61,27 @@ class DrivePorts:
 
     def add(self, name: str) -> Port:
         """Make the port to drive `name`."""
-        section = self._config.drive[name]
+        config = self._config
+        axis = next((one for one in config.axis.values() if one.drive == name), None)
+        site = PortSite(
+            name=name,
+            bench=config.bench,
+            scheduler=self._scheduler,
+            history=self._history,
+            masters=self._segments.masters,
+            modbus=self._segments.modbus,
+            stations=config.station,
+            links=self._links,
+            variables={} if axis is None else axis.variables,
+        )
+        drive = config.drive[name]
         port: Port
-        if section.profile == "analog":
-            from hil.bench.io_devices import build_analog_port
-
-            port = self.analog[name] = build_analog_port(
-                self._config, name, self._links, history=self._history
-            )
-        elif section.segment in self._segments.masters:
-            master = self._segments.masters[section.segment]
-            port = self.can[name] = build_can_port(self._config, name, master, history=self._history)
+        if isinstance(drive, AnalogDriveTable):
+            port = self.analog[name] = drive.build_port(site)
+        elif isinstance(drive, ProfidriveModbusTable):
+            port = self.modbus[name] = drive.build_port(site)
         else:
-            segment = self._segments.modbus[section.segment]
-            port = self.modbus[name] = build_modbus_port(
-                self._config, name, segment, self._scheduler, history=self._history
-            )
+            port = self.can[name] = drive.build_port(site)
         self.by_name[name] = port
         return port
 
@@ -146,113 +148,3 @@ class DrivePorts:
         """Stop the ports that ask by themselves."""
         for port in self.modbus.values():
             port.close()
-
-
-class _Link(TypedDict):
-    """Settings for a drive on any bus."""
-
-    cycle_ns: int
-    absolute_encoder: bool
-    grace_cycles: int
-    optional: bool
-
-
-class _Node(TypedDict):
-    """Settings for a drive of any profile on CANopen."""
-
-    node_id: int
-    heartbeat_ms: int
-    consumer_heartbeat_ms: int
-    guard_time_ms: int
-    life_time_factor: int
-    vendor_id: int | None
-    product_code: int | None
-    revision: int | None
-    serial: int | None
-    store: bool
-
-
-def _link(config: BenchConfig, drive: DriveSection) -> _Link:
-    return {
-        "cycle_ns": config.bench.cycle_ms * MS,
-        "absolute_encoder": drive.encoder == "absolute",
-        "grace_cycles": config.bench.grace_cycles,
-        "optional": drive.optional,
-    }
-
-
-def _node(drive: DriveSection) -> _Node:
-    return {
-        "node_id": drive.node_id,
-        "heartbeat_ms": drive.heartbeat_ms,
-        "consumer_heartbeat_ms": drive.consumer_heartbeat_ms,
-        "guard_time_ms": drive.guard_time_ms,
-        "life_time_factor": drive.life_time_factor,
-        "vendor_id": drive.vendor_id,
-        "product_code": drive.product_code,
-        "revision": drive.revision,
-        "serial": drive.serial,
-        "store": drive.device == "emulated" if drive.store_parameters is None else drive.store_parameters,
-    }
-
-
-def _telegram(config: BenchConfig, drive: DriveSection) -> TelegramConfig:
-    own = drive.profidrive
-    return TelegramConfig(
-        telegram=drive.telegram,
-        torque_telegram=own.torque_telegram,
-        safety_telegram=own.safety_telegram,
-        reference_speed_rpm=own.reference_speed_rpm,
-        reference_torque_nm=own.reference_torque_nm,
-        sign_of_life=config.counts_life(drive),
-        isochronous=not config.segment[drive.segment].on_modbus,
-    )
-
-
-def build_can_port(config: BenchConfig, name: str, master: CanopenMaster, *, history: History) -> CanPort:
-    """Return the port to a drive on CAN."""
-    drive = config.drive[name]
-    link, node = _link(config, drive), _node(drive)
-    if drive.profile in ("tm_pto", "tm41"):
-        from motion.drives.tm_pto import PtoWords, TmPtoConfig, TmPtoPort
-
-        signal_output = drive.profile == "tm41"
-        words = PtoWords(
-            variant="standard" if signal_output else drive.tm_pto.variant,
-            reference_speed_rpm=drive.max_speed_rpm if signal_output else drive.tm_pto.reference_speed_rpm,
-        )
-        return TmPtoPort(master, TmPtoConfig(words=words, **link, **node), name=name, history=history)
-    if drive.profile == "profidrive":
-        can = ProfidriveCanConfig(words=_telegram(config, drive), **link, **node)
-        return ProfidriveCanPort(master, can, name=name, history=history)
-    own = Cia402PortConfig(
-        rated_torque_nm=drive.rated_torque_nm,
-        increments_per_revolution=drive.increments_per_revolution,
-        off1_deceleration_rpm_s=drive.max_speed_rpm / drive.off1_ramp_s,
-        off3_deceleration_rpm_s=drive.max_speed_rpm / drive.off3_ramp_s,
-        **link,
-        **node,
-    )
-    return Cia402Port(master, own, name=name, history=history)
-
-
-def build_modbus_port(
-    config: BenchConfig, name: str, segment: ModbusSegment, scheduler: Scheduler, *, history: History
-) -> ProfidriveModbusPort:
-    """Return the port to a drive on Modbus."""
-    from hil.bench.modbus_config import combines, registers_of
-    from motion.drives.profidrive_modbus import ProfidriveModbusConfig, ProfidriveModbusPort
-
-    drive = config.drive[name]
-    own = ProfidriveModbusConfig(
-        unit=drive.unit,
-        registers=registers_of(drive),
-        words=_telegram(config, drive),
-        monitoring_ms=round(drive.profidrive.setpoint_monitoring_ms),
-        combined=combines(drive, config.segment[drive.segment]),
-        request_ns=segment.request_ns(),
-        **_link(config, drive),
-    )
-    port = ProfidriveModbusPort(scheduler, segment.client(name), own, name=name, history=history)
-    segment.watch(port)
-    return port

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 from numpy.random import Generator, SeedSequence, default_rng
 
 from fieldbus.clock import MS
+from hil.bench._site import DeviceSite
+from hil.bench.drive_config import ProfidriveCanTable, ProfidriveModbusTable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -130,15 +132,10 @@ class DeviceBuilder:
             if section.device == "emulated":
                 self._build_drive(devices, name, segments, attach)
         for name in config.station:
-            self._build_station(devices, name, attach)
+            self._build_station(devices, name, segments, attach)
         self._build_encoders(devices, segments)
-        if config.device:
-            from hil.bench.devices import build_device
-
-            for name in config.device:
-                devices.devices[name] = build_device(
-                    self._scheduler, segments, config, name, history=self._history
-                )
+        for name, device in config.device.items():
+            devices.devices[name] = device.build(self._site(name, segments))
         return devices
 
     def _build_drive(
@@ -148,14 +145,10 @@ class DeviceBuilder:
         segments: Mapping[str, CanSegment],
         attach: Callable[[str, str, ModbusDevice], object],
     ) -> None:
-        from hil.bench.drives import build_drive
-
         section = self._config.drive[name]
-        drive = devices.drives[name] = build_drive(
-            self._scheduler, segments, self._config, name, history=self._history, rng=self._rng(name)
-        )
+        drive = devices.drives[name] = section.build(self._site(name, segments))
         self._record(name, drive)
-        if section.profile != "profidrive":
+        if not isinstance(section, ProfidriveCanTable | ProfidriveModbusTable):
             return
         from emulators.drive.profidrive import ProfidriveCanDrive
         from emulators.drive.profidrive.modbus import ProfidriveModbusDrive
@@ -166,33 +159,35 @@ class DeviceBuilder:
             devices.second_encoders[f"{name}.encoder2"] = drive.second_encoder
 
     def _build_station(
-        self, devices: EmulatedDevices, name: str, attach: Callable[[str, str, ModbusDevice], object]
+        self,
+        devices: EmulatedDevices,
+        name: str,
+        segments: Mapping[str, CanSegment],
+        attach: Callable[[str, str, ModbusDevice], object],
     ) -> None:
-        from hil.bench.io_devices import build_station
-
-        wired = build_station(
-            self._scheduler, self._config, name,
-            drives=devices.drives, history=self._history, rng=self._rng(name),
-        )  # fmt: skip
-        attach(self._config.station[name].segment, name, wired)
+        section = self._config.station[name]
+        wired = section.build(self._site(name, segments), devices.drives)
+        attach(section.segment, name, wired)
         devices.stations[name] = wired.station
         self._record(name, wired.station)
 
     def _build_encoders(self, devices: EmulatedDevices, segments: Mapping[str, CanSegment]) -> None:
-        names = [name for name, section in self._config.encoder.items() if section.device == "emulated"]
-        if not names:
-            return
-        from hil.bench.encoders import build_encoder
-
-        for name in names:
-            encoder = devices.encoders[name] = build_encoder(
-                self._scheduler, segments, self._config, name,
-                drives=devices.drives, history=self._history, rng=self._rng(name),
-            )  # fmt: skip
+        for name in self._config.emulated_encoders:
+            section = self._config.encoder[name]
+            encoder = devices.encoders[name] = section.build(
+                self._site(name, segments), devices.drives, self._config.lead_mm(section)
+            )
             self._record(name, encoder)
 
-    def _rng(self, name: str) -> Generator:
-        return named_rng(self._seed, name)
+    def _site(self, name: str, segments: Mapping[str, CanSegment]) -> DeviceSite:
+        return DeviceSite(
+            name=name,
+            bench=self._config.bench,
+            scheduler=self._scheduler,
+            segments=segments,
+            history=self._history,
+            rng=named_rng(self._seed, name),
+        )
 
     def _record(self, name: str, part: Recorded) -> None:
         """Record a device whatever its state on the bus, after the events of the instant."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Final, Protocol
 
-from fieldbus.clock import MS, US
+from fieldbus.clock import MS
 from fieldbus.modbus import (
     RtuClient,
     SerialLine,
@@ -21,12 +21,12 @@ from fieldbus.modbus import (
 )
 from fieldbus.modbus.serial_port import LiveSerialLine
 from fieldbus.modbus.taps import TappedConnector
+from hil.bench.segment_config import ModbusTable, TcpTable
 
 if TYPE_CHECKING:
     from fieldbus.clock import Scheduler
     from fieldbus.modbus import Change, LinkHook, LogEntry, SerialFormat
     from fieldbus.modbus.tcp_client import Connector
-    from hil.bench.segment_config import SegmentSection
     from motion.drives.profidrive_modbus import ProfidriveModbusPort
 
 CONTROLLER: Final = "controller"
@@ -67,19 +67,17 @@ class ModbusSegment:
     Args:
         scheduler: Time of the bench.
         name: Name of the segment.
-        section: Its table of the bench file.
+        table: Its table of the bench file.
         cycle_ns: Bus cycle, ns.
 
     """
 
-    def __init__(self, scheduler: Scheduler, name: str, section: SegmentSection, *, cycle_ns: int) -> None:
+    def __init__(self, scheduler: Scheduler, name: str, table: ModbusTable, *, cycle_ns: int) -> None:
         self.scheduler = scheduler
         self.name = name
-        self.kind = section.kind
-        self._section = section
-        tcp = self.kind == "modbus_tcp"
-        own_ns = cycle_ns if tcp else max(cycle_ns // 4, 5 * MS)
-        self.timeout_ns = own_ns if section.timeout_ms is None else round(section.timeout_ms * MS)
+        self.kind = table.kind
+        self.table = table
+        self.timeout_ns = table.timeout_ns(cycle_ns)
         """How long the controller waits for a response, ns."""
         self._channels: list[_Channel] = []
         self._line: SerialLine | None = None
@@ -96,15 +94,15 @@ class ModbusSegment:
 
     def attach(self, name: str, device: ModbusDevice) -> None:
         """Put an emulated drive on the virtual network or line."""
-        if self.kind == "modbus_tcp":
-            link = TcpLink(self.scheduler, self.name, latency_ns=round(self._section.latency_us * US))
+        if isinstance(self.table, TcpTable):
+            link = TcpLink(self.scheduler, self.name, latency_ns=self.table.latency_ns)
             device.listen(link)
             log = TcpLog(link.log, client=CONTROLLER, names={_SERVER: name})
             client = self._tcp_client(lambda handler: link.connect(CONTROLLER, handler))
             self._channels.append(_Channel(log, client, link, drives=[name]))
             return
         if self._line is None:
-            self._line = line = SerialLine(self.scheduler, self.name, self._section.serial_format())
+            self._line = line = SerialLine(self.scheduler, self.name, self.table.serial_format())
             self._channels.append(
                 _Channel(SerialLog(line.log, master=CONTROLLER), self._rtu_client(line), line)
             )
@@ -125,7 +123,7 @@ class ModbusSegment:
         log = TcpLog(tap.log, client=CONTROLLER, names={_SERVER: name})
         self._channels.append(_Channel(log, self._tcp_client(tap.connect), drives=[name]))
 
-    def open(self, name: str, path: str) -> None:
+    def open(self, name: str, path: str, form: SerialFormat) -> None:
         """Lead a drive at a serial line of this machine; drives on the same device file share it.
 
         Raises:
@@ -136,7 +134,7 @@ class ModbusSegment:
             if isinstance(channel.link, LiveSerialLine) and channel.link.path == path:
                 channel.drives.append(name)
                 return
-        line = LiveSerialLine(self.scheduler, path, self._section.serial_format(), other="line")
+        line = LiveSerialLine(self.scheduler, path, form, other="line")
         log = SerialLog(line.log, master=CONTROLLER)
         self._channels.append(_Channel(log, self._rtu_client(line), line, drives=[name]))
 
@@ -173,9 +171,9 @@ class ModbusSegment:
         """Return how long a request for actual values is on its way to a drive, ns; 0 where nobody knows."""
         if self.link() is None:
             return 0
-        if self.kind == "modbus_tcp":
-            return round(self._section.latency_us * US)
-        line: SerialFormat = self._section.serial_format()
+        if isinstance(self.table, TcpTable):
+            return self.table.latency_ns
+        line = self.table.serial_format()
         return line.duration_ns(8) + line.t35_ns
 
     def add_hook(self, hook: LinkHook) -> Callable[[], None]:

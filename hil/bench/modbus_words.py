@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Final
 from fieldbus.modbus import Function
 from fieldbus.modbus.pdu import decode_request, decode_response, is_well_formed
 from fieldbus.modbus.server import SERVED
+from hil.bench.drive_config import ProfidriveModbusTable
+from hil.bench.signal_words import signal_words
 
 if TYPE_CHECKING:
     from fieldbus.modbus import ModbusFrame, ProcessDataRegisters
@@ -28,16 +30,14 @@ class ModbusWords:
     """
 
     def __init__(self, config: BenchConfig) -> None:
-        from hil.bench.modbus_config import registers_of
-
-        self._drives: dict[tuple[str, int], list[tuple[str, ProcessDataRegisters]]] = {}
-        self._config = config
+        self._drives: dict[
+            tuple[str, int], list[tuple[str, ProfidriveModbusTable, ProcessDataRegisters]]
+        ] = {}
         for name, drive in config.drive.items():
-            if drive.profile == "analog" or not config.segment[drive.segment].on_modbus:
-                continue
-            for segment in (drive.segment, ""):
-                known = self._drives.setdefault((segment, drive.unit), [])
-                known.append((name, registers_of(drive)))
+            if isinstance(drive, ProfidriveModbusTable):
+                registers = drive.registers()
+                for segment in (drive.segment, ""):
+                    self._drives.setdefault((segment, drive.unit), []).append((name, drive, registers))
 
     def decode(self, frame: ModbusFrame, *, segment: str | None = None) -> str:
         """Return the meaning of `frame`."""
@@ -47,8 +47,8 @@ class ModbusWords:
             return text
         # Over TCP drives with a connection each may have the same unit: then the words are those of the map
         # they share.
-        names = ", ".join(name for name, _ in drives)
-        _, registers = drives[0]
+        names = ", ".join(name for name, _, _ in drives)
+        _, drive, registers = drives[0]
         chosen = registers.telegram
         pdu = frame.pdu
         request = frame.asked or pdu
@@ -59,19 +59,18 @@ class ModbusWords:
         if not frame.asked:
             at = asked.write_address if asked.function == _WRITES[1] else asked.address
             if asked.function in _WRITES and at == registers.setpoints:
-                signals = self._signals(names, chosen.setpoint, registers, asked.values)
+                signals = self._signals(drive, chosen.setpoint, registers, asked.values)
         elif asked.address == registers.actual_values and not pdu[0] & 0x80:
-            signals = self._signals(names, chosen.actual, registers, decode_response(asked, pdu).values)
+            signals = self._signals(drive, chosen.actual, registers, decode_response(asked, pdu).values)
         return f"{names}: {text}{signals}"
 
+    @staticmethod
     def _signals(
-        self, names: str, layout: Layout, registers: ProcessDataRegisters, values: tuple[int, ...]
+        drive: ProfidriveModbusTable, layout: Layout, registers: ProcessDataRegisters, values: tuple[int, ...]
     ) -> str:
         """Return the signals of a telegram in words."""
-        from hil.bench.drives import signal_words
-
         if len(values) != layout.words:
             return ""
         data = registers.frame(values, setpoints=layout is registers.telegram.setpoint)
-        described = signal_words(self._config.drive[names.split(", ", maxsplit=1)[0]], layout)
+        described = signal_words(drive, layout)
         return f" ({', '.join(described.describe(0, Struct(f'>{layout.words}H').unpack(data)))})"

@@ -11,9 +11,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from hil.bench.config import BenchConfig
-    from hil.bench.device_config import DeviceSection
-    from hil.bench.drive_config import DriveSection
-    from hil.bench.encoder_config import EncoderSection
 
 
 _T = TypeVar("_T")
@@ -40,13 +37,9 @@ def named(kind: str, parts: Mapping[str, _T], name: str | None) -> _T:
     return parts[name]
 
 
-def _nodes(config: BenchConfig) -> dict[str, DriveSection | EncoderSection | DeviceSection]:
-    return {**config.drive, **config.encoder, **config.device}
-
-
 def nodes_on(config: BenchConfig, segment: str) -> tuple[str, ...]:
     """Return the names of the drives, encoders and devices on a segment, in this order."""
-    return tuple(name for name, section in _nodes(config).items() if section.segment == segment)
+    return tuple(name for name, section in config.devices.items() if section.segment == segment)
 
 
 def cob_ids(config: BenchConfig, name: str) -> dict[str, int]:
@@ -56,13 +49,12 @@ def cob_ids(config: BenchConfig, name: str) -> dict[str, int]:
         ConfigurationError: There is no such node.
 
     """
-    nodes = _nodes(config)
-    if name not in nodes:
-        raise ConfigurationError("drive", name, ", ".join(nodes) or "no nodes")
-    if config.segment[nodes[name].segment].on_modbus:
+    if name not in config.devices:
+        raise ConfigurationError("drive", name, ", ".join(config.devices) or "no nodes")
+    if name not in config.nodes:
         raise ConfigurationError("drive", name, "a node on CAN; this one is on Modbus")
     encoder = config.encoder.get(name)
-    node = nodes[name].node_id
+    node = config.nodes[name].node_id
     ids = {
         "nmt": 0,
         "sync": 0x80,

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 from fieldbus.clock import S
 from fieldbus.errors import HilError
 from fieldbus.history import Event
-from hil.bench.devices import DEVICE_METHODS
+from hil.bench.device_config import DEVICE_METHODS
 from hil.bench.encoders import ENCODER_METHODS
 from hil.bench.remote_calls import RemoteError
 from hil.errors import BlockedError
@@ -218,14 +218,13 @@ class RemoteDevices:
         }
         """Where the emulated drives on Modbus are: host and port, or device file."""
         drives = {name: one for name, one in config.drive.items() if one.device == "emulated"}
-        encoders = [name for name, one in config.encoder.items() if one.device == "emulated"]
         self.drives = {name: RemoteDrive(self, name, DRIVE_METHODS) for name in drives}
         self.second_encoders = {
             f"{name}.encoder2": RemoteDrive(self, f"{name}.encoder2", ENCODER_METHODS)
             for name, one in drives.items()
-            if one.encoder2.type != "none"
+            if one.second_encoder is not None
         }
-        self.encoders = {name: RemoteDrive(self, name, ENCODER_METHODS) for name in encoders}
+        self.encoders = {name: RemoteDrive(self, name, ENCODER_METHODS) for name in config.emulated_encoders}
         self.devices = {name: RemoteDrive(self, name, DEVICE_METHODS) for name in config.device}
         self.stations: dict[str, ModbusIoStation] = {}
         """None: I/O stations are for benches in virtual time."""

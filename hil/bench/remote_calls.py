@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from fieldbus.errors import HilError
-from hil.bench.devices import DEVICE_METHODS
+from hil.bench.device_config import DEVICE_METHODS
 from hil.bench.encoders import ENCODER_METHODS
 from hil.faults import DRIVE_METHODS
 

@@ -1,12 +1,13 @@
-"""`[segment.NAME]` of a bench file: CAN, Modbus TCP, Modbus RTU; its model and its checks."""
+"""`[segment.NAME]` of a bench file: CAN, Modbus TCP, Modbus RTU."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
-from hil.bench._drive_sections import Section
+from fieldbus.clock import MS, US
+from hil.bench._table import Port, Table
 
 if TYPE_CHECKING:
     from fieldbus.modbus import SerialFormat
@@ -21,67 +22,85 @@ RESERVED_OPTIONS: Final = (
     "lossy",
     "bridge",
 )
-"""What `LiveSegment.open` takes by itself, and is no option of an interface."""
-
-KEYS_OF_KIND: Final = {
-    "can": ("bitrate", "interface", "channel", "options", "bridge"),
-    "modbus_tcp": ("host", "port", "latency_us", "timeout_ms"),
-    "modbus_rtu": ("baud", "parity", "stop_bits", "path", "timeout_ms"),
-}
+"""Arguments of `LiveSegment.open`, which are no options of an interface."""
 
 Option = bool | int | float | str
-"""Value of an option that python-can hands to its interface."""
+"""Value of an option that python-can passes to its interface."""
 
 
-class BridgeSection(Section):
+class BridgeTable(Table):
     """`[segment.NAME.bridge]`: the other side of a live segment that is made of two buses."""
 
     channel: str
+    """Channel of the other bus."""
     interface: str | None = None
-    """None: that of the segment."""
+    """Its python-can interface; none: that of the segment."""
     options: dict[str, Option] = {}
+    """Further options of the interface."""
     gateway: Literal["bench", "kernel"] = "bench"
-    """Who passes frames on: the process of the bench, or the kernel (SocketCAN only)."""
+    """Who passes frames on: the process of the bench, or the kernel (`can-gw`, SocketCAN only)."""
 
 
-class SegmentSection(Section):
-    """`[segment.NAME]`: a CAN segment, a network with Modbus TCP, or a serial line with Modbus RTU."""
+class CanTable(Table):
+    """`[segment.NAME]` with `kind = "can"`: a CAN segment."""
 
-    kind: Literal["can", "modbus_tcp", "modbus_rtu"] = "can"
+    label: ClassVar[str] = 'a segment of kind = "can"'
+    on_modbus: ClassVar[bool] = False
+
+    kind: Literal["can"] = "can"
+    """A CAN segment, a network with Modbus TCP, or a serial line with Modbus RTU."""
     bitrate: Literal[10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000] = 1_000_000
+    """Bit rate of a virtual segment, bit/s; that of a live one is set at its interface, and here it says for
+    which rate the load is recorded.
+    """
     interface: str | None = None
-    """python-can interface of a live bench, for example `socketcan`; None on a virtual bench."""
+    """python-can interface (`socketcan`, `udp_multicast`, `pcan`, ...); required on a live bench, refused on
+    a virtual one.
+    """
     channel: str | None = None
+    """Channel of the interface (`vcan0`, `239.74.163.2`, `/dev/ttyACM0`, ...); required on a live bench."""
     options: dict[str, Option] = {}
-    """Further options of the python-can interface."""
-    bridge: BridgeSection | None = None
-    """The bus with the drives, when the controller is on `channel` and this bench stands between the two."""
-    host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
-    """Address of the drives of a live bench, for those that name none of their own."""
-    port: Annotated[int, Field(ge=0, le=65535)] = 0
-    """Their TCP port; 0 = one that is free, for emulated drives."""
-    latency_us: Annotated[float, Field(ge=0.0, le=10_000_000.0)] = 100.0
-    """Time from one end of a virtual network to the other, microseconds."""
-    baud: Annotated[int, Field(ge=300, le=1_000_000)] = 19_200
-    parity: Literal["even", "odd", "none"] = "even"
-    stop_bits: Literal[1, 2] | None = None
-    """None: 1 with parity, 2 without, so that a character has 11 bits (MODB-001)."""
-    path: str | None = None
-    """Device file of the serial line of a live bench; None = a pseudo-terminal, for emulated drives."""
-    timeout_ms: Annotated[float, Field(gt=0.0, le=60_000.0)] | None = None
-    """How long the controller waits for a response; None = one bus cycle over TCP, a quarter of it on a line.
+    """Further options of the python-can interface: `{ bitrate = 500000 }` for `slcan`, `{ port = 43114 }` for
+    `udp_multicast`; live benches only.
+    """
+    bridge: BridgeTable | None = None
+    """The bus with the drives, when the controller is on `channel` and the bench stands between the two; live
+    benches only.
     """
 
-    @property
-    def on_modbus(self) -> bool:
-        """Whether it is no CAN segment."""
-        return self.kind != "can"
+    def check(self, where: str, *, live: bool) -> None:
+        """Check the table for a kind of bench.
 
-    def serial_format(self) -> SerialFormat:
-        """Return rate and characters of a serial line."""
-        from fieldbus.modbus import Parity, SerialFormat
+        Raises:
+            ValueError: With the place, the value and what is allowed.
 
-        return SerialFormat(self.baud, Parity(self.parity), self.stop_bits)
+        """
+        if live and (self.interface is None or self.channel is None):
+            raise ValueError(f"{where}: a live bench needs `interface` and `channel`")
+        if not live and self.interface is not None:
+            raise ValueError(f'{where}.interface: a virtual bench has no interface; set bench.kind = "live"')
+        if not live and (self.options or self.bridge is not None):
+            raise ValueError(f'{where}: options and bridge belong to a live bench; set bench.kind = "live"')
+        self._check_options(where)
+
+    def _check_options(self, where: str) -> None:
+        """Refuse options that are keys of their own, and a bridge that leads back to the same bus."""
+        far = self.bridge
+        for place, options in (("", self.options), (".bridge", far.options if far is not None else {})):
+            for key in options:
+                if key in RESERVED_OPTIONS:
+                    raise ValueError(f"{where}{place}.options.{key}: this is no option of an interface")
+        if far is None:
+            return
+        interface = far.interface or self.interface
+        if (far.channel, interface, far.options) == (self.channel, self.interface, self.options):
+            raise ValueError(f"{where}.bridge: both sides are {self.interface} {self.channel}")
+        kinds = {self.interface, interface}
+        if far.gateway == "kernel" and kinds != {"socketcan"}:
+            raise ValueError(
+                f"{where}.bridge.gateway: the kernel joins interfaces of SocketCAN only, not "
+                f"{', '.join(map(str, kinds))}"
+            )
 
     def opening(self) -> dict[str, Any]:
         """Return the arguments that open a live CAN segment."""
@@ -98,65 +117,127 @@ class SegmentSection(Section):
         return result
 
     def opening_for_drives(self) -> dict[str, Any]:
-        """Return the arguments that open the CAN bus on which the drives are: the far side of a bridge."""
+        """Return the arguments that open the CAN bus of the drives: the far side of a bridge."""
         result = self.opening()
         far = result.pop("bridge", None)
         if far is not None:
             far.pop("gateway", None)
         return result if far is None else {"interface": self.interface or "", **far}
 
+    def in_virtual_time(self) -> CanTable:
+        """Return the same segment without its place on a live bus."""
+        return self.model_copy(update={"interface": None, "channel": None, "options": {}, "bridge": None})
 
-def check_segment(name: str, segment: SegmentSection, *, live: bool) -> None:
-    """Check a segment by itself.
 
-    Raises:
-        ValueError: With the place, the value and what is allowed.
+class _ModbusTable(Table):
+    """What both kinds of Modbus have."""
 
+    on_modbus: ClassVar[bool] = True
+
+    timeout_ms: Annotated[float, Field(gt=0.0, le=60_000.0)] | None = None
+    """How long the controller waits for a response, on a line for its begin; none: over TCP one bus cycle,
+    on a line a quarter of it and at least 5 ms.
     """
-    where = f"segment.{name}"
-    for kind, keys in KEYS_OF_KIND.items():
-        for key in keys:
-            if key not in KEYS_OF_KIND[segment.kind] and segment.differs(key):
-                raise ValueError(
-                    f'{where}.{key}: a segment of kind = "{segment.kind}" has none; it is of kind = "{kind}"'
-                )
-    if segment.kind == "can":
-        _check_can(where, segment, live=live)
-    elif segment.kind == "modbus_tcp" and live and segment.differs("latency_us"):
-        raise ValueError(f"{where}.latency_us: a live network has its own; only on a virtual bench")
-    elif not live:
-        for key in ("host", "port", "path"):
-            if segment.differs(key):
+
+
+class TcpTable(_ModbusTable):
+    """`[segment.NAME]` with `kind = "modbus_tcp"`: a network."""
+
+    label: ClassVar[str] = 'a segment of kind = "modbus_tcp"'
+    units: ClassVar[range] = range(256)
+
+    kind: Literal["modbus_tcp"]
+    """A network with Modbus TCP."""
+    host: Annotated[str, Field(min_length=1)] = "127.0.0.1"
+    """Address of the drives of a live bench that have no `host` of their own."""
+    port: Port = 0
+    """Their TCP port; 0 = a free one, for emulated drives."""
+    latency_us: Annotated[float, Field(ge=0.0, le=10_000_000.0)] = 100.0
+    """Time from one end of a virtual network to the other."""
+
+    def check(self, where: str, *, live: bool) -> None:
+        """Check the table for a kind of bench.
+
+        Raises:
+            ValueError: With the place, the value and what is allowed.
+
+        """
+        if live and self.latency_us != TcpTable.model_fields["latency_us"].default:
+            raise ValueError(f"{where}.latency_us: a live network has its own; only on a virtual bench")
+        for key in ("host", "port"):
+            if not live and getattr(self, key) != TcpTable.model_fields[key].default:
                 raise ValueError(f'{where}.{key}: a virtual bench has no such place; set bench.kind = "live"')
 
+    @property
+    def latency_ns(self) -> int:
+        """Time from one end of a virtual network to the other, ns."""
+        return round(self.latency_us * US)
 
-def _check_can(where: str, segment: SegmentSection, *, live: bool) -> None:
-    if live and (segment.interface is None or segment.channel is None):
-        raise ValueError(f"{where}: a live bench needs `interface` and `channel`")
-    if not live and segment.interface is not None:
-        raise ValueError(f'{where}.interface: a virtual bench has no interface; set bench.kind = "live"')
-    if not live and (segment.options or segment.bridge is not None):
-        raise ValueError(f'{where}: options and bridge belong to a live bench; set bench.kind = "live"')
-    _check_options(where, segment)
+    def timeout_ns(self, cycle_ns: int) -> int:
+        """Return how long the controller waits for a response, ns."""
+        return cycle_ns if self.timeout_ms is None else round(self.timeout_ms * MS)
+
+    def in_virtual_time(self) -> TcpTable:
+        """Return the same segment for a bench in virtual time."""
+        return self
 
 
-def _check_options(where: str, segment: SegmentSection) -> None:
-    """Refuse options that are keys of their own, and a bridge that leads to where it comes from."""
-    far = segment.bridge
-    for place, options in (("", segment.options), (".bridge", far.options if far is not None else {})):
-        for key in options:
-            if key in RESERVED_OPTIONS:
-                raise ValueError(f"{where}{place}.options.{key}: this is no option of an interface")
-    if far is not None and (far.channel, far.interface or segment.interface, far.options) == (
-        segment.channel,
-        segment.interface,
-        segment.options,
-    ):
-        raise ValueError(f"{where}.bridge: both sides are {segment.interface} {segment.channel}")
-    if far is not None and far.gateway == "kernel":
-        kinds = {segment.interface, far.interface or segment.interface}
-        if kinds != {"socketcan"}:
-            raise ValueError(
-                f"{where}.bridge.gateway: the kernel joins interfaces of SocketCAN only, not "
-                f"{', '.join(map(str, kinds))}"
-            )
+class RtuTable(_ModbusTable):
+    """`[segment.NAME]` with `kind = "modbus_rtu"`: a serial line."""
+
+    label: ClassVar[str] = 'a segment of kind = "modbus_rtu"'
+    units: ClassVar[range] = range(1, 248)
+
+    kind: Literal["modbus_rtu"]
+    """A serial line with Modbus RTU."""
+    baud: Annotated[int, Field(ge=300, le=1_000_000)] = 19_200
+    """Rate of the line, bit/s; emulated drives have those of a SINAMICS: 4800, 9600, 19200, 38400, 57600,
+    76800, 93750, 115200, 187500.
+    """
+    parity: Literal["even", "odd", "none"] = "even"
+    """Parity bit."""
+    stop_bits: Literal[1, 2] | None = None
+    """Stop bits; none: 1 with parity, 2 without, so that a character has 11 bits (MODB-001)."""
+    path: str | None = None
+    """Device file of the line of a live bench with physical drives. Emulated drives of a live bench bring a
+    pseudo-terminal each.
+    """
+
+    def check(self, where: str, *, live: bool) -> None:
+        """Check the table for a kind of bench.
+
+        Raises:
+            ValueError: With the place, the value and what is allowed.
+
+        """
+        if not live and self.path is not None:
+            raise ValueError(f'{where}.path: a virtual bench has no such place; set bench.kind = "live"')
+
+    def serial_format(self) -> SerialFormat:
+        """Return rate and characters of the line."""
+        from fieldbus.modbus import Parity, SerialFormat
+
+        return SerialFormat(self.baud, Parity(self.parity), self.stop_bits)
+
+    def timeout_ns(self, cycle_ns: int) -> int:
+        """Return how long the controller waits for the begin of a response, ns."""
+        return max(cycle_ns // 4, 5 * MS) if self.timeout_ms is None else round(self.timeout_ms * MS)
+
+    def in_virtual_time(self) -> RtuTable:
+        """Return the same segment for a bench in virtual time."""
+        return self
+
+
+def _kind(table: Any) -> Any:
+    return table.get("kind", "can") if isinstance(table, dict) else getattr(table, "kind", None)
+
+
+SegmentTable = CanTable | TcpTable | RtuTable
+ModbusTable = TcpTable | RtuTable
+AnySegment = Annotated[
+    Annotated[CanTable, Tag("can")]
+    | Annotated[TcpTable, Tag("modbus_tcp")]
+    | Annotated[RtuTable, Tag("modbus_rtu")],
+    Discriminator(_kind),
+]
+"""`[segment.NAME]`, chosen by its key `kind`."""

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 from fieldbus.canopen.master import CanopenMaster
 from fieldbus.clock import MS, S
 from fieldbus.errors import BusError, HilError
+from hil.bench.drive_config import ProfidriveModbusTable
+from hil.bench.segment_config import CanTable, RtuTable, SegmentTable, TcpTable
 from hil.errors import BlockedError
 
 if TYPE_CHECKING:
@@ -19,7 +21,6 @@ if TYPE_CHECKING:
     from fieldbus.history import History
     from hil.bench.config import BenchConfig
     from hil.bench.modbus_links import ModbusSegment
-    from hil.bench.segment_config import SegmentSection
     from hil.record import Recorder
 
     CanSegment: TypeAlias = CanMedium | LiveSegment
@@ -88,8 +89,8 @@ class Segments:
             self.close()
             raise
 
-    def _open(self, name: str, section: SegmentSection) -> None:
-        if section.on_modbus:
+    def _open(self, name: str, section: SegmentTable) -> None:
+        if not isinstance(section, CanTable):
             from hil.bench.modbus_links import ModbusSegment
 
             modbus = ModbusSegment(self._scheduler, name, section, cycle_ns=self._cycle_ns)
@@ -101,7 +102,7 @@ class Segments:
             self._scheduler, can, name="controller", node_id=MASTER_NODE, history=self._history
         )
 
-    def _open_can(self, name: str, section: SegmentSection) -> CanSegment:
+    def _open_can(self, name: str, section: CanTable) -> CanSegment:
         if self._config.bench.kind == "virtual":
             from fieldbus.can import CanMedium
 
@@ -126,19 +127,18 @@ class Segments:
             BlockedError: A serial line cannot be opened.
 
         """
-        from hil.bench.modbus_config import address_of
-
         for name, drive in self._config.drive.items():
-            segment = self.modbus.get(drive.segment)
-            if segment is None:
+            if not isinstance(drive, ProfidriveModbusTable):
                 continue
+            segment = self.modbus[drive.segment]
             section = self._config.segment[drive.segment]
             place = places.get(name)
             try:
-                if section.kind == "modbus_rtu":
-                    segment.open(name, place if isinstance(place, str) else section.path or "")
-                else:
-                    host, port = place if isinstance(place, tuple) else address_of(drive, section)
+                if isinstance(section, RtuTable):
+                    path = place if isinstance(place, str) else section.path or ""
+                    segment.open(name, path, section.serial_format())
+                elif isinstance(section, TcpTable):
+                    host, port = place if isinstance(place, tuple) else drive.address(section)
                     segment.connect(name, host, port)
             except BusError as error:
                 raise BlockedError(str(error)) from error
@@ -152,9 +152,10 @@ class Segments:
             if name in self.modbus:
                 recorder.add_bus(name, self.modbus[name].entries)
                 continue
-            can = self.can[name]
+            can, section = self.can[name], self._config.segment[name]
+            assert isinstance(section, CanTable)
             recorder.add_bus(name, can.log)
-            meter = LoadMeter(can, bitrate=self._config.segment[name].bitrate, cycle_ns=self._cycle_ns)
+            meter = LoadMeter(can, bitrate=section.bitrate, cycle_ns=self._cycle_ns)
             after_cycle.append(recorder.add_group(name, LOAD_COLUMNS, meter.row).sample)
 
     def record_requests(self, recorder: Recorder, after_cycle: list[Callable[[], object]]) -> None:

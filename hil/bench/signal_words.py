@@ -12,6 +12,7 @@ from fieldbus.profidrive.words import describe_word
 
 if TYPE_CHECKING:
     from fieldbus.profidrive import Layout
+    from hil.bench.drive_config import ProfidriveCanTable, ProfidriveModbusTable
 
 _WORDS: Final = {"word": 1, "n2": 1, "int32": 2, "n4": 2, "int64": 4}
 _ONE: Final = {"n2": 0x4000, "n4": 0x4000_0000}
@@ -108,3 +109,12 @@ class SignalWords:
         elif name in _TORQUES:
             text += f", {share * self._torque:.4g} Nm"
         return f"{raw} ({text})"
+
+
+def signal_words(drive: ProfidriveCanTable | ProfidriveModbusTable, layout: Layout) -> SignalWords:
+    """Return the texts for one direction of the telegram of a drive."""
+    return SignalWords(
+        layout,
+        reference_speed_rpm=drive.reference_speed_rpm,
+        reference_torque_nm=drive.reference_torque_nm,
+    )

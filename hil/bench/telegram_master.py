@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from fieldbus.clock import MS, S
 from fieldbus.errors import ConfigurationError
+from hil.bench.drive_config import ProfidriveCanTable, ProfidriveModbusTable
 from hil.bench.startup import LINK_TIMEOUT_NS, commission
 from hil.errors import BlockedError
 
@@ -136,7 +137,7 @@ def lead(
     if name not in config.drive:
         raise ConfigurationError("bench drive", name, ", ".join(config.drive))
     section = config.drive[name]
-    if section.profile != "profidrive":
+    if not isinstance(section, ProfidriveCanTable | ProfidriveModbusTable):
         raise ConfigurationError(
             f"drive.{name}.profile", section.profile, "profidrive: another drive has no telegram"
         )
@@ -150,7 +151,7 @@ def lead(
     port = ports.telegram_port(name)
     if master is not None and foreign:
         master.start_sync(config.bench.cycle_ms * MS, 0)
-    if master is not None and section.heartbeat_ms:
+    if master is not None and isinstance(section, ProfidriveCanTable) and section.heartbeat_ms:
         master.produce_heartbeat(section.heartbeat_ms * MS)
     telegram = TelegramMaster(port)
     commission(scheduler, ports, [name])

@@ -75,7 +75,7 @@ def _controller(tables: _Tables, config: Any) -> dict[str, Part]:
     }
     if 4 * cycle <= 32:
         parts["interpolator"] = _one(tables.on_bench, "interpolator_ms", 2 * cycle, 4 * cycle)
-    if config.segment[config.drive[tables.drive].segment].kind == "can":
+    if config.drive[tables.drive].bus == "can":
         parts["cycle"] = _one(tables.on_bench, "cycle_ms", 2, 4, 8)
     return parts
 
@@ -244,7 +244,7 @@ def configurations(config: Any) -> SearchStrategy[Configuration]:
     if drive.profile == "cia402":
         parts.update(_cia402(tables))
     elif drive.profile == "profidrive":
-        parts.update(_profidrive(tables, drive, on_can=config.segment[drive.segment].kind == "can"))
+        parts.update(_profidrive(tables, drive, on_can=drive.bus == "can"))
     order = list(parts)
 
     def of(chosen: list[str]) -> SearchStrategy[Configuration]:

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from hil.bench.axis_config import encoders_of_axis
+from hil.bench.drive_config import CanDriveTable, Cia402DriveTable, ProfidriveCanTable
+from hil.bench.segment_config import CanTable
 from hil.errors import CannotRunError
 from hil.record import Vocabulary
 
@@ -80,7 +81,7 @@ def facts_of(bench_file: Any) -> BenchFacts:
     segments = {
         name: (name, *([section.channel] if section.channel else []))
         for name, section in config.segment.items()
-        if not section.on_modbus
+        if isinstance(section, CanTable)
     }
     if not segments:
         raise CannotRunError(
@@ -115,16 +116,14 @@ def _emulated(config: BenchConfig) -> BenchConfig:
     """Return the same bench in virtual time with nothing but emulated devices."""
     if config.bench.kind == "virtual":
         return config
-    nowhere: dict[str, Any] = {"interface": None, "channel": None, "options": {}, "bridge": None}
     return config.model_copy(
         update={
             "bench": config.bench.model_copy(update={"kind": "virtual"}),
-            "segment": {name: one.model_copy(update=nowhere) for name, one in config.segment.items()},
+            "segment": {name: one.in_virtual_time() for name, one in config.segment.items()},
             "drive": {n: one.model_copy(update={"device": "emulated"}) for n, one in config.drive.items()},
             "encoder": {
                 n: one.model_copy(update={"device": "emulated"}) for n, one in config.encoder.items()
             },
-            "device": {n: one.model_copy(update={"device": "emulated"}) for n, one in config.device.items()},
         }
     )
 
@@ -133,10 +132,10 @@ def _nodes(bench: Bench, config: BenchConfig) -> list[NodeFacts]:
     found = []
     columns = {group.name: group for group in bench.recorder.groups}
     for name, drive in config.drive.items():
-        if config.segment[drive.segment].on_modbus or drive.profile == "analog":
+        if not isinstance(drive, CanDriveTable):
             continue
         axis = next((one for one, section in config.axis.items() if section.drive == name), None)
-        telegram = drive.words()[0] if drive.profile == "profidrive" else None
+        telegram = drive.named_telegram()[0] if isinstance(drive, ProfidriveCanTable) else None
         if axis is not None and telegram is not None:
             telegram = bench.ports.telegram_port(name).telegram
         found.append(
@@ -146,23 +145,22 @@ def _nodes(bench: Bench, config: BenchConfig) -> list[NodeFacts]:
                 drive.segment,
                 drive.profile,
                 consumer_heartbeat_ns=drive.consumer_heartbeat_ms * 1_000_000 if drive.heartbeat_ms else 0,
-                rated_torque_nm=drive.rated_torque_nm,
-                reference_speed_rpm=drive.profidrive.reference_speed_rpm,
+                rated_torque_nm=drive.rated_torque_nm if isinstance(drive, Cia402DriveTable) else 0.0,
+                reference_speed_rpm=drive.reference_speed_rpm,
                 telegram=telegram,
                 axis=None if axis is None else _axis(bench, config, axis, name),
                 enums=columns[name].enums,
             )
         )
-    others: dict[str, Any] = {**config.encoder, **config.device}
-    for name, section in others.items():
-        if section.segment in config.segment and not config.segment[section.segment].on_modbus:
-            found.append(NodeFacts(name, section.node_id, section.segment, "other"))
+    for name, node in config.nodes.items():
+        if name not in config.drive:
+            found.append(NodeFacts(name, node.node_id, node.segment, "other"))
     return found
 
 
 def _axis(bench: Bench, config: BenchConfig, name: str, drive: str) -> AxisFacts:
     axis = bench.axis(name).object
-    named = encoders_of_axis(config.axis[name], config.drive[drive], config.bench.cpu)
+    named = config.encoders_of_axis(name)
     own = named is None or (named and named[0] == drive)
     unit = next((unit for column, unit in axis.trace_columns if column == "actual_position"), "mm")
     increment = axis.mechanics.increment if own else 0.0

@@ -357,7 +357,10 @@ WRONG = [
         ANALOG.replace("off3_ramp_s = 0.5", "off3_ramp_s = 0.5\nnode_id = 5"),
         'node_id: a drive with profile = "analog" has none',
     ),
-    (ANALOG.replace("off3_ramp_s = 0.5", 'off3_ramp_s = 0.5\nencoder = "absolute"'), "allowed: incremental"),
+    (
+        ANALOG.replace("off3_ramp_s = 0.5", 'off3_ramp_s = 0.5\nencoder = "absolute"'),
+        "allowed: 'incremental'",
+    ),
     (ANALOG.replace("[station.io]", "[station.net0]"), "a segment has this name already"),
     (ANALOG.replace("[station.io]", '[station."i.o"]'), "has no dot"),
     (ANALOG.replace('kind = "virtual"', 'kind = "live"'), "stations are emulated on virtual benches"),
@@ -382,7 +385,10 @@ WRONG = [
         STEPPER.replace("increments_per_revolution = 2000", "increments_per_revolution = 10000"),
         "maximum_speed: 3000.0",
     ),
-    (read("reference")[1] + "\n[drive.drive1.tm_pto]\nuse_ed = false\n", 'set profile = "tm_pto"'),
+    (
+        read("reference")[1] + "\n[drive.drive1.tm_pto]\nuse_ed = false\n",
+        'it is a key of a drive with profile = "tm_pto"',
+    ),
     (
         read("reference")[1].replace('drive = "drive1"\n', 'drive = "drive1"\ninputs = "io"\n')
         + STATION_AT_A_SERVO.replace("drive1.negative_limit", "")

@@ -11,6 +11,7 @@ from fieldbus.modbus import Change
 from hil.bench import load_bench
 from hil.bench.bench import Bench
 from hil.bench.config import parse, read
+from hil.bench.drive_config import ProfidriveModbusTable
 from hil.campaign import CaseSettings, execute_case
 from hil.errors import BlockedError
 from hil.record import Trace
@@ -417,7 +418,7 @@ def test_a_drive_that_does_not_answer_ends_the_start(name, monkeypatch):
 
 
 @pytest.mark.requirement("MODB-023")
-def test_a_drive_with_another_map_ends_the_start_at_once(tmp_path):
+def test_a_drive_with_another_map_ends_the_start_at_once(tmp_path, monkeypatch):
     """Exception 02 to the first question: the drive is another one than the map says; asking again would
     change nothing.
     """
@@ -435,19 +436,13 @@ def test_a_drive_with_another_map_ends_the_start_at_once(tmp_path):
     config = load_bench(tmp_path / "bench.toml").config
     with Bench(config, seed=1) as machine:
         assert machine.axis().port.link_ok
-    from hil.bench import modbus_config
-
     wrong = process_data(load_map("festo"), telegram(105))
-    original = modbus_config.registers_of
-    modbus_config.registers_of = lambda _drive: wrong
-    try:
-        with pytest.raises(
-            BlockedError,
-            match=r"another drive than its register map says: 03 .*02h illegal data address",
-        ):
-            Bench(config, seed=1)
-    finally:
-        modbus_config.registers_of = original
+    monkeypatch.setattr(ProfidriveModbusTable, "registers", lambda _drive: wrong)
+    with pytest.raises(
+        BlockedError,
+        match=r"another drive than its register map says: 03 .*02h illegal data address",
+    ):
+        Bench(config, seed=1)
 
 
 def test_an_optional_drive_may_be_missing(monkeypatch):

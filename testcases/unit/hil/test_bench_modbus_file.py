@@ -32,17 +32,17 @@ def check(name, changes):
         (
             "profidrive_tcp",
             {'profile = "profidrive"\ntelegram = 105\n': ""},
-            'profile: "cia402" is not spoken on',
+            r'map: a drive with profile = "cia402" has none; it is a key of .* without node_id \(on Modbus\)',
         ),
         (
             "profidrive_tcp",
             {'map = "': 'node_id = 5\nmap = "'},
-            'node_id: a drive on a segment of kind = "modbus_tcp" has none',
+            r'map: a drive with profile = "profidrive" and node_id \(on CAN\) has none; .* \(on Modbus\)',
         ),
         (
             "profidrive_tcp",
             {'map = "': 'heartbeat_ms = 0\nmap = "'},
-            "heartbeat_ms: a drive on a segment of kind",
+            r"heartbeat_ms: a drive .* \(on Modbus\) has none; it is a key of .*cia402",
         ),
         (
             "profidrive_tcp",
@@ -54,7 +54,11 @@ def check(name, changes):
             {"latency_us = 100": "bitrate = 500_000"},
             'bitrate: a segment of kind = "modbus_tcp" has none',
         ),
-        ("profidrive_tcp", {"latency_us = 100": "baud = 9600"}, 'it is of kind = "modbus_rtu"'),
+        (
+            "profidrive_tcp",
+            {"latency_us = 100": "baud = 9600"},
+            'it is a key of a segment of kind = "modbus_rtu"',
+        ),
         (
             "profidrive_tcp",
             {"latency_us = 100": 'host = "10.0.0.1"'},
@@ -63,7 +67,7 @@ def check(name, changes):
         (
             "profidrive_tcp",
             {'kind = "modbus_tcp"': 'kind = "modbus_ascii"'},
-            "allowed: 'can', 'modbus_tcp' or 'modbus_rtu'",
+            "net0.kind: 'modbus_ascii' is not allowed; allowed: 'can', 'modbus_tcp', 'modbus_rtu'",
         ),
         (
             "profidrive_tcp",
@@ -90,9 +94,13 @@ def check(name, changes):
         (
             "reference",
             {"node_id = 5": "node_id = 5\nunit = 7"},
-            'unit: a drive on a segment of kind = "can" has none',
+            r'unit: a drive with profile = "cia402" has none; it is a key of .* \(on Modbus\)',
         ),
-        ("reference", {"node_id = 5": 'node_id = 5\nmap = "festo"'}, "map: a drive on a segment"),
+        (
+            "reference",
+            {"node_id = 5": 'node_id = 5\nmap = "festo"'},
+            "map: a drive with profile = .cia402. has none",
+        ),
         (
             "profidrive_tcp",
             {**LIVE, '"net0"\nmap': '"net0"\ndevice = "physical"\nmap'},

@@ -141,7 +141,7 @@ class TestExternalEncoder:
                 ENCODER.format(kind="multi_turn", place="", variables="").replace(
                     "external_encoder.ext1", "external_encoder.axis1"
                 ),
-                "external_encoder.axis1: a axis has this name already",
+                "external_encoder.axis1: an axis has this name already",
             ),
             (
                 ENCODER.format(kind="multi_turn", place="", variables="").replace(
@@ -218,7 +218,10 @@ class TestSecondEncoder:
                 {'encoders = ["drive1", "scale"]': 'encoders = ["drive1", "other"]'},
                 "'other' is neither its drive nor an encoder",
             ),
-            ({'encoders = ["drive1", "scale"]': 'encoders = ["scale", "scale"]'}, "an encoder stands twice"),
+            (
+                {'encoders = ["drive1", "scale"]': 'encoders = ["scale", "scale"]'},
+                "an encoder is listed twice",
+            ),
             ({'type = "positioning"': 'type = "speed"'}, "a speed axis has no encoder"),
             ({"cycle_ms = 4": 'cycle_ms = 4\ncpu = "S7-1500"'}, 'need bench.cpu = "S7-1500T"'),
             (

@@ -13,7 +13,6 @@ import pytest
 from emulators.drive.cia402 import DriveConfig, personality_names
 from hil._commands.personalities import show_personalities
 from hil.bench import BenchFile, BenchFileError, load_bench
-from hil.bench.drives import drive_config
 from hil.cli import main
 
 BENCH = """
@@ -33,7 +32,8 @@ drive = "d"
 
 
 def configured(keys: str, source: str = "own.toml") -> DriveConfig:
-    return drive_config(BenchFile(source, BENCH.format(keys=keys)).config, "d")
+    config = BenchFile(source, BENCH.format(keys=keys)).config
+    return config.drive["d"].config(config.bench)
 
 
 @pytest.mark.parametrize(
@@ -189,7 +189,7 @@ def test_a_personality_of_your_own_lies_beside_the_bench_file(tmp_path, monkeypa
     (folder / "bench.toml").write_text(BENCH.format(keys='personality = "mine.toml"'), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     bench_file = load_bench(folder / "bench.toml")
-    assert drive_config(bench_file.config, "d").quirks.skips_switched_on
+    assert bench_file.config.drive["d"].config(bench_file.config.bench).quirks.skips_switched_on
     again = type(bench_file.config).model_validate(bench_file.config.model_dump(mode="json"))
     assert Path(again.drive["d"].personality) == folder / "mine.toml"
     assert main(["check", str(folder / "bench.toml"), "--json"]) == 0
@@ -255,4 +255,5 @@ def test_the_bench_file_wins_over_the_personality():
     for text, expected in ((keys, "vendor"), (stated, "profile")):
         config = BenchFile("own.toml", BENCH.format(keys=text)).config
         sent = type(config).model_validate(config.model_dump(mode="json", exclude_unset=True))
-        assert drive_config(config, "d").home_offset == drive_config(sent, "d").home_offset == expected
+        assert config.drive["d"].config(config.bench).home_offset == expected
+        assert sent.drive["d"].config(sent.bench).home_offset == expected

@@ -435,17 +435,20 @@ HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\n'
             r"encoder.b.node_id: 20 is already taken by encoder.a",
         ),
         (HEAD.replace("encoder.a", "encoder.drive1"), r"encoder.drive1: a drive has this name already"),
-        (HEAD.replace("encoder.a", "encoder.axis1"), r"encoder.axis1: a axis has this name already"),
+        (HEAD.replace("encoder.a", "encoder.axis1"), r"encoder.axis1: an axis has this name already"),
         (HEAD.replace("encoder.a", 'encoder."a.b"'), r"encoder.'a.b': a name is not empty and has no dot"),
         (HEAD + 'on = "drive9"\n', r"encoder.a.on: 'drive9' is not a drive; there are: drive1"),
-        (HEAD + 'type = "resolver"\n', r"encoder.a.type: 'resolver' is not allowed; allowed: 'single_turn'"),
+        (
+            HEAD + 'type = "resolver"\n',
+            r"encoder.a.type: 'resolver' is not allowed; allowed: 'single_turn', .*'multi_sensor'",
+        ),
         (
             HEAD + "length_mm = 3.0\n",
-            r"encoder.a.length_mm: multi_turn is a rotary encoder and has no such thing",
+            r"encoder.a.length_mm: a rotary encoder .* has none; it is a key of a linear encoder",
         ),
         (
             HEAD + 'type = "absolute_linear"\nrevolutions = 3\n',
-            r"encoder.a.revolutions: absolute_linear is a linear",
+            r"encoder.a.revolutions: a linear encoder .* has none; it is a key of a rotary encoder",
         ),
         (HEAD + 'type = "absolute_linear"\non = "drive1"\n', r"encoder.a.mounting: 'motor' is not allowed"),
         (HEAD + 'mounting = "load"\n', r"encoder.a.mounting: 'load' needs the drive"),
@@ -459,7 +462,7 @@ HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\n'
         ),
         (
             HEAD + "[encoder.a.shaft]\nspeed_mm_s = 3.0\n",
-            r"encoder.a.shaft.speed_mm_s: multi_turn is a rotary",
+            r"encoder.a.shaft.speed_mm_s: the shaft of a rotary encoder has none; .* linear encoder",
         ),
         (
             HEAD + "[encoder.a.shaft]\nspeed_rpm = 3.0\nprofile = [[1.0, 2.0]]\n",
@@ -469,11 +472,11 @@ HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\n'
         (HEAD + "[encoder.a.shaft]\nprofile = [[-1.0, 2.0]]\n", r"encoder.a.shaft.profile"),
         (
             HEAD + "[encoder.a.shaft]\nspeed = 1.0\n",
-            r"unknown key; allowed: speed_rpm, speed_mm_s, profile, repeat",
+            r"unknown key; allowed: profile, repeat, speed_rpm; similar: speed_rpm",
         ),
         (
             HEAD + "steps_per_revolution = 16777216\n",
-            r"encoder.a: revolutions: 4096 is not allowed.*2147483648 steps",
+            r"encoder.a.revolutions: 4096 is not allowed.*2147483648 steps",
         ),
         (HEAD + 'device = "physical"\n', r"encoder.a: a virtual bench cannot hold a physical encoder"),
         (HEAD + "speed = 1\n", r"encoder.a.speed: unknown key; allowed: profile, device, segment"),

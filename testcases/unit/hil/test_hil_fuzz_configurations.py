@@ -3,16 +3,13 @@ is told and kept.
 """
 
 import json
-import tomllib
 
 import numpy as np
 import pytest
 from hypothesis import given, seed, settings
-from hypothesis import strategies as st
 
 from fieldbus.errors import ConfigurationError
-from hil.bench import EMBEDDED, load_bench
-from hil.bench._toml import dumps, merged
+from hil.bench import EMBEDDED, load_bench, merged
 from hil.campaign import CaseSettings, Token, execute_case, load_bench_file
 from hil.cli import main
 from hil.errors import CannotRunError
@@ -34,26 +31,10 @@ from testcases.unit.hil.toybench import BENCH as TOY
 
 REFERENCE = load_bench("reference")
 ON = (Do("power_on"), Wait(0.3))
-VALUES = st.recursive(
-    st.one_of(st.booleans(), st.integers(-(2**40), 2**40), st.floats(allow_nan=False), st.text(max_size=8)),
-    lambda inner: st.lists(inner, max_size=3),
-    max_leaves=4,
-)
-TABLES = st.recursive(
-    st.dictionaries(st.text(max_size=6), VALUES, max_size=3),
-    lambda inner: st.dictionaries(st.text(max_size=6), st.one_of(VALUES, inner), max_size=3),
-    max_leaves=6,
-)
 
 
 # -- bench files
 # ----------------------------------------------------------------------------------------------------
-
-
-@given(TABLES)
-def test_what_is_written_as_toml_reads_back(table):
-    """Any tables, names and values."""
-    assert tomllib.loads(dumps(table)) == table
 
 
 @pytest.mark.parametrize("name", EMBEDDED)

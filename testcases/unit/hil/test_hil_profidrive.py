@@ -31,7 +31,8 @@ def bench(name="profidrive", **changes):
     profidrive = changes.pop("profidrive", {})
     drive = config.drive["drive1"]
     variables = dict(changes.pop("variables", ()))
-    changes["profidrive"] = drive.profidrive.model_copy(update=profidrive)
+    if profidrive:
+        changes["profidrive"] = drive.profidrive.model_copy(update=profidrive)
     drive = drive.model_copy(update=changes)
     axis = config.axis["axis1"]
     axis = axis.model_copy(update={"variables": {**axis.variables, **variables}})

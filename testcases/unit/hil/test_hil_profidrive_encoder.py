@@ -620,11 +620,11 @@ HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\nprofile = "profidrive"\n'
     [
         (
             HEAD + 'type = "multi_sensor"\n',
-            r"encoder.a.type: 'multi_sensor' has no PROFIdrive interface; allowed: single_turn",
+            r"encoder.a.type: 'multi_sensor' is not allowed; allowed: 'incremental_linear', .*'single_turn'",
         ),
         (
             HEAD + "cyclic_timer_ms = 5\n",
-            r"encoder.a.cyclic_timer_ms: an encoder with profile = .profidrive. has none",
+            r"encoder.a.cyclic_timer_ms: a rotary encoder with profile = .profidrive. has none; .*cia406",
         ),
         (
             HEAD.replace("profidrive", "cia406") + "[encoder.a.profidrive]\ntelegram = 81\n",
@@ -641,7 +641,7 @@ HEAD = '[encoder.a]\nsegment = "can0"\nnode_id = 20\nprofile = "profidrive"\n'
         (HEAD + "[encoder.a.profidrive]\nzero_mark = 2147483647\n", r"encoder.a: zero_mark_counts"),
         (
             '[drive.drive1.encoder2]\ntype = "incremental_linear"\n',
-            r"drive.drive1: .*encoder2: a drive with profile = .cia402. has none",
+            r"drive.drive1.encoder2: a drive with profile = .cia402. has none",
         ),
     ],
 )

@@ -5,18 +5,13 @@ import re
 import struct
 import tomllib
 from pathlib import Path
-from types import NoneType
-from typing import get_args
 
 import pytest
 import typer
-from pydantic import BaseModel
-from pydantic_core import PydanticUndefined
 
 import hil.expect
 import hil.faults
 from hil.bench import EMBEDDED, BenchFile, load_bench
-from hil.bench.config import BenchConfig
 from hil.cli import app
 from hil.faults import CATALOGUE, ENVIRONMENTS, trigger_from_dict
 from hil.fuzz import default_invariants
@@ -57,70 +52,6 @@ def rows(text: str) -> dict[str, list[str]]:
 
 # -- bench file
 # ------------------------------------------------------------------------------------------------------
-
-
-def sections_of(model: type[BaseModel], heading: str = "") -> dict[str, type[BaseModel]]:
-    """Return every table of the bench file: its heading, and its model."""
-    found = {}
-    for name, field in model.model_fields.items():
-        choices = [one for one in (field.annotation, *get_args(field.annotation)) if isinstance(one, type)]
-        for inner in choices:
-            if issubclass(inner, BaseModel):
-                by_name = getattr(field.annotation, "__origin__", None) is dict
-                path = f"{heading}.{name}".lstrip(".") + (".NAME" if by_name else "")
-                found |= {path: inner, **sections_of(inner, path)}
-    return found
-
-
-SECTIONS = sections_of(BenchConfig)
-
-
-def in_words(default: object) -> str:
-    if default is PydanticUndefined:
-        return "required"
-    if default is None:
-        return "none"
-    if default == {}:
-        return "empty"
-    if isinstance(default, bool):
-        return str(default).lower()
-    if isinstance(default, tuple):
-        return str(list(default))
-    return (
-        str(default)
-        if not isinstance(default, float) or default >= 0.0001 or default <= 0
-        else f"{default:.5f}"
-    )
-
-
-@pytest.mark.parametrize("heading", SECTIONS)
-def test_every_key_of_the_bench_file_is_documented(heading):
-    """The table of a section has exactly the keys of the model, with their defaults."""
-    fields = {
-        name: field
-        for name, field in SECTIONS[heading].model_fields.items()
-        if not (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel))
-    }
-    documented = rows(section(page("docs/bench-file.md"), f"## `[{heading}]`"))
-
-    assert list(documented) == list(fields)
-    assert {name: cells[2].strip("`") for name, cells in documented.items()} == {
-        name: in_words(field.default) for name, field in fields.items()
-    }
-
-
-@pytest.mark.parametrize("heading", SECTIONS)
-def test_words_of_the_bench_file_are_documented(heading):
-    """Where a key takes one of several words, the table names all of them."""
-    documented = rows(section(page("docs/bench-file.md"), f"## `[{heading}]`"))
-    for name, field in SECTIONS[heading].model_fields.items():
-        words = [
-            one for one in get_args(field.annotation) if not isinstance(one, type) and one is not NoneType
-        ]
-        if words and all(isinstance(word, str | int) for word in words):
-            assert [word.strip(" `") for word in documented[name][1].split(",")] == [
-                str(word) for word in words
-            ]
 
 
 def test_every_embedded_bench_is_documented():
@@ -272,7 +203,7 @@ def test_every_command_is_documented(name):
         if option.startswith("-")
     ]
 
-    assert "--json" in options or name in ("emulate", "eds", "panel")
+    assert "--json" in options or name in ("emulate", "eds", "panel", "schema")
     assert [option for option in options if f"`{option}`" not in own + common] == []
     assert [
         option for option in options if option.startswith("--") and not re.search(rf"{option}\b", own)

@@ -61,20 +61,6 @@ IN_CIRCLES: Final[dict[str, frozenset[str]]] = {
             "motion.s7.runtime",
         }
     ),
-    "hil": frozenset(
-        {
-            "hil.bench._profidrive_encoder",
-            "hil.bench.axis_config",
-            "hil.bench.config",
-            "hil.bench.device_config",
-            "hil.bench.drive_config",
-            "hil.bench.encoder_config",
-            "hil.bench.encoders",
-            "hil.bench.io_config",
-            "hil.bench.io_devices",
-            "hil.bench.modbus_config",
-        }
-    ),
 }
 
 # Base classes that rightly have one subclass, with the reason. Exceptions are exempt: users catch the base.

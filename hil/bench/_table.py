@@ -1,0 +1,105 @@
+"""What every table of the bench file has: unknown keys and values of another type are errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import is_dataclass
+from functools import cache
+from types import UnionType
+from typing import Annotated, Any, ClassVar, Final, Union, get_args, get_origin, get_type_hints
+
+from annotated_types import Unit
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from fieldbus.errors import ConfigurationError
+
+_SCALARS: Final[Mapping[type, str]] = {
+    bool: "true or false",
+    int: "a number",
+    float: "a number",
+    str: "a text",
+}
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Word = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
+RampTime = Annotated[float, Field(ge=0.001, le=1000.0)]
+Time_ms = Annotated[float, Field(ge=0.0, le=5000.0)]
+Cycles = Annotated[int, Field(ge=1, le=1000), Unit("cycles")]
+NodeId = Annotated[int, Field(ge=1, le=126)]
+Port = Annotated[int, Field(ge=0, le=65535)]
+
+
+class Table(BaseModel):
+    """A table of the bench file, immutable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    label: ClassVar[str] = ""
+    """How messages call this table among those that stand in the same place: `a drive with profile =
+    "cia402"`.
+    """
+
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _as_written(cls, value: Any, validate: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+        problems = list(_of_another_type(cls.model_fields[str(info.field_name)].annotation, value, ()))
+        if problems:
+            raise ValidationError.from_exception_data(cls.__name__, problems)
+        return refused_by_part(value, validate)
+
+
+def refused_by_part(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
+    """Return the validated value; what a part refuses when it is built is a mistake of its table."""
+    try:
+        return validate(value)
+    except ConfigurationError as error:
+        raise ValueError(str(error)) from None
+
+
+def _of_another_type(hint: Any, value: Any, path: tuple[str | int, ...]) -> Iterator[InitErrorDetails]:
+    """Yield an error for a text where a number is expected and the like; a model checks its own fields."""
+    if is_dataclass(hint):
+        hints = _hints(hint)  # type: ignore[arg-type]  # a class: annotations name no instances
+        for key, one in value.items() if isinstance(value, Mapping) else ():
+            if key in hints:
+                yield from _of_another_type(hints[key], one, (*path, key))
+        return
+    if get_origin(hint) is tuple and isinstance(value, (list, tuple)):
+        inner = get_args(hint)
+        repeated = len(inner) == 2 and inner[1] is Ellipsis
+        for at, one in enumerate(value if repeated else value[: len(inner)]):
+            yield from _of_another_type(inner[0] if repeated else inner[at], one, (*path, at))
+        return
+    kinds, given = _scalars(hint), type(value)
+    numbers = {int, float}
+    if kinds and given in _SCALARS and given not in kinds and not (given in numbers and kinds & numbers):
+        allowed = " or ".join(sorted({_SCALARS[one] for one in kinds}))
+        error = PydanticCustomError("another_type", "allowed: {allowed}", {"allowed": allowed})
+        yield InitErrorDetails(type=error, loc=path, input=value)
+
+
+def _scalars(hint: Any) -> set[type]:
+    """Return which of bool, int, float and str a type hint permits; nothing for a choice of literals, which
+    is strict by itself.
+    """
+    if hint in _SCALARS:
+        return {hint}
+    if get_origin(hint) not in (Union, UnionType, Annotated):
+        return set()
+    return set().union(*map(_scalars, get_args(hint)))
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind, include_extras=True)
