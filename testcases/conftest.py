@@ -56,6 +56,7 @@ def helpers_of_the_checkout(tmp_path_factory):
 
 ELSEWHERE = ("browser", "peers", "vcan")
 """Marks of tests that need more than Python; they have their own environments."""
+OWN_CHOICE = ("exhaustive", *ELSEWHERE)
 _FILE_MARKS = re.compile(r"^pytestmark = .*", re.MULTILINE)
 
 
@@ -103,12 +104,15 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give the mark `exhaustive` to all parameter sets of a test but the first and the last."""
+    """Give the mark `exhaustive` to all parameter sets of a test but the first and the last.
+
+    A test some of whose sets have the mark already makes its own choice.
+    """
     by_test: dict[tuple[object, str], list[pytest.Item]] = {}
     for item in items:
         by_test.setdefault((item.parent, getattr(item, "originalname", item.name)), []).append(item)
     for sets in by_test.values():
-        if not any(sets[0].get_closest_marker(name) for name in ELSEWHERE):
+        if not any(item.get_closest_marker(name) for name in OWN_CHOICE for item in sets):
             for item in sets[1:-1]:
                 item.add_marker(pytest.mark.exhaustive)
 

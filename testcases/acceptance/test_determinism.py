@@ -14,6 +14,8 @@ from hil.bench import load_bench
 from hil.campaign import CaseSettings, execute_case
 from testcases.campaigns import fault_reactions
 
+pytestmark = pytest.mark.exhaustive
+
 RANDOM_CASE = "fault-reactions/limit-switch-bounces"
 """A case that draws from a seeded stream."""
 

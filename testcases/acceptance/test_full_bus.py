@@ -9,6 +9,8 @@ import pytest
 from fieldbus.can import CanFrame, CanMedium, HookResult, frame_bits
 from fieldbus.clock import MS, S, VirtualScheduler
 
+pytestmark = pytest.mark.exhaustive
+
 NODES = 10
 SECONDS = 2
 

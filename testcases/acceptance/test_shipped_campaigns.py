@@ -83,12 +83,17 @@ drive no words of its encoder."""
 
 
 def cases(bench, profile, campaigns, *, every=1):
+    """Yield the cases of campaigns; all but the first of each are exhaustive."""
     for campaign in campaigns:
+        quick = True
         for case in campaign.cases[::every]:
             if bench == "profidrive" and campaign is limits.CAMPAIGN and "/negative/" in case.identifier:
                 continue  # the other side runs on the reference bench
             if (bench, case.identifier) not in BLOCKED:
-                marks = pytest.mark.requirement(*requirements_here(case.requirements, [profile]))
+                marks = [pytest.mark.requirement(*requirements_here(case.requirements, [profile]))]
+                if not quick:
+                    marks.append(pytest.mark.exhaustive)
+                quick = False
                 yield pytest.param(
                     bench, case, id=f"{bench.rpartition(':')[2]}-{case.identifier}", marks=marks
                 )

@@ -26,10 +26,13 @@ def matrix(name):
 
 
 def sample():
+    """Yield every n-th case of the matrices; all but the first of each are exhaustive."""
     for path in sorted(FOLDER.glob("*.toml")):
-        for case in matrix(path.stem).cases[3 :: STEP.get(path.stem, 47)]:
+        for number, case in enumerate(matrix(path.stem).cases[3 :: STEP.get(path.stem, 47)]):
             profile = PROFILE.get(case.bench, "profidrive")
-            marks = pytest.mark.requirement(*requirements_here(case.requirements, [profile]))
+            marks = [pytest.mark.requirement(*requirements_here(case.requirements, [profile]))]
+            if number:
+                marks.append(pytest.mark.exhaustive)
             yield pytest.param(case, id=case.identifier, marks=marks)
 
 

@@ -125,6 +125,7 @@ def test_one_direction_inverted_runs_away_until_521():
         assert abs(bench.drive().mechanics.velocity) < 1e-6
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-205", "MC-206", "MC-214")
 def test_absolute_encoder_keeps_its_position_over_a_power_cycle():
     """An absolute encoder adjusted with Mode 7 shows the same position after power-off and stays homed."""

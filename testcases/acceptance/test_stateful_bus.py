@@ -22,6 +22,8 @@ from hil.expect import run_checkers
 from hil.faults import Injector
 from reports.model import Verdict
 
+pytestmark = pytest.mark.exhaustive
+
 DRIVES = ("drive1", "drive2", "drive3")
 AXES = ("axis1", "axis2", "axis3")
 

@@ -9,6 +9,8 @@ from hypothesis.stateful import precondition, rule
 
 from testcases.acceptance.motion_machine import MotionUnderFaults
 
+pytestmark = pytest.mark.exhaustive
+
 
 class Cia402UnderFaults(MotionUnderFaults):
     """An axis on a CiA 402 drive."""

@@ -16,6 +16,7 @@ import tempfile
 import warnings
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
@@ -24,6 +25,8 @@ from hil.campaign import Runner, RunOptions, find_campaigns, select_cases
 from hil.errors import CannotRunError
 from reports.model import Verdict
 from reports.store import RUN_FILE, load_run
+
+pytestmark = pytest.mark.exhaustive
 
 CAMPAIGN = '''
 """Cases that do what a file beside them says."""

@@ -12,6 +12,7 @@ from hil.bench import load_bench
 from motion.setpoint import SetpointGenerator, plan_position
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("bench", "axes", "cycle_ms"),
     [("fast", 1, 1), ("reference", 1, 4), ("reference", 4, 4), ("reference", 4, 2)],

@@ -33,6 +33,7 @@ wanted.
 """
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", targets())
 def test_no_promise_is_broken(name):
     """Corpus and mutations of it, always the same ones."""

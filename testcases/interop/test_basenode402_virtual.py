@@ -25,6 +25,8 @@ from testcases.interop_master import (
     VALUES,
 )
 
+pytestmark = pytest.mark.exhaustive
+
 
 @pytest.fixture
 def ready(master):

@@ -121,6 +121,7 @@ def test_mistakes_are_told_in_one_line(tmp_path, capsys, text, arguments, messag
     assert "Traceback" not in told.err
 
 
+@pytest.mark.exhaustive
 def test_it_answers_and_ends_with_a_signal(capsys, request):
     """It says when it is ready, answers on the bus, tells state changes, and ends with exit code 0 on
     SIGTERM.

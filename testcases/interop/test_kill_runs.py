@@ -4,6 +4,8 @@ import pytest
 
 from testcases.kill_runs import after_cases, after_seconds, kill_until_through
 
+pytestmark = pytest.mark.exhaustive
+
 ARGUMENTS = ["testcases.unit.hil.toycampaign", "-t", "toy", "-k", "move", "-j"]
 
 

@@ -12,6 +12,8 @@ from hil.faults import Injector
 from motion.s7.controller import OperatingState
 from testcases.interop.test_live_modbus import bench_text
 
+pytestmark = pytest.mark.exhaustive
+
 
 @pytest.mark.parametrize("kind", ["controller.stop", "controller.power_off"])
 @pytest.mark.requirement("MC-629", "MC-630")

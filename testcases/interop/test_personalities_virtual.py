@@ -9,6 +9,8 @@ from fieldbus.cia402 import DriveState
 from testcases.interop.conftest import NODE, library_master, make_station
 from testcases.interop_master import IMMEDIATELY, REVOLUTION
 
+pytestmark = pytest.mark.exhaustive
+
 
 @pytest.fixture
 def of_personality(request):

@@ -13,6 +13,8 @@ from fieldbus.canopen import CanopenMaster, NmtCommand, PumpedNetwork
 from fieldbus.cia402 import DriveState
 from fieldbus.clock import MS, VirtualScheduler
 
+pytestmark = pytest.mark.exhaustive
+
 FRAMES = 100_000
 SEED = 402
 

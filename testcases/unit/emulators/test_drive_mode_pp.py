@@ -135,6 +135,7 @@ def test_targets_outside_of_the_range():
     assert degrees(bench) == pytest.approx(30, abs=0.05)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-164", "C402-219")
 def test_the_range_itself():
     """607Bh: not while enabled (08000022h), minimum above maximum 06090036h, equal or the defaults: off."""
@@ -303,6 +304,7 @@ def test_set_point_and_edge_in_one_pdo():
         assert bench.read(0x6064) == pytest.approx(target, abs=1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-091", "C402-092", "C402-093", "C402-095")
 @settings(max_examples=25, deadline=None)
 @given(

@@ -211,6 +211,7 @@ def test_no_slope_is_at_once():
     assert bench.read(0x6077) == 800
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-098", "C402-261")
 @settings(max_examples=15, deadline=None)
 @given(

@@ -314,6 +314,7 @@ def test_over_the_bus():
     assert int.from_bytes(seen[-1][2:4], "little", signed=True) == pytest.approx(-600, abs=1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-096")
 @settings(max_examples=12, deadline=None)
 @given(

@@ -149,6 +149,7 @@ def test_wide_and_raw_positions_in_a_pdo():
     assert bench.frames(TPDO4)[-1][1] == struct.pack("<iI", folded, 3001)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "C406-002", "C406-036", "C406-037", "C406-042", "C406-043", "C406-045", "C406-046", "C406-048", "C301-146"
 )
@@ -298,6 +299,7 @@ def test_the_encoder_is_a_node_like_the_drive():
     assert all(abs(mine[0] - other[0]) < 0.5 * MS for mine, other in zip(encoder, drive, strict=True))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "kind", [EncoderType.MULTI_TURN, EncoderType.MULTI_SENSOR, EncoderType.INCREMENTAL_LINEAR]
 )

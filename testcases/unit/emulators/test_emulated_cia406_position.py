@@ -40,6 +40,7 @@ def expected(
 # -- formula -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C406-003", "C406-004", "C406-005", "C406-007")
 @given(data=st.data())
 def test_position_is_the_formula_of_the_profile(data):
@@ -218,6 +219,7 @@ def test_ranges_of_linear_encoders():
     assert list(shown.values()) == [(10, 0), (20_010, 0), (10, 0), (19_990, 1)]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C406-018", "C406-013", "C406-015")
 @given(
     step_nm=st.sampled_from([1000, 1500, 5000, 7919, 20_000]),

@@ -36,6 +36,7 @@ class CamOracle:
         return self.active
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C406-027", "C406-028", "C406-029", "C406-030", "C406-031", "C406-032", "C406-049")
 @given(data=st.data())
 def test_cams(data):
@@ -155,6 +156,7 @@ def test_warnings(told):
     assert bench.emcys == ([(0xFF20, 0x21)] * 6 + [(0, 0)] if told else [])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C406-040", "C406-043", "C406-008")
 def test_causes_of_warnings():
     """Too fast, too long in operation, reference mark not passed yet: each sets its own bit by itself."""

@@ -29,6 +29,7 @@ def node(network):
     return network.add_node(1, str(EDS_PATH))
 
 
+@pytest.mark.exhaustive
 def test_identification(bench, node):
     """Device type, name, identity and modes are read over SDO, the long name by segmented upload."""
     sdo = node.sdo
@@ -128,6 +129,7 @@ def test_story_of_a_fault(bench):
     bench.enable_cyclic()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-020", "C402-077", "C402-050", "C301-026")
 def test_heartbeat_loss_is_a_fault(bench, node):
     """1016h set, heartbeat gone, 6007h = 1: EMCY 8130h, fault reaction on the ramp, reset only when it is

@@ -76,6 +76,7 @@ def test_coasting_against_dry_friction_takes_the_time_of_the_formula():
     assert mechanics.position == rest
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None)
 @given(
     speed=st.floats(-5.0, 5.0),

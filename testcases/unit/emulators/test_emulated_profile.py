@@ -44,6 +44,7 @@ def test_short_way_is_a_triangle():
     assert min(v for _, v in points) == pytest.approx(-math.sqrt(2 * 0.1 * 5 * 20 / 25), rel=1e-2)
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None)
 @given(
     start=st.floats(-20, 20),
@@ -99,6 +100,7 @@ def test_jerk_limit():
     assert (len(points) - 1) * DT == pytest.approx(5.0 / 4.0 + 4.0 / 10.0 + 10.0 / 100.0, abs=3 * DT)
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None)
 @given(
     st.lists(st.tuples(st.integers(1, 400), st.floats(-5, 5)), min_size=1, max_size=6),

@@ -83,6 +83,7 @@ def test_second_limit_switch_ends_a_search_for_a_cam(make_bench, method):
     assert all(abs(velocity) < FAST_MM_S * 1.03 for _, _, velocity in run.samples)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-137", "C402-311")
 @pytest.mark.parametrize("method", [7, 9, 12, 14, 24])
 def test_home_switch_that_stays_active(make_bench, method):
@@ -404,6 +405,7 @@ def test_polarity_does_not_turn_homing_round(make_bench):
         assert runs[0][1] == pytest.approx(runs[1][1], abs=1e-3)
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=60)
 @given(data=st.data())
 def test_any_parameters_and_commands_leave_a_working_drive(make_bench_factory, data):

@@ -211,6 +211,7 @@ def test_method_with_switch(make_bench, method, place):
         check(run, method, ROWS[method][place], cam, zero_mark)
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=40)
 @given(data=st.data())
 def test_narrow_and_wide_cams_anywhere(make_bench_factory, data):

@@ -389,6 +389,7 @@ def test_a_serial_program_talks_to_it(request):
         ]
 
 
+@pytest.mark.exhaustive
 def test_a_program_that_does_not_read_loses_frames_and_wedges_nothing(request):
     """When nobody reads the line, frames are lost and told once; whoever comes then can work at once."""
     with desk_for(request) as desk:

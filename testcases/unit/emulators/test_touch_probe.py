@@ -97,6 +97,7 @@ def test_the_latch_belongs_to_the_instant(make_bench, probe, edge, rpm):
     )
 
 
+@pytest.mark.exhaustive
 @settings(deadline=None, max_examples=25)
 @given(
     rpm=st.floats(60.0, 2500.0),

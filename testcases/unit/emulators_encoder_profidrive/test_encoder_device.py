@@ -227,6 +227,7 @@ def test_wrong_length():
     assert rig()["ZSW2_ENC"] == 0x0200
 
 
+@pytest.mark.exhaustive
 @given(st.lists(st.binary(min_size=0, max_size=6) | st.binary(min_size=4, max_size=4), max_size=40))
 def test_any_frames(frames):
     """Whatever comes, a frame of the right length goes out, and parking brings the encoder back."""

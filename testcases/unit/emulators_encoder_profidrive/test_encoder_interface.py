@@ -623,6 +623,7 @@ def allowed(before, after):
     return before is after or (before, after) in TABLE
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "PTO-211", "PTO-212", "PTO-213", "PTO-214", "PTO-215", "PTO-216", "PTO-217", "PTO-218", "PTO-313"
 )

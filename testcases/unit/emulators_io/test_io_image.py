@@ -91,6 +91,7 @@ def test_one_request_for_everything(transport):
     assert rig.exchange(1 << 16) == (1 << 17 | 1, [-13824, 13824], [-0x7FFF_FFFF])
 
 
+@pytest.mark.exhaustive
 @given(st.data())
 def test_the_image_loses_nothing(data):
     """Whatever the numbers of channels: what is packed comes out again."""

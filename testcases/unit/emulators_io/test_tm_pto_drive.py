@@ -427,6 +427,7 @@ TARGETS = st.lists(
 )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PTO-312", "PTO-291")
 @given(TARGETS, st.sampled_from([0, 1, 4, 10]))
 def test_count_is_the_integral(targets, pause_ms):
@@ -482,6 +483,7 @@ WORDS = st.sampled_from(
 )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PTO-311", "PTO-266")
 @given(
     st.lists(

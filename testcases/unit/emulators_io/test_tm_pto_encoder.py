@@ -409,6 +409,7 @@ WORDS = st.builds(
 EVENTS = st.sampled_from([None, None, "RS", "MI", "short", "supply", "stop", "quiet"])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PTO-313", "PTO-108", "PTO-111", "PTO-113", "PTO-114", "PTO-116")
 @given(
     st.lists(

@@ -136,6 +136,7 @@ def test_registers_outside(channel, first, count):
         channel.write(first, [0] * count, 0)
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=200, derandomize=True, deadline=None)
 @given(
     st.lists(

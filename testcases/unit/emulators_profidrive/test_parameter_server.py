@@ -632,6 +632,7 @@ def shaped():
     )
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=300, derandomize=True, deadline=None)
 @given(st.binary(max_size=300) | shaped())
 def test_any_bytes_are_answered(data):

@@ -580,6 +580,7 @@ ANY = st.tuples(
 )
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=150, derandomize=True, deadline=None)
 @given(st.lists(ANY, min_size=1, max_size=10))
 def test_any_words_are_lived_with(course):

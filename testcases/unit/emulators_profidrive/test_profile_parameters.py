@@ -107,6 +107,7 @@ SET = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("number", "displayed"),
     [

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,6 +15,8 @@ from emulators.drive.profidrive import AxisState, ProfidriveConfig
 from emulators.drive.profidrive.safety.config import SafeMotionConfig
 from emulators.drive.profidrive.second_encoder import SecondEncoderConfig
 from testcases.unit.emulators_profidrive.profidrive_rig import READY, RUN, Rig
+
+pytestmark = pytest.mark.exhaustive
 
 FLAG = st.booleans()
 DOORS = st.one_of(

@@ -5,10 +5,14 @@ changes nothing.
 import random
 from collections import Counter
 
+import pytest
+
 from fieldbus.can import CanFrame, CanMedium
 from fieldbus.can.section import BusSection
 from fieldbus.clock import MS, VirtualScheduler
 from fieldbus.history import History
+
+pytestmark = pytest.mark.exhaustive
 
 STEPS = 60
 

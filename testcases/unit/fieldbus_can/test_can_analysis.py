@@ -89,6 +89,7 @@ def test_response_times_worked_out_by_hand():
         response_time_ns(PeriodicFrame(top.frame, 0), traffic, 1_000_000)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CANP-031", "CANP-032")
 @given(
     st.lists(

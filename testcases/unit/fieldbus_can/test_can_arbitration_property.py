@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from fieldbus.can import CanFrame, CanMedium, HookResult, frame_bits
 from fieldbus.clock import MS, US, VirtualScheduler
 
+pytestmark = pytest.mark.exhaustive
+
 PORTS = 4
 
 

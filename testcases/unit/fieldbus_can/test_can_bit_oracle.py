@@ -8,6 +8,8 @@ from fieldbus.can import CanFrame, CanMedium
 from fieldbus.clock import US, VirtualScheduler
 from testcases.unit.fieldbus_can import bit_oracle
 
+pytestmark = pytest.mark.exhaustive
+
 
 def key(frame):
     return frame.can_id, frame.extended, frame.remote, frame.dlc, bytes(frame.data)

@@ -378,6 +378,7 @@ def test_recovery_on_request():
     assert port.state is ACTIVE
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CANP-055")
 @given(gaps=st.lists(st.integers(0, 60), min_size=1, max_size=5))
 def test_recovery_under_traffic_counts_recessive_sequences(gaps):
@@ -489,6 +490,7 @@ def test_collision_of_different_lengths():
     assert bench.log_times()[0] < 19 + 5 + 12 + 8
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CANP-029", "CANP-038")
 @given(st.binary(min_size=8, max_size=8), st.binary(min_size=8, max_size=8))
 def test_length_of_the_error_frame_of_two_colliding_nodes(one, other):
@@ -624,6 +626,7 @@ def test_bus_error_listener():
     assert told == [((LENGTH - 3 - 10) * US, "a", ErrorCode.BIT, FRAME, "crc")]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CANP-077")
 @given(
     st.lists(

@@ -281,6 +281,7 @@ def test_bus_stuck_recessive():
     assert bench.received["c"] == [FRAME]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CANP-068")
 @pytest.mark.parametrize("rate", [500_000, 250_000])
 def test_node_with_a_wrong_bit_rate(rate):

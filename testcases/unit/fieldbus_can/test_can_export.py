@@ -131,6 +131,7 @@ def test_log_of_a_medium(path):
         assert [message.is_error_frame for message in reader] == [True, True, False, False]
 
 
+@pytest.mark.exhaustive
 @given(
     frames=st.lists(
         st.tuples(

@@ -405,6 +405,7 @@ def test_recv_runs_a_realtime_scheduler_of_its_own_thread():
         assert bus.recv(0.01) is None
 
 
+@pytest.mark.exhaustive
 def test_bus_keeps_the_segment_alive_but_the_registry_does_not(scheduler):
     """A program that opened a segment by name holds it; without it the segment goes."""
     bus = can.Bus(interface="hil", channel=CanMedium(scheduler, name="short-lived"))

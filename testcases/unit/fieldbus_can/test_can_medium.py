@@ -447,6 +447,7 @@ def test_bit_rate_is_checked(scheduler, bitrate):
         CanMedium(scheduler, bitrate=bitrate)
 
 
+@pytest.mark.exhaustive
 def test_segment_is_found_by_name_as_long_as_it_lives(scheduler):
     """The registry knows the latest segment of a name and does not keep it alive."""
     medium = CanMedium(scheduler, name="press")

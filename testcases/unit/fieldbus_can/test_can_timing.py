@@ -19,6 +19,8 @@ from fieldbus.can.timing import (
 )
 from fieldbus.errors import BusError
 
+pytestmark = pytest.mark.exhaustive
+
 
 def bits_of(value, width):
     return [value >> shift & 1 for shift in range(width - 1, -1, -1)]

@@ -18,6 +18,8 @@ from fieldbus.clock import MS, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
 
+pytestmark = pytest.mark.exhaustive
+
 PDOS = (
     PdoSetup(False, 1, 0x205, 1, (0x60400010, 0x60FF0020, 0x60600008)),
     PdoSetup(True, 1, 0x185, 1, (0x60410010, 0x60640020)),

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from fieldbus.can.frame import CanFrame
 from fieldbus.canopen import FrameDecoder, NmtCommand, PumpedNetwork
 
+pytestmark = pytest.mark.exhaustive
+
 
 def frame(can_id: int, data: str = "", **options) -> CanFrame:
     return CanFrame(can_id, bytes.fromhex(data), **options)

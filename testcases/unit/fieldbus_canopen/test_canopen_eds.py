@@ -17,6 +17,8 @@ from fieldbus.canopen.eds_export import device_eds
 from fieldbus.clock import MS, VirtualScheduler
 from fieldbus.errors import ConfigurationError
 
+pytestmark = pytest.mark.exhaustive
+
 SERVO = Path(str(files("emulators.drive.cia402"))) / "servo.eds"
 
 HEAD = "[DeviceInfo]\nVendorName=x\n\n[1000]\nParameterName=Device type\nDataType=0x0007\nAccessType=ro\nDefaultValue=0\n"  # noqa: E501

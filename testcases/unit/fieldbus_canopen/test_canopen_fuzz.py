@@ -16,6 +16,8 @@ from fieldbus.canopen.sdo_server import SdoServer
 from fieldbus.canopen.store import ObjectStore
 from fieldbus.clock import MS, VirtualScheduler
 
+pytestmark = pytest.mark.exhaustive
+
 FRAMES = 20_000
 
 SERVICES = (0x000, 0x080, 0x100, 0x205, 0x305, 0x405, 0x505, 0x605, 0x6C0, 0x705, 0x77F, 0x7E5)

@@ -402,6 +402,7 @@ def test_activate_bit_timing(kit):
     assert bench.slave._port.online
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-157")
 def test_other_bit_rate_on_the_segment(kit):
     """After the change the node works at the other bit rate: a master at the old one does not reach it, one
@@ -472,6 +473,7 @@ def test_configured_nodes_take_no_part_in_fastscan(bench, network):
     assert lss(bench, 0x5E) == []
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-011", "C301-155", "C301-160", "C301-161", "C301-163")
 def test_fastscan_by_the_library_names_all_nodes(kit):
     """The library finds node after node among several by fastscan, and gives each a node-ID of its own."""

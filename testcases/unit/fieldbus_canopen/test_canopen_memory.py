@@ -32,6 +32,7 @@ def start(kit, path):
     return start
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-018", "C301-140")
 def test_saved_values_survive_the_process(start, kit, path):
     """What 1010h:1 has saved is there in a new device on the same file; what was not saved is not."""
@@ -144,6 +145,7 @@ def test_a_damaged_file_is_refused(start, path, cut):
         start()
 
 
+@pytest.mark.exhaustive
 def test_every_changed_character_of_the_values_is_noticed(start, path):
     """The checksum covers every value: changing any digit of the file is noticed."""
     saved(start, path)

@@ -53,6 +53,7 @@ def test_expedited_by_the_library(node, index, value):
     assert node.sdo[index].raw == value
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-058", "C301-059", "C301-061")
 @pytest.mark.parametrize("text", ["seven77", "fourteen bytes", "a string that needs several segments", "x"])
 def test_segmented_by_the_library(bench, node, text):
@@ -143,6 +144,7 @@ def test_late_answer_is_not_taken_for_the_next(bench, node):
     assert node.sdo[0x1000].raw == 0x20192
 
 
+@pytest.mark.exhaustive
 def test_additional_sdo_channel(bench, node):
     """A client added to the node later waits in simulated time like the first."""
     node.sdo[0x1201][1].raw = 0x6C0
@@ -426,6 +428,7 @@ def test_looking_at_the_clock_lets_time_pass(bench):
     assert 100 * MS <= bench.scheduler.now - before < 102 * MS
 
 
+@pytest.mark.exhaustive
 def test_sleep_in_a_callback_is_refused(bench):
     """A callback cannot sleep, and for it the time stands still."""
     with virtual_time(bench.scheduler) as clock:

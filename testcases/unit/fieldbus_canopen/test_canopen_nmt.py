@@ -252,6 +252,7 @@ def test_history_has_the_state_changes(bench):
     ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("node_id", "options", "where"),
     [(0, {}, "node_id"), (128, {}, "node_id"), (5, {"boot_time_ns": -1}, "boot_time_ns")],

@@ -210,6 +210,7 @@ def test_identifiers_of_a_second_sdo_server(bench):
 # -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "C301-059", "C301-061", "C301-063", "C301-064", "C301-065", "C301-066", "C301-068", "C301-069"
 )
@@ -281,6 +282,7 @@ def upload_in_blocks(server, lost, sizes):
     return content
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-066", "C301-067", "C301-068", "C301-070")
 @given(content=st.binary(min_size=1, max_size=400), lost=st.sets(st.integers(1, 60)), data=st.data())
 def test_block_upload_survives_any_losses(content, lost, data):

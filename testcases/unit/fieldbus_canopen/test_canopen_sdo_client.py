@@ -99,6 +99,7 @@ def test_protocol_fits_the_size(net):
     assert first == [0x23, 0x21, 0x21, 0xC6]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-060")
 def test_numbers(net):
     """An upload is the entry's bytes, and an unsigned number for those who want one."""
@@ -265,6 +266,7 @@ def test_job_from_the_callback_of_another(net):
     assert not net.master.sdo(5).busy
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-070")
 @pytest.mark.parametrize("which", [1, 2, 60, 126])
 @pytest.mark.parametrize("direction", ["up", "down"])
@@ -451,6 +453,7 @@ def test_frames_of_a_download(net):
     ]
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=300, deadline=None)
 @given(
     st.sampled_from(["up", "down"]),

@@ -77,6 +77,7 @@ def test_sizes_of_types(kit, index, size):
     assert entry.decode(bytes(size)) == 0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("access", "receive", "transmit"),
     [

@@ -36,6 +36,7 @@ def matches(word: int, pattern: str) -> bool:
     return all(bit == "x" or word >> place & 1 == int(bit) for place, bit in enumerate(reversed(pattern)))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-039")
 def test_every_statusword_shows_at_most_one_state():
     """For all 65536 words the decoded state is the one whose pattern matches; patterns exclude each other."""

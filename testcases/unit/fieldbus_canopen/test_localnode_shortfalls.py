@@ -195,6 +195,7 @@ def test_12_emcy_identifier_register_and_history(bench, node):
     assert (node.sdo[0x1003][0].raw, node.sdo[0x1003][1].raw) == (1, 0x2310)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-004", "C301-026", "C301-140", "C301-141", "C301-155")
 def test_13_heartbeat_consumer_store_restore_time_and_lss(bench, node):
     """13: 1016h watches a heartbeat; 1010h stores and 1011h restores; TIME sets the clock; LSS gives the

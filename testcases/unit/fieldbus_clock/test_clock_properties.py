@@ -2,10 +2,13 @@
 
 from dataclasses import dataclass, field
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldbus.clock import VirtualScheduler
+
+pytestmark = pytest.mark.exhaustive
 
 HORIZON = 40
 

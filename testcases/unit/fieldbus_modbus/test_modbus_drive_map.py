@@ -200,6 +200,7 @@ def test_which_registers_keep_the_process_data(options, counting):
             assert rig.drive.accesses - before == 2 * (register in counting), register
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=40)
 @given(
     st.sampled_from(("sinamics_g120", "festo")),

@@ -28,6 +28,8 @@ from fieldbus.modbus import (
 )
 from testcases.unit.fieldbus_modbus.conftest import IDENTIFICATION, new_map
 
+pytestmark = pytest.mark.exhaustive
+
 READ = Request(3, 10, 2)
 
 

@@ -124,6 +124,7 @@ def test_pieces_and_wrong_headers_on_a_socket(device):
         assert receive(two, len(ANSWER)) == ANSWER
 
 
+@pytest.mark.exhaustive
 def test_a_reset_and_a_peer_that_never_reads(device):
     """A connection that is reset, and one that sends requests but takes no responses, end; the server goes
     on.

@@ -151,6 +151,7 @@ def test_late_responses_are_discarded(rig):
     assert (client.timeouts, client.late) == (1, 1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MODB-041")
 def test_numbers_come_again_late():
     """No number is used twice within 65535 requests."""

@@ -110,6 +110,7 @@ def blocks(draw):
     return Values(code, tuple(draw(st.lists(CODES[code], min_size=1, max_size=6))))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-044", "PD-199", "PD-200", "PD-201", "PD-204")
 @given(
     reference=st.integers(1, 255),

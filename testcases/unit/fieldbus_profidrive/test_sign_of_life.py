@@ -59,6 +59,7 @@ def test_synchronisation(factor):
     assert all(after == next_sign(before) for before, after in pairwise(running))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-125")
 @given(cycle=st.integers(2, 34), wrong=st.integers(0, 15))
 def test_a_deviation_while_synchronising_starts_again(cycle, wrong):

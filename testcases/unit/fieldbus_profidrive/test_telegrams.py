@@ -148,6 +148,7 @@ def test_every_telegram_is_in_the_tables():
     assert set(NUMBERS) == set(COUNTS)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "CFG-204",
     "CFG-205",

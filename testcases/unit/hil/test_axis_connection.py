@@ -11,6 +11,8 @@ from hil.bench.bench import Bench
 from hil.bench.config import parse, read
 from testcases.unit.hil.test_hil_profidrive import bench, enabled
 
+pytestmark = pytest.mark.exhaustive
+
 WHEEL = """
 [encoder.wheel]
 segment = "can0"

@@ -6,6 +6,8 @@ import pytest
 
 from hil._commands._axis_measurement import AXES, STATES, RunningAxes, axis_cycles
 
+pytestmark = pytest.mark.exhaustive
+
 
 @pytest.mark.parametrize("state", STATES)
 def test_axes_are_in_the_state(state):

@@ -10,6 +10,8 @@ from hil.bench.bench import Bench
 from hil.bench.config import BenchFileError, parse, read
 from hil.faults import Injector
 
+pytestmark = pytest.mark.exhaustive
+
 SIZE = 0.2
 SCALE = f"""
 [encoder.scale]

@@ -15,6 +15,8 @@ from hil.faults import Injector
 from reports.model import Verdict
 from testcases.campaigns import stop_modes
 
+pytestmark = pytest.mark.exhaustive
+
 ANALOG, STEPPER = read("analog")[1], read("stepper")[1]
 STATION_AT_A_SERVO = """
 [segment.net0]

@@ -18,6 +18,8 @@ from hil.record import Trace
 from reports.model import Verdict
 from testcases.campaigns import stop_modes
 
+pytestmark = pytest.mark.exhaustive
+
 BENCHES = ("profidrive_tcp", "profidrive_rtu")
 NO_SWITCHES = {'"PositionLimits_HW.Active" = true': '"PositionLimits_HW.Active" = false'}
 """For register maps that show no digital inputs."""

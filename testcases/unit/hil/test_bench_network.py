@@ -293,6 +293,7 @@ def story(*, power_loss: bool, forgets: bool = True):
     return bench
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C301-015", "C301-022")
 @pytest.mark.parametrize("forgets", [True, False])
 def test_drive_comes_back_while_the_other_axis_moves(forgets):
@@ -441,6 +442,7 @@ def test_controller_cut_off():
         enable(bench, "axis1", "axis2")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", range(6))
 def test_supply_that_comes_and_goes(seed):
     """However often and whenever a drive loses its supply, also in the middle of its boot, it is in service

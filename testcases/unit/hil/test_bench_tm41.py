@@ -9,6 +9,8 @@ import pytest
 from hil.bench.bench import Bench
 from hil.bench.config import BenchFileError, parse
 
+pytestmark = pytest.mark.exhaustive
+
 BENCH = """
 [bench]
 name = "encoder signal"

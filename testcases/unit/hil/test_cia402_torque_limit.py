@@ -100,6 +100,7 @@ def test_fixed_stop():
         assert limit(machine) == 3000
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-585")
 def test_a_drive_that_has_started_anew_gets_the_limit_again():
     """A power cycle of the drive takes the limit away; it is written again when the drive is back."""

@@ -57,6 +57,7 @@ def test_heartbeats_come_by_the_clock_of_the_drive(bench):
     assert not any(event.kind == "alarm.raised" for event in bench.history.events)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("ppm", [FAST, -FAST])
 def test_a_ramp_of_the_drive_takes_its_own_time(ppm):
     """Quick stop from 300 mm/s at the 0.5 s per 500 mm/s of OFF3: by the clock of the drive, seen by that of

@@ -8,6 +8,8 @@ import pytest
 
 from hil.bench import BenchFile, load_bench
 
+pytestmark = pytest.mark.exhaustive
+
 SCALE = """
 [encoder.scale]
 segment = "can0"

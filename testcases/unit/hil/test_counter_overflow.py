@@ -11,6 +11,8 @@ import pytest
 from hil.bench.bench import Bench
 from hil.bench.config import parse, read
 
+pytestmark = pytest.mark.exhaustive
+
 PROFILE = "[encoder.enc1.shaft]\nprofile = [[0.3, 0.0], [0.05, {speed}], [1.2, {speed}], [0.05, 0.0]]\n"
 TURNING = '"Properties.MotionType" = 1\n"Modulo.Enable" = true\n"Modulo.Length" = 360.0\n'
 CIA406 = {

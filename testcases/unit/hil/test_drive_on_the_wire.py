@@ -96,6 +96,7 @@ def test_words_of_a_quick_stop_with_their_times():
         assert duration == pytest.approx(0.5 * 1800.0 / 3000.0, abs=3 * CYCLE_S)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-537")
 @pytest.mark.parametrize(("reaction", "path"), [(Off.OFF1, "S5A"), (Off.OFF2, "S1"), (Off.OFF3, "S5B")])
 def test_the_reaction_of_a_fault_can_be_chosen(reaction, path):
@@ -163,6 +164,7 @@ def test_defaults_of_the_dynamics_apply_to_active_homing():
 # ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-549", "STP-019")
 @pytest.mark.parametrize("away_s", [0.2, 0.6])
 def test_the_time_of_the_join_is_chosen(away_s):

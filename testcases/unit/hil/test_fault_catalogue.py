@@ -38,6 +38,7 @@ def documented(entry):
     return eval(example, {"faults": _Reader()})
 
 
+@pytest.mark.exhaustive
 @every_kind
 def test_the_example_acts_and_ends(entry):
     """The example, as `hil faults` prints it, changes what is recorded, is over when it says so, and the axis

@@ -217,6 +217,7 @@ def test_any_order_of_beginning_and_end_leaves_nothing_behind(seed):
         stage.close()
 
 
+@pytest.mark.exhaustive
 def test_a_bench_with_a_fault_goes_when_nobody_needs_it_any_more():
     """What faults have broken keeps no bench alive: a run of thousands of cases would keep all of theirs."""
     bench = load_bench("reference").build()

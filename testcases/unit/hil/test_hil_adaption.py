@@ -343,6 +343,7 @@ class TestOverModbus:
         axis = axis.model_copy(update={"variables": {**axis.variables, **wrong}})
         return Bench(config.model_copy(update={"axis": {"axis1": axis}}), seed=1)
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-346", "PD-326", "PD-327", "PD-328")
     @pytest.mark.parametrize("name", ["profidrive_tcp", "profidrive_rtu"])
     def test_transfer(self, name):

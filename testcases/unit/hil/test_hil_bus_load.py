@@ -8,6 +8,8 @@ import pytest
 from hil._commands._measurements import MovingBench, with_axes
 from hil.bench import BenchFile, BenchFileError, load_bench
 
+pytestmark = pytest.mark.exhaustive
+
 CRC_POLYNOMIAL = 0x4599
 
 

@@ -356,6 +356,7 @@ def test_second_node_with_the_same_identifiers(bench, faults):
     assert {entry[3] for entry in errors} == {"BIT_ERROR"}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("CANP-070")
 def test_sync_is_late_by_the_frame_in_progress_at_most(bench, faults):
     """Under load SYNC arrives between its undisturbed time and that plus the longest frame; the statistics

@@ -211,6 +211,7 @@ def test_a_step_of_the_setpoint_is_found(good):
     assert check_setpoint_continuity(unknown) == [], "without the limits nothing can be judged"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-239", "STP-244")
 @pytest.mark.parametrize(("landing", "found"), [(0.0, True), (0.98, False)])
 def test_a_setpoint_that_jumps_with_the_state_is_found(landing, found):

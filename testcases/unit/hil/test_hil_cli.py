@@ -16,6 +16,8 @@ from hil.cli import main
 from hil.faults import CATALOGUE
 from reports.store import load_run
 
+pytestmark = pytest.mark.exhaustive
+
 TOY = "testcases.unit.hil.toycampaign"
 
 

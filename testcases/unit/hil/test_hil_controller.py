@@ -37,6 +37,7 @@ def enabled_again(bench, axis):
 BENCHES = ["reference", "profidrive", "profidrive_tcp", "profidrive_rtu", "analog", "stepper"]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-629", "STP-506", "STP-588", "MC-631")
 @pytest.mark.parametrize("name", BENCHES)
 def test_stop_and_run(name):
@@ -57,6 +58,7 @@ def test_stop_and_run(name):
         assert enabled_again(bench, axis)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-630")
 @pytest.mark.parametrize("name", BENCHES)
 def test_power_cycle(name):
@@ -192,6 +194,7 @@ def test_where_it_cannot_be_injected():
         Injector(without_axis).inject("controller.stop")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("base", ["reference", "profidrive"])
 def test_an_interpolator_cycle_of_its_own(base):
     """The drive gets a new setpoint in every bus cycle, the interpolator runs in every fourth; stops are

@@ -122,6 +122,7 @@ def test_interlock(rig):
     assert not rig.drive.machine.inhibited
 
 
+@pytest.mark.exhaustive
 @of_kind("drive.mains_off")
 def test_mains_off(rig):
     """The DC link runs empty: warning, then 3220h; the mains return and charge it."""
@@ -139,6 +140,7 @@ def test_mains_off(rig):
     assert rig.bench.run_until(rig.power.status, timeout=2.0)
 
 
+@pytest.mark.exhaustive
 @of_kind("drive.brown_out")
 @pytest.mark.parametrize(("left", "volts", "codes"), [(80.0, 448.0, []), (50.0, None, [0x3220])])
 def test_brown_out(rig, left, volts, codes):
@@ -158,6 +160,7 @@ def test_brown_out(rig, left, volts, codes):
     assert rig.drive.dc_link.voltage_V == pytest.approx(560.0, abs=0.1)
 
 
+@pytest.mark.exhaustive
 @of_kind("drive.phase_loss")
 def test_phase_loss(rig):
     """A warning at once, 3130h after half a second in operation."""

@@ -96,6 +96,7 @@ def test_each_encoder_shows_where_the_machine_is(bench):
     assert trace["scale.speed_value"].values[-1] == pytest.approx(200, abs=2)
 
 
+@pytest.mark.exhaustive
 def test_profile_of_an_own_shaft():
     """The shaft goes through its profile, with linear changes of speed, and repeats it."""
     extra = """
@@ -340,6 +341,7 @@ def test_alarm_and_warning_bits(bench):
             one.remove()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-312", "C402-310")
 def test_missing_and_late_tpdos(bench):
     """`frame.drop` takes TPDOs of an encoder away by their name; `encoder.cycle` changes the period of

@@ -20,6 +20,8 @@ from reports import run_digest
 from reports.model import Verdict
 from reports.store import load_run
 
+pytestmark = pytest.mark.exhaustive
+
 TOY = "testcases.unit.hil.toycampaign"
 HANG = "testcases.unit.hil.toyhang"
 PATIENCE_S = 60.0

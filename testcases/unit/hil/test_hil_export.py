@@ -96,6 +96,7 @@ def test_the_command_writes_frames_for_python_can(trace, tmp_path, capsys, suffi
     assert [m.timestamp - begun for m in messages] == pytest.approx([0.0, 0.0005, 0.0015], abs=2e-6)
 
 
+@pytest.mark.exhaustive
 def test_the_command_writes_chosen_signals(trace, tmp_path, capsys):
     """Names may have a wildcard; what fits nothing is refused with what there is."""
     trace.save(tmp_path / "trace")

@@ -28,6 +28,8 @@ from hil.fuzz._provider import BACKEND
 from reports.model import Verdict
 from testcases.unit.hil.toybench import BENCH, CREEPING, DEAF, DOUBLE, NOISY, ToyBench, ToyBenchFile
 
+pytestmark = pytest.mark.exhaustive
+
 SAMPLE = ToyBench()
 JOB_NAMES = job_names(SAMPLE.axis())
 PROGRAMS = programs(fault_kinds(SAMPLE), SAMPLE.cob_ids("drive1"), jobs=JOB_NAMES)

@@ -29,6 +29,8 @@ from hil.fuzz._provider import BACKEND
 from reports.model import Verdict
 from testcases.unit.hil.toybench import BENCH as TOY
 
+pytestmark = pytest.mark.exhaustive
+
 REFERENCE = load_bench("reference")
 ON = (Do("power_on"), Wait(0.3))
 

@@ -15,6 +15,8 @@ from hil.fuzz import Break, Do, Program, Wait, fault_kinds, programs, run_progra
 from hil.fuzz._provider import BACKEND
 from hil.fuzz._telegram_strategies import TELEGRAM_KINDS
 
+pytestmark = pytest.mark.exhaustive
+
 
 @pytest.fixture(scope="module")
 def bench_file():

@@ -33,6 +33,8 @@ from hil.fuzz._strategies import descendants
 from reports.model import Verdict
 from testcases.unit.hil.toybench import BENCH, DOUBLE
 
+pytestmark = pytest.mark.exhaustive
+
 DOUBLE_NAME = "testcases.unit.hil.toybench:DOUBLE"
 BENCH_NAME = "testcases.unit.hil.toybench:BENCH"
 MOVE = Program((Do("power_on"), Wait(0.3), Do("move_velocity", {"velocity": 100.0}), Wait(0.2)))

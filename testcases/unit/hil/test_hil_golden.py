@@ -79,6 +79,7 @@ def test_the_formulas_agree_with_integration(velocity, deceleration, jerk, accel
     assert stop.peak_deceleration <= deceleration * (1 + 1e-9)
 
 
+@pytest.mark.exhaustive
 @given(velocity=st.floats(1.0, 300.0), deceleration=st.floats(100.0, 5000.0), jerk=st.floats(1000.0, 1e5))
 def test_a_jerk_limit_never_shortens_a_stop(velocity, deceleration, jerk):
     """With a jerk limit a stop takes longer and farther than without, and no jerk limit is the limit of a

@@ -33,6 +33,8 @@ from hil.expect import (
 from hil.logs import read_bus_log, trace_of_log
 from reports.model import Verdict
 
+pytestmark = pytest.mark.exhaustive
+
 TRIP = event("drive.fault", "drive1")
 
 

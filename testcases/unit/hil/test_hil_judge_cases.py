@@ -31,6 +31,8 @@ from reports.model import Verdict
 from reports.words import margin
 from testcases import campaigns
 
+pytestmark = pytest.mark.exhaustive
+
 CASES = [
     ("stop_modes", "stop-modes/power-3/accelerating"),
     ("stop_modes", "stop-modes/reaction-1/decelerating"),

@@ -69,6 +69,7 @@ def message(can_id):
     return can.Message(arbitration_id=can_id, is_extended_id=False)
 
 
+@pytest.mark.exhaustive
 def test_load_of_a_live_bus(desk):
     """Random frames of the wanted range fill the wanted share of the time at the bit rate of the bench
     file.

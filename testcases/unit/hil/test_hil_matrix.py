@@ -16,6 +16,8 @@ from hil.errors import CampaignNotFoundError
 from hil.matrix import _campaign, combinations_of, combine, load_matrix, read_matrix
 from reports.model import Verdict
 
+pytestmark = pytest.mark.exhaustive
+
 FILE = """
 title = "our axis"
 tags = ["ours"]

@@ -21,6 +21,7 @@ def hits(machine):
     return [event.data["change"] for event in machine.history.select(kind="fault.hit")]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("entry", KINDS, ids=lambda entry: entry.name)
 def test_every_kind_is_applied_logged_and_taken_back(entry):
     """The example reads back from its TOML form, hits frames of its segment, and afterwards the link is as
@@ -44,6 +45,7 @@ def test_every_kind_is_applied_logged_and_taken_back(entry):
         assert machine.run_until(lambda: machine.port().link_ok, 5.0)
 
 
+@pytest.mark.exhaustive
 def test_faults_of_a_network_hit_an_io_station():
     """What a station sends, and its refusals, are hit as those of a drive are; its link can be cut, and comes
     back.

@@ -150,6 +150,7 @@ def green(monkeypatch, tmp_path):
     return "green.py"
 
 
+@pytest.mark.exhaustive
 def test_every_defect_caught(capsys, green, tmp_path):
     """All caught: exit code 0, a JSON list with name, cases and time, and the table in the report folder."""
     code, out, err = call(
@@ -176,6 +177,7 @@ def test_every_defect_caught(capsys, green, tmp_path):
     assert "slope-inverted" in (tmp_path / "rep" / "mutants.html").read_text()
 
 
+@pytest.mark.exhaustive
 def test_fates_of_defects(capsys, green):
     """Survivors and defects that never run make it 1; what hangs, is deaf to its limit, or kills its process
     is caught.
@@ -232,6 +234,7 @@ def test_all_goes_on_after_the_first_catch(capsys, green):
         assert entry["cases_run"] == entry["cases_reaching_it"]
 
 
+@pytest.mark.exhaustive
 def test_a_run_that_was_ended_goes_on(capsys, green, monkeypatch, tmp_path):
     """Ctrl-C keeps what is known, exit code 2; --resume judges the others alone; --last-failed those that
     were not caught.

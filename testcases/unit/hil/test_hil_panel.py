@@ -76,6 +76,7 @@ def test_the_end_of_the_input_gives_the_axis_back(capsys, tmp_path, monkeypatch)
     assert "[x] communication with the drive" in out
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("COM-055", "COM-058", "COM-067")
 def test_optimisation_with_a_plot(capsys, tmp_path):
     """A recommended gain and a page with every attempt, on a drive with inertia, filters and quantised
@@ -205,6 +206,7 @@ def test_what_is_recommended_is_told(capsys, tmp_path):
         assert len(precautions(axis.object)) == 2
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["fast", "speed", "profidrive_tcp", "profidrive_rtu", "analog", "stepper"])
 def test_a_script_on_every_bench(capsys, tmp_path, name):
     """Take, enable, jog, stop, give back, whatever the drive and its bus; a line that does not fit to it is

@@ -12,6 +12,8 @@ from hil.campaign import Runner, RunOptions, find_campaigns, select_cases
 from reports.model import CaseResult, Verdict
 from reports.store import load_run, start_run, write_case
 
+pytestmark = pytest.mark.exhaustive
+
 pytest_plugins = ["pytester"]
 
 BENCH = "--hil-bench=testcases.unit.hil.toybench:BENCH"

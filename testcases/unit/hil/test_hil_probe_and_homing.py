@@ -98,6 +98,7 @@ def test_mistakes_are_told(parts, message):
         file(**parts)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("C402-142", "C402-152", "C402-311")
 def test_a_probe_pulse_latches_the_instant_of_the_fault():
     """`probe.pulse` at 1.5001234 s of a moving axis: the drive shows that time, and the position between its

@@ -73,6 +73,7 @@ def travel(name, **changes):
         ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-034", "PD-035", "PD-171", "CFG-196")
 @pytest.mark.parametrize("telegram", [3, 4, 5, 6, 102, 103, 105, 106])
 def test_every_telegram_moves_the_axis_as_cia_402_does(telegram):
@@ -86,6 +87,7 @@ def test_every_telegram_moves_the_axis_as_cia_402_does(telegram):
     assert reference[-1][1] == pytest.approx(other[-1][1], abs=0.005)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "stop", ["power-1/constant", "power-3/constant", "reaction-4/accelerating", "halt/decelerating"]
 )

@@ -15,6 +15,8 @@ from fieldbus.profidrive.words import ENCODER_ERRORS
 from hil.bench import BenchFile, BenchFileError, load_bench
 from hil.faults import Injector
 
+pytestmark = pytest.mark.exhaustive
+
 ENCODERS = """
 [encoder.wheel]
 segment = "can0"

@@ -65,6 +65,7 @@ def with_event(trace, time_s, old, new):
     return Trace(trace.groups, events=events, constants=trace.constants, end_ns=trace.end_ns)
 
 
+@pytest.mark.exhaustive
 def test_a_good_run_breaks_no_rule(good):
     """All rules pass, and each had something to judge: transitions, coasting, acknowledging, a counter."""
     checks = {check.name: check for check in run_checkers(good)}

@@ -15,6 +15,8 @@ from reports import StoreError, merge_runs, run_digest
 from reports.model import Verdict
 from reports.store import load_run, stored_cases
 
+pytestmark = pytest.mark.exhaustive
+
 TOY = "testcases.unit.hil.toycampaign"
 EXPECTED = {
     "toy/move-50": "passed", "toy/move-100": "passed", "toy/move-200": "passed", "toy/wrong": "failed",

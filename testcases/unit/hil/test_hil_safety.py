@@ -13,6 +13,8 @@ from hil.bench import BenchFile, BenchFileError, load_bench
 from hil.bench.remote import RemoteDrive
 from hil.faults import CATALOGUE, DRIVE_METHODS, Fault, Injector
 
+pytestmark = pytest.mark.exhaustive
+
 TABLES = """
 [drive.drive1.profidrive]
 safety_telegram = 701

@@ -144,6 +144,7 @@ def test_what_the_axis_sees_differs_from_what_the_drive_shows(bench, faults):
     assert not int(trace["drive1.drive_zsw1"].at(now)) & 0x80
 
 
+@pytest.mark.exhaustive
 def test_count_says_how_many_telegrams_are_hit(bench, faults):
     """Each hit is logged with what has become of the telegram; after the last one the fault is over."""
     bench.run_for(0.1)
@@ -158,6 +159,7 @@ def test_count_says_how_many_telegrams_are_hit(bench, faults):
     assert bench.port().actual_seam is None
 
 
+@pytest.mark.exhaustive
 def test_a_duration_ends_it(bench, faults):
     """A fault with a duration hits the telegrams of that time: ten of 4 ms in 40 ms."""
     bench.run_for(0.1)

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from hil.campaign import Token
 from hil.errors import TokenError
 
+pytestmark = pytest.mark.exhaustive
+
 
 @given(
     case=st.text(min_size=1),

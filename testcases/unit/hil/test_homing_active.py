@@ -67,6 +67,7 @@ class TestZeroMarkBehindCam:
             assert run.place == pytest.approx(128.0, abs=0.01)
             assert 140.0 < run.speed_at("axis.homed") < 230.0
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("HOM-094", "HOM-054", "HOM-090")
     def test_opposite_direction(self, name):
         """Detected at 100 in positive direction, left there in negative one, mark at 93, home at 98."""

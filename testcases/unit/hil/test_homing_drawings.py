@@ -20,6 +20,8 @@ from reports.homing import HomingDrawing
 from reports.html.homing import drawing_payload
 from testcases.unit.hil.homing_bench import STEEP, Machine, homing_bench
 
+pytestmark = pytest.mark.exhaustive
+
 GOLDEN = Path(__file__).with_name("homing_drawings.json")
 ACTIVE, PASSIVE = "Sensor[1].ActiveHoming.", "Sensor[1].PassiveHoming."
 ZERO_MARK, CAM, INPUT = range(3)

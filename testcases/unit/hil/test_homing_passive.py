@@ -6,6 +6,8 @@ import pytest
 
 from testcases.unit.hil.homing_bench import STEEP, Machine, homing_bench
 
+pytestmark = pytest.mark.exhaustive
+
 PROFILES = ["profidrive", "reference"]
 ZERO_MARK, CAM, INPUT = range(3)
 DIRECTION = "Sensor[1].PassiveHoming.Direction"

@@ -20,6 +20,8 @@ from testcases.unit.homing_machines import (
     variables,
 )
 
+pytestmark = pytest.mark.exhaustive
+
 CYCLE = 0.004
 STOP = LIMIT + clearance(CYCLE)
 FEW = settings(max_examples=4, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))

@@ -8,6 +8,8 @@ import pytest
 
 from testcases.unit.hil.homing_bench import STEEP, Machine, homing_bench
 
+pytestmark = pytest.mark.exhaustive
+
 ZERO_MARK, CAM, INPUT = range(3)
 REVERSAL = {"Homing.AutoReversal": True}
 NEGATIVE = {"Sensor[1].ActiveHoming.Direction": 1}

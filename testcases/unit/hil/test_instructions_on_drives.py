@@ -383,6 +383,7 @@ def test_stopping_at_a_torque_limit(how):
         assert job.Done or job.Busy
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-531", "MC-575", "MC-602", "STP-535")
 @pytest.mark.parametrize("announced", [False, True])
 def test_torque_range_at_a_fixed_stop(announced):
@@ -442,6 +443,7 @@ def test_limits_stay_transmitted_over_an_alarm():
             assert job.Busy
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-602", "MC-575", "MC-554")
 def test_an_obstacle_that_goes_away():
     """Mode 0: the following error grows at the obstacle and is worked off without it; nothing is clamped."""

@@ -6,6 +6,8 @@ import pytest
 
 from hil.bench import BenchFile, load_bench
 
+pytestmark = pytest.mark.exhaustive
+
 INTERPOLATOR_S = 0.016
 
 

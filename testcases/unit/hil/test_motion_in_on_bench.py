@@ -8,6 +8,8 @@ from hil.expect.checkers import check_setpoint_continuity
 from reports.model import Verdict
 from testcases.unit.hil.test_hil_profidrive import bench, enabled
 
+pytestmark = pytest.mark.exhaustive
+
 
 def moving(machine, velocity):
     """Ramp MC_MotionInVelocity up within 0.2 s, as a program would."""

@@ -13,6 +13,8 @@ from fieldbus.errors import ConfigurationError
 from hil.bench import BenchFile, load_bench
 from motion.s7.commissioning import CommissioningError, Optimisation, TestStep
 
+pytestmark = pytest.mark.exhaustive
+
 STEP = TestStep(distance=5.0, velocity=60.0, acceleration=1000.0)
 DSC = '"PositionControl.EnableDSC" = true\n'
 SLOW = "off3_ramp_s = 0.5\nvelocity_time_constant_ms = 20.0\ntorque_precontrol = false"

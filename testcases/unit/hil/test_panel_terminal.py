@@ -18,6 +18,8 @@ import pytest
 
 from testcases.processes import PATIENCE_S, hil_command
 
+pytestmark = pytest.mark.exhaustive
+
 
 def _own_terminal():
     """Make standard input the terminal of a program that hears its signals, whoever started the tests."""

@@ -19,6 +19,8 @@ from testcases.unit.emulators_profidrive.profidrive_rig import RUN, Rig
 from testcases.unit.hil.test_hil_profidrive import CYCLE_S, bench, enabled
 from testcases.unit.hil.test_torque_instructions import torque_bench
 
+pytestmark = pytest.mark.exhaustive
+
 DSC = "PositionControl.EnableDSC"
 LOOSE = {"FollowingError.EnableMonitoring": False, "PositioningMonitoring.ToleranceTime": 60.0}
 

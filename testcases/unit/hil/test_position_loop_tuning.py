@@ -10,6 +10,8 @@ import pytest
 
 from testcases.unit.hil.test_hil_profidrive import bench, enabled
 
+pytestmark = pytest.mark.exhaustive
+
 SPEED_LOOP_MS = 20.0
 """Large, so that the cycle of 4 ms counts for little; the largest gain without overshoot is about 1 / (4 * 20
 ms) = 12.5 1/s.

@@ -10,6 +10,8 @@ from hil.bench import BenchFile, load_bench
 from hil.faults import Injector
 from testcases.unit.hil.test_hil_safety import TABLES, Rig, build
 
+pytestmark = pytest.mark.exhaustive
+
 SECOND = """
 [drive.drive2]
 segment = "can0"

@@ -14,6 +14,8 @@ from fieldbus.profidrive import to_n4
 from fieldbus.profidrive.formats import to_n2
 from testcases.unit.hil.test_hil_profidrive import CYCLE_S, bench, enabled
 
+pytestmark = pytest.mark.exhaustive
+
 KV, LAG_S = 25.0, 0.012
 RPM_PER_UNIT = 6.0
 DELAY = 2

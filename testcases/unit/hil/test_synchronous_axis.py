@@ -8,6 +8,8 @@ from hil.bench.bench import Bench
 from hil.bench.config import parse, read
 from motion.s7.axis import SynchronousAxis
 
+pytestmark = pytest.mark.exhaustive
+
 
 def synchronous(name="reference", extra="", **changes):
     text = read(name)[1].replace('type = "positioning"', 'type = "synchronous"')

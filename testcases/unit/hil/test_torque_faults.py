@@ -8,6 +8,8 @@ from motion.s7.axis import AxisState
 from testcases.unit.hil.test_hil_profidrive import bench, enabled
 from testcases.unit.hil.test_torque_instructions import X30, clamp, later, stop_bench, torque_bench
 
+pytestmark = pytest.mark.exhaustive
+
 UP, LOW = 0x0B56FC05, 0x0B56FC0C
 """r2902[5] = 100 %, r2902[12] = -100 %."""
 WEAK = {"FollowingError.EnableMonitoring": False}

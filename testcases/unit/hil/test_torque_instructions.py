@@ -199,6 +199,7 @@ def test_range_limits_the_drive_and_the_reference_does_without():
         assert (word(machine, HIGH_WORD), word(machine, LOW_WORD)) == (0x4000, -0x4000)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MON-029", "MC-530", "STP-184", "VAR-142")
 @pytest.mark.parametrize("monitored", [0, 1])
 def test_range_suspends_following_error_monitoring(monitored):
@@ -405,6 +406,7 @@ def clamp(machine):
     return axis, limiting, moving
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "OVR-024",
     "STP-160",
@@ -440,6 +442,7 @@ def test_the_fixed_stop_is_detected():
         assert not list(machine.history.select(kind="alarm.raised"))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("HOM-143", "HOM-144")
 def test_homing_at_a_fixed_stop():
     """Detection on, monitoring off, to the stop, Mode 0 with the following error pending, back, monitoring

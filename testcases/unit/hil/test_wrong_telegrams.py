@@ -141,6 +141,7 @@ class TestSignOfLife:
 class TestExchanged:
     """Telegrams in the wrong order."""
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-595", "CFG-183", "CFG-596")
     @pytest.mark.parametrize("telegram", [3, 4])
     def test_of_different_lengths(self, telegram):
@@ -213,6 +214,7 @@ WORDS = st.lists(st.integers(0, 0xFFFF), min_size=10, max_size=10)
 class TestNoDrive:
     """The words of a module that is no drive: room enough, meaning none."""
 
+    @pytest.mark.exhaustive
     @pytest.mark.requirement("CFG-249", "CFG-597", "CFG-288")
     @given(rows=st.lists(WORDS, min_size=1, max_size=4))
     @settings(max_examples=12, deadline=None)

@@ -239,6 +239,7 @@ def test_disabling_with_a_ramp(mode, ramp_s, falls):
     assert rig.drive.ready is (falls == "never")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-321", "STP-322", "STP-323")
 @pytest.mark.parametrize("falls", ["enable", "standstill", "never"])
 @pytest.mark.parametrize("ramp_s", [0.5, 0.25])
@@ -271,6 +272,7 @@ def test_coasting():
     assert rig.job.CommandAborted
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-377", "STP-378", "STP-379", "STP-380")
 @pytest.mark.parametrize("falls", ["enable", "never"])
 @pytest.mark.parametrize("reaction", [1, 3, 5, 7])

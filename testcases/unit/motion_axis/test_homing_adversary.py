@@ -22,6 +22,8 @@ from testcases.unit.homing_machines import (
 from testcases.unit.motion_axis.conftest import CYCLE, Rig
 from testcases.unit.motion_axis.test_homing_property import Plant
 
+pytestmark = pytest.mark.exhaustive
+
 WITH_MARK = (2, 3, 5, 8, 10)
 JOBS = {
     **{

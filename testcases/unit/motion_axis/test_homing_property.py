@@ -26,6 +26,8 @@ from testcases.unit.homing_machines import (
 )
 from testcases.unit.motion_axis.conftest import CYCLE, Rig
 
+pytestmark = pytest.mark.exhaustive
+
 FULL = 131072
 STOP = LIMIT + clearance(CYCLE)
 """Place of the end stop, mm."""

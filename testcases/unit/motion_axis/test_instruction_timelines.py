@@ -329,6 +329,7 @@ def test_halt_runs_the_positioning_monitoring(make_rig, monkeypatch):
 SLOW = {"Acceleration": 50.0, "Deceleration": 50.0, "Jerk": 0.0}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-223", "MC-269", "MC-270", "MC-258", "MC-023")
 def test_absolute_positioning_overridden(rig):
     """At 225 of 1000 with 50 a second job to 1500 with 30 takes over without a stop, and arrives 42.67 s
@@ -355,6 +356,7 @@ def test_absolute_positioning_overridden(rig):
     assert not first.Done
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "STP-225", "STP-222", "MC-271", "MC-272", "MC-273", "MC-264", "MC-053", "MC-054", "MC-060"
 )
@@ -391,6 +393,7 @@ def test_relative_positioning_overridden(rig):
     assert rig.axis.var("Position") == pytest.approx(here + 500.0, abs=50.0 * TWO_CYCLES)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-220", "MC-288", "MC-289", "MC-290", "MC-285")
 def test_relative_positioning_appended(rig):
     """1000 and then 500 more: 1500."""

@@ -634,6 +634,7 @@ ACTIONS = st.lists(
 )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement(
     "MC-071", "MC-072", "MC-073", "STP-507", "STP-509", "STP-510", "STP-512", "STP-513", "DIA-103"
 )

@@ -399,6 +399,7 @@ def act(rig, what, value, jerk):
         axis.write("Override.Velocity", value)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("LIM-075")
 @settings(max_examples=40)
 @given(
@@ -434,6 +435,7 @@ SWITCHING = st.one_of(
 )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("LIM-049", "LIM-059", "LIM-061")
 @settings(max_examples=40)
 @given(

@@ -136,6 +136,7 @@ def test_position_outside_is_the_limit(make_rig):
     rig.until(inwards.done)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("LIM-075")
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(

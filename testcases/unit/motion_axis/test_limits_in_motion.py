@@ -274,6 +274,7 @@ CHANGES = st.one_of(
 )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("VAR-001", "STP-114", "STP-116", "STP-117")
 @settings(max_examples=25)
 @given(

@@ -142,6 +142,7 @@ def test_a_thousand_million_revolutions(name, direction):
     assert axis.var("ActualModuloCycle") == floor(expected / 360)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("LIM-098", "LIM-102")
 @settings(max_examples=60)
 @given(

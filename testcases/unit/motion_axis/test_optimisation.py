@@ -11,6 +11,8 @@ from motion.s7.controller import OperatingState
 from testcases.unit.motion_axis.conftest import CYCLE, Rig
 from testcases.unit.motion_axis.lagging_drive import LaggingDrivePort
 
+pytestmark = pytest.mark.exhaustive
+
 STEP = TestStep(distance=10.0, velocity=100.0, acceleration=2000.0, tolerance=0.02)
 
 

@@ -22,6 +22,8 @@ from motion.s7.handles import AxisHandle
 from motion.s7.runtime import Runtime
 from testcases.unit.motion_axis.conftest import REFERENCE
 
+pytestmark = pytest.mark.exhaustive
+
 CYCLE_NS = 4 * MS
 INCREMENTS = 2000
 MACHINE = {

@@ -261,6 +261,7 @@ def test_alarm_reaction_against_mc_stop(rig, first, second, aborted, severity):
     assert stop.Done is not aborted
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-439")
 def test_example_1_numbers(rig):
     """Reaction 2, then MC_Stop Mode 0 100 ms later: 150 ms and 31.7 mm in all."""

@@ -16,6 +16,8 @@ from motion.s7.instructions import MC_Home, MC_MoveVelocity, MC_Power, MC_Torque
 from motion.s7.variables import VariableStore
 from testcases.unit.motion_axis.conftest import REFERENCE, SPEED, TorquePort
 
+pytestmark = pytest.mark.exhaustive
+
 DOCUMENT = Path(__file__).parents[3] / "docs" / "axis-configuration.md"
 CONFIGURATIONS = {
     "SpeedAxis": [SPEED, SPEED | {"TorqueLimiting.LimitBase": 1}],

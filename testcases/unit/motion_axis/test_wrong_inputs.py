@@ -155,6 +155,7 @@ def test_what_is_no_choice(name, key, error, value):
     assert running.InVelocity
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("MC-003", "MC-255")
 @pytest.mark.parametrize("direction", [0, 4, nan])
 def test_direction_on_a_modulo_axis(make_rig, direction):

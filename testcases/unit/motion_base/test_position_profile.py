@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from fieldbus.errors import ConfigurationError
 from motion.setpoint import plan_position, plan_velocity, stop_distance
 
+pytestmark = pytest.mark.exhaustive
+
 LIMITS = st.floats(1e-1, 1e5)
 JERKS = st.floats(1.0, 1e7)
 POSITIONS = st.floats(-1e4, 1e4).map(lambda value: round(value, 9))

@@ -77,6 +77,7 @@ def test_the_rest_of_the_last_cycle_is_travelled_with_the_end_velocity():
     assert generator.s == pytest.approx(0.5 * 0.002 * 100 + 0.002 * 100)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-116", "MC-095")
 @given(st.integers(0, 120), st.floats(-200, 200), st.sampled_from([1000.0, 20_000.0]))
 def test_takeover_keeps_the_state(cycles, target, jerk):

@@ -9,6 +9,8 @@ from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError
 
 from motion.setpoint import SetpointGenerator, plan_position, plan_velocity, stop_distance
 
+pytestmark = pytest.mark.exhaustive
+
 DECADES = st.floats(-1, 3).map(lambda exponent: 10.0**exponent)
 # On a grid: below about 1e-6 of the other values either planner takes a motion for none at its own point.
 PART = st.integers(-1000, 1000).map(lambda value: value / 1000)

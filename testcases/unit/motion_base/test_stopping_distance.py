@@ -6,6 +6,8 @@ from hypothesis import strategies as st
 
 from motion.setpoint import plan_velocity, stop_distance, stop_time
 
+pytestmark = pytest.mark.exhaustive
+
 
 @pytest.mark.parametrize(
     ("deceleration", "jerk", "time", "way"),

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from fieldbus.errors import ConfigurationError
 from motion.setpoint import plan_velocity
 
+pytestmark = pytest.mark.exhaustive
+
 SPEEDS = st.floats(-1e3, 1e3).map(lambda value: round(value, 9))
 LIMITS = st.floats(1e-1, 1e5)
 JERKS = st.floats(1.0, 1e7)

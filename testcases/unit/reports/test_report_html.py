@@ -16,6 +16,8 @@ import pytest
 from reports import CaseResult, RunResult, Signal, Verdict, render_html
 from testcases.sample_run import HOSTILE
 
+pytestmark = pytest.mark.exhaustive
+
 
 class Page(HTMLParser):
     """Everything that a browser would see as element, attribute, script or text."""

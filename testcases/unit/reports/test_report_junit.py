@@ -9,6 +9,8 @@ import pytest
 from reports import CaseResult, Check, RunResult, Verdict, write_junit
 from reports.junit import xml_text
 
+pytestmark = pytest.mark.exhaustive
+
 
 @pytest.fixture(scope="module")
 def root(run, tmp_path_factory) -> ET.Element:

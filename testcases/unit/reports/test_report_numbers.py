@@ -12,6 +12,8 @@ from hypothesis.extra import numpy as hnp
 
 from reports.html.numbers import decode, encode, thin
 
+pytestmark = pytest.mark.exhaustive
+
 
 @given(hnp.arrays(np.float64, st.integers(0, 60), elements=st.floats(-1e9, 1e9)))
 def test_samples_come_back_to_a_millionth_of_their_range(values):

@@ -3,10 +3,14 @@
 import pickle
 import sys
 
+import pytest
+
 from reports.model import CaseResult, Message, Step, Verdict
 from reports.packed import Packed, pack_case
 from reports.store import load_run, start_run, write_case
 from testcases.sample_run import sample_run
+
+pytestmark = pytest.mark.exhaustive
 
 MESSAGES = [
     Message(n * 1e-3, "can", 0x181, "00 01", "drive1", "TPDO1 drive1: Statusword 0237h") for n in range(200)

@@ -12,6 +12,8 @@ from reports.html import packing
 from reports.html.packing import Order, pack_files
 from reports.store import StoredSignals
 
+pytestmark = pytest.mark.exhaustive
+
 
 @pytest.fixture(scope="module")
 def cases(tmp_path_factory):

@@ -35,6 +35,8 @@ from reports import (
     write_case,
 )
 
+pytestmark = pytest.mark.exhaustive
+
 
 def bare(run: RunResult) -> RunResult:
     return dataclasses.replace(run, cases=[])

@@ -8,8 +8,12 @@ import json
 import subprocess
 import sys
 
+import pytest
+
 import reports
 from reports import CaseResult, RunResult, Verdict, run_digest, summary, write_report, write_summary
+
+pytestmark = pytest.mark.exhaustive
 
 
 def test_summary_has_exactly_the_agreed_keys(run):

@@ -25,6 +25,8 @@ from reports import (
 )
 from reports.coverage import NO_FAULT, fault_stop_matrix, stop_modes
 
+pytestmark = pytest.mark.exhaustive
+
 
 def test_table_has_a_row_per_case(run, hostile, tmp_path):
     """Whatever the texts hold, a reader of CSV gets every case back, and no cell begins a formula."""

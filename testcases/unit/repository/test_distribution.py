@@ -45,6 +45,7 @@ def files_of(package: str) -> set[str]:
     }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("package", SHIPPED)
 def test_every_file_of_a_package_is_in_the_wheel(wheel, package):
     """Code, object dictionaries, catalogues, templates, type marker: whatever lies in a package is shipped
@@ -100,6 +101,7 @@ def test_licence_and_readme_go_along(wheel):
     assert metadata.get_payload().strip() == (ROOT / "README.md").read_text(encoding="utf-8").strip()
 
 
+@pytest.mark.exhaustive
 def test_source_archive_has_what_a_build_needs(tmp_path):
     """The source archive has all packages, their tests and the files that the set-up reads."""
     with tarfile.open(built(SdistBuilder, tmp_path)) as archive:

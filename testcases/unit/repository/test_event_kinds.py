@@ -6,6 +6,8 @@ import ast
 import re
 from pathlib import Path
 
+import pytest
+
 import hil
 from fieldbus.clock import VirtualScheduler
 from fieldbus.history import History
@@ -13,6 +15,8 @@ from hil.bench import load_bench
 from hil.campaign import CaseSettings, execute_case
 from hil.record import EVENT_KINDS
 from testcases.campaigns import drive_faults
+
+pytestmark = pytest.mark.exhaustive
 
 ROOT = Path(hil.__file__).parent.parent
 ROOMS = ("fieldbus", "emulators", "motion", "hil")

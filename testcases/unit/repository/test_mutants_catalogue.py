@@ -32,6 +32,7 @@ def test_every_change_can_be_made(mutant):
         pass
 
 
+@pytest.mark.exhaustive
 def test_the_places_are_reached_by_the_cases_named_as_likely(judges):
     """No defect that never runs: in the unmutated product one of its likely cases comes to the changed
     statement.

@@ -17,6 +17,8 @@ from hil.faults import Injector
 from reports import summary
 from reports.model import RunResult
 
+pytestmark = pytest.mark.exhaustive
+
 ROOT = Path(__file__).resolve().parents[3]
 PAGES = [
     "README.md",

@@ -290,6 +290,7 @@ def test_two_alarms(first, second, seconds):
         assert bench.axis.state is AxisState.ALARM_DISABLED
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-395", "STP-486")
 @pytest.mark.parametrize("name", ["reaction 1", "reaction 2", "reaction 3"])
 def test_acknowledged_during_the_ramp(name):

@@ -10,6 +10,8 @@ from hil.faults import Injector
 from motion.s7.axis import AxisState
 from testcases.unit.stop_timelines.telegram_record import StopBench
 
+pytestmark = pytest.mark.exhaustive
+
 HW, SW = "PositionLimits_HW", "PositionLimits_SW"
 KEPT, REMOVED = [0x047F], [0x047B, 0x0478]
 

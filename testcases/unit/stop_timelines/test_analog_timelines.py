@@ -22,6 +22,8 @@ from testcases.unit.stop_timelines.telegram_record import (
     when,
 )
 
+pytestmark = pytest.mark.exhaustive
+
 READY_FALLS = ("enable", "standstill", "never")
 
 

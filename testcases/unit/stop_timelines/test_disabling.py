@@ -12,6 +12,8 @@ from motion.s7.axis import AxisState
 from testcases.unit.motion_axis.conftest import Rig
 from testcases.unit.stop_timelines.telegram_record import CYCLE_S, StopBench
 
+pytestmark = pytest.mark.exhaustive
+
 MODES = pytest.mark.parametrize("mode", [0, 1, 2, 3])
 
 

@@ -200,6 +200,7 @@ def test_ramp_of_the_drive(word, seconds, state, zsw1):
         assert (led.state, led.zsw1) == (state, zsw1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-259", "STP-261", "STP-358", "STP-360", "STP-361")
 @pytest.mark.parametrize(("word", "state"), [(OFF2, "S1"), (ON_ONLY, "S3")])
 def test_coasting(word, state):
@@ -235,6 +236,7 @@ def test_what_can_be_interrupted(start, word, interrupted):
             assert led.state == "S4"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("word", "low", "high"),
     [

@@ -316,6 +316,7 @@ def test_position_monitoring_after_a_halt():
         assert halt.ErrorID == 0x8001
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-408", "STP-148")
 @pytest.mark.parametrize("monitored", [0, 1])
 @pytest.mark.parametrize("give", ["halt", "stop"])
@@ -360,6 +361,7 @@ def test_released_during_the_ramp():
         assert bench.axis.state is AxisState.STANDSTILL
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-424", "STP-423", "STP-578")
 def test_what_aborts_mc_stop():
     """No motion job does; another MC_Stop of the same or a higher severity does; a lower one is aborted

@@ -107,6 +107,7 @@ def expected_words(active, new, letter, value):
     return ([0x047F] if active not in ("alarm-4", "alarm-7") else []) + AFTERWARDS[value]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("active", "new", "letter", "value"), list(pairs()))
 def test_pair(active, new, letter, value):
     """Who brakes and how, what the MC_Stop jobs show, the words from the first to the last, and how it

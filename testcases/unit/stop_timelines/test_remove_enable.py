@@ -275,6 +275,7 @@ def test_the_drive_says_when_it_stands(give):
 # ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-356", "STP-357")
 def test_value_written_during_a_stop_counts_for_the_next_one():
     """16#3 during a running OFF3: Done, the variable shows it, the ramp goes on; the next stop is OFF2."""
