@@ -62,16 +62,19 @@ _FILE_MARKS = re.compile(r"^pytestmark = .*", re.MULTILINE)
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads its options
 def pytest_cmdline_main(config: pytest.Config) -> None:
-    """Without paths, use all processors; without `-m` and `-k` too, take the quick selection."""
+    """Without paths, use all processors; without `-m` and `-k` too, take the quick selection.
+
+    Runs in every worker of xdist as well, which reads the command line itself.
+    """
     option = config.option
     if config.args_source is not pytest.Config.ArgsSource.TESTPATHS:
         return
+    option.benchmark_disable = True
     if option.markexpr in config.getini("addopts") and not option.keyword:
         option.markexpr += " and not exhaustive"
-    by_itself = option.collectonly or option.usepdb
-    if config.pluginmanager.hasplugin("xdist") and option.numprocesses is None and not by_itself:
+    alone = hasattr(config, "workerinput") or option.collectonly or option.usepdb
+    if config.pluginmanager.hasplugin("xdist") and option.numprocesses is None and not alone:
         option.numprocesses, option.dist = "auto", "loadgroup"
-        option.benchmark_disable = True
 
 
 @pytest.hookimpl(wrapper=True)
