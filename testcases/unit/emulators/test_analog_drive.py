@@ -281,6 +281,7 @@ _STEPS = st.lists(
 )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("STP-540", "CFG-389")
 @given(_STEPS, st.sampled_from(["ramp", "coast"]), st.sampled_from(["enable", "standstill", "never"]))
 def test_torque_only_when_allowed(steps, stop, falls):

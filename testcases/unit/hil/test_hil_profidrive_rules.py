@@ -104,6 +104,7 @@ def test_the_table_of_transitions_has_one_row_per_rule():
     assert [new for old, new in TRANSITIONS if old == "S5b"] == ["S1"]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.requirement("PD-098", "PD-100", "PD-103", "PD-107")
 @pytest.mark.parametrize(
     ("old", "new", "set_bits", "clear_bits"),

@@ -13,6 +13,8 @@ import pytest
 
 import motion_hil
 
+pytestmark = pytest.mark.exhaustive
+
 ROOT = Path(__file__).resolve().parents[3]
 SITE = Path(motion_hil.__file__).parent
 COMMAND = ("-c", "import sys; from motion_hil import main; sys.exit(main())")
