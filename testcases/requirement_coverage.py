@@ -3,8 +3,8 @@
     python -m testcases.requirement_coverage record before.json
     python -m testcases.requirement_coverage compare before.json
 
-Collects all tests of the checkout, whatever their marks, and runs none. `compare` lists every requirement that
-fewer test functions name than before, and ends with 1 when one of them is named by none.
+Collects all tests of the checkout, whatever their marks, and runs none. `compare` lists every requirement
+that fewer test functions name than before, and ends with 1 when one of them is named by none.
 """
 
 from __future__ import annotations
