@@ -223,7 +223,7 @@ class Held(Generic[T]):
         needs: Protocol of the seam.
         begin: Brings the part into the state, given the parameters.
         end: Brings it out of it.
-        per: Parameters that tell targets at the same part apart, an input for example.
+        per: Parameters that distinguish targets at the same part, an input for example.
         repeat: A new fault acts also when the state is held already: the part may have recovered.
         find: Finds the part.
 
@@ -415,10 +415,9 @@ class FaultType:
     fuzzed: bool = True
     """Whether a fuzz search injects it.
 
-    It leaves out what the bench does not have, what needs the name of a node or silences the bus for
-    so long that nothing is left to see, drives that show something wrong or do not do what they are
-    told, other clocks, under which no invariant can hold, milder forms of other kinds, and kinds that
-    nobody can notice.
+    It leaves out what the reference benches do not have; what needs the name of a node, or silences the bus
+    until nothing is left to see; drives that show something wrong or do not follow commands; wrong clocks,
+    under which no rule can hold; milder forms of other kinds; and kinds without a visible effect.
     """
 
     def __post_init__(self) -> None:

@@ -33,7 +33,7 @@ class Parameter:
 
     @property
     def allowed(self) -> str:
-        """What a value may be, in words."""
+        """What a value may be, as a text."""
         if self.choices:
             return ", ".join(self.choices)
         words = {"float": "a number", "int": "a whole number", "bool": "true or false", "text": "a text"}[

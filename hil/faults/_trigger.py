@@ -86,7 +86,7 @@ class InState:
             )
 
     def applies(self, kind: str) -> bool:
-        """Whether events of this kind tell the state."""
+        """Whether events of this kind report the state."""
         return kind == self.kind if self.kind else kind.endswith(".state")
 
     def to_dict(self) -> dict[str, Any]:
@@ -165,9 +165,8 @@ class OnFrame:
         result: dict[str, Any] = {"when": "frame"}
         if self.can_id is not None:
             result["can_id"] = self.can_id
-        for key in ("message", "drive", "segment", "data"):
-            if getattr(self, key):
-                result[key] = getattr(self, key)
+        texts = {"message": self.message, "drive": self.drive, "segment": self.segment, "data": self.data}
+        result |= {key: text for key, text in texts.items() if text}
         if self.mask != 0x1FFFFFFF:
             result["mask"] = self.mask
         if self.number != 1:
@@ -220,8 +219,9 @@ class InCondition:
     def to_dict(self) -> dict[str, Any]:
         """Return the trigger as TOML/JSON values."""
         result: dict[str, Any] = {"when": "condition", "signal": self.signal}
-        result |= {key: value for key in ("low", "high") if (value := getattr(self, key)) is not None}
-        return result | {key: value for key in ("ones", "zeros") if (value := getattr(self, key))}
+        limits, masks = {"low": self.low, "high": self.high}, {"ones": self.ones, "zeros": self.zeros}
+        result |= {key: limit for key, limit in limits.items() if limit is not None}
+        return result | {key: mask for key, mask in masks.items() if mask}
 
     def __str__(self) -> str:
         parts = [f">= {self.low:g}"] if self.low is not None else []
@@ -614,7 +614,7 @@ def trigger_from_dict(content: Any, where: str = "trigger") -> Trigger:
 
 
 _CONTROLLER: Final = "live: signals of the controller, once per application cycle"
-_EVENTS: Final = "live: what the controller tells; drive.*, encoder.*, emcy.raised and nmt.state are refused"
+_EVENTS: Final = "live: events of the controller; drive.*, encoder.*, emcy.raised and nmt.state are refused"
 _PARTS: Final = "live: as its parts"
 
 TRIGGERS: Final[dict[str, tuple[str, str]]] = {
@@ -636,4 +636,4 @@ TRIGGERS: Final[dict[str, tuple[str, str]]] = {
     "any": ("Whenever one of several triggers fires", _PARTS),
     "chance": ("With a probability whenever another trigger fires", _PARTS),
 }
-"""Value of `when` in a file -> what it waits for, and what it hears on a live bench."""
+"""Value of `when` in a file -> what it waits for, and what it can use on a live bench."""

@@ -185,7 +185,7 @@ def _watch_time(bench: Bench, trigger: AtTime, fire: Callable[[], None]) -> Stop
         raise ConfigurationError(
             "trigger.time_s",
             trigger.time_s,
-            f"a time from now on; the bench stands at {scheduler.now * 1e-9:g} s",
+            f"a time from now on; the bench is at {scheduler.now * 1e-9:g} s",
         )
     return scheduler.at(due, fire).cancel
 
@@ -218,7 +218,7 @@ def _watch_signal(bench: Bench, trigger: SignalCrossing, fire: Callable[[], None
 def _watch_state(bench: Bench, trigger: InState, fire: Callable[[], None]) -> Stop:
     check_kind(bench, trigger)
     names = bench.component_names if offers(bench, BenchWithComponents) else ()
-    heard = (entry.source for entry in bench.history.events)  # somebody may have put more on the segment
+    heard = (entry.source for entry in bench.history.events)  # a test may have attached more
     if names and trigger.component not in names and trigger.component not in heard:
         raise ConfigurationError("trigger.component", trigger.component, ", ".join(names))
 

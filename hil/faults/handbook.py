@@ -1,7 +1,7 @@
 """The page about faults in the handbook: `python -m hil.faults.handbook docs/faults.md` writes it from
 the definitions.
 
-What stands above the line `MARK` is written by hand and stays; what follows is derived from the kinds.
+The part above the line `MARK` is written by hand and kept; what follows is derived from the kinds.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ says otherwise.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeGuard, TypeVar
 
 from typing_extensions import get_protocol_members
 
@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from fieldbus.can.frame import CanFrame
     from fieldbus.can.hooks import FrameHook
     from fieldbus.modbus.hooks import Change
+    from fieldbus.modbus.serial_line import SerialListener
     from fieldbus.profidrive.telegrams import Telegram
+    from hil.record import Vocabulary
 
 T = TypeVar("T")
 
@@ -50,8 +52,11 @@ def missing(part: object, seam: type) -> tuple[str, ...]:
 
 
 def _has(part: object, seam: type, name: str) -> bool:
-    method = any(callable(vars(base).get(name)) for base in seam.__mro__)
-    return callable(getattr(part, name, None)) if method else hasattr(part, name)
+    return callable(getattr(part, name, None)) if _is_method(seam, name) else hasattr(part, name)
+
+
+def _is_method(seam: type, name: str) -> bool:
+    return any(callable(vars(base).get(name)) for base in seam.__mro__)
 
 
 def offers(part: object, seam: type[T]) -> TypeGuard[T]:
@@ -68,9 +73,9 @@ def require(part: Part, seam: type[T], kind: str) -> T:
     """
     if offers(part, seam):
         return part
-    raise UnsupportedFaultError(
-        f"{kind} cannot be injected: {part.name} offers no {missing(part, seam)[0]}()"
-    )
+    name = missing(part, seam)[0]
+    call = "()" if _is_method(seam, name) else ""
+    raise UnsupportedFaultError(f"{kind} cannot be injected: {part.name} offers no {name}{call}")
 
 
 # -- drives ----------------------------------------------------------------------------------------------
@@ -79,38 +84,38 @@ def require(part: Part, seam: type[T], kind: str) -> T:
 class TripsOnFaults(Protocol):
     """A drive that can be made to trip."""
 
-    def raise_fault(self, emcy_code: int, *, persistent: bool = False) -> None:
+    def raise_fault(self, emcy_code: int, /, *, persistent: bool = False) -> None:
         """Trip with an EMCY code, or the number of a fault."""
 
 
 class KeepsFaultCauses(Protocol):
     """A drive that can be made to trip, and whose cause of a fault can last."""
 
-    def raise_fault(self, emcy_code: int, *, persistent: bool = False) -> None:
+    def raise_fault(self, emcy_code: int, /, *, persistent: bool = False) -> None:
         """Trip with an EMCY code, or the number of a fault; a persistent cause refuses the fault reset."""
 
-    def clear_fault_cause(self, emcy_code: int | None = None) -> None:
+    def clear_fault_cause(self, emcy_code: int | None = None, /) -> None:
         """End the cause of a persistent fault, or of all of them."""
 
 
 class HasSafeTorqueOff(Protocol):
     """A drive with STO."""
 
-    def set_sto(self, active: bool) -> None:
+    def set_sto(self, active: bool, /) -> None:
         """Activate or release safe torque off."""
 
 
 class HasSafeStop1(Protocol):
     """A drive with SS1."""
 
-    def set_ss1(self, active: bool) -> None:
+    def set_ss1(self, active: bool, /) -> None:
         """Activate or release safe stop 1."""
 
 
 class HasInterlock(Protocol):
     """A drive with an interlock input."""
 
-    def open_interlock(self, opened: bool) -> None:
+    def open_interlock(self, opened: bool, /) -> None:
         """Open or close the interlock."""
 
 
@@ -127,42 +132,42 @@ class HasSupply(Protocol):
 class SendsHeartbeat(Protocol):
     """A CANopen node with a heartbeat."""
 
-    def stop_heartbeat(self, stopped: bool) -> None:
+    def stop_heartbeat(self, stopped: bool, /) -> None:
         """Suppress the heartbeat, or produce it again."""
 
 
 class DelaysHeartbeat(Protocol):
     """A CANopen node whose heartbeat can be late."""
 
-    def delay_heartbeat(self, delay_s: float) -> None:
+    def delay_heartbeat(self, delay_s: float, /) -> None:
         """Send every heartbeat this much late; 0 = in time."""
 
 
 class HasMains(Protocol):
     """A drive that is supplied by the mains."""
 
-    def disconnect_mains(self, missing: bool) -> None:
+    def disconnect_mains(self, missing: bool, /) -> None:
         """Disconnect the mains, or connect them again."""
 
 
 class HasMainsVoltage(Protocol):
     """A drive whose mains voltage can dip."""
 
-    def set_mains_voltage_share(self, share: float) -> None:
+    def set_mains_voltage_share(self, share: float, /) -> None:
         """Set the mains voltage to a share of the rated one, above 0; 1 = all of it."""
 
 
 class HasMainsPhases(Protocol):
     """A drive with three phases."""
 
-    def disconnect_phase(self, missing: bool) -> None:
+    def disconnect_phase(self, missing: bool, /) -> None:
         """Disconnect one phase of the mains, or connect it again."""
 
 
 class HasDcLink(Protocol):
     """A drive whose DC link voltage can be held."""
 
-    def set_dc_link_voltage(self, voltage_V: float) -> None:
+    def set_dc_link_voltage(self, voltage_V: float, /) -> None:
         """Hold the DC link at a voltage, V."""
 
     def restore_dc_link(self) -> None:
@@ -172,49 +177,49 @@ class HasDcLink(Protocol):
 class HasBrakeChopper(Protocol):
     """A drive with a brake chopper."""
 
-    def disable_chopper(self, broken: bool) -> None:
+    def disable_chopper(self, broken: bool, /) -> None:
         """Keep the brake chopper from conducting, or let it work again."""
 
 
 class HasTemperatureSensors(Protocol):
     """A drive with temperature sensors."""
 
-    def force_temperature(self, part: str, celsius: float | None) -> None:
+    def force_temperature(self, part: str, celsius: float | None, /) -> None:
         """Override the sensor of `motor` or `power_stage`, degC; None = the true temperature."""
 
 
 class LimitsTorque(Protocol):
     """A drive whose torque can be limited."""
 
-    def limit_torque(self, share: float | None) -> None:
+    def limit_torque(self, share: float | None, /) -> None:
         """Limit the torque to a share of the rated one; None = no limit."""
 
 
 class HasHoldingBrake(Protocol):
     """A drive with a holding brake that can be stuck."""
 
-    def set_brake_stuck(self, closed: bool | None) -> None:
+    def set_brake_stuck(self, closed: bool | None, /) -> None:
         """Make the brake stuck closed or open; None = it works again."""
 
 
 class HasWearingBrake(Protocol):
     """A drive with a holding brake that can slip."""
 
-    def set_brake_torque_share(self, share: float) -> None:
+    def set_brake_torque_share(self, share: float, /) -> None:
         """Set the torque of the closed brake to a share of its own; 1 = as new."""
 
 
 class HasRamps(Protocol):
     """A drive with ramps of its own."""
 
-    def scale_ramps(self, share: float) -> None:
+    def scale_ramps(self, share: float, /) -> None:
         """Set the slope of all ramps to a share of the configured one; 1 = as configured."""
 
 
 class HasLocalControl(Protocol):
     """A drive that can be operated locally."""
 
-    def set_local_control(self, active: bool) -> None:
+    def set_local_control(self, active: bool, /) -> None:
         """Take the control away from the bus, or give it back."""
 
 
@@ -235,77 +240,77 @@ class CanDisableItself(Protocol):
 class ShowsWarnings(Protocol):
     """A drive with a warning bit."""
 
-    def force_warning(self, active: bool) -> None:
+    def force_warning(self, active: bool, /) -> None:
         """Show a warning without a cause, or end it."""
 
 
 class ShowsStatusword(Protocol):
     """A drive whose status word can stand still."""
 
-    def freeze_statusword(self, frozen: bool) -> None:
+    def freeze_statusword(self, frozen: bool, /) -> None:
         """Hold the status word, or let it follow the state again."""
 
 
 class ShowsStatuswordBits(Protocol):
     """A drive whose status word can be overridden."""
 
-    def override_statusword_bits(self, set_bits: int, clear_bits: int) -> None:
+    def override_statusword_bits(self, set_bits: int, clear_bits: int, /) -> None:
         """Show bits as 1 and as 0, whatever the state; 0 and 0 end it."""
 
 
 class ShowsTargetReached(Protocol):
     """A drive with a *target reached* bit."""
 
-    def toggle_target_reached(self, period_s: float | None) -> None:
+    def toggle_target_reached(self, period_s: float | None, /) -> None:
         """Toggle bit 10 with a period; None = it follows the motion again."""
 
 
 class ShowsMode(Protocol):
     """A drive with a mode display."""
 
-    def override_mode_display(self, number: int | None) -> None:
+    def override_mode_display(self, number: int | None, /) -> None:
         """Show another mode of operation; None = the true one."""
 
 
 class RestartsNode(Protocol):
     """A node that can restart during operation."""
 
-    def reset_node(self, boot_s: float) -> None:
+    def reset_node(self, boot_s: float, /) -> None:
         """Restart: silence for so long, then boot-up."""
 
 
 class AbortsSdo(Protocol):
     """A node with an SDO server that can abort."""
 
-    def abort_sdo(self, code: int | None, index: int = 0) -> None:
+    def abort_sdo(self, code: int | None, index: int = 0, /) -> None:
         """Abort accesses to an index (0 = every one) with a code; None = serve them again."""
 
 
 class AnswersSdo(Protocol):
     """A node with an SDO server that can be silent."""
 
-    def suppress_sdo_responses(self, silent: bool) -> None:
+    def suppress_sdo_responses(self, silent: bool, /) -> None:
         """Leave SDO requests without a response, or answer again."""
 
 
 class SendsEmcy(Protocol):
     """A node that sends EMCYs."""
 
-    def repeat_emcy(self, code: int | None, period_s: float = 0.001) -> None:
+    def repeat_emcy(self, code: int | None, period_s: float = 0.001, /) -> None:
         """Send an EMCY again and again without any change of state; None = end."""
 
 
 class HasClock(Protocol):
     """A node with a clock of its own."""
 
-    def set_clock_drift(self, ppm: float) -> None:
+    def set_clock_drift(self, ppm: float, /) -> None:
         """Let the clock run fast (> 0) or slow; 0 = as fast as the others."""
 
 
 class HasUnsteadyClock(Protocol):
     """A node whose cycles can begin late."""
 
-    def set_clock_jitter(self, longest_ns: int) -> None:
+    def set_clock_jitter(self, longest_ns: int, /) -> None:
         """Begin every cycle late by a random time of up to so many ns; 0 = in time."""
 
 
@@ -315,42 +320,42 @@ class HasUnsteadyClock(Protocol):
 class HasSafeStop2(Protocol):
     """A drive with SS2."""
 
-    def set_ss2(self, active: bool) -> None:
+    def set_ss2(self, active: bool, /) -> None:
         """Select or deselect safe stop 2."""
 
 
 class HasSafeOperatingStop(Protocol):
     """A drive with SOS."""
 
-    def set_sos(self, active: bool) -> None:
+    def set_sos(self, active: bool, /) -> None:
         """Select or deselect safe operating stop."""
 
 
 class HasSafeBrakeControl(Protocol):
     """A drive with SBC."""
 
-    def set_sbc(self, active: bool) -> None:
+    def set_sbc(self, active: bool, /) -> None:
         """Select or deselect safe brake control."""
 
 
 class HasSafelyLimitedSpeed(Protocol):
     """A drive with SLS."""
 
-    def set_sls(self, level: int | None) -> None:
+    def set_sls(self, level: int | None, /) -> None:
         """Select a level of safely limited speed; None = deselect."""
 
 
 class HasSafeDirection(Protocol):
     """A drive with SDI."""
 
-    def set_sdi(self, direction: int | None) -> None:
+    def set_sdi(self, direction: int | None, /) -> None:
         """Select safe direction with the permitted one, 1 or -1; None = deselect."""
 
 
 class HasSafelyLimitedPosition(Protocol):
     """A drive with SLP."""
 
-    def set_slp(self, number: int | None) -> None:
+    def set_slp(self, number: int | None, /) -> None:
         """Select a range of safely limited position; None = deselect."""
 
 
@@ -367,63 +372,63 @@ class AcknowledgesSafety(Protocol):
 class HasInputs(Protocol):
     """A drive with digital inputs."""
 
-    def force_input(self, name: str, state: bool | None) -> None:
+    def force_input(self, name: str, state: bool | None, /) -> None:
         """Override `negative_limit`, `positive_limit`, `home`, `probe1` or `probe2`; None ends it."""
 
 
 class HasInputPolarity(Protocol):
     """A drive whose inputs can be inverted."""
 
-    def invert_input(self, name: str, inverted: bool) -> None:
+    def invert_input(self, name: str, inverted: bool, /) -> None:
         """Invert an input, or end it."""
 
 
 class HasLimitSwitches(Protocol):
     """A drive with two limit switches."""
 
-    def swap_limit_switches(self, swapped: bool) -> None:
+    def swap_limit_switches(self, swapped: bool, /) -> None:
         """Exchange the wires of the limit switches, or end it."""
 
 
 class HasShaft(Protocol):
     """A drive whose load can be blocked."""
 
-    def jam(self, active: bool) -> None:
+    def jam(self, active: bool, /) -> None:
         """Block the load, or release it."""
 
 
 class HasLoad(Protocol):
     """A drive with a load."""
 
-    def set_load_force(self, newton: float) -> None:
+    def set_load_force(self, newton: float, /) -> None:
         """Set the external force on the load; 0 = none."""
 
 
 class HasGuides(Protocol):
     """A drive whose load has friction."""
 
-    def set_added_friction(self, force: float) -> None:
+    def set_added_friction(self, force: float, /) -> None:
         """Set the dry friction that is added at the load; 0 = as new."""
 
 
 class HasCoupling(Protocol):
     """A drive whose coupling can slip."""
 
-    def slip_coupling(self, revolutions: float) -> None:
+    def slip_coupling(self, revolutions: float, /) -> None:
         """Displace the load by so many revolutions of the motor."""
 
 
 class HasBreakableCoupling(Protocol):
     """A drive whose coupling can break."""
 
-    def break_coupling(self, motor_share: float) -> None:
+    def break_coupling(self, motor_share: float, /) -> None:
         """Part motor and load for good; the motor keeps a share of the inertia."""
 
 
 class HasBacklash(Protocol):
     """A drive with play between motor and load."""
 
-    def set_added_backlash(self, backlash: float, growth_s: float = 0.0) -> None:
+    def set_added_backlash(self, backlash: float, growth_s: float = 0.0, /) -> None:
         """Let the play grow by so much within a time; 0 = as built."""
 
 
@@ -433,105 +438,105 @@ class HasBacklash(Protocol):
 class HasEncoder(Protocol):
     """An encoder, or a drive with one, whose value can stand still."""
 
-    def freeze_encoder(self, frozen: bool) -> None:
+    def freeze_encoder(self, frozen: bool, /) -> None:
         """Hold the reported position, or let it follow the shaft again."""
 
 
 class HasJumpingEncoder(Protocol):
     """An encoder whose value can jump."""
 
-    def jump_encoder(self, increments: int) -> None:
+    def jump_encoder(self, increments: int, /) -> None:
         """Displace the reported position."""
 
 
 class HasNoisyEncoder(Protocol):
     """An encoder whose value can be noisy."""
 
-    def set_encoder_noise(self, increments: int) -> None:
+    def set_encoder_noise(self, increments: int, /) -> None:
         """Disturb every sample by up to so many increments; 0 = off."""
 
 
 class HasReversibleEncoder(Protocol):
     """An encoder that can count the other way."""
 
-    def reverse_encoder(self, reversed_direction: bool) -> None:
+    def reverse_encoder(self, reversed_direction: bool, /) -> None:
         """Count the other way from the present position on, or end it."""
 
 
 class HasLossyEncoder(Protocol):
     """An encoder that can miss steps."""
 
-    def lose_encoder_steps(self, every: int) -> None:
+    def lose_encoder_steps(self, every: int, /) -> None:
         """Miss one of so many steps; 0 = none."""
 
 
 class HasIndex(Protocol):
     """An encoder with an index (zero mark)."""
 
-    def suppress_index(self, missing: bool) -> None:
+    def suppress_index(self, missing: bool, /) -> None:
         """Suppress the index, or let it come again."""
 
 
 class HasDriftingEncoder(Protocol):
     """An encoder whose value can drift."""
 
-    def set_encoder_drift(self, increments_per_s: float) -> None:
+    def set_encoder_drift(self, increments_per_s: float, /) -> None:
         """Let the reported position drift; 0 = no further."""
 
 
 class HasScaledEncoder(Protocol):
     """An encoder with a scale."""
 
-    def set_encoder_scale(self, factor: float) -> None:
+    def set_encoder_scale(self, factor: float, /) -> None:
         """Count so many times the motion; 1 = right."""
 
 
 class HasEncoderWire(Protocol):
     """An encoder with a wire."""
 
-    def break_encoder_wire(self, broken: bool) -> None:
+    def break_encoder_wire(self, broken: bool, /) -> None:
         """Break the wire of the encoder, or repair it."""
 
 
 class ReportsEncoderErrors(Protocol):
     """An encoder with a PROFIdrive interface."""
 
-    def set_encoder_error(self, code: int, active: bool) -> None:
+    def set_encoder_error(self, code: int, active: bool, /) -> None:
         """Begin or end the cause of an error of Gx_XIST2."""
 
 
 class HasPreset(Protocol):
     """An encoder with a preset."""
 
-    def preset_encoder(self, value: int) -> None:
+    def preset_encoder(self, value: int, /) -> None:
         """Write a preset, steps."""
 
 
 class HasRange(Protocol):
     """An encoder with a range of positions."""
 
-    def move_near_overflow(self, margin: int) -> None:
+    def move_near_overflow(self, margin: int, /) -> None:
         """Place the position so many steps before the upper (> 0) or lower end of its range."""
 
 
 class ReportsAlarms(Protocol):
     """An encoder with alarms (6503h)."""
 
-    def set_alarm(self, bit: int, active: bool) -> None:
+    def set_alarm(self, bit: int, active: bool, /) -> None:
         """Begin or end the cause of an alarm."""
 
 
 class ReportsWarnings(Protocol):
     """An encoder with warnings (6505h)."""
 
-    def set_warning(self, bit: int, active: bool) -> None:
+    def set_warning(self, bit: int, active: bool, /) -> None:
         """Begin or end the cause of a warning."""
 
 
 class SendsCyclically(Protocol):
     """An encoder with a cyclic timer."""
 
-    def force_cycle_time(self, period_ms: int | None) -> None:
+    def force_cycle_time(self, period_ms: int | None, /) -> None:
         """Override the cycle of TPDO1; 0 = never, None = as configured."""
 
 
@@ -541,42 +546,42 @@ class SendsCyclically(Protocol):
 class HasReadySignal(Protocol):
     """A drive with a ready signal at a terminal."""
 
-    def force_ready(self, level: bool | None) -> None:
+    def force_ready(self, level: bool | None, /) -> None:
         """Override the ready signal; None ends it."""
 
 
 class HasPulseOutputs(Protocol):
     """A pulse module."""
 
-    def short_outputs(self, present: bool, channel: int = 0) -> None:
+    def short_outputs(self, present: bool, channel: int = 0, /) -> None:
         """Begin or end a short circuit at the outputs of a channel."""
 
 
 class HasLoadSupply(Protocol):
     """A pulse module with a load supply."""
 
-    def disconnect_load_supply(self, missing: bool) -> None:
+    def disconnect_load_supply(self, missing: bool, /) -> None:
         """Disconnect the load supply of the outputs, or connect it again."""
 
 
 class IsPluggedIn(Protocol):
     """A pulse module in a station."""
 
-    def unplug_module(self, failed: bool) -> None:
+    def unplug_module(self, failed: bool, /) -> None:
         """Pull the module out of its station, or plug it in again."""
 
 
 class HasEncoderFeedback(Protocol):
     """A pulse module with encoder feedback."""
 
-    def report_encoder_error(self, code: int, present: bool) -> None:
+    def report_encoder_error(self, code: int, present: bool, /) -> None:
         """Begin or end the cause of an error of the encoder feedback."""
 
 
 class HasStepperMotor(Protocol):
     """A drive with a stepper motor."""
 
-    def lose_steps(self, periods: int) -> None:
+    def lose_steps(self, periods: int, /) -> None:
         """Let the shaft lag behind by whole electrical periods; negative: ahead."""
 
 
@@ -591,13 +596,13 @@ class CanPort(Part, Protocol):
     tx_buffers: int
     auto_recovery: bool
 
-    def set_acknowledge(self, acknowledges: bool) -> None:
+    def set_acknowledge(self, acknowledges: bool, /) -> None:
         """Acknowledge frames, or do not."""
 
-    def set_bitrate(self, bitrate: int | None) -> None:
+    def set_bitrate(self, bitrate: int | None, /) -> None:
         """Work at another bit rate; None = that of the segment."""
 
-    def set_overload_frames(self, count: int) -> None:
+    def set_overload_frames(self, count: int, /) -> None:
         """Ask for so many overload frames behind every frame."""
 
     def set_error_counters(self, *, tec: int | None = None, rec: int | None = None) -> None:
@@ -610,7 +615,7 @@ class CanPort(Part, Protocol):
 class FrameSegment(Part, Protocol):
     """A CAN segment on which frames can be hit, virtual or live."""
 
-    def add_hook(self, hook: FrameHook) -> Undo:
+    def add_hook(self, hook: FrameHook, /) -> Undo:
         """Ask a hook about every frame."""
 
     def inject(self, frame: CanFrame, sender: str = "fault") -> None:
@@ -641,16 +646,16 @@ class VirtualSegment(BusSegment, Protocol):
     def ports(self) -> Sequence[CanPort]:
         """Nodes on the segment."""
 
-    def flip_bit(self, nodes: Iterable[str] | None = None) -> None:
+    def flip_bit(self, nodes: Iterable[str] | None = None, /) -> None:
         """Invert the present bit, for some nodes or all."""
 
-    def hold_level(self, level: int | None) -> None:
+    def hold_level(self, level: int | None, /) -> None:
         """Hold the bus at a level, 0 dominant; None ends it."""
 
-    def cut(self, nodes: Iterable[str]) -> Undo:
+    def cut(self, nodes: Iterable[str], /) -> Undo:
         """Break the cable between these nodes and the others."""
 
-    def injected(self, sender: str) -> int:
+    def injected(self, sender: str, /) -> int:
         """Return how many frames of a foreign node wait."""
 
 
@@ -718,7 +723,7 @@ class TcpCable(Protocol):
 class SerialPort(Protocol):
     """A device on a virtual line."""
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, /) -> None:
         """Put bytes on the line."""
 
 
@@ -729,7 +734,7 @@ class SerialWire(Protocol):
     def busy(self) -> bool:
         """Whether something is being sent."""
 
-    def attach(self, name: str, listener: Any) -> SerialPort:
+    def attach(self, name: str, listener: SerialListener, /) -> SerialPort:
         """Connect a device."""
 
 
@@ -743,10 +748,10 @@ class ModbusSegment(Part, Protocol):
     def server_names(self) -> tuple[str, ...]:
         """Names of the drives and stations that answer here."""
 
-    def add_hook(self, hook: Callable[[str, bytes, int], Change | None]) -> Undo:
+    def add_hook(self, hook: Callable[[str, bytes, int], Change | None], /) -> Undo:
         """Ask a hook about every transmission."""
 
-    def link(self, name: str | None = None) -> Any:
+    def link(self, name: str | None = None, /) -> object:
         """Return the connection to a drive (`TcpCable`), or the line (`SerialWire`)."""
 
 
@@ -915,7 +920,7 @@ class BenchWithEncoders(Protocol):
     def encoder_names(self) -> tuple[str, ...]:
         """Their names."""
 
-    def encoder(self, name: str | None = None) -> Any:
+    def encoder(self, name: str | None = None, /) -> Part:
         """Return one, or the first one."""
 
 
@@ -934,7 +939,7 @@ class BenchWithStations(Protocol):
     def station_names(self) -> tuple[str, ...]:
         """Their names."""
 
-    def station(self, name: str | None = None) -> Any:
+    def station(self, name: str | None = None, /) -> IoStation:
         """Return one, or the first one."""
 
 
@@ -953,7 +958,7 @@ class BenchWithController(Protocol):
 class BenchWithPorts(Protocol):
     """A bench that shows the ports of its axes."""
 
-    def port(self, drive_name: str | None = None) -> Any:
+    def port(self, drive_name: str | None = None, /) -> Part:
         """Return the port of an axis, by the name of its drive."""
 
 
@@ -968,7 +973,7 @@ class BenchWithSegments(Protocol):
 class BenchWithNodes(Protocol):
     """A bench that knows the nodes on its segments."""
 
-    def nodes_on(self, segment: str) -> tuple[str, ...]:
+    def nodes_on(self, segment: str, /) -> tuple[str, ...]:
         """Return the names of the nodes on a segment."""
 
 
@@ -992,5 +997,5 @@ class BenchWithVocabulary(Protocol):
     """A bench that knows the texts of its events."""
 
     @property
-    def vocabulary(self) -> Any:
-        """A `hil.record.Vocabulary`."""
+    def vocabulary(self) -> Vocabulary:
+        """Kinds, sources and texts."""

@@ -75,7 +75,10 @@ BLOCKED = {
         if case.parameters.get("where") == "drive" or "telegram" in case.identifier
     },
     ("reference", "control/safety/ss2/controller"): "offers no set_ss2",
-    **{("reference", f"monitoring/late/{cycles}"): "led by no PROFIdrive telegram" for cycles in (1, 2)},
+    **{
+        ("reference", f"monitoring/late/{cycles}"): "controlled by no PROFIdrive telegram"
+        for cycles in (1, 2)
+    },
 }
 """Cases that a bench cannot have, and why: a PROFIdrive axis has no such state to fall to without fault or
 safety input, a CiA 402

@@ -245,7 +245,7 @@ FAMILY: Final = Family(
             example={"target": "drive1", "duration_s": 0.5},
             fuzzed=False,
             text="""
-        The signal of the encoder is lost: the value stands, the drive coasts with 7305h (absolute 7320h).
+        The signal of the encoder is lost: the value is frozen, the drive coasts with 7305h (absolute 7320h).
         After the repair an incremental encoder has lost its reference.
         """,
         ),

@@ -165,7 +165,7 @@ def _selected_identifier(injection: Injection, segment: FrameSegment) -> tuple[i
 
 
 def _known_sender(injection: Injection, segment: FrameSegment) -> str:
-    """Return the sender that the fault names, checked: a frame of nobody would never be hit.
+    """Return the sender that the fault names, checked: an unknown sender would never match.
 
     Raises:
         ConfigurationError: No node of the segment has this name.

@@ -191,7 +191,7 @@ FAMILY: Final = Family(
         ),
         FaultType(
             "mechanics.jam",
-            "The load is blocked where it stands",
+            "The load is blocked at its present position",
             "mechanics",
             "mechanics",
             toggled(seams.HasShaft, lambda drive, active: drive.jam(active)),

@@ -292,12 +292,12 @@ def _hook_override(
 ) -> Override[Callable[[int, bytes], int]]:
     """Return the override of the exceptions of the server of a drive or a station."""
     bench = injection.bench
-    device: ModbusDevice = (
-        bench.station(name)
-        if offers(bench, BenchWithStations) and name in bench.station_names
-        else injection.bench.drive(name)
-    )
-    server = device.server
+    device: Part
+    if offers(bench, BenchWithStations) and name in bench.station_names:
+        device = bench.station(name)
+    else:
+        device = injection.bench.drive(name)
+    server = injection.require(device, ModbusDevice).server
     usual = server.exception_hook
 
     def install(hook: Callable[[int, bytes], int] | None) -> None:
@@ -317,7 +317,9 @@ def _cut(injection: Injection) -> Action:
     _refuse_count(injection)
 
     def cable(name: str) -> Override[bool]:
-        link: TcpCable = segment.link(name)
+        link = segment.link(name)
+        if not offers(link, TcpCable):
+            injection.refuse(f"{name} has no virtual connection")
 
         def switch(cut: bool) -> None:
             link.cut = cut
@@ -337,7 +339,9 @@ def _noise(injection: Injection) -> Action:
         injection.values,
     )
     _refuse_count(injection)
-    line: SerialWire = segment.link()
+    line = segment.link()
+    if not offers(line, SerialWire):
+        injection.refuse(f"{segment.name} has no virtual line")
     length, period_s = values.integer("bytes"), values.number("period_s")
     rng = injection.bench.rng(injection.stream)
     port = line.attach("noise", _Deaf())

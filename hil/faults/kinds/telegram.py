@@ -1,7 +1,7 @@
 """Faults of PROFIdrive telegrams: a filter between the profile and the bus that carries it, on the
 controller's side.
 
-Both directions pass the port of the axis, whatever the bus is and whoever the drive is, so that one
+Both directions pass the port of the axis, whatever the bus and the drive, so that one
 seam serves CAN and Modbus, emulated and physical drives. Several faults of a direction work one after
 the other, in the order in which they came.
 """
@@ -33,13 +33,13 @@ _SIGN_VALUES: Final = 15
 
 
 def _find_port(injection: Injection) -> TelegramPort:
-    """Return the port by which an axis of the bench leads the drive."""
+    """Return the port by which an axis of the bench controls the drive."""
     bench = injection.bench
     if not offers(bench, BenchWithPorts):
         injection.refuse("this bench shows no ports of its axes")
     port: Part = bench.port(injection.target or None)
     if not offers(port, TelegramPort):
-        injection.refuse(f"{port.name} is led by no PROFIdrive telegram")
+        injection.refuse(f"{port.name} is controlled by no PROFIdrive telegram")
     return port
 
 
@@ -306,7 +306,7 @@ def _lose_control(injection: Injection, telegram: Telegram) -> Filter:
 # -- kinds -----------------------------------------------------------------------------------------------
 
 _REMARK: Final = (
-    "needs an axis of the bench that leads the drive by a PROFIdrive telegram; what passes on the bus"
+    "needs an axis of the bench that controls the drive by a PROFIdrive telegram; what passes on the bus"
     " is true in the direction from the drive, and disturbed in the direction to it"
 )
 _SIGNAL: Final = Parameter(
@@ -321,7 +321,7 @@ _SIGNAL: Final = Parameter(
 _DIRECTION: Final = Parameter(
     "direction",
     "text",
-    "actual: from the drive; setpoint: to it. For words by number; a name says it itself",
+    "actual: from the drive; setpoint: to it. For words by number; the name of a signal implies it",
     default="actual",
     choices=("actual", "setpoint"),
 )
@@ -337,7 +337,7 @@ FAMILY: Final = Family(
     kinds=(
         FaultType(
             "telegram.stuck",
-            "A signal, a word or a bit stands at a value",
+            "A signal, a word or a bit is stuck at a value",
             "drive",
             "telegram words",
             AtSignal(_stick),
@@ -356,7 +356,7 @@ FAMILY: Final = Family(
             example={"target": "drive1", "duration_s": 0.1, "parameters": {"signal": "ZSW1.3", "value": 1}},
             counted=True,
             text="""
-        A signal, a word or a bit stands at a value: that of the first telegram which is hit, if none is
+        A signal, a word or a bit is stuck at a value: that of the first telegram which is hit, if none is
         given.
         """,
         ),

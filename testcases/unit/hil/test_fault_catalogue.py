@@ -18,8 +18,8 @@ from hil.faults import CATALOGUE, DRIVE_METHODS, Fault, handbook
 from testcases.unit.hil.fault_benches import Stage, situation_of, undisturbed
 
 PAGE = (Path(__file__).parents[3] / "docs" / "faults.md").read_text(encoding="utf-8")
-FOR_GOOD = {"mechanics.coupling_break": "nothing mends it in the same case"}
-"""Kinds that nothing takes back, with the words of their description."""
+FOR_GOOD = ("mechanics.coupling_break",)
+"""Kinds that nothing repairs in the same case."""
 
 every_kind = pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.name)
 
@@ -61,11 +61,11 @@ def test_the_example_acts_and_ends(entry):
         assert armed.over
         assert not armed.active
         kinds = [event.kind for event in stage.bench.history.events if event.data.get("injection") == 1]
-        told = [kind for kind in kinds if kind != "fault.hit"]
+        logged = [kind for kind in kinds if kind != "fault.hit"]
         lasting = entry.lasting and armed.fault.lasting
-        assert told == ["fault.armed", "fault.applied", *["fault.removed"] * lasting]
-        trouble = stage.recover()
-        assert bool(trouble) is (entry.name in FOR_GOOD), trouble
+        assert logged == ["fault.armed", "fault.applied", *["fault.removed"] * lasting]
+        problem = stage.recover()
+        assert bool(problem) is (entry.name in FOR_GOOD), problem
     finally:
         stage.close()
 
@@ -77,7 +77,7 @@ def test_the_page_of_the_handbook_is_current():
 
 @every_kind
 def test_handbook_and_catalogue_show_the_same_example(entry):
-    """What stands in the handbook is what `hil faults` prints."""
+    """The handbook has the example that `hil faults` prints."""
     assert documented(entry) == Fault.from_dict(entry.example)
 
 
@@ -122,9 +122,9 @@ def test_a_parameter_takes_what_is_allowed_and_nothing_else(entry, parameter):
     for value in wrong_values(parameter):
         with pytest.raises(ConfigurationError) as caught:
             Fault(entry.name, parameters={**others, parameter.name: value})
-        words = str(caught.value)
-        assert f"{entry.name}.parameters.{parameter.name}: " in words
-        assert parameter.allowed in words
+        message = str(caught.value)
+        assert f"{entry.name}.parameters.{parameter.name}: " in message
+        assert parameter.allowed in message
     for value in [
         *parameter.choices,
         *((parameter.minimum, parameter.maximum) if parameter.type in ("float", "int") else ()),
@@ -194,7 +194,7 @@ def test_a_target_that_is_none_is_refused(stages, entry, wrong):
 
 
 class _Pipe:
-    """Stands for the process of the drives: commands pass as JSON, and only those that the process
+    """The process of the drives: commands pass as JSON, and only those that the process
     accepts.
     """
 

@@ -42,8 +42,8 @@ def faults(bench):
     return Injector(bench)
 
 
-def told(bench, injection=None):
-    """Return kind and time of what is told of faults, ms."""
+def logged(bench, injection=None):
+    """Return kind and time of the events of faults, ms."""
     return [
         (event.kind.removeprefix("fault."), round(event.time_ns / 1e6, 3))
         for event in bench.history.events
@@ -52,7 +52,7 @@ def told(bench, injection=None):
 
 
 def kinds(bench, injection=None):
-    return [kind for kind, _ in told(bench, injection)]
+    return [kind for kind, _ in logged(bench, injection)]
 
 
 def test_the_first_ends_while_the_second_acts(bench, faults):
@@ -62,7 +62,7 @@ def test_the_first_ends_while_the_second_acts(bench, faults):
     faults.inject("drive.sto", trigger=after(0.05), duration_s=0.1)
     word = [bool(bench.drive().safety.sto_input) for _ in range(20) if bench.run_for(0.01) is None]
     assert word == [True] * 14 + [word[14]] + [False] * 5
-    ends = [time for kind, time in told(bench) if kind == "removed"]
+    ends = [time for kind, time in logged(bench) if kind == "removed"]
     assert ends == pytest.approx([(begin + 0.1) * 1e3, (begin + 0.15) * 1e3])
 
 
@@ -79,7 +79,7 @@ def test_forces_add_up(bench, faults):
 
 
 def test_repetition_by_chance_is_that_of_the_seed(bench, faults):
-    """Of the occasions those come that the seed draws; one that comes while the fault acts is told and does
+    """Of the occasions those come that the seed draws; one that comes while the fault acts is logged and does
     not count.
     """
 
@@ -91,7 +91,7 @@ def test_repetition_by_chance_is_that_of_the_seed(bench, faults):
             own.run_for(0.5)
             assert armed.over
             assert armed.applications == 8
-            return told(own)
+            return logged(own)
 
     first = run()
     assert first == run()
@@ -101,7 +101,9 @@ def test_repetition_by_chance_is_that_of_the_seed(bench, faults):
 
 
 def test_the_end_that_never_comes(bench, faults):
-    """What waits for the end of a fault that stays is told as waiting, and as disarmed when it is removed."""
+    """What waits for the end of a fault that stays is logged as waiting, and as disarmed when it is
+    removed.
+    """
     faults.inject("drive.warning")
     chained = faults.inject(
         "drive.sto", trigger=sequence(on_event("fault.removed", fault="drive.warning"), after(0.1))
@@ -122,7 +124,7 @@ def test_a_chain_goes_on_from_end_to_end(bench, faults):
         values = {"force_N": 1.0} if kind == "mechanics.friction" else {"share": 0.5}
         faults.inject(kind, trigger=on_event("fault.removed", fault=before), duration_s=0.03, **values)
     bench.run_for(0.2)
-    applied = [time for kind, time in told(bench) if kind == "applied"]
+    applied = [time for kind, time in logged(bench) if kind == "applied"]
     assert [late - early for early, late in pairwise(applied)] == pytest.approx([20.0, 30.0])
     assert kinds(bench).count("removed") == 3
 
@@ -159,7 +161,7 @@ def test_two_occasions_in_the_same_cycle(bench, faults):
     assert kinds(bench, 1) == ["armed", "skipped", "applied", "removed"]
     order = [event.data["injection"] for event in bench.history.events if event.kind == "fault.applied"]
     assert order == [1, 2, 3]
-    assert len({time for kind, time in told(bench) if kind == "applied"}) == 1
+    assert len({time for kind, time in logged(bench) if kind == "applied"}) == 1
 
 
 def test_a_fault_that_waits_is_in_trace_story_and_record():

@@ -17,7 +17,7 @@ KINDS = [
 
 
 class Watched:
-    """A device that takes note of what faults do to it."""
+    """A device that records what faults do to it."""
 
     def __init__(self, device, calls):
         self._device = device
@@ -74,7 +74,7 @@ def stages():
 @pytest.mark.parametrize("entry", KINDS, ids=lambda entry: entry.name)
 def test_the_one_that_is_left_acts_on(entry, stages, monkeypatch):
     """The first may end while the second acts, or the other way round: what is left acts as if it were alone,
-    and the last one mends.
+    and the last one restores the part.
     """
     stage = stages(situation_of(entry).bench)
     bench = stage.bench
@@ -90,17 +90,17 @@ def test_the_one_that_is_left_acts_on(entry, stages, monkeypatch):
         armed.remove()
         return broken, calls[-1]
 
-    (broken_a, mended_a), (broken_b, mended_b) = alone(first), alone(second)
-    assert broken_a != mended_a
+    (broken_a, restored_a), (broken_b, restored_b) = alone(first), alone(second)
+    assert broken_a != restored_a
     for ending in (0, 1):
         pair = [stage.faults.arm(first), stage.faults.arm(second)]
         pair[ending].remove()
         assert calls[-1] == (broken_b, broken_a)[ending]
         pair[1 - ending].remove()
-        assert calls[-1] == (mended_a, mended_b)[1 - ending]
+        assert calls[-1] == (restored_a, restored_b)[1 - ending]
     same = [stage.faults.arm(first), stage.faults.arm(first)]
     same[0].remove()
     assert calls[-1] == broken_a
     same[1].remove()
-    assert calls[-1] == mended_a
+    assert calls[-1] == restored_a
     assert not any(armed.active for armed in stage.faults.armed)
