@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class CaseFailedError(HilError):
-    """A case of a campaign has failed or broken; its message is all there is to tell."""
+    """A case of a campaign has failed, or the harness has; the message is complete without a traceback."""
 
 
 class MatrixTests(pytest.File):
@@ -72,7 +72,7 @@ class CaseTest(pytest.Item):
             raise CaseFailedError(f"{result.message}\nrepeat with: {replay_command(token)}")
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return what is told of a failure: expected, observed, when, and how to repeat it."""
+        """Return the text of a failure: expected, observed, when, and how to repeat it."""
         if isinstance(excinfo.value, CaseFailedError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)

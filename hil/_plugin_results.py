@@ -5,24 +5,35 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, NotRequired, TypedDict
 
 FOLDER: Final = Path(".hil") / "requirements"
 _FORMAT: Final = 1
 _KEPT_FILES: Final = 20
 
 
+class RequirementResult(TypedDict):
+    """What became of a test."""
+
+    requirements: list[str]
+    """Identifiers that it is marked with."""
+    outcome: str
+    """`passed`, `failed`, `skipped`, `xfailed` or `xpassed`; empty before its call."""
+    time_ns: NotRequired[int]
+    """Time of its session; without one that of the file counts."""
+
+
 class RequirementLog:
     """Outcomes of one session, by test."""
 
     def __init__(self) -> None:
-        self.results: dict[str, dict[str, Any]] = {}
+        self.results: dict[str, RequirementResult] = {}
 
     def note(self, node: str, requirements: Iterable[str], phase: str, outcome: str) -> None:
         """Note the outcome of a phase; a test has passed when its call passed and no other phase failed."""
-        entry = self.results.setdefault(node, {"requirements": list(requirements), "outcome": ""})
+        entry = self.results.setdefault(node, RequirementResult(requirements=list(requirements), outcome=""))
         if (phase == "call" or outcome != "passed") and entry["outcome"] != "failed":
             entry["outcome"] = outcome
 
@@ -47,7 +58,7 @@ def write_results(root: Path, log: RequirementLog) -> Path:
     return path
 
 
-def _write(path: Path, stamp: int, results: dict[str, dict[str, Any]]) -> None:
+def _write(path: Path, stamp: int, results: Mapping[str, RequirementResult]) -> None:
     draft = path.with_suffix(".part")
     draft.write_text(
         json.dumps({"format": _FORMAT, "time_ns": stamp, "results": results}, separators=(",", ":")),
@@ -56,9 +67,9 @@ def _write(path: Path, stamp: int, results: dict[str, dict[str, Any]]) -> None:
     draft.replace(path)
 
 
-def read_results(files: Iterable[Path]) -> dict[str, dict[str, Any]]:
+def read_results(files: Iterable[Path]) -> dict[str, RequirementResult]:
     """Return the latest outcome of every test in the given files; unreadable files are passed over."""
-    latest: dict[str, dict[str, Any]] = {}
+    latest: dict[str, RequirementResult] = {}
     for file in files:
         try:
             content = json.loads(file.read_text(encoding="utf-8"))

@@ -65,8 +65,8 @@ def bench_reference(config: pytest.Config, wanted: str = "", *, default: str = "
 
     Args:
         config: Of pytest.
-        wanted: What the test itself wants, before option and setting.
-        default: Where neither says anything.
+        wanted: Reference of the test itself; it takes precedence over option and setting.
+        default: Used without any of these.
 
     """
     return str(wanted or config.getoption("--hil-bench") or config.getini("hil_bench") or default)

@@ -21,7 +21,7 @@ __all__ = [
 
 
 class CannotRunError(HilError):
-    """The command cannot do its work at all (exit code 2)."""
+    """The command cannot be carried out (exit code 2)."""
 
 
 class CampaignNotFoundError(CannotRunError):
@@ -47,7 +47,7 @@ class TokenError(CannotRunError):
 
 
 class BlockedError(HilError):
-    """The bench is not as the case needs it; the case ends with the verdict *blocked*."""
+    """The bench does not meet the requirements of the case; the case ends with the verdict *blocked*."""
 
 
 class CaseTimeoutError(HilError):
@@ -65,7 +65,7 @@ class RecordingError(HilError):
 
 
 class NotRecordedError(HilError):
-    """A recording of this sort cannot hold what is asked for: a bus log knows no jobs of the controller."""
+    """This sort of recording cannot hold it: a bus log has no jobs of the controller."""
 
 
 class ExpectationFailedError(HilError, AssertionError):

@@ -1,6 +1,6 @@
 """What the orchestrator needs of a bench, of its parts and of a bench file.
 
-The concrete bench (`hil.bench.Bench`) satisfies these protocols; so may a bench of one's own.
+The concrete bench (`hil.bench.Bench`) satisfies these protocols; so may a bench that you write.
 """
 
 from __future__ import annotations

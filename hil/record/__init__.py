@@ -20,7 +20,6 @@ from hil.record._vocabulary import (
     check_component,
     check_selector,
     check_state,
-    check_word,
 )
 
 __all__ = [
@@ -41,7 +40,6 @@ __all__ = [
     "check_event_kind",
     "check_selector",
     "check_state",
-    "check_word",
     "event",
     "first_difference",
     "homing_drawings",

@@ -24,9 +24,7 @@ _WIDTH: Final = 8
 
 
 class PackedFrames(Sequence[Entry]):
-    """A log of CAN frames of which nobody knows the senders: 21 bytes a frame. Frames are put behind the last
-    one only.
-    """
+    """A log of CAN frames without senders, 21 bytes per frame; it grows at its end only."""
 
     def __init__(self) -> None:
         self._times = array("q")
@@ -36,7 +34,7 @@ class PackedFrames(Sequence[Entry]):
         self._errors: dict[int, str] = {}
 
     def append(self, time_ns: int, frame: CanFrame, error: str = "") -> None:
-        """Put a frame behind the others."""
+        """Add a frame at the end."""
         if error:
             self._errors[len(self._times)] = error
         self._times.append(time_ns)

@@ -1,7 +1,7 @@
-"""From the trace of a homing to its drawing: what was travelled, what the switches did, where the mark was.
+"""From the trace of a homing to its drawing: path, switches, and place of the mark.
 
-Everything here is read from what was recorded: positions and velocities of the axis, inputs of the drive,
-events. What a case expects has no part in it.
+Everything here comes from the recording: positions and velocities of the axis, inputs of the drive, events.
+The expectations of a case have no influence on it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _TAIL_S: Final = 1.0
 _PASSING_S: Final = 0.25
 """What follows the mark of a passive homing."""
 _MOST_MARKS: Final = 300.0
-"""Zero marks along a travel beyond which only the used one is told."""
+"""Number of zero marks along a travel above which only the used one is drawn."""
 _FINE: Final = 1200
 """Points of a path lie at least this part of its extent apart."""
 

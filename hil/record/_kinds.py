@@ -1,4 +1,4 @@
-"""The kinds of events that a bench writes into its log, with what they tell: a trigger on any other would
+"""The kinds of events that a bench writes into its log, and their meaning: a trigger on any other kind would
 never fire.
 """
 
@@ -120,7 +120,7 @@ EVENT_KINDS: Final = MappingProxyType(
         "storage.failed": "parameters could not be stored",
     }
 )
-"""Kind -> what it tells."""
+"""Kind -> meaning."""
 
 
 def check_event_kind(where: str, kind: str, *, others: Iterable[str] = ()) -> None:
@@ -129,10 +129,10 @@ def check_event_kind(where: str, kind: str, *, others: Iterable[str] = ()) -> No
     Args:
         where: What names it, for the message.
         kind: `alarm.raised`, or `alarm.`.
-        others: Kinds of parts of one's own: `History.declare`, and those heard already.
+        others: Kinds of user-defined parts: `History.declare`, and those in the log already.
 
     Raises:
-        ConfigurationError: Nobody emits it; the message names near ones, and how to declare one's own.
+        ConfigurationError: No part emits it; the message has similar kinds, and how to declare one.
 
     """
     known = {*EVENT_KINDS, *others}

@@ -45,7 +45,7 @@ class TraceFrame(NamedTuple):
     protocol: str = "can"
     """`can`, `modbus_tcp` or `modbus_rtu`; over Modbus `can_id` is the unit."""
     note: str = ""
-    """Over Modbus TCP: news of a connection, with no data."""
+    """Over Modbus TCP: a connection that opens or closes; such an entry has no data."""
 
     def canonical(self) -> bytes:
         """Return the bytes that enter the digest."""
@@ -68,11 +68,11 @@ def _can_body(frame: BusFrame | TraceFrame, data: bytes, tail: str) -> bytes:
 def _can_log(bus: str, log: FrameLog) -> Iterator[tuple[int, bytes]]:
     """Return time and canonical bytes of the frames of a CAN segment.
 
-    The bytes behind the time are made once of a frame that is sent again and again, as one is that nobody
-    acknowledges.
+    The bytes after the time are made once for a frame that is sent many times, such as one without
+    acknowledge.
     """
     if isinstance(log, PackedFrames):
-        # It makes its frames when they are read, so that their identity says nothing.
+        # It makes its frames when they are read: equal frames are not the same object.
         for time_ns, sender, packed, error in log:
             yield time_ns, _TIME(time_ns) + _can_body(packed, packed.data, f"{bus}\0{sender}\0{error}\0")
         return
@@ -153,7 +153,7 @@ class Trace:
         frames: Frame logs by bus: (time_ns, sender, CanFrame, error).
         constants: Facts of the bench for judges of the trace.
         end_ns: Time at which the trace was taken.
-        vocabulary: What can be in it, told by the bench; None where nobody knows.
+        vocabulary: Names and values that can be in it; None if they are not known.
 
     """
 
@@ -208,7 +208,7 @@ class Trace:
                     self._signals[name] = signal
                     return signal
         if self.vocabulary is not None and name in self.vocabulary.absent:
-            raise NotRecordedError(f"{self.vocabulary.origin} does not tell of the signal {name}")
+            raise NotRecordedError(f"{self.vocabulary.origin} does not hold the signal {name}")
         known_names = [n for n in self.names() if group is None or n.startswith(component + ".")]
         raise RecordingError(
             f"no signal {name!r} was recorded; recorded are: {', '.join(known_names) or 'none'}"
@@ -226,16 +226,16 @@ class Trace:
 
     @property
     def from_log(self) -> bool:
-        """Whether it was read from a log of somebody else, which cannot tell everything and may end
+        """Whether it was read from the log of another tool, which holds bus frames only and may end
         anywhere.
         """
         return self.vocabulary is not None and bool(self.vocabulary.kinds)
 
     def silences(self, component: str, *, values: bool = True) -> list[tuple[float, float, str]]:
-        """Return when a component (empty: any) was not heard of in a log: begin and end (s), who and why; on
-        a bench never.
+        """Return when a component (empty: any) was silent in a log: begin and end (s), component and reason;
+        never on a bench.
 
-        With `values` also when it sent no process data, though it told of itself otherwise.
+        With `values` also when it sent no process data, but other frames.
         """
         if not self.from_log:
             return []
@@ -266,7 +266,7 @@ class Trace:
         return [f"{group.name}.{column}" for group in self._groups.values() for column, _ in group.columns]
 
     def components_with(self, *columns: str) -> list[str]:
-        """Return the components that have all these columns: how axes and drives are told apart."""
+        """Return the components that have all these columns, which distinguish axes from drives."""
         return [
             group.name
             for group in self._groups.values()

@@ -1,6 +1,4 @@
-"""What can be in a recording at all, so that a question with a slip of the pen is refused and not answered
-with "never".
-"""
+"""Names and values that can be in a recording, so that a misspelt name is an error and not a passed check."""
 
 from __future__ import annotations
 
@@ -32,8 +30,8 @@ class RecordedGroup(Protocol):
         """Texts of the values of state columns, by column."""
 
 
-class Worded(Protocol):
-    """What questions are checked against: a trace, or a bench that still runs."""
+class Recording(Protocol):
+    """A trace, or the recording of a bench that still runs."""
 
     @property
     def events(self) -> Sequence[Event]:
@@ -45,7 +43,7 @@ class Worded(Protocol):
 
     @property
     def vocabulary(self) -> Vocabulary | None:
-        """What can be in it; None where nobody knows."""
+        """Names and values that can be in it; None if they are not known."""
 
 
 _JOB: Final = ("job", "instruction", "error_id")
@@ -79,7 +77,7 @@ EVENT_DETAILS: Final[Mapping[str, tuple[str, ...]]] = {
     "nmt.state": ("from", "to"),
     "power.status": ("value",),
 }
-"""Details of the kinds that have always the same ones; what a source does not know of them it leaves out."""
+"""Details of the kinds that always have the same ones; a source leaves out those that it does not know."""
 
 _NMT: Final = frozenset({"drive.nmt", "nmt.state"})
 _STATES: Final = frozenset({"from", "to"})
@@ -87,14 +85,14 @@ _STATES: Final = frozenset({"from", "to"})
 
 @dataclass(frozen=True, slots=True)
 class Vocabulary:
-    """Names and words that a recording may hold; made by the bench, and kept with the trace."""
+    """Names and values that a recording can hold; made by the bench, and kept with the trace."""
 
     components: tuple[str, ...]
     """Everything that can be the source of an event."""
     values: Mapping[str, tuple[Scalar, ...]] = field(default_factory=dict)
-    """Words of a detail, by `kind:detail`, the kind also as a family: `job.:job`, `controller.state:to`."""
+    """Values of a detail, by `kind:detail`, the kind also as a family: `job.:job`, `controller.state:to`."""
     declared: tuple[str, ...] = ()
-    """Kinds of events of parts of one's own."""
+    """Kinds of events of user-defined parts."""
     kinds: tuple[str, ...] = ()
     """Kinds, or families with a trailing dot, that this recording can hold; none: every one."""
     absent: tuple[str, ...] = ()
@@ -110,7 +108,7 @@ class Vocabulary:
         """Return plain values; `from_dict` reads them back."""
         return {
             "components": list(self.components),
-            "values": {key: list(words) for key, words in self.values.items()},
+            "values": {key: list(values) for key, values in self.values.items()},
             "declared": list(self.declared),
             "kinds": list(self.kinds),
             "absent": list(self.absent),
@@ -124,7 +122,7 @@ class Vocabulary:
         """Build it from what `as_dict` gave."""
         return cls(
             tuple(content["components"]),
-            {key: tuple(words) for key, words in content["values"].items()},
+            {key: tuple(values) for key, values in content["values"].items()},
             tuple(content["declared"]),
             tuple(content["kinds"]),
             tuple(content["absent"]),
@@ -134,16 +132,16 @@ class Vocabulary:
         )
 
 
-def check_selector(trace: Worded, selector: EventSelector) -> None:
-    """Refuse a question for an event that cannot be in this trace.
+def check_selector(trace: Recording, selector: EventSelector) -> None:
+    """Refuse to look for an event that cannot be in this trace.
 
-    Kinds and details are known of every trace; components, jobs and other words of those that a bench has
+    Kinds and details are known for every trace; components, jobs and other values for those that a bench has
     made.
 
     Raises:
-        RecordingError: There is no such kind, component, detail, state, job or other word; the message
-            names what there is.
-        NotRecordedError: There is, but a recording like this one does not hold it.
+        RecordingError: There is no such kind, component, detail, state, job or other value; the message lists
+            those that exist.
+        NotRecordedError: It exists, but this sort of recording does not hold it.
 
     """
     kind = selector.kind
@@ -153,12 +151,12 @@ def check_selector(trace: Worded, selector: EventSelector) -> None:
         check_component(trace, selector.source, f"event {kind}")
     _check_details(kind, selector.data, alike)
     for key, value in selector.data.items():
-        known = _words(trace, kind, key, selector.source, alike)
+        known = _known_values(trace, kind, key, selector.source, alike)
         if known and value not in known:
             raise RecordingError(f"event {kind}: no {key} {value!r}; there is: {_near(value, known)}")
 
 
-def check_component(trace: Worded, name: str, where: str) -> None:
+def check_component(trace: Recording, name: str, where: str) -> None:
     """Refuse the name of a component that the bench of this trace does not have.
 
     Raises:
@@ -174,20 +172,7 @@ def check_component(trace: Worded, name: str, where: str) -> None:
     )
 
 
-def check_word(trace: Worded, kind: str, detail: str, value: Scalar, where: str) -> None:
-    """Refuse a word that a detail of an event never has, as far as the bench of this trace has told its
-    words.
-
-    Raises:
-        RecordingError: It is none of the known words.
-
-    """
-    known = _words(trace, kind, detail, None, ())
-    if known and value not in known:
-        raise RecordingError(f"{where}: no {detail} {value!r}; there is: {_near(value, known)}")
-
-
-def check_state(trace: Worded, component: str, text: str, kind: str = "") -> None:
+def check_state(trace: Recording, component: str, text: str, kind: str = "") -> None:
     """Refuse a component, or a state that none of its state machines has.
 
     Raises:
@@ -207,7 +192,7 @@ def check_state(trace: Worded, component: str, text: str, kind: str = "") -> Non
         raise RecordingError(f"{component} has no state {text!r}; it has: {_near(text, known)}")
 
 
-def _check_kind(trace: Worded, kind: str, alike: list[Event]) -> None:
+def _check_kind(trace: Recording, kind: str, alike: list[Event]) -> None:
     if alike:
         return
     vocabulary = trace.vocabulary
@@ -221,7 +206,7 @@ def _check_kind(trace: Worded, kind: str, alike: list[Event]) -> None:
         return
     if not any(kind_matches(one, kind) or kind_matches(kind, one) for one in vocabulary.kinds):
         raise NotRecordedError(
-            f"{vocabulary.origin} does not tell of {kind}; it tells of: {', '.join(vocabulary.kinds)}"
+            f"{vocabulary.origin} does not hold {kind}; it holds: {', '.join(vocabulary.kinds)}"
         )
 
 
@@ -238,20 +223,20 @@ def _check_details(kind: str, details: Mapping[str, Scalar], alike: list[Event])
             )
 
 
-def _words(
-    trace: Worded, kind: str, detail: str, source: str | None, alike: Iterable[Event]
+def _known_values(
+    trace: Recording, kind: str, detail: str, source: str | None, alike: Iterable[Event]
 ) -> tuple[Scalar, ...]:
-    """Return the known words of a detail; none where anything may stand."""
+    """Return the known values of a detail; none if every value is possible."""
     vocabulary = trace.vocabulary
     if vocabulary is None:
         return ()
     if detail in _STATES and (_tells_state(kind) or kind == "drive.nmt"):
         return _state_texts(trace, kind, source, alike)
     known: dict[Scalar, None] = {}
-    for key, words in vocabulary.values.items():
+    for key, values in vocabulary.values.items():
         family, _, name = key.partition(":")
         if name == detail and kind_matches(family, kind):
-            known.update(dict.fromkeys(words))
+            known.update(dict.fromkeys(values))
     if known:
         known.update(dict.fromkeys(entry.data[detail] for entry in alike if detail in entry.data))
     return tuple(known)
@@ -262,9 +247,9 @@ def _tells_state(kind: str) -> bool:
 
 
 def _state_texts(
-    trace: Worded, kind: str, component: str | None, alike: Iterable[Event]
+    trace: Recording, kind: str, component: str | None, alike: Iterable[Event]
 ) -> tuple[Scalar, ...]:
-    """Return the texts of state machines: of the columns of their components, or as the bench tells them."""
+    """Return the texts of state machines: from the columns of their components, or from the bench."""
     vocabulary = trace.vocabulary
     if vocabulary is None:
         return ()
@@ -273,10 +258,10 @@ def _state_texts(
     else:
         columns = ("state",) if kind else ("state", "nmt_state")
     known: dict[Scalar, None] = {}
-    for key, words in vocabulary.values.items():
+    for key, values in vocabulary.values.items():
         owner, _, name = key.partition(":")
         if name == "to" and (owner == kind or (component == owner.split(".")[0] and not kind)):
-            known.update(dict.fromkeys(words))
+            known.update(dict.fromkeys(values))
     groups = () if known else trace.groups
     for group in groups:
         is_axis = any(column == "alarm_number" for column, _ in group.columns)
@@ -291,7 +276,7 @@ def _state_texts(
 
 
 def _near(value: Scalar, known: Iterable[Scalar]) -> str:
-    """Return the known words, the nearest ones where there are many."""
+    """Return the known values, only the nearest ones if there are many."""
     texts = [str(one) for one in known]
     if len(texts) > 24:
         texts = difflib.get_close_matches(str(value), texts, n=8, cutoff=0.4) or texts[:8]

@@ -135,7 +135,7 @@ def test_what_the_controller_keeps_to_itself_is_blocked(recorded):
     for expectation in (alarm(421), no_alarm(), value_at("axis1.following_error", 0.5, 0.0, tolerance=1.0)):
         (check,) = expectation.evaluate(log)
         assert check.verdict is Verdict.BLOCKED
-        assert "the log bus.log does not tell of" in check.observed
+        assert "the log bus.log does not hold" in check.observed
     assert never_happens(event("drive.falt")).evaluate(log)[0].verdict is Verdict.ERROR
 
 

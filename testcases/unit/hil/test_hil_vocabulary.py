@@ -127,7 +127,7 @@ def test_what_a_recording_cannot_hold_is_blocked_and_not_passed():
     for expectation in (no_alarm(), value_at("axis1.torque", 0.0, 0.0, tolerance=1.0)):
         (check,) = expectation.evaluate(trace)
         assert check.verdict is Verdict.BLOCKED
-        assert "the log bus.log does not tell of" in check.observed
+        assert "the log bus.log does not hold" in check.observed
     with pytest.raises(NotRecordedError):
         _ = trace["axis1.torque"]
 
