@@ -1,9 +1,8 @@
 """CANopen: slave stack, master services, and the `canopen` library on a CAN segment of a bench (CiA 301).
 
 `CanopenSlave` is the device side, `CanopenMaster` the controller's: cyclic services, SDO clients, and nodes
-that are
-taken into service and supervised. `PumpedNetwork` puts the unmodified `canopen` library on a segment, for
-tools and as an independent second implementation.
+that are taken into service and supervised. `PumpedNetwork` puts the unmodified `canopen` library on a
+segment, for tools and as an independent second implementation.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 order.
 
 `boot_script` is a generator: it yields the transfers that it needs and is sent the ended jobs. It knows
-neither bus
-nor time, so that it reads as the procedure that it is; `RemoteNode` runs it. What goes wrong is a
+neither bus nor time, so that it reads as the procedure that it is; `RemoteNode` runs it. What goes wrong is a
 `BootFailure`.
 """
 

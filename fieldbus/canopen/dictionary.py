@@ -2,9 +2,8 @@
 
 `entries_of` turns a `canopen.ObjectDictionary`, read from an EDS or DCF file, into a flat table keyed by
 `index << 8 | sub-index`. It repairs what the library leaves open: defaults relative to the node-ID are
-calculated for
-the node that the table is made for, and signed defaults written as hexadecimal patterns become negative
-numbers.
+calculated for the node that the table is made for, and signed defaults written as hexadecimal patterns become
+negative numbers.
 """
 
 from __future__ import annotations

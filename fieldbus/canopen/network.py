@@ -1,9 +1,8 @@
 """The `canopen` library on a CAN segment of a bench, without threads and without sleeping.
 
 `PumpedNetwork` is a `canopen.Network` whose waits run the scheduler: the unmodified SDO client, NMT master,
-PDO, EMCY
-and LSS classes of the library work in virtual and in real time. It serves programs of users, and as a second,
-independently written implementation against which slave and master are tested.
+PDO, EMCY and LSS classes of the library work in virtual and in real time. It serves programs of users, and as
+a second, independently written implementation against which slave and master are tested.
 """
 
 from __future__ import annotations

@@ -78,8 +78,7 @@ class RemoteNode:
     """One node of the network; made by `CanopenMaster.add_node`.
 
     `boot` begins. From then on the node is taken into service whenever it is there: it is checked, configured
-    as far
-    as it differs, started, and supervised. A node that is silent is asked again and again. One that is
+    as far as it differs, started, and supervised. A node that is silent is asked again and again. One that is
     another device, or refuses a parameter, stays `FAILED` until it starts anew or `boot` is called.
 
     Args:

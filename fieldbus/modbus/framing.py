@@ -55,8 +55,8 @@ class TcpSplitter:
         self._pending = b""
         self.broken = False
         """Whether a header was wrong (MODB-037). Where the next frame begins is unknown from then on:
-        everything
-        behind it is ignored, and the connection should be closed."""
+        everything behind it is ignored, and the connection should be closed.
+        """
 
     @property
     def pending(self) -> int:
