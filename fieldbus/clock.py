@@ -81,19 +81,19 @@ class Scheduler(ABC):
         """Enter `callback` for `time_ns`.
 
         Raises:
-            SchedulerError: `time_ns` lies in the past (virtual time only; in real time it fires at once).
+            SchedulerError: `time_ns` is in the past (virtual time only; in real time it fires at once).
 
         """
         if time_ns < self.now:
             if not self.realtime:
-                raise SchedulerError(f"event at {time_ns} ns lies before the present time {self.now} ns")
+                raise SchedulerError(f"event at {time_ns} ns is before the present time {self.now} ns")
             time_ns = self.now
         timer = Timer(time_ns, callback, priority)
         heappush(self._heap, (time_ns, priority, self._next_sequence(), timer))
         return timer
 
     def again(self, timer: Timer, time_ns: int) -> None:
-        """Enter a single event anew that has fired; cheaper than a new one. It must not be entered or
+        """Enter a single event again that has fired; cheaper than a new one. It must not be entered or
         cancelled.
 
         Args:
@@ -249,7 +249,7 @@ class RealtimeScheduler(Scheduler):
         self._posted: deque[Callback] = deque()
         self._wake = Condition()
         self.worst_lateness_ns = 0
-        """Largest delay of an event behind its due time since construction, ns."""
+        """Largest delay of an event after its due time since construction, ns."""
 
     def post(self, callback: Callback) -> None:
         """Hand `callback` over from any thread."""
@@ -290,7 +290,7 @@ class RealtimeScheduler(Scheduler):
             if asked and predicate():
                 return True
             while True:
-                # Work that is posted meanwhile waits for the next round, so that a flood of it cannot keep
+                # Work that is posted during that waits for the next round, so that a flood of it cannot keep
                 # the timed events from firing.
                 waiting = len(posted)
                 for _ in range(waiting):

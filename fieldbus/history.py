@@ -50,7 +50,9 @@ class History:
         self.declared.update(kinds)
 
     def emit(self, source: str, kind: str, /, **data: Scalar) -> None:
-        """Append an event at the present time, then tell the listeners in the order in which they came."""
+        """Append an event at the present time, then call the listeners in the order in which they were
+        added.
+        """
         event = Event(self._scheduler.now, source, kind, data)
         self.events.append(event)
         for (listener,) in self._listeners:
@@ -60,7 +62,7 @@ class History:
         """Call `listener` with every event from now on; returns the function that ends it (harmless to
         repeat).
 
-        A listener that emits is served at once: the listeners after it hear the inner event first. Who needs
+        A listener that emits is served at once: the listeners after it get the inner event first. Who needs
         the order of things reads `events`.
         """
         # A list is never changed, only replaced: a listener may come or go while `emit` goes through the old

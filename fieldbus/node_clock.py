@@ -1,8 +1,9 @@
 """The clock of one node: a scheduler of its own on top of that of the bench, which can run fast or slow, and
 unevenly.
 
-All times that a node hears and calculates are those of its own clock. While that runs as the bench does, they
-are equal. What the node has entered stays due at the same time of its clock when the clock changes its pace.
+All times that a node receives and calculates are those of its own clock. While that runs as the bench does,
+they are equal. What the node has entered stays due at the same time of its clock when the clock changes its
+pace.
 """
 
 from __future__ import annotations
@@ -73,13 +74,13 @@ class NodeClock(Scheduler):
         elapsed = local_ns - self._anchor_ns - self._offset_ns
         return self._anchor_ns - (-elapsed * PPB // (PPB + self._ppb))
 
-    def heard(self, receive: Callable[[Any, int], None]) -> Callable[[Any, int], None]:
+    def to_local_time(self, receive: Callable[[Any, int], None]) -> Callable[[Any, int], None]:
         """Return a receiver of frames that gets their time by this clock."""
 
-        def hear(frame: Any, time_ns: int) -> None:
+        def take(frame: Any, time_ns: int) -> None:
             receive(frame, time_ns if self._straight else self.local(time_ns))
 
-        return hear
+        return take
 
     # -- faults
     # ------------------------------------------------------------------------------------------------------

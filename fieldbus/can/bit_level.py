@@ -110,7 +110,7 @@ class BitLevel:
         self._log = log
         self._frames = frames
         self._intermission_ns = INTERMISSION_BITS * S // bitrate
-        self._asleep = False  # waiting for somebody to release the bus or to send
+        self._asleep = False  # waiting for the bus to be released, or for a frame
         self._controllers: list[Controller] = []
         self._grid_ns = 0  # start of bit 0
         self._bit = 0  # number of the bit that is on the wire
@@ -264,7 +264,7 @@ class BitLevel:
             self._scheduler.at(self._edge_ns(self._bit + 1), self._end_of_bit, priority=COMMIT_PRIORITY)
 
     def wake(self) -> None:
-        """Go on if everybody is waiting for a frame."""
+        """Go on if all nodes are waiting for a frame."""
         if not self._asleep:
             return
         self._asleep = False
@@ -278,7 +278,7 @@ class BitLevel:
     # -- starting frames
 
     def _start_frames(self) -> None:
-        """Let everybody who has a frame and may send begin with this bit."""
+        """Let every node that has a frame and may send begin with this bit."""
         able = [one for one in self._controllers if one.may_start() and one.port.queue and one.port.can_send]
         if not able:
             return
@@ -501,11 +501,11 @@ class BitLevel:
         return bits * S // self._bitrate
 
     def stop(self) -> None:
-        """Follow no more bits."""
+        """Stop following the bus."""
         self.active = self._asleep = False
 
     def _can_sleep(self) -> bool:
-        """Return whether nothing can happen before somebody releases the bus or wants to send."""
+        """Return whether nothing can happen before the bus is released or a frame is queued."""
         if self._held is None or self._flips or self._holds:
             return False
         for controller in self._controllers:

@@ -23,7 +23,7 @@ RECOVERY_SEQUENCE_BITS: Final = 11
 
 
 class NodeState(Enum):
-    """Whether and how a node takes part in the traffic; the values are the words of FMI-LS-BUS."""
+    """Whether and how a node takes part in the traffic; the values are the terms of FMI-LS-BUS."""
 
     ERROR_ACTIVE = "ERROR_ACTIVE"
     ERROR_PASSIVE = "ERROR_PASSIVE"
@@ -31,7 +31,7 @@ class NodeState(Enum):
 
 
 class ErrorCode(Enum):
-    """What went wrong on the wire; the values are the words of FMI-LS-BUS."""
+    """What went wrong on the wire; the values are the terms of FMI-LS-BUS."""
 
     BIT = "BIT_ERROR"
     STUFF = "BIT_STUFFING_ERROR"

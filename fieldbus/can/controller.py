@@ -41,7 +41,7 @@ _FIELD_OF_STATE: Final = {
 
 
 class Host(Protocol):
-    """What a controller needs of its segment."""
+    """What follows the actions of a controller."""
 
     def frame_started(self, controller: Controller) -> None:
         """Follow a SOF that the node has read without sending it."""
@@ -82,7 +82,7 @@ class Controller:
     """The data link layer of one node.
 
     Args:
-        host: The segment.
+        host: Follows what the node does.
         port: Holds counters and error state.
         silent: Never sends unless it transmits a frame: no acknowledge, no flags, nothing is counted as
             receiver.
@@ -110,7 +110,7 @@ class Controller:
         self._arbitrating = False
         self._overloads = 0
         self.ack_only = False
-        """Whether it is error-passive and has told nothing but a missing acknowledge."""
+        """Whether it is error-passive and has found nothing but a missing acknowledge."""
         self._error_flag = False
         self.begin_frame()
 
@@ -285,7 +285,7 @@ class Controller:
         self.step = self.ack_delimiter
 
     def ack_delimiter(self, bit: int) -> None:
-        """ACK delimiter, after which a receiver tells a CRC error (CANP-035)."""
+        """ACK delimiter, after which a receiver signals a CRC error (CANP-035)."""
         if not bit:
             self._fail(ErrorCode.FORM)
         elif self._parser.crc and not self.transmitter:
@@ -310,7 +310,7 @@ class Controller:
                 port.tec -= 1
                 self.host.counted(self)
             self.host.frame_sent(self, entry)
-        elif not self.transmitter:  # one whose frame was taken away has nothing to tell
+        elif not self.transmitter:  # one whose frame was taken away has nothing to report
             if port.rec and not self.silent:
                 port.rec = rec_after_reception(port.rec)
                 self.host.counted(self)
@@ -336,13 +336,13 @@ class Controller:
         """Count an error and send an error flag from the next bit on."""
         port = self.port
         field = self._field()
-        # An error that makes the node passive is still told with an active flag (CANP-053).
+        # An error that makes the node passive is still signalled with an active flag (CANP-053).
         active = port.state is NodeState.ERROR_ACTIVE
         entry = self.entry
         self.ack_only = False
         if self.transmitter:
             if code is ErrorCode.ACK and not active:
-                self.ack_only = True  # counts only if a dominant bit is seen meanwhile (CANP-046)
+                self.ack_only = True  # counts only if a dominant bit is seen during the flag (CANP-046)
             elif not excused:
                 port.tec = min(port.tec + 8, BUS_OFF_LIMIT)
         elif not self.silent:

@@ -104,7 +104,7 @@ class GatewayRule:
     hops: int = 0
     """How often a frame may have been passed on before, 1 to 255; 0: the kernel's own limit, which is 1."""
     identity: int = 0
-    """Number that tells equal rules apart, 1 to 2^32 - 1; 0: none."""
+    """Number that distinguishes equal rules, 1 to 2^32 - 1; 0: none."""
 
     def attributes(self) -> bytes:
         """Return the rule as netlink attributes.
@@ -185,7 +185,7 @@ class Gateway:
         self.exchange([], [rule])
 
     def remove(self, rule: GatewayRule) -> None:
-        """Take a rule away that was added here; harmless when it is gone."""
+        """Remove a rule that was added here; harmless to repeat."""
         self.exchange([rule], [])
 
     def exchange(self, old: Sequence[GatewayRule], new: Sequence[GatewayRule]) -> None:
@@ -256,7 +256,7 @@ class Gateway:
             data = data[(size + 3) & ~3 :]
 
     def close(self) -> None:
-        """Take away the rules that were added here; harmless to repeat."""
+        """Remove the rules that were added here; harmless to repeat."""
         if self._socket.fileno() < 0:
             return
         try:

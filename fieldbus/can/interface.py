@@ -1,8 +1,8 @@
 """The gateway for python-can programs: `can.Bus(interface="hil", channel=...)` is a node of a segment.
 
-In virtual time whoever waits in `recv` lets the simulated time pass, so that a program that was written for
-real hardware runs unchanged, and faster. Time-outs and periods are then simulated seconds, and so are the
-time stamps.
+In virtual time a program that waits in `recv` lets the simulated time pass, so that a program that was
+written for real hardware runs unchanged, and faster. Time-outs and periods are then simulated seconds, and so
+are the time stamps.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ class HilBus(can.BusABC):
         if not isinstance(segment, CanMedium) or not isinstance(port, MediumPort):
             port.detach()
             raise can.CanInitializationError(
-                f"{segment.name} does not tell about errors: only a virtual segment does"
+                f"{segment.name} does not report errors: only a virtual segment does"
             )
 
         def on_error(time_ns: int, name: str, code: ErrorCode, frame: CanFrame | None, field: str) -> None:
@@ -265,7 +265,7 @@ class HilBus(can.BusABC):
 
     def _send_posted(self, frame: CanFrame) -> None:
         self._scheduler_thread = get_ident()
-        with suppress(BusError):  # the segment has told it in the history, and there is no caller any more
+        with suppress(BusError):  # it is in the history of the segment, and there is no caller any more
             self.port.send(frame)
 
     def _send_periodic_internal(
@@ -298,9 +298,7 @@ class HilBus(can.BusABC):
 
     @property
     def state(self) -> can.BusState:
-        """ACTIVE, PASSIVE (error-passive) or ERROR (bus-off); always ACTIVE where the segment does not
-        tell.
-        """
+        """ACTIVE, PASSIVE (error-passive) or ERROR (bus-off); always ACTIVE where it is not known."""
         return _STATES[getattr(self.port, "state", NodeState.ERROR_ACTIVE)]
 
     @state.setter
@@ -370,7 +368,7 @@ class CyclicTask(LimitedDurationCyclicSendTaskABC, ModifiableCyclicTaskABC, Rest
         self._bus._do(self._begin)  # noqa: SLF001 - one part with the bus
 
     def stop(self) -> None:
-        """Send no more; harmless when it has ended."""
+        """Stop sending; harmless when it has ended."""
         self._bus._do(self._end)  # noqa: SLF001 - one part with the bus
 
     def _begin(self) -> None:
@@ -395,5 +393,5 @@ class CyclicTask(LimitedDurationCyclicSendTaskABC, ModifiableCyclicTaskABC, Rest
         self._next = (self._next + 1) % len(self.messages)
         if self._modify is not None:
             self._modify(message)
-        with suppress(BusError):  # told by the segment; the next period tries again
+        with suppress(BusError):  # reported by the segment; the next period tries again
             self._bus.port.send(to_frame(message))

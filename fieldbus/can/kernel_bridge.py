@@ -92,7 +92,7 @@ class KernelBridge:
             self._put(source, tuple(rules))
         return KernelTreatment(self, tuple(sources))
 
-    def mend(self, sources: tuple[str, ...]) -> int:
+    def restore(self, sources: tuple[str, ...]) -> int:
         """Pass everything on again; returns how many frames were changed, as far as the kernel counts
         them.
         """
@@ -104,7 +104,7 @@ class KernelBridge:
         return hits
 
     def close(self) -> None:
-        """Take all rules away; harmless to repeat."""
+        """Remove all rules; harmless to repeat."""
         self._gateway.close()
 
 
@@ -122,5 +122,5 @@ class KernelTreatment:
     def withdraw(self) -> None:
         """End it; harmless to repeat."""
         if self._sources is not None:
-            self.hits = self._bridge.mend(self._sources)
+            self.hits = self._bridge.restore(self._sources)
             self._sources = None

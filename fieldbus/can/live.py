@@ -93,15 +93,15 @@ class LiveSegment:
     """A python-can bus as a segment; local nodes see the bus and each other.
 
     A thread waits for frames and hands them to the scheduler; everything else runs there. A bus that fails or
-    comes back is told in the history (`can.status` with status DOWN or UP) and makes `send` raise.
+    comes back is reported in the history (`can.status` with status DOWN or UP) and makes `send` raise.
 
     With a bridge the segment is two buses made one: what comes from either side goes to the other, and can be
-    hooked on the way, although neither its sender nor its receivers are in this process. While nobody hooks,
+    hooked on the way, although neither its sender nor its receivers are in this process. Without hooks,
     a frame is passed on at once by the thread that has received it, also when the scheduler stands still.
 
     Args:
         scheduler: A realtime scheduler.
-        bus: An open bus, to be received by nobody else.
+        bus: An open bus, that has no other reader.
         name: Name in logs; also registered for `can.Bus(interface="hil", channel=name)`.
         bridge: A second open bus.
         side_names: Senders of what comes from `bus` and `bridge`, for hooks and the log; default "bus",
@@ -142,7 +142,7 @@ class LiveSegment:
         self.log: list[LogEntry] = []
         """Every frame in the order in which it was sent or came; grows, is never replaced."""
         self.bitrate: int | None = None
-        """Bit rate of the wire, bit/s, where somebody knows it; the adapter does not tell."""
+        """Bit rate of the wire, bit/s, if configured; the adapter does not report it."""
         self.kernel: KernelBridge | None = None
         """The bridge of the kernel that this segment is on, if there is one."""
         self._reports = SideReports(name, history, bridged=bridge is not None)
@@ -379,7 +379,7 @@ class LiveSegment:
         self.scheduler.post(partial(self._received, side, frame, time_ns, passed=passed))
 
     def _pass_on(self, side: BusSide, frame: CanFrame) -> None:
-        """Give a frame of one side to the other; nobody here could do anything about it if that fails."""
+        """Give a frame of one side to the other; a failure is only reported."""
         if self._parted:
             return
         for other in self.sides:

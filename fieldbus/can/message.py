@@ -100,7 +100,7 @@ def error_message(
         channel: Name of the bus.
         tec: Transmit error counter, as data byte 6.
         rec: Receive error counter, as data byte 7.
-        field: Where in the frame; one of `fieldbus.can.bitstream.FIELDS`, empty: not told.
+        field: Where in the frame; one of `fieldbus.can.bitstream.FIELDS`, empty: not known.
         sending: Whether the node that found the error was sending.
 
     """
@@ -142,7 +142,7 @@ def _error(
 
 
 def read_error(message: can.Message) -> tuple[str, NodeState | None]:
-    """Return what an error frame says: the word for the error ("" = none, or not told) and the new state, if
+    """Return what an error frame says: the name of the error ("" = none, or not known) and the new state, if
     any.
     """
     error_class = message.arbitration_id

@@ -151,7 +151,7 @@ class MediumPort:
             int, FrameReceiver
         ] = {}  # receiver of the frames of this port, by arbitration field
         self.acknowledged = False
-        self.alone = False  # nobody hears this port, nor will when the present frame has ended
+        self.alone = False  # no node receives from this port, nor will when the present frame has ended
         self.queue: list[Entry] = []
         self.discarded = 0  # entries up to this sequence number must not return to the queue
         self.not_before_ns = 0  # suspend transmission

@@ -96,7 +96,7 @@ class BusSection:
         self._on_end: Callable[[], None] = self._end_of_frame
         self._durations: Final = [bits * S // bitrate for bits in range(_LONGEST_BITS)]
         self._intermission_ns = self._durations[INTERMISSION_BITS]
-        # By bits with the intermission, which comes behind the end of a frame.
+        # By bits with the intermission, which follows the end of a frame.
         self._to_end_ns: Final = [0] * INTERMISSION_BITS + self._durations
         self._hooks: tuple[FrameHook, ...] = ()
         self._sequence = 0  # number of the last frame that was queued
@@ -245,7 +245,7 @@ class BusSection:
     # -- arbitration
 
     def _arbitrate(self, earliest_ns: int) -> None:
-        """Decide who sends next, not before `earliest_ns`; nobody has the bus."""
+        """Decide who sends next, not before `earliest_ns`; the bus is free."""
         start, contenders = self._contend(earliest_ns)
         if not contenders:
             return
@@ -458,7 +458,7 @@ class BusSection:
         elif (
             backlog == len(sender.queue) and self._short_way and sender.not_before_ns <= free and self._timer
         ):
-            # Nobody else wants the bus: as `_begin_frame`, without a call.
+            # No other node is waiting: as `_begin_frame`, without a call.
             self._backlog = backlog - 1
             self._entry = entry = heappop(sender.queue)
             self._start_ns = self._open_until_ns = free
@@ -544,7 +544,7 @@ class BusSection:
         self._timer = self._at(self._end_ns, self._end_of_unacknowledged)
 
     def _end_of_unacknowledged(self) -> None:
-        """End an attempt of a node that nobody hears, listeners aside."""
+        """End an attempt of a node that only listeners receive, if any."""
         entry, sender = self._entry, self._sender
         assert entry is not None
         assert sender is not None
@@ -597,7 +597,7 @@ class BusSection:
             sender.not_before_ns = end_ns + self._durations[INTERMISSION_BITS + SUSPEND_BITS]
 
     def _release(self, end_ns: int) -> None:
-        """Leave the frame behind and let the next one come."""
+        """End the frame and let the next one come."""
         self.free_ns = free = end_ns + self._intermission_ns
         self._entry = None
         self._open_until_ns = _COMMITTED
@@ -729,7 +729,7 @@ class BusSection:
             self.bits.leave(port)
 
     def _rebuild(self) -> None:
-        """Find out who hears whom."""
+        """Find out which node receives from which."""
         for port in self.nodes:
             port.listening = port.online and port.state is not NodeState.BUS_OFF and not port.joining
             port.receive = port.handler if port.listening else ignore_frame

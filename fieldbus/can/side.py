@@ -38,7 +38,7 @@ class SideOwner(Protocol):
     """What a side reports, each in the reader's thread."""
 
     def arrived(self, side: BusSide, frame: CanFrame, time_ns: int) -> None:
-        """A frame of somebody else has come."""
+        """A frame of another node has come."""
 
     def arrived_error(self, side: BusSide, message: can.Message, time_ns: int) -> None:
         """The adapter reports an error on the bus."""
@@ -54,7 +54,7 @@ class BusSide:
     """A python-can bus and the thread that waits for its messages.
 
     Args:
-        bus: An open bus, to be received by nobody else.
+        bus: An open bus, that has no other reader.
         name: Sender of what comes from it, in logs and for hooks.
         owner: Told of everything that comes.
         clock: Time of the segment, ns; may be asked in any thread.
@@ -156,7 +156,7 @@ class BusSide:
     def _works_again(self, message: can.Message | None, failures: int) -> bool:
         """Return whether a quiet `recv` after `failures` of them means that the bus is back.
 
-        SocketCAN tells once that its interface is down and is silent from then on, up or down; frames that
+        SocketCAN reports once that its interface is down and is silent from then on, up or down; frames that
         had come before may still be read. So the interface itself is asked. Where there is none to ask,
         silence is proof after a driver that has complained again and again, or after a frame that could be
         sent.
@@ -170,7 +170,7 @@ class BusSide:
 
     def _garbled(self, error: BaseException) -> None:
         self._owner.arrived_garbled(self, f"the driver cannot read what came: {error}", None)
-        if isinstance(error, UnicodeDecodeError):  # the driver for serial adapters would choke on it for ever
+        if isinstance(error, UnicodeDecodeError):  # the driver for serial adapters would fail on it for ever
             flush = getattr(self.bus, "flush", None)
             if callable(flush):
                 flush()
@@ -277,7 +277,7 @@ class SideReports:
 
 
 def _flags_file(bus: can.BusABC) -> Path | None:
-    """Return where the kernel tells whether the interface of a SocketCAN bus is up."""
+    """Return the file in which the kernel reports whether the interface of a SocketCAN bus is up."""
     if not type(bus).__module__.startswith("can.interfaces.socketcan"):
         return None
     return _INTERFACES / str(getattr(bus, "channel", "")) / "flags"

@@ -25,7 +25,7 @@ CRC_POLYNOMIAL: Final = 0x4599
 """Generator of the 15-bit checksum without its leading term (CANP-012)."""
 
 # A stuff table has, for the run of equal bits that the wire shows so far, one entry per next byte: the table
-# of the run after it and the stuff bits inserted meanwhile.
+# of the run after it and the stuff bits inserted in it.
 _StuffTable = list[tuple["_StuffTable", int]]
 # Behind its 256 bytes a table has, for 7 bits more (the rest of a checksum behind its first byte), the stuff
 # bits alone.

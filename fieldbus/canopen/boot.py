@@ -40,7 +40,7 @@ class BootState(Enum):
     """Told to start; the first sign that it is Operational is still to come."""
     IN_SERVICE = "in service"
     LOST = "lost"
-    """Was in service; heartbeat, guarding answer or the state Operational has gone."""
+    """Was in service; heartbeat, guarding answer or the state Operational is missing."""
     HELD = "held"
     """Taken out of service by an NMT command of the controller's own."""
     FAILED = "failed"
@@ -127,7 +127,7 @@ def boot_script(
         enter: Told of every step.
         halt: Takes the node to Pre-operational; called before PDOs or parameters are written.
         in_place: The node was in service and shows no sign of a new start: nothing is written as long as
-            nothing differs, so that a drive which is just braking is left in peace.
+            nothing differs, so that a drive which is just braking is not disturbed.
 
     Raises:
         BootFailure: From within: the node is silent, another one, or refuses.
@@ -350,7 +350,7 @@ class BootRunner:
         self._advance(None)
 
     def cancel(self) -> None:
-        """Give up what is under way; nobody is called."""
+        """Cancel what is under way; no callback is called."""
         self._script = None
         if self._job is not None:
             self._job.cancel()

@@ -88,7 +88,7 @@ class CommunicationErrors:
         self._fail(kind)
 
     def peers_found(self) -> None:
-        """End the error when nobody is missing any more."""
+        """End the error: no peer is missing any more."""
         self._errors.clear(EMCY_LIFE)
 
     def rpdo_timeout(self, number: int) -> None:

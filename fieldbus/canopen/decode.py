@@ -1,4 +1,4 @@
-"""CAN frames of a CANopen segment in words, by the PDO mappings in force (C301-164)."""
+"""CAN frames of a CANopen segment as text, by the PDO mappings in force (C301-164)."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class FrameDecoder:
     """Turns frames into words.
 
     The mapping in force is that of the dictionaries until SDO writes that the decoder has seen change it:
-    give it all frames in order, with `observe` for those whose words are not wanted.
+    give it all frames in order, with `observe` for those whose text is not needed.
 
     Args:
         names: Node-ID -> name; other nodes are called "node 5".
@@ -252,7 +252,7 @@ class FrameDecoder:
 
     def _sdo(self, node_id: int, data: bytes, *, request: bool) -> str:
         node = self._node(node_id)
-        text, written = node.sdo.hear(data, request=request)
+        text, written = node.sdo.decode(data, request=request)
         if written is not None:
             node.learn(*written)
             if 0x1400 <= written[0] < 0x1C00 or written[0] in (0x1005, 0x1014):
@@ -335,7 +335,7 @@ class _Node:
         ]
 
     def take(self, values: Mapping[int, int], *, stored: bool) -> None:
-        """Take values that somebody knows."""
+        """Take known values."""
         self.values.update(values)
         if stored:
             self._stored.update(values)

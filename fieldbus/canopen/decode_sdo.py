@@ -47,7 +47,7 @@ class SdoListener:
         self._complete = False
         self._data = bytearray()
 
-    def hear(self, data: bytes, *, request: bool) -> tuple[str, Written | None]:
+    def decode(self, data: bytes, *, request: bool) -> tuple[str, Written | None]:
         """Take a frame; return its words, and the write that it has completed, if any."""
         if len(data) != 8:
             return f"malformed {data.hex(' ').upper()}", None

@@ -87,7 +87,7 @@ def relative(text: str) -> int | None:
     """Return what a value adds to the node-ID ("$NODEID+0x200"); None when the node-ID is not part of it.
 
     Raises:
-        ValueError: What is beside $NODEID is no number.
+        ValueError: What is added to $NODEID is no number.
 
     """
     squeezed = text.replace(" ", "").upper()

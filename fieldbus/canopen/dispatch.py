@@ -13,27 +13,27 @@ Route = tuple[int, bool, FrameHandler]
 
 
 class Dispatcher:
-    """Tables from identifier to handler, made anew when state or configuration change; one look-up per frame.
+    """Tables from identifier to handler, rebuilt when state or configuration change; one look-up per frame.
 
     Args:
-        heard: Makes of a handler one that gets times by the clock of the node; None: its clock is that of
-            the bus.
+        to_local_time: Wraps a handler so that it gets times of the clock of the node; None: that is the clock
+            of the bus.
 
     """
 
-    __slots__ = ("_data", "_extended", "_heard", "_remote", "_remote_extended", "on_change")
+    __slots__ = ("_data", "_extended", "_remote", "_remote_extended", "_to_local_time", "on_change")
 
-    def __init__(self, heard: Callable[[FrameHandler], FrameHandler] | None = None) -> None:
-        self._heard = heard
+    def __init__(self, to_local_time: Callable[[FrameHandler], FrameHandler] | None = None) -> None:
+        self._to_local_time = to_local_time
         self.on_change: Callable[[Mapping[int, FrameHandler]], None] | None = None
-        """Told of the table for data frames with 11-bit identifiers when it has changed."""
+        """Called with the table for data frames with 11-bit identifiers when it has changed."""
         self._data: dict[int, FrameHandler] = {}
         self._extended: dict[int, FrameHandler] = {}
         self._remote: dict[int, FrameHandler] = {}
         self._remote_extended: dict[int, FrameHandler] = {}
 
     def receive(self, frame: CanFrame, time_ns: int) -> None:
-        """Give a frame to whoever listens to it."""
+        """Give a frame to its handler."""
         if frame.remote:
             handler = (self._remote_extended if frame.extended else self._remote).get(frame.can_id)
         elif frame.extended:
@@ -54,11 +54,11 @@ class Dispatcher:
 
     def _tables(self, routes: Iterable[Route]) -> tuple[dict[int, FrameHandler], dict[int, FrameHandler]]:
         basic, extended = _tables(routes)
-        heard = self._heard
-        if heard is None:
+        wrap = self._to_local_time
+        if wrap is None:
             return basic, extended
-        return {key: heard(take) for key, take in basic.items()}, {
-            key: heard(take) for key, take in extended.items()
+        return {key: wrap(take) for key, take in basic.items()}, {
+            key: wrap(take) for key, take in extended.items()
         }
 
 

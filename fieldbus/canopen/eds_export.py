@@ -22,7 +22,7 @@ def device_eds(
     """Return the EDS of a device, or the DCF.
 
     Defaults are those of the device, which may differ from those of the EDS that it was made of; defaults
-    relative to the node-ID stay so. A DCF has, beside them, the node-ID, the bit rate, and the present value
+    relative to the node-ID stay so. A DCF also has the node-ID, the bit rate, and the present value
     of every entry that 1010h would save: written into another device of the kind, they give it the same
     configuration.
 

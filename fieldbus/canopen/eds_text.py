@@ -26,7 +26,7 @@ _BITRATES_K: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdsInfo:
-    """What an EDS says of the file and of the device, beside its objects.
+    """What an EDS says of the file and of the device, apart from its objects.
 
     Args:
         file_name: Name of the file, with ending.

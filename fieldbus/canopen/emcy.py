@@ -160,7 +160,7 @@ class EmcyProducer:
         return True
 
     def reset(self, *, application: bool) -> None:
-        """Forget what reset ends: communication errors, with `application` all; then set the objects anew."""
+        """Forget what reset ends: communication errors, with `application` all; then set the objects."""
         self._queue.clear()
         self._not_before_ns = 0
         if self._timer is not None:

@@ -28,8 +28,8 @@ class ErrorControl:
         store: Holds 100Ch, 100Dh, 1016h, 1017h.
         send: Puts a frame on the bus.
         node_id: Own node-ID.
-        on_lost: Called with "heartbeat" or "life_guarding" when the peer has gone.
-        on_found: Called when nobody is missing any more.
+        on_lost: Called with "heartbeat" or "life_guarding" when the peer is missing.
+        on_found: Called when no peer is missing any more.
 
     """
 
@@ -106,7 +106,7 @@ class ErrorControl:
         return [COB_ERROR_CONTROL + node for node in self._watches]
 
     def configure(self) -> None:
-        """Read the consumer entries anew; a watch whose entry has not changed goes on."""
+        """Read the consumer entries again; a watch whose entry has not changed goes on."""
         watches: dict[int, _Watch] = {}
         for sub in self._consumer_subs:
             value = self._store.values[_CONSUMER << 8 | sub]
@@ -125,7 +125,7 @@ class ErrorControl:
         self._watches = watches
 
     def reset(self) -> None:
-        """Start anew after reset communication: no watch has begun, toggle bit 0 (C301-028)."""
+        """Restart after reset communication: no watch has begun, toggle bit 0 (C301-028)."""
         self.stop()
         self.configure()
 

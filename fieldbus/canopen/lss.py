@@ -64,7 +64,7 @@ class LssSettings:
 
     Args:
         node_id: 1..127, or FFh: the node has none.
-        bitrate: bit/s; None = the node was never told.
+        bitrate: bit/s; None = LSS has never set it.
 
     """
 
@@ -157,7 +157,7 @@ class LssSlave:
         return self.active_node_id == UNCONFIGURED
 
     def restart(self) -> None:
-        """Begin anew with the stored settings, as at power-on and reset node."""
+        """Begin again with the stored settings, as at power-on and reset node."""
         self.stop()
         self.pending = LssSettings(self.stored.node_id, self.stored.bitrate)
 
@@ -290,7 +290,7 @@ class LssSlave:
             self._answer(_Service.STORE, bytes((_OK,)))
 
     def _activate(self, delay_ms: int) -> None:
-        """Wait, change the bit rate, wait again; silent meanwhile (C301-157)."""
+        """Wait, change the bit rate, wait again, and be silent until then (C301-157)."""
         bitrate = self.pending.bitrate
         if bitrate is None or self._timer is not None:
             return

@@ -97,12 +97,12 @@ class CanopenMaster:
     def nmt(self, command: int, node: int = 0) -> None:
         """Send a node control command (`NmtCommand`) to one node, or to all with 0.
 
-        A managed node (`add_node`) that is taken out of Operational in this way stays out until it is told to
-        start or starts anew.
+        A managed node (`add_node`) that is taken out of Operational in this way stays out until it is
+        commanded to start, or restarts.
 
         Raises:
             ConfigurationError: There is no such command, or no such node-ID. A frame that is wrong on
-                purpose goes through the segment (`inject`), as that of a stranger.
+                purpose goes through the segment (`inject`), as a frame of another node.
 
         """
         if command not in _NMT_COMMANDS:
@@ -167,22 +167,22 @@ class CanopenMaster:
             self._history.emit(self.name, kind, **data)
 
     def close(self) -> None:
-        """Stop everything that sends by itself: SYNC, heartbeat, guarding, boots."""
+        """Stop all cyclic services: SYNC, heartbeat, guarding, boots."""
         self.stop_sync()
         self.produce_heartbeat(0)
         for node in self._nodes.values():
             node.stop()
 
     def power_off(self) -> None:
-        """Fall silent at once, as a controller whose supply is gone: nothing is sent, heard or
+        """Fall silent at once, as a controller without supply: nothing is sent, received or
         acknowledged.
         """
         self.close()
         self._port.online = False
 
     def power_on(self) -> None:
-        """Come back: every node is taken into service from the beginning. SYNC and heartbeat are started by
-        whoever needs them.
+        """Come back: every node is taken into service from the beginning. SYNC and heartbeat stay
+        off until they are started.
         """
         self._port.online = True
         for node in self._nodes.values():

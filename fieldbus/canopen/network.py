@@ -154,7 +154,7 @@ class PumpedNetwork(canopen.Network):
             thing.receive_condition = PumpedCondition(self.scheduler)
 
     def _unhurried(self, client: SdoClient) -> Callable[[Any], None]:
-        """Wrap the sending of an SDO client, which sleeps before it only if it is told to."""
+        """Wrap the sending of an SDO client, which sleeps before it only if that is asked for."""
         send: Callable[[Any], None] = client.send_request
         send_late = self._in_virtual_time(send)
 
@@ -243,7 +243,7 @@ class PumpedCondition:
         pass
 
     def notify_all(self) -> None:
-        """Wake whoever waits."""
+        """Wake those who wait."""
         self._notified += 1
 
     def wait(self, timeout: float | None = None) -> bool:

@@ -23,8 +23,7 @@ BOOT_UP_NS: Final = 5 * MS
 RETRY_NS: Final = 200 * MS
 """Pause before a silent node is asked again at the start, ns."""
 SEARCH_NS: Final = 1 * S
-"""Pause before a node that has gone is asked whether it is there, ns; a boot-up or heartbeat is heard at
-once.
+"""Pause before a lost node is asked whether it is there, ns; a boot-up or heartbeat counts at once.
 """
 START_TIMEOUT_NS: Final = 1 * S
 """How long a node may take to show that it is Operational, ns."""
@@ -56,10 +55,10 @@ class Emcy(NamedTuple):
 
 
 class NodeUser(Protocol):
-    """Who depends on a node; told of what concerns the use of it. Everything is called within callbacks."""
+    """A user of a node: called, within callbacks, with what concerns its use."""
 
     def node_restarted(self) -> None:
-        """The node has started anew: what it knew is gone."""
+        """The node has restarted: its state is lost."""
 
     def node_in_service(self) -> None:
         """The node is checked, configured and Operational."""
@@ -79,11 +78,11 @@ class RemoteNode:
 
     `boot` begins. From then on the node is taken into service whenever it is there: it is checked, configured
     as far as it differs, started, and supervised. A node that is silent is asked again and again. One that is
-    another device, or refuses a parameter, stays `FAILED` until it starts anew or `boot` is called.
+    another device, or refuses a parameter, stays `FAILED` until it restarts or `boot` is called.
 
     Args:
         setup: What the node is expected to be.
-        user: Receiver of what concerns the use of the node; None = nobody.
+        user: Called with what concerns the use of the node; None = no user.
         scheduler: Time.
         connection: Connection of the controller to the segment.
         sdo: SDO client of the node.
@@ -118,7 +117,7 @@ class RemoteNode:
         self.bootups = 0
         """Boot-up messages received."""
         self.losses = 0
-        """How often the node went out of service without being told to."""
+        """How often the node went out of service without a command."""
         self._scheduler = scheduler
         self._connection = connection
         self._report = report
@@ -160,7 +159,7 @@ class RemoteNode:
 
     @property
     def started(self) -> bool:
-        """Whether the node has been told to start, and nothing has gone wrong since."""
+        """Whether the node has been commanded to start, and nothing has gone wrong since."""
         return self.boot_state in (BootState.STARTING, BootState.IN_SERVICE)
 
     @property
@@ -178,10 +177,10 @@ class RemoteNode:
 
         A node that was just switched on may be about to send its boot-up, which counts as the answer.
         """
-        self._boot_anew()
+        self._restart_boot()
         self._retry_later(BOOT_UP_NS)
 
-    def _boot_anew(self) -> None:
+    def _restart_boot(self) -> None:
         in_service = self.in_service
         self._forget()
         self.failure = None
@@ -402,7 +401,7 @@ class RemoteNode:
             self._check_state(state)
 
     def _booted_up(self) -> None:
-        """React to a boot-up: the node has started anew, whatever it was doing (C301-022)."""
+        """React to a boot-up: the node has restarted, whatever it was doing (C301-022)."""
         self.bootups += 1
         self.nmt_state = NmtState.INITIALISING
         unexpected = self.in_service
@@ -416,7 +415,7 @@ class RemoteNode:
             return
         if unexpected:
             self._lose("boot-up")
-        self._boot_anew()
+        self._restart_boot()
         self._begin(in_place=False)
 
     def _report_state(self, state: NmtState) -> None:
@@ -466,8 +465,8 @@ class RemoteNode:
         self._begin(in_place=True)
 
     def note_command(self, command: int) -> None:
-        """Follow an NMT command that the program gives by itself: what was told to stop is not started
-        again.
+        """Follow an NMT command that the program gives by itself: a node that was stopped by command is not
+        started again.
         """
         if self.boot_state is BootState.OFF:
             return

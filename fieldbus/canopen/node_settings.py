@@ -131,7 +131,7 @@ class NodeSettings:
         self._port.online = not muted
 
     def lss_bitrate(self, bitrate: int) -> None:
-        """Change the bit rate of the controller; whoever models it listens to `on_bitrate`."""
+        """Change the bit rate of the controller; a model of it uses `on_bitrate`."""
         self.bitrate = bitrate
         if isinstance(self._port, MediumPort):
             self._port.set_bitrate(bitrate)
@@ -144,7 +144,7 @@ class NodeSettings:
         """Write the settings to the file, if there is one."""
         self._store.persist()
 
-    def told(self, node_id: int) -> None:
+    def node_id_changed(self, node_id: int) -> None:
         """Note a node-ID that has come into force."""
         if self._history is not None:
             self._history.emit(

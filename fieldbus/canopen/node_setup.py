@@ -111,7 +111,7 @@ class PdoSetup:
         if self.entries is None:
             return bool(observed & _INVALID)
         if parameter.index == self.communication and parameter.sub == 1:
-            # Whether a node answers remote requests makes no difference to somebody who sends none.
+            # Whether a node answers remote requests makes no difference to a controller that sends none.
             return observed & ~_NO_REMOTE == parameter.value & ~_NO_REMOTE
         return observed == parameter.value
 
@@ -128,8 +128,8 @@ class NodeSetup:
         product_code: Expected 1018h:2.
         revision: Expected 1018h:3.
         serial: Expected 1018h:4.
-        prepare: Written before anything else whenever the node has started anew, so that nothing moves
-            meanwhile.
+        prepare: Written before anything else whenever the node has restarted, so that nothing moves
+            until it is configured.
         pdos: PDOs in the order in which they are set up.
         parameters: Everything else, in the order in which it is written.
         store: Have the node keep what was written (1010h:1).

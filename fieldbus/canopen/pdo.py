@@ -408,7 +408,7 @@ class TransmitPdo(Pdo):
         return self.kind in (0, 254, 255)
 
     def compile(self, sample: Sampler, *, restart: bool = True) -> None:
-        """Put new parameters in force; with `restart` counters, timers and events start anew."""
+        """Put new parameters in force; with `restart` counters, timers and events are reset."""
         values = self._values
         self.sample = sample
         if not self.extended:

@@ -136,9 +136,7 @@ class PdoEngine:
         self.touch_all()
 
     def recompile(self) -> None:
-        """Build the code of all PDOs anew, because the device has registered a hook; at the latest before it
-        is used.
-        """
+        """Rebuild the code of all PDOs before its next use: the device has registered a hook."""
         self._stale = True
         if self.cycle.operational:
             self._recompile()

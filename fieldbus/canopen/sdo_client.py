@@ -30,7 +30,7 @@ _BURST: Final = 4
 _BURST_NS: Final = 1 * MS
 
 _FRAME_BITS: Final = 135
-"""Longest frame of a PDO or SDO with all its stuff bits, and the gap behind it."""
+"""Longest frame of a PDO or SDO with all its stuff bits, and the gap after it."""
 _IN_A_ROW: Final = 16
 """Requests, of all clients together, between two pauses."""
 
@@ -38,7 +38,7 @@ JobCallback = Callable[["SdoJob"], object]
 
 
 class SdoPacing:
-    """Delays the SDO requests of a controller for the good of SYNC and error control.
+    """Delays the SDO requests of a controller so that SYNC and error control stay in time.
 
     * A request whose answer may still be on the bus when SYNC is due waits for it: SYNC would come late
       by up to a frame, and every drive would sample late. A cycle that is too short for it is not spared.
@@ -209,7 +209,7 @@ class SdoClient:
         self.attempts = ATTEMPTS
         """How often a transfer is begun before silence counts as its end; 1 or more."""
         self.strays = 0
-        """Answers that belonged to no transfer: somebody else's, or late ones."""
+        """Answers that belonged to no transfer: those of another client, or late ones."""
         self._scheduler = scheduler
         self._connection = connection
         self._pacing = pacing
@@ -276,7 +276,7 @@ class SdoClient:
         )
 
     def cancel(self) -> None:
-        """Give up all transfers without calling anybody: the node has gone, or has started anew."""
+        """Cancel all transfers without a call of `on_done`: the node is gone, or has restarted."""
         for job in tuple(self._jobs):
             job.cancel()
 

@@ -92,7 +92,7 @@ class SdoTransfer:
         self._toggle = 0
 
     def start(self) -> Requests:
-        """Return the first requests; also begins anew after `expire`."""
+        """Return the first requests; also begins again after `expire`."""
         raise NotImplementedError
 
     def _step(self, data: bytes) -> Requests:
@@ -112,7 +112,7 @@ class SdoTransfer:
         return self._break_off(AbortCode.TIMEOUT)[0]
 
     def cancel(self) -> bytes:
-        """End the transfer because nobody wants it any more; return the abort frame."""
+        """End the transfer because it is not needed any more; return the abort frame."""
         return self._break_off(AbortCode.GENERAL)[0]
 
     def _break_off(self, code: int) -> Requests:
@@ -247,7 +247,7 @@ class SdoUpload(SdoTransfer):
                 return self._break_off(AbortCode.TOO_LONG)
         if not last and sequence < self._block_size:
             return []
-        # The block is over: what is missing behind the acknowledged number is sent again (C301-070).
+        # The block is over: what is missing after the acknowledged number is sent again (C301-070).
         acknowledged = self._sequence
         self._sequence = 0
         if last and in_order:

@@ -1,8 +1,7 @@
-"""A CANopen slave: dictionary, NMT, SDO server, PDOs, EMCY, heartbeat, SYNC, TIME and LSS in one device (CiA
-301).
+"""A CANopen slave: dictionary, NMT, SDO server, PDOs, EMCY, heartbeat, SYNC, TIME and LSS (CiA 301).
 
 The device that owns it - a drive, an encoder, an I/O station - sets and reads values, registers callbacks,
-and is told what the bus does. See `CanopenSlave`.
+and is called when the bus does something.
 """
 
 from __future__ import annotations
@@ -111,7 +110,7 @@ class CanopenSlave:
         store.predefine(node_id)
         self.values: dict[int, ObjectValue] = store.values
         """Present values, keyed `index << 8 | sub-index`; what PDOs send and SDO reads."""
-        self._dispatcher = Dispatcher(scheduler.heard if isinstance(scheduler, NodeClock) else None)
+        self._dispatcher = Dispatcher(scheduler.to_local_time if isinstance(scheduler, NodeClock) else None)
         self._port = segment.attach(name, self._dispatcher.receive)
         self._port.online = False
         # A port in virtual time looks up itself who takes a frame, and reports the state of its controller.
@@ -164,7 +163,7 @@ class CanopenSlave:
             on_found=communication.peers_found,
         )
         self.time = TimeService(scheduler, store, send, on_change=self._rebuild)
-        """Clock of the device, set and told by TIME (C301-004)."""
+        """Clock of the device, set and sent by TIME (C301-004)."""
         self.bus_watch = CollisionWatch(
             scheduler, emcy=communication.raise_error, emcy_clear=self.errors.clear
         )
@@ -420,7 +419,7 @@ class CanopenSlave:
         self.error_control.set_node_id(node_id)
         self.pdos.multiplexer.node_id = node_id
         self.node_id = node_id
-        self.settings.told(node_id)
+        self.settings.node_id_changed(node_id)
 
     def _silence(self) -> None:
         """Stop every timer and forget every transfer."""

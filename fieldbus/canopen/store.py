@@ -119,9 +119,9 @@ class ObjectStore:
         self.restoring: dict[int, bool] = {}
         """Areas that get their defaults with the next reset -> whether reset communication is enough."""
         self.foreign: ForeignObjects | None = None
-        """Objects beside those of the dictionary."""
+        """Objects besides those of the dictionary."""
         self.extra: dict[str, Any] = {}
-        """What the device keeps in non-volatile memory beside its objects: by name, as JSON can hold it."""
+        """What the device keeps in non-volatile memory besides its objects: by name, as JSON can hold it."""
         self.on_save: Callable[[int], object] = _nobody
         """Called with the group of 1010h before the memory is written; fills `extra`."""
         self.on_restore: Callable[[int], object] = _nobody

@@ -82,7 +82,7 @@ class HeartbeatWatch:
                 self._on_state(state)
 
     def expect(self) -> None:
-        """Start monitoring now if it has not begun: the node has been told to send heartbeats."""
+        """Start monitoring now if it has not begun: the node has been configured to send heartbeats."""
         if self._timer is None and not self.lost:
             self._last_ns = self._scheduler.now
             self._arm(self._last_ns + self._timeout_ns)
@@ -112,7 +112,7 @@ class NodeGuard:
     C301-030).
 
     The first answer after a boot-up has toggle bit 0, and it changes with every answer. One without the
-    change counts as none: it may come from a node that has started anew. When no right answer has come within
+    change counts as none: it may come from a node that has restarted. When no right answer has come within
     the life time (guard time times factor) the node is lost; asking goes on, and the first answer after that
     sets the toggle bit expected from then on.
 
@@ -188,13 +188,13 @@ class NodeGuard:
             self._question()
 
     def stop(self) -> None:
-        """Ask no more."""
+        """Stop asking."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
     def restarted(self) -> None:
-        """Note that the node has started anew: its next answer has toggle bit 0."""
+        """Note that the node has restarted: its next answer has toggle bit 0."""
         self._toggle = 0
         self._answered_ns = self._scheduler.now
         self.lost = False

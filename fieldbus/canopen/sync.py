@@ -107,7 +107,7 @@ class SyncService:
         store.applied[_WINDOW] = pdos.refresh
 
     def configure(self) -> None:
-        """Read the objects anew."""
+        """Read the objects again."""
         values = self._store.values
         cob_id = values.get(_COB_ID, COB_SYNC)
         self.extended = bool(cob_id >> 29 & 1)
@@ -139,7 +139,7 @@ class SyncService:
         self._monitor = self._producer = None
 
     def enter_state(self, state: NmtState) -> None:
-        """Follow the NMT state: no SYNC in Stopped, the counter starts anew after it (C301-033)."""
+        """Follow the NMT state: no SYNC in Stopped, the counter restarts after it (C301-033)."""
         if self._state == NmtState.STOPPED:
             self._next = 1
         self._state = state

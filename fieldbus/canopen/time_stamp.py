@@ -21,7 +21,7 @@ _MILLISECONDS: Final = 0x0FFF_FFFF
 
 
 class TimeService:
-    """The clock of the device: set by TIME frames, and told to others where 1012h says so.
+    """The clock of the device: set by TIME frames, and sent to others where 1012h says so.
 
     Args:
         scheduler: Time of the bench, by which the clock goes on between two frames.

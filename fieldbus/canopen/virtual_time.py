@@ -18,7 +18,7 @@ from fieldbus.clock import US, S, Scheduler, seconds_to_ns
 from fieldbus.errors import BusError
 
 EPOCH_S: Final = 946_684_800.0
-"""Unix time of the start of a bench, s: 2000-01-01. `time.time()` must lie after 1984 for CANopen's TIME."""
+"""Unix time of the start of a bench, s: 2000-01-01. `time.time()` must be after 1984 for CANopen's TIME."""
 
 LIBRARY_MODULES: Final = (
     "canopen.nmt",
@@ -88,7 +88,7 @@ def virtual_time(
 
     On a realtime scheduler the time shown is the wall clock's, counted from the start of the bench; what the
     context adds there is that looking at the clock and sleeping run the scheduler. May be nested. The modules
-    are those of the whole process: no other thread may use the library meanwhile.
+    are those of the whole process: no other thread may use the library in that time.
 
     Args:
         scheduler: Whose time to show.

@@ -4,7 +4,7 @@ TCP.
 pymodbus changes its interface with every minor version, so it is held to one of them and asked for little. It
 is not asked to judge: what it decodes was checked by `fieldbus.modbus.pdu` before, because its decoders take
 a coil value of 1234h for true, and do not compare a response with its request. It does not split a stream
-either: its decoder waits forever behind a wrong protocol identifier.
+either: its decoder waits forever after a wrong protocol identifier.
 """
 
 from __future__ import annotations

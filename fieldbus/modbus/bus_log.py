@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
 from fieldbus.modbus.codes import BROADCAST
-from fieldbus.modbus.decode import request_words, response_words
+from fieldbus.modbus.decode import request_text, response_text
 from fieldbus.modbus.framing import TcpSplitter, tcp_frame, unwrap_rtu
 from fieldbus.modbus.serial_line import SerialFrame
 from fieldbus.modbus.tcp_link import TcpSegment
@@ -18,7 +18,7 @@ from fieldbus.modbus.tcp_link import TcpSegment
 _HEADER: Final = 7
 _REMEMBERED: Final = 64
 _NOT_KNOWN: Final = b"\0"
-"""Request of a response that nobody asked for."""
+"""Request of an unsolicited response."""
 _ENDS: Final = ("closed", "reset", "refused")
 
 Protocol = Literal["modbus_tcp", "modbus_rtu"]
@@ -65,7 +65,7 @@ class ModbusFrame:
         content = unwrap_rtu(self.data)
         return b"" if content is None else content[1]
 
-    def words(self) -> str:
+    def text(self) -> str:
         """Return the frame in words."""
         if not self.data:
             return self.note
@@ -75,7 +75,7 @@ class ModbusFrame:
         head = "broadcast" if unit == BROADCAST and self.protocol == "modbus_rtu" else f"unit {unit}"
         if self.protocol == "modbus_tcp":
             head = f"transaction {self.data[0] << 8 | self.data[1]} {head}"
-        text = response_words(self.asked, pdu) if self.asked else request_words(pdu)
+        text = response_text(self.asked, pdu) if self.asked else request_text(pdu)
         return f"{head} {text}"
 
 
@@ -187,7 +187,7 @@ class TcpLog:
         if splitter.broken and not was_broken:
             self._add(
                 segment,
-                ModbusFrame("modbus_tcp", b"", note=f"nothing behind {data.hex(' ')} can be read"),
+                ModbusFrame("modbus_tcp", b"", note=f"nothing after {data.hex(' ')} can be read"),
                 "wrong header",
             )
 

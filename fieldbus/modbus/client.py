@@ -100,7 +100,7 @@ class QueuedClient:
         self.retries = retries
         self._queue: deque[Job] = deque()
         self.late = 0
-        """Responses that nobody waited for (any more), and that were discarded (MODB-041)."""
+        """Responses that came too late or unsolicited, and were discarded (MODB-041)."""
         self.timeouts = 0
 
     def submit(self, request: Request, unit: int = 1, done: Done | None = None) -> Job:

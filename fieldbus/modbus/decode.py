@@ -22,14 +22,14 @@ def _unknown(pdu: bytes) -> str:
     return f"{function_text(pdu[0])}, not understood: {pdu.hex(' ')}" if pdu else "empty"
 
 
-def request_words(pdu: bytes) -> str:
-    """Return the PDU of a request in words; any bytes have some."""
+def request_text(pdu: bytes) -> str:
+    """Return the PDU of a request as text; any bytes have one."""
     request = _request(pdu)
     return _unknown(pdu) if request is None else f"request {request}"
 
 
-def response_words(asked: bytes, pdu: bytes) -> str:
-    """Return the PDU of a response in words.
+def response_text(asked: bytes, pdu: bytes) -> str:
+    """Return the PDU of a response as text.
 
     Args:
         asked: PDU of the request; what is none stands for one that is not known.
@@ -38,7 +38,7 @@ def response_words(asked: bytes, pdu: bytes) -> str:
     """
     request = _request(asked)
     if request is None:
-        return f"response that nobody asked for: {pdu.hex(' ')}"
+        return f"unsolicited response: {pdu.hex(' ')}"
     try:
         return f"response {decode_response(request, pdu)}"
     except ResponseError as error:
@@ -48,7 +48,7 @@ def response_words(asked: bytes, pdu: bytes) -> str:
 class RtuDecoder:
     """Decodes the frames of a serial line in their order.
 
-    A frame does not tell whether it is a request or a response; one that answers the frame before it is a
+    A frame does not say whether it is a request or a response; one that answers the frame before it is a
     response.
     """
 
@@ -57,8 +57,8 @@ class RtuDecoder:
     def __init__(self) -> None:
         self._asked: tuple[int, Request] | None = None
 
-    def words(self, frame: bytes) -> str:
-        """Return a frame in words; any bytes have some."""
+    def text(self, frame: bytes) -> str:
+        """Return a frame as text; any bytes have one."""
         content = unwrap_rtu(frame)
         if content is None:
             self._asked = None
@@ -88,8 +88,8 @@ class TcpDecoder:
         self._server = TcpSplitter()
         self._asked: OrderedDict[tuple[int, int], Request] = OrderedDict()
 
-    def words(self, data: bytes, *, from_server: bool) -> list[str]:
-        """Return the frames that are complete with this segment, in words."""
+    def text(self, data: bytes, *, from_server: bool) -> list[str]:
+        """Return the frames that are complete with this segment, as text."""
         splitter = self._server if from_server else self._client
         was_broken = splitter.broken
         out = []
@@ -108,13 +108,13 @@ class TcpDecoder:
                 self._asked.popitem(last=False)
             out.append(f"{head} request {request}")
         if splitter.broken and not was_broken:
-            out.append("wrong header: nothing behind it can be read")
+            out.append("wrong header: nothing after it can be read")
         return out
 
     @staticmethod
     def _response(asked: Request | None, pdu: bytes) -> str:
         if asked is None:
-            return f"response that nobody asked for: {pdu.hex(' ')}"
+            return f"unsolicited response: {pdu.hex(' ')}"
         try:
             return f"response {decode_response(asked, pdu)}"
         except ResponseError as error:

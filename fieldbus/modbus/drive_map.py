@@ -1,4 +1,4 @@
-"""A drive behind a register map: process data words, parameters, the DS47 channel and the mailbox (PD-286 to
+"""A drive with a register map: process data words, parameters, the DS47 channel and the mailbox (PD-286 to
 PD-337).
 """
 
@@ -30,7 +30,7 @@ from fieldbus.profidrive.requests import (
 _MAILBOX_READ, _MAILBOX_WRITE, _MAILBOX_ERROR, _MAILBOX_DONE = 0x01, 0x02, 0x03, 0x10
 _MAILBOX_ORDER, _MAILBOX_LENGTH, _MAILBOX_DATA = 3, 4, 10
 _INTERNAL: Final = 0xFF
-"""Error code of a parameter access whose answer nobody understands."""
+"""Error code of a parameter access whose answer is not understood."""
 
 
 class ProcessDataDevice(Protocol):
@@ -72,7 +72,7 @@ class DriveMap:
         scheduler: Time.
         device: The drive.
         file: Which registers there are.
-        telegram: The telegram of the drive. What is written behind its words is only stored; what is read
+        telegram: The telegram of the drive. What is written after its words is only stored; what is read
             there is 0.
         channel: The parameter channel; needed when the file has the hook `ds47`.
         watch_all: Whether every process data register keeps the time-out off, as over TCP, or the number
@@ -264,7 +264,7 @@ class DriveMap:
                 raw -= 1 << 16 * size
             if not lowest <= raw <= highest:
                 raise RegisterRefusal
-            present = self._value(address(place))  # tells the format
+            present = self._value(address(place))  # has the format
             value = raw / entry.scale
             kept = value if isinstance(present.values[0], float) else round(value)
             self._store(address(place), Values(present.code, (kept,)))
@@ -327,7 +327,7 @@ class DriveMap:
                 length = self._carry_out(order, image, block)
             except RegisterRefusal:
                 length = None
-            # The map stores what was written behind this; the state is shown when it is read.
+            # The map stores what was written after this; the state is shown when it is read.
             state["now"] = _MAILBOX_ERROR if length is None else _MAILBOX_DONE
             if length is not None and order == _MAILBOX_READ:
                 state["length"] = length
@@ -342,7 +342,7 @@ class DriveMap:
         block.read, block.write = read, write
 
     def _carry_out(self, order: int, image: list[int], block: Block) -> int:
-        """Do what the mailbox was told; return the length of what was read, in bytes."""
+        """Carry out the order in the mailbox; return the length of what was read, in bytes."""
         elements = max(1, image[2])
         if elements > 0xFF:
             raise RegisterRefusal

@@ -2,7 +2,7 @@
 
 TCP is written as IPv4 packets between 192.0.2.2 (client) and 192.0.2.1, port 502 (server), with handshake and
 end of every connection; a serial line as frames of the link type USER0 (147), for which Wireshark has to be
-told `mbrtu`. What a fault has dropped is not in the file. Times are exact to the nanosecond.
+set to `mbrtu`. What a fault has dropped is not in the file. Times are exact to the nanosecond.
 """
 
 from __future__ import annotations

@@ -133,7 +133,7 @@ class TcpResponder:
 
 
 class RtuResponder:
-    """A server at a serial line: a frame in, a frame out. What is a frame, the pauses on the line tell.
+    """A server at a serial line: a frame in, a frame out. The pauses on the line show what is a frame.
 
     Args:
         server: What answers; with unit None every unit but 0.

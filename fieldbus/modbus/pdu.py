@@ -167,7 +167,7 @@ def decode_request(pdu: bytes) -> Request:
     if function == _F.ENCAPSULATED_INTERFACE:
         if pdu[1] != READ_DEVICE_IDENTIFICATION:
             return Request(function, code=-1)
-        # not from the library's fields: it cannot tell the code 0, which is refused, from no code
+        # not from the library's fields: it does not distinguish code 0, which is refused, from no code
         return Request(function, code=pdu[2], object_id=pdu[3])
     if function in _READS:
         return Request(function, fields.address, fields.count)
@@ -244,7 +244,7 @@ def decode_response(request: Request, pdu: bytes) -> Response:
 
 
 def _identification(pdu: bytes) -> Response:
-    # Not by the library: it runs over the end of objects that claim more than there is, and merges equal
+    # Not by the library: it runs over the end of objects with a length beyond the data, and merges equal
     # ones.
     if len(pdu) < 7 or pdu[1] != READ_DEVICE_IDENTIFICATION:
         raise ResponseError(f"no device identification: {pdu.hex(' ')}")

@@ -46,7 +46,7 @@ class PtyServer:
         self.longest_processing_ns = 0
         """A response that would come later is not sent; 0 = it always is."""
         self.online = True
-        """Whether the device is supplied; without supply it hears and says nothing."""
+        """Whether the device is supplied; without supply it neither receives nor sends."""
         self.silent = False
         """Whether requests are carried out and not answered."""
         self._pause_ns = max(self._format.t35_ns, _SHORTEST_PAUSE_NS)
@@ -79,5 +79,5 @@ class PtyServer:
             self._scheduler.after(delay_ns, lambda: self._line.write(answer))
 
     def close(self) -> None:
-        """Take the device file away; harmless to repeat."""
+        """Remove the device file; harmless to repeat."""
         self._line.close()

@@ -113,7 +113,7 @@ class Block:
         """What is stored, as the unsigned words of the bus."""
 
     def accepts(self, value: int) -> bool:
-        """Return whether a word that comes from the bus lies within the limits."""
+        """Return whether a word that comes from the bus is within the limits."""
         if self.minimum < 0 and value & 0x8000:
             value -= 0x10000
         return self.minimum <= value <= self.maximum

@@ -263,7 +263,7 @@ class SerialLine:
                 ours, theirs = port.format, run.port.format
                 foreign = ours.baud != theirs.baud or ours.parity != theirs.parity
                 port.listener.received(data, bool(hurt) or foreign, run.end_ns)
-            else:  # it left meanwhile
+            else:  # it has left in the meantime
                 port.listener.received(b"", True, run.end_ns)
 
     @staticmethod

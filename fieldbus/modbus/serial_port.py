@@ -31,7 +31,7 @@ class LiveSerialLine:
         scheduler: A realtime scheduler.
         path: Device file.
         format_: Rate and characters.
-        other: Name in the log of whoever is at the other end.
+        other: Name in the log of the device at the other end.
 
     Raises:
         BusError: The device file cannot be opened.

@@ -260,7 +260,7 @@ class ModbusServer:
             return Response(function, exception=_X.ILLEGAL_DATA_VALUE)
         group = {number: value for number, value in objects.items() if number < _GROUP_ENDS[code]}
         if first not in group:
-            first = 0  # the stream starts anew at an object that does not exist
+            first = 0  # the stream restarts at an object that does not exist
         return library.identification_response(
             code, conformity, {number: value for number, value in group.items() if number >= first}
         )

@@ -58,7 +58,7 @@ class SocketEnd:
                 except BlockingIOError:
                     pass
                 except OSError:
-                    return  # the reading side notices and tells
+                    return  # the reading side notices and reports it
             self._unsent += data[sent:]
             if not self._unsent:
                 return
@@ -100,11 +100,11 @@ class SocketEnd:
 
     @property
     def wants_to_send(self) -> bool:
-        """Whether something waits for room."""
+        """Whether something waits to be sent."""
         return self.connecting or bool(self._unsent)
 
     def vanish(self) -> None:
-        """Take the socket away."""
+        """Close the socket."""
         with self._lock:
             self.open = False
             self._socket.close()
@@ -163,7 +163,7 @@ class SocketNetwork:
         self._accept = accept
 
     def connect(self, host: str, port: int, handler: TcpHandler) -> Connection:
-        """Begin a connection; the handler is told how it ends."""
+        """Begin a connection; the handler is called with the outcome."""
         sock = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
         sock.setblocking(False)
         end = SocketEnd(self, sock, connecting=True)
@@ -197,7 +197,7 @@ class SocketNetwork:
         os.close(self._wake_write)
 
     def wake(self) -> None:
-        """Let the thread look at everything anew."""
+        """Let the thread look at all connections again."""
         if self._closed:
             return
         self._wake()

@@ -42,7 +42,7 @@ class RtuStation:
 
     Args:
         scheduler: Time.
-        line: Where it hangs.
+        line: The line.
         server: What answers.
         name: On the line.
         format_: Rate and parity, where they are not those of the line.
@@ -90,7 +90,7 @@ class RtuStation:
 
     @property
     def online(self) -> bool:
-        """Whether the station is supplied; without supply it hears and says nothing."""
+        """Whether the station is supplied; without supply it neither receives nor sends."""
         return self.port.online
 
     @online.setter
@@ -150,8 +150,8 @@ class TcpStation(Generic[End]):
     def online(self) -> bool:
         """Whether the station is supplied.
 
-        Without supply it refuses connections and answers nothing. Clients are not told (MODB-042): they learn
-        it when they send something after the supply has come back, which resets the connection.
+        Without supply it refuses connections and answers nothing. Clients do not notice (MODB-042) until they
+        send something after the supply has come back, which resets the connection.
         """
         return self._online
 

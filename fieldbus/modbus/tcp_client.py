@@ -1,4 +1,4 @@
-"""A client over TCP: several requests under way, time-outs, retries, connections made anew. Nothing waits."""
+"""A client over TCP: several requests under way, time-outs, retries, new connections. Nothing waits."""
 
 from __future__ import annotations
 

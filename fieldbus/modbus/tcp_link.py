@@ -28,7 +28,7 @@ class TcpSegment(NamedTuple):
 
 
 class TcpHandler(Protocol):
-    """Who uses one end of a connection."""
+    """User of one end of a connection."""
 
     def opened(self) -> None:
         """Take note that bytes may be sent."""
@@ -77,7 +77,7 @@ class TcpEnd:
 
     def reset(self) -> None:
         """End the connection at once at both ends, as after a loss of supply with a restart; both handlers
-        are told.
+        are called.
         """
         if self.open:
             self._end("reset")
@@ -143,8 +143,8 @@ class TcpLink:
 
     @property
     def cut(self) -> bool:
-        """Whether the cable is cut. Neither end is told (MODB-042); what is sent arrives when it is whole
-        again.
+        """Whether the cable is cut. Neither end notices (MODB-042); what is sent arrives after
+        the repair.
         """
         return self._cut
 
@@ -157,7 +157,7 @@ class TcpLink:
                 self.scheduler.after(self.latency_ns, lambda sender=sender: self._next(sender))  # type: ignore[misc]
 
     def connect(self, name: str, handler: TcpHandler) -> TcpEnd:
-        """Begin a connection to the server; the handler is told when it is open or refused."""
+        """Begin a connection to the server; the handler is called when it is open or refused."""
         self._connections += 1
         client = TcpEnd(self, name, self._connections, handler)
         self._send_later(client, self.scheduler.now + self.latency_ns, lambda: self._arrived(client))
@@ -215,7 +215,7 @@ class TcpLink:
             self._send_later(sender, at, lambda piece=piece: self._deliver(sender, piece, note))  # type: ignore[misc]
 
     def carry_end(self, sender: TcpEnd, receiver: TcpEnd, reason: str) -> None:
-        """Tell the other end that a connection is over, behind what was sent before."""
+        """Report the end of a connection to the other end, after what was sent before."""
         at = sender.due(self.scheduler.now + self.latency_ns)
 
         def arrive() -> None:

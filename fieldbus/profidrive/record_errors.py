@@ -1,4 +1,4 @@
-"""Why access to a data record is refused, as PROFINET tells it in Error_Code_1 (PD-232)."""
+"""Why access to a data record is refused, as in Error_Code_1 of PROFINET (PD-232)."""
 
 from __future__ import annotations
 

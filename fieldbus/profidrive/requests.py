@@ -36,7 +36,7 @@ class Attribute(IntEnum):
 
 
 class Format(IntEnum):
-    """Formats of values beside the data types (PD-204)."""
+    """Formats of values besides the data types (PD-204)."""
 
     ZERO = 0x40
     BYTE = 0x41
@@ -221,7 +221,7 @@ class Refusal:
 
     Args:
         error: `ParameterError` or a vendor's number, 0..255.
-        sub_index: Where, for the errors that tell it.
+        sub_index: Where, for the errors that have it.
 
     """
 

@@ -41,7 +41,7 @@ class ModbusWords:
 
     def decode(self, frame: ModbusFrame, *, segment: str | None = None) -> str:
         """Return the meaning of `frame`."""
-        text = frame.words()
+        text = frame.text()
         drives = self._drives.get((segment or "", frame.can_id), [])
         if not frame.data or not drives:
             return text

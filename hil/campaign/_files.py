@@ -58,7 +58,7 @@ def write_modbus_log(trace: Trace, path: Path) -> Path:
             trouble = f" [{error}]" if error else ""
             stream.write(
                 f"{seconds}.{rest // 1000:06d} {bus} {sender} {frame.data.hex(' ').upper() or '-'}  "
-                f"{frame.words()}{trouble}\n"
+                f"{frame.text()}{trouble}\n"
             )
     return path
 

@@ -124,8 +124,8 @@ def modbus_client() -> Take:
                 job.result is not None and job.result.outcome is Outcome.EXCEPTION, "no exception afterwards"
             )
         rtu, tcp = RtuDecoder(), TcpDecoder()
-        promise(all(rtu.words(entry.data) for entry in line.log), "a frame without words")
+        promise(all(rtu.text(entry.data) for entry in line.log), "a frame without a text")
         for entry in link.log:
-            tcp.words(entry.data, from_server=entry.sender == "server")
+            tcp.text(entry.data, from_server=entry.sender == "server")
 
     return take

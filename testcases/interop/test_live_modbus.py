@@ -75,7 +75,7 @@ def test_a_stop_in_real_time_with_the_drive_in_a_process_of_its_own(kind):
     """
     trace = judge(bench_text(kind))
     [bus] = trace.buses
-    words = [entry[2].words() for entry in trace.raw_frames(bus)]
+    words = [entry[2].text() for entry in trace.raw_frames(bus)]
     assert sum("request 16 write multiple registers 0063h" in text for text in words) > 30
     assert sum("response 03 read holding registers: " in text for text in words) > 30
     assert "drive1.position" in trace

@@ -145,7 +145,7 @@ def test_tcp(tmp_path):
     for segment in rig.link.log:
         from_server = segment.sender == "server"
         frames += streams[from_server].feed(segment.data)
-        words += decoder.words(segment.data, from_server=from_server)
+        words += decoder.text(segment.data, from_server=from_server)
     adus = [one for one in seen if "function" in one]
     assert [(int(one["transaction"][0]), int(one["unit"][0])) for one in adus] == [
         (f[0], f[1]) for f in frames
@@ -171,7 +171,7 @@ def test_rtu(tmp_path):
         "mbrtu.crc_verification:TRUE",
     )
     decoder = RtuDecoder()
-    words = [decoder.words(frame.data) for frame in rig.link.log]
+    words = [decoder.text(frame.data) for frame in rig.link.log]
     contents = [unwrap_rtu(frame.data) for frame in rig.link.log]
     assert [int(one["rtu_unit"][0]) for one in seen] == [unit for unit, _ in contents]
     assert {unit for unit, _ in contents} == {UNIT}

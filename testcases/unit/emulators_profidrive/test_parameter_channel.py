@@ -65,7 +65,7 @@ def test_a_request_in_pieces(channel):
 
 
 @pytest.mark.parametrize(
-    ("request_words", "error"),
+    ("request_text", "error"),
     [
         pytest.param("0001 2F00 8001 0101", 1, marks=pytest.mark.requirement("PD-329"), id="no length"),
         pytest.param("0001 2FF1" + " 0000" * 120, 1, marks=pytest.mark.requirement("PD-329"), id="241 bytes"),
@@ -84,9 +84,9 @@ def test_a_request_in_pieces(channel):
         ),
     ],
 )
-def test_mistakes_are_answered_at_once(channel, request_words, error):
+def test_mistakes_are_answered_at_once(channel, request_text, error):
     """Header 2F00 and the number of the error."""
-    assert channel.write(40601, words(request_words), 0)
+    assert channel.write(40601, words(request_text), 0)
     assert channel.read(40601, 4, 0) == [2, 0x2F00, error, 0]
     assert channel.write(40601, words(READ_DISPLAY), 0)
     assert channel.read(40601, 3, 20 * MS) == words("0002 2F08 8001")

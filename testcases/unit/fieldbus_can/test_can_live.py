@@ -471,6 +471,6 @@ def test_segment_is_registered(bench):
         bench.foreign.send(message(0x200))
         assert bus.recv(10.0).arbitration_id == 0x200
         assert bus.state is can.BusState.ACTIVE
-        with pytest.raises(can.CanInitializationError, match="does not tell about errors"):
+        with pytest.raises(can.CanInitializationError, match="does not report errors"):
             can.Bus(interface="hil", channel="live0", error_frames=True)
     assert [port.name for port in bench.segment.ports] == ["a"]

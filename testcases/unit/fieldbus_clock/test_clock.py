@@ -274,7 +274,7 @@ class TestVirtual:
         scheduler = VirtualScheduler()
         scheduler.run_for(100)
         with pytest.raises(
-            SchedulerError, match="event at 99 ns lies before the present time 100 ns"
+            SchedulerError, match="event at 99 ns is before the present time 100 ns"
         ) as caught:
             scheduler.at(99, print)
         assert isinstance(caught.value, HilError)

@@ -83,7 +83,7 @@ def test_a_cancelled_event_stays_cancelled(bench, clock):
 def test_frames_are_heard_by_the_nodes_clock(bench, clock):
     """A receiver gets the time that its own clock shows."""
     heard = []
-    receive = clock.heard(lambda frame, time_ns: heard.append((frame, time_ns)))
+    receive = clock.to_local_time(lambda frame, time_ns: heard.append((frame, time_ns)))
     receive("a", bench.now)
     clock.drift(1000.0)
     bench.run_for(S)

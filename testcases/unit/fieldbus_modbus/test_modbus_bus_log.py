@@ -52,7 +52,7 @@ class Network:
 def test_requests_and_responses_carry_time_sender_and_meaning():
     """A request and its response are two rows, the second one with the words of a response."""
     log = Network().ask(READ)
-    assert [(entry.sender, entry.frame.words().split(" 03")[0]) for entry in log] == [
+    assert [(entry.sender, entry.frame.text().split(" 03")[0]) for entry in log] == [
         ("plc", "connection 1 opened"),
         ("plc", "transaction 1 unit 5 request"),
         ("drive", "transaction 1 unit 5 response"),
@@ -67,7 +67,7 @@ def test_segments_are_no_frames():
     """A frame in three segments is one row, and two frames in one segment are two."""
     network = Network()
     network.link.add_hook(lambda sender, _data, _time: Change(cuts=(3, 9)) if sender == "plc" else None)
-    assert [entry.frame.words() for entry in network.ask(READ)][1] == f"transaction 1 unit 5 request {READ}"
+    assert [entry.frame.text() for entry in network.ask(READ)][1] == f"transaction 1 unit 5 request {READ}"
     both = tcp_frame(1, 5, READ.encode()) + tcp_frame(2, 5, READ.encode())
     log = TcpLog([TcpSegment(7, 1, "plc", both, "")], client="plc").update()
     assert [entry.frame.data for entry in log] == [both[:12], both[12:]]
@@ -102,7 +102,7 @@ def test_a_wrong_header_and_half_a_frame_are_said():
     ]
     log = TcpLog(rows, client="plc").update()
     assert [entry.error for entry in log] == ["wrong header", "incomplete", "", "refused"]
-    assert "nothing behind 00 01 00 07" in log[0].frame.words()
+    assert "nothing after 00 01 00 07" in log[0].frame.text()
 
 
 def test_the_log_grows_with_its_source():
@@ -130,7 +130,7 @@ def test_a_line_is_read_the_same_way():
     )
     client.submit(READ, 5)
     clock.run_for(100 * MS)
-    words = [(entry.sender, entry.frame.words().split(" 03")[0], entry.error) for entry in log.update()]
+    words = [(entry.sender, entry.frame.text().split(" 03")[0], entry.error) for entry in log.update()]
     assert words[:2] == [("plc", "unit 5 request", ""), ("drive", "unit 5 response", "")]
     assert words[2][1].startswith("broken frame: 05")
     assert words[2][2] == "changed"
@@ -140,4 +140,4 @@ def test_a_line_is_read_the_same_way():
 def test_an_answer_that_nobody_asked_for_is_none():
     """A response with a transaction that nobody has begun is no request either."""
     log = TcpLog([TcpSegment(1, 1, "server", tcp_frame(9, 5, b"\3\2\0\1"), "")], client="plc").update()
-    assert "nobody asked for" in log[0].frame.words()
+    assert "unsolicited response" in log[0].frame.text()

@@ -370,15 +370,15 @@ def test_the_log_reads_in_words(rig):
     rig.ask(master, Request(6, 0, 1, (5,)))
     rig.ask(master, Request(6, 10, 1, (5,)), unit=0)
     decoder = RtuDecoder()
-    assert [decoder.words(entry.data) for entry in rig.line.log] == [
+    assert [decoder.text(entry.data) for entry in rig.line.log] == [
         "unit 5 request 03 read holding registers 000Ah x 2",
         "unit 5 response 03 read holding registers: 100A 100B",
         "unit 5 request 06 write single register 0000h = 0005",
         "unit 5 response 06 write single register: exception 02h illegal data address",
         "broadcast request 06 write single register 000Ah = 0005",
     ]
-    assert decoder.words(b"\x01\x02") == "broken frame: 01 02"
-    assert "not understood" in decoder.words(rtu_frame(1, b"\x63"))
+    assert decoder.text(b"\x01\x02") == "broken frame: 01 02"
+    assert "not understood" in decoder.text(rtu_frame(1, b"\x63"))
 
 
 def test_two_runs_are_the_same():

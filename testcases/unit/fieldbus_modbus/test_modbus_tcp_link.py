@@ -282,7 +282,7 @@ def test_the_log_reads_in_words(rig):
     words = [
         text
         for entry in rig.link.log
-        for text in decoder.words(entry.data, from_server=entry.sender == "server")
+        for text in decoder.text(entry.data, from_server=entry.sender == "server")
     ]
     assert words == [
         "transaction 1 unit 1 request 03 read holding registers 000Ah x 2",
@@ -290,5 +290,5 @@ def test_the_log_reads_in_words(rig):
         "transaction 2 unit 3 request 06 write single register 0000h = 0007",
         "transaction 2 unit 3 response 06 write single register: exception 02h illegal data address",
     ]
-    assert "nobody asked" in decoder.words(tcp_frame(9, 1, b"\x03\x00"), from_server=True)[0]
-    assert "wrong header" in decoder.words(b"\x00\x01\x00\x01\x00\x06", from_server=True)[0]
+    assert "unsolicited" in decoder.text(tcp_frame(9, 1, b"\x03\x00"), from_server=True)[0]
+    assert "wrong header" in decoder.text(b"\x00\x01\x00\x01\x00\x06", from_server=True)[0]

@@ -488,8 +488,8 @@ def test_the_trace_has_the_frames_and_repeats(name, tmp_path):
     loaded = Trace.load(tmp_path / "trace")
     assert loaded.digest() == trace.digest()
     bus = loaded.buses[0]
-    assert [entry[2].words() for entry in loaded.raw_frames(bus)] == [
-        entry[2].words() for entry in trace.raw_frames(bus)
+    assert [entry[2].text() for entry in loaded.raw_frames(bus)] == [
+        entry[2].text() for entry in trace.raw_frames(bus)
     ]
 
 
