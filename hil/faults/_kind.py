@@ -6,10 +6,10 @@ A kind is a `FaultType`. Its effect is a function, checked by mypy, on the proto
     FaultType(
         "drive.sto",
         "The safe-torque-off input opens: torque off at once, no fault",
-        "drive",
-        "drive internals",
         Held(HasSafeTorqueOff, lambda drive, _: drive.set_sto(True), lambda drive, _: drive.set_sto(False)),
-        example={"kind": "drive.sto", "target": "drive1", "duration_s": 0.5},
+        seam="drive internals",
+        target="drive",
+        example={"target": "drive1", "duration_s": 0.5},
     )
 
 The command line, the page of the handbook, and what the process of emulated drives may be asked are
@@ -19,7 +19,7 @@ derived from it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, Literal, NoReturn, Protocol, TypeVar
 
@@ -392,12 +392,13 @@ class FaultType:
     name: str
     summary: str
     """One sentence without the full stop."""
+    effect: Effect
+    _: KW_ONLY
+    seam: str
+    """Where in the bench the fault is applied."""
     target: TargetKind
     """What kind of thing is hit; switch, mechanics and encoder are addressed by the name of their
     drive, an encoder with a node of its own by its own."""
-    seam: str
-    """Where in the bench the fault is applied."""
-    effect: Effect
     parameters: tuple[Parameter, ...] = ()
     lasting: bool = True
     """Whether it stays until removed; False: it is over the moment it is applied."""

@@ -53,9 +53,9 @@ FAMILY: Final = Family(
         FaultType(
             "axis.alarm",
             "The controller raises a technology alarm by itself",
-            "axis",
-            "alarm engine of the axis",
             Custom(_raise_alarm),
+            seam="alarm engine of the axis",
+            target="axis",
             parameters=(
                 Parameter("number", "int", "Number of the alarm", minimum=101, maximum=999, required=True),
                 Parameter(

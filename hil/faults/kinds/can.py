@@ -350,14 +350,15 @@ def _nowhere_else(reason: str) -> dict[Environment, str]:
     return {"live": reason, "hardware": reason}
 
 
+_kind: Final = partial(FaultType, target="segment")
+
 FAMILY: Final = Family(
     kinds=(
-        FaultType(
+        _kind(
             "can.noise",
             "Bits are read inverted at random, with a bit error rate",
-            "segment",
-            "CAN medium",
             Custom(_noise),
+            seam="CAN medium",
             parameters=(
                 Parameter(
                     "bit_error_rate",
@@ -372,43 +373,41 @@ FAMILY: Final = Family(
             refused=_nowhere_else(_NO_WIRE),
             example={"target": "can0", "duration_s": 0.1, "parameters": {"bit_error_rate": 0.001}},
             text="""
-        Bits are read inverted at random, idle ones included. The distances of two wrong bits come from the
-        seeded stream.
-        """,
+            Bits are read inverted at random, idle ones included. The distances of two wrong bits come
+            from the seeded stream.
+            """,
         ),
-        FaultType(
+        _kind(
             "can.stuck_dominant",
             "The bus stays dominant: CAN_H to supply, or a transceiver that is stuck",
-            "segment",
-            "CAN medium",
             HeldLevel(0),
+            seam="CAN medium",
             refused=_nowhere_else(_NO_CABLE),
             example={"duration_s": 0.002},
             fuzzed=False,
             text="""
-        The bus stays dominant. A sender goes bus-off after about 260 bits; receivers become error-passive.
-        """,
+            The bus stays dominant. A sender goes bus-off after about 260 bits; receivers become
+            error-passive.
+            """,
         ),
-        FaultType(
+        _kind(
             "can.stuck_recessive",
             "The bus stays recessive: CAN_H and CAN_L shorted",
-            "segment",
-            "CAN medium",
             HeldLevel(1),
+            seam="CAN medium",
             refused=_nowhere_else(_NO_CABLE),
             example={"duration_s": 0.05},
             fuzzed=False,
             text="""
-        The bus stays recessive, CAN_H and CAN_L are shorted. A sender counts up to bus-off; the other nodes
-        notice nothing.
-        """,
+            The bus stays recessive, CAN_H and CAN_L are shorted. A sender counts up to bus-off; the other
+            nodes notice nothing.
+            """,
         ),
-        FaultType(
+        _kind(
             "can.cable_break",
             "The cable breaks: the named nodes go on among themselves, and so do the others",
-            "segment",
-            "CAN medium",
             Custom(_break),
+            seam="CAN medium",
             parameters=(
                 Parameter(
                     "nodes", "text", "Names of the nodes of one side, with commas between", required=True
@@ -418,34 +417,32 @@ FAMILY: Final = Family(
             example={"target": "can0", "duration_s": 0.5, "parameters": {"nodes": "drive1"}},
             fuzzed=False,
             text="""
-        The cable breaks between two groups of nodes. Each goes on by itself: acknowledges within the group,
-        error-passive nodes that are alone. Frames of both sides are in the log. At the end the two sides
-        meet in whatever they are doing. On a live segment with a bridge the two sides are its own, and
-        `nodes` is the channel of one; without a bridge the fault is refused.
-        """,
+            The cable breaks between two groups of nodes. Each goes on by itself: acknowledges within the
+            group, error-passive nodes that are alone. Frames of both sides are in the log. At the end the
+            two sides meet in whatever they are doing. On a live segment with a bridge the two sides are
+            its own, and `nodes` is the channel of one; without a bridge the fault is refused.
+            """,
         ),
-        FaultType(
+        _kind(
             "can.unplug",
             "The connector of a node is pulled: it runs on, alone on its bus",
-            "segment",
-            "CAN medium",
             Custom(_break),
+            seam="CAN medium",
             parameters=(_NODE,),
             remark=_BRIDGE,
             example={"duration_s": 0.5, "parameters": {"node": "drive1"}},
             fuzzed=False,
             text="""
-        The connector of a node is pulled: a cable break with one node on the other side. The node runs on,
-        unlike with `drive.power_off`. On a live segment with a bridge `node` is the channel of one of its
-        sides.
-        """,
+            The connector of a node is pulled: a cable break with one node on the other side. The node
+            runs on, unlike with `drive.power_off`. On a live segment with a bridge `node` is the channel
+            of one of its sides.
+            """,
         ),
-        FaultType(
+        _kind(
             "can.babble",
             "A babbling node sends frame after frame without a pause",
-            "segment",
-            "CAN medium",
             Custom(_babble),
+            seam="CAN medium",
             parameters=(
                 Parameter(
                     "can_id",
@@ -464,16 +461,15 @@ FAMILY: Final = Family(
             check_values=_check_babble,
             fuzzed=False,
             text="""
-        A babbling node sends frame after frame without a pause. On a live bus it does so in bursts of a
-        millisecond each, or as the adapter takes them.
-        """,
+            A babbling node sends frame after frame without a pause. On a live bus it does so in bursts of
+            a millisecond each, or as the adapter takes them.
+            """,
         ),
-        FaultType(
+        _kind(
             "can.load",
             "A foreign node loads the bus with random frames",
-            "segment",
-            "CAN medium",
             Custom(_load),
+            seam="CAN medium",
             parameters=(
                 Parameter(
                     "load_percent",
@@ -498,37 +494,36 @@ FAMILY: Final = Family(
             example={"duration_s": 0.5, "parameters": {"load_percent": 40.0}},
             check_values=_check_load,
             text="""
-        A foreign node loads the bus with frames of random identifiers, lengths and content from the seeded
-        stream. They keep the share of time on average; while others have the bus they wait. On a live bus
-        the bit rate of the bench file says how much time a frame takes.
-        """,
+            A foreign node loads the bus with frames of random identifiers, lengths and content from the
+            seeded stream. They keep the share of time on average; while others have the bus they wait. On
+            a live bus the bit rate of the bench file says how much time a frame takes.
+            """,
         ),
-        FaultType(
+        _kind(
             "can.no_ack",
             "Nodes receive without acknowledging",
-            "segment",
-            "CAN controller",
             AtNodes(
                 lambda _: False, lambda port, acknowledges: port.set_acknowledge(acknowledges), lambda _: True
             ),
+            seam="CAN controller",
             parameters=(_NODES,),
             refused=_nowhere_else(_NO_NODE),
             example={"duration_s": 0.01},
             fuzzed=False,
             text="""
-        Nodes receive without acknowledging. A frame that no node acknowledges is repeated by its sender.
-        """,
+            Nodes receive without acknowledging. A frame that no node acknowledges is repeated by its
+            sender.
+            """,
         ),
-        FaultType(
+        _kind(
             "can.wrong_bitrate",
             "A node works at another bit rate",
-            "segment",
-            "CAN controller",
             AtNodes(
                 lambda p: p.optional_integer("bitrate"),
                 lambda port, rate: port.set_bitrate(rate),
                 lambda _: None,
             ),
+            seam="CAN controller",
             parameters=(
                 _NODE,
                 Parameter(
@@ -545,16 +540,15 @@ FAMILY: Final = Family(
             example={"duration_s": 0.05, "parameters": {"node": "drive1", "bitrate": 250000}},
             fuzzed=False,
             text="""
-        A node reads and sends with another bit rate. It destroys the frames of others with its error flags
-        until it is error-passive.
-        """,
+            A node reads and sends with another bit rate. It destroys the frames of others with its error
+            flags until it is error-passive.
+            """,
         ),
-        FaultType(
+        _kind(
             "can.bus_off",
             "A node goes bus-off at once",
-            "segment",
-            "CAN controller",
             Custom(_bus_off),
+            seam="CAN controller",
             parameters=(
                 _NODE,
                 Parameter(
@@ -569,20 +563,19 @@ FAMILY: Final = Family(
             example={"duration_s": 0.1, "parameters": {"node": "drive1"}},
             fuzzed=False,
             text="""
-        A node goes bus-off at once. It recovers after 128 times 11 recessive bits, counted from the removal
-        of the fault or from the beginning.
-        """,
+            A node goes bus-off at once. It recovers after 128 times 11 recessive bits, counted from the
+            removal of the fault or from the beginning.
+            """,
         ),
-        FaultType(
+        _kind(
             "can.overload",
             "A slow receiver asks for overload frames behind every frame that it receives",
-            "segment",
-            "CAN controller",
             AtNodes(
                 lambda p: p.integer("frames"),
                 lambda port, count: port.set_overload_frames(count),
                 lambda _: 0,
             ),
+            seam="CAN controller",
             parameters=(
                 _NODE,
                 Parameter("frames", "int", "Overload frames in succession", minimum=1, maximum=2, default=1),
@@ -591,15 +584,14 @@ FAMILY: Final = Family(
             example={"duration_s": 0.1, "parameters": {"node": "drive1", "frames": 2}},
             fuzzed=False,
             text="""
-        A slow receiver asks for one or two overload frames behind every frame that it receives.
-        """,
+            A slow receiver asks for one or two overload frames behind every frame that it receives.
+            """,
         ),
-        FaultType(
+        _kind(
             "can.receive_delay",
             "A node gets its frames later",
-            "segment",
-            "CAN controller",
             AtNodes(lambda p: seconds_to_ns(p.number("delay_s")), _set_receive_delay, lambda _: 0),
+            seam="CAN controller",
             parameters=(
                 _NODE,
                 Parameter(
@@ -610,15 +602,14 @@ FAMILY: Final = Family(
             example={"duration_s": 0.1, "parameters": {"node": "drive1", "delay_s": 0.003}},
             fuzzed=False,
             text="""
-        A node gets its frames later than they end on the bus, in their order.
-        """,
+            A node gets its frames later than they end on the bus, in their order.
+            """,
         ),
-        FaultType(
+        _kind(
             "can.transmit_overrun",
             "The transmit queue of a node is too short: what does not fit is lost",
-            "segment",
-            "CAN controller",
             AtNodes(lambda p: p.integer("buffers"), _set_buffers, lambda port: port.tx_buffers),
+            seam="CAN controller",
             parameters=(
                 _NODE,
                 Parameter("buffers", "int", "Frames that may wait", minimum=1, maximum=256, default=1),
@@ -627,9 +618,9 @@ FAMILY: Final = Family(
             example={"duration_s": 0.1, "parameters": {"node": "drive1"}},
             fuzzed=False,
             text="""
-        The transmit queue of a node is too short: what does not fit is lost and reported by the event
-        `can.overrun`.
-        """,
+            The transmit queue of a node is too short: what does not fit is lost and reported by the event
+            `can.overrun`.
+            """,
         ),
     ),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Final
 
 from fieldbus.clock import MS
@@ -145,64 +146,62 @@ def _stall(_injection: Injection, held: HeldController) -> Action:
 
 
 # -- kinds -----------------------------------------------------------------------------------------------
+_kind: Final = partial(FaultType, target="controller")
 
 FAMILY: Final = Family(
     kinds=(
-        FaultType(
+        _kind(
             "controller.stop",
             "The controller goes to STOP, and to RUN at the end: a warm restart",
-            "controller",
-            "operating state",
             AtController(_stop),
+            seam="operating state",
             remark="afterwards nothing is enabled; the instances of the program start from the beginning",
             example={"duration_s": 1.0},
             text="""
-        The controller goes to STOP: every technology object is disabled with the effect of reaction 4, its
-        jobs end with `CommandAborted`, the drive stops as `Actor.RemoveEnableReaction` says, and then gets
-        zeros; the outputs of I/O stations are off at once. The end of the fault is a warm restart: STARTUP,
-        RUN, nothing enabled, all instances as at the beginning. A PROFIdrive axis has missed the sign of
-        life meanwhile and shows F01912, which `MC_Reset` acknowledges. The target is `controller`, or none.
-        """,
+            The controller goes to STOP: every technology object is disabled with the effect of reaction
+            4, its jobs end with `CommandAborted`, the drive stops as `Actor.RemoveEnableReaction` says,
+            and then gets zeros; the outputs of I/O stations are off at once. The end of the fault is a
+            warm restart: STARTUP, RUN, nothing enabled, all instances as at the beginning. A PROFIdrive
+            axis has missed the sign of life meanwhile and shows F01912, which `MC_Reset` acknowledges.
+            The target is `controller`, or none.
+            """,
         ),
-        FaultType(
+        _kind(
             "controller.breakpoint",
             (
                 "The program meets a breakpoint: MC_Servo overflows, STOP, the technology objects are "
                 "restarted; RUN at the end"
             ),
-            "controller",
-            "operating state",
             AtController(_breakpoint),
+            seam="operating state",
             example={"duration_s": 1.0},
             text="""
-        The user program meets a breakpoint while axes move: `MC_Servo` overflows, the controller goes to
-        STOP, and every technology object is restarted, so that axes with incremental encoders have to be
-        homed again. At the end of the fault RUN.
-        """,
+            The user program meets a breakpoint while axes move: `MC_Servo` overflows, the controller goes
+            to STOP, and every technology object is restarted, so that axes with incremental encoders have
+            to be homed again. At the end of the fault RUN.
+            """,
         ),
-        FaultType(
+        _kind(
             "controller.power_off",
             "The supply of the controller is cut; at the end it starts again",
-            "controller",
-            "supply",
             AtController(_power_off),
+            seam="supply",
             remark="its buses fall silent; the drives are taken into service again afterwards",
             example={"duration_s": 0.5},
             text="""
-        The supply of the controller is cut: from one instant to the next it sends nothing and acknowledges
-        nothing, and what is not retentive is gone. The drives stop by themselves. At the end of the fault
-        it starts again, takes the drives into service again, and goes to RUN.
-        """,
+            The supply of the controller is cut: from one instant to the next it sends nothing and
+            acknowledges nothing, and what is not retentive is gone. The drives stop by themselves. At the
+            end of the fault it starts again, takes the drives into service again, and goes to RUN.
+            """,
         ),
-        FaultType(
+        _kind(
             "controller.overrun",
             (
                 "A call of MC_Servo or MC_Interpolator takes long; too long ends in STOP, which outlasts "
                 "the fault"
             ),
-            "controller",
-            "execution level",
             AtController(_overrun),
+            seam="execution level",
             parameters=(
                 Parameter(
                     "level",
@@ -227,28 +226,28 @@ FAMILY: Final = Family(
             ),
             example={"duration_s": 0.1, "parameters": {"level": "interpolator", "time_ms": 5.0}},
             text="""
-        `MC_Servo` or `MC_Interpolator` takes long. The outputs of `MC_Servo` come later by its time; longer
-        than its cycle, it ends in STOP. An interpolator that is not ready when `MC_Servo` wants its
-        setpoints lets the axis stay at the last one: three times in a row are tolerated, the fourth is
-        STOP, and so is a second call of `MC_Servo` in one run (MC-636, MC-637). A STOP lasts: the end of
-        the fault only ends the computing time. Every overflow is an entry of the diagnostics buffer.
-        """,
+            `MC_Servo` or `MC_Interpolator` takes long. The outputs of `MC_Servo` come later by its time;
+            longer than its cycle, it ends in STOP. An interpolator that is not ready when `MC_Servo`
+            wants its setpoints lets the axis stay at the last one: three times in a row are tolerated,
+            the fourth is STOP, and so is a second call of `MC_Servo` in one run (MC-636, MC-637). A STOP
+            lasts: the end of the fault only ends the computing time. Every overflow is an entry of the
+            diagnostics buffer.
+            """,
         ),
-        FaultType(
+        _kind(
             "controller.stall",
             (
                 "All levels hang, and the controller does not notice: no inputs, no telegrams; SYNC and "
                 "heartbeat go on"
             ),
-            "controller",
-            "execution level",
             AtController(_stall),
+            seam="execution level",
             example={"duration_s": 0.2},
             text="""
-        All levels hang, and the controller does not notice: nothing is read, calculated or sent, while SYNC
-        and heartbeat go on. This is what firmware without monitoring would do. At the end everything
-        resumes where it was.
-        """,
+            All levels hang, and the controller does not notice: nothing is read, calculated or sent,
+            while SYNC and heartbeat go on. This is what firmware without monitoring would do. At the end
+            everything resumes where it was.
+            """,
         ),
     ),
 )

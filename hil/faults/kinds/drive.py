@@ -4,6 +4,7 @@ CANopen node.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final
 
 from fieldbus.clock import US
@@ -44,15 +45,15 @@ _REFUSED: Final[dict[Environment, str]] = {
     "hardware": "a physical drive has no seam for this; it would need switched I/O or a test adapter on the "
     "machine"
 }
+_kind: Final = partial(FaultType, target="drive", refused=_REFUSED)
 
 FAMILY: Final = Family(
     kinds=(
-        FaultType(
+        _kind(
             "drive.fault",
             "The drive trips with an EMCY code",
-            "drive",
-            "drive internals",
             Custom(_trip, needs=seams.KeepsFaultCauses),
+            seam="drive internals",
             parameters=(
                 Parameter(
                     "code",
@@ -69,107 +70,93 @@ FAMILY: Final = Family(
                     default=False,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "parameters": {"code": 0x2310}},
             text="""
-        The drive trips: EMCY, 603Fh, transition 13, fault reaction as 605Eh says. After faults of power
-        stage, DC link and encoder it coasts.
-        """,
+            The drive trips: EMCY, 603Fh, transition 13, fault reaction as 605Eh says. After faults of
+            power stage, DC link and encoder it coasts.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.sto",
             "The safe-torque-off input opens: torque off at once, no fault",
-            "drive",
-            "drive internals",
             toggled(seams.HasSafeTorqueOff, lambda drive, active: drive.set_sto(active)),
-            refused=_REFUSED,
+            seam="drive internals",
             example={"target": "drive1", "duration_s": 0.5},
             text="""
-        The safe-torque-off input opens: torque off at once, *Switch on disabled*, no fault.
-        """,
+            The safe-torque-off input opens: torque off at once, *Switch on disabled*, no fault.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.power_off",
             "The node disappears from the bus without a last message; it boots again at the end",
-            "drive",
-            "CANopen node",
             SupplyCut(),
-            refused=_REFUSED,
+            seam="CANopen node",
             example={"target": "drive1", "duration_s": 2.0},
             text="""
-        The node disappears from the bus without a last message, the motor coasts. It boots again at the end
-        of the fault.
-        """,
+            The node disappears from the bus without a last message, the motor coasts. It boots again at
+            the end of the fault.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.heartbeat_loss",
             "The drive goes on working but sends no heartbeat",
-            "drive",
-            "CANopen service",
             toggled(seams.SendsHeartbeat, lambda drive, active: drive.stop_heartbeat(active)),
-            refused=_REFUSED,
+            seam="CANopen service",
             remark="frame.drop of the heartbeat does the same to a physical drive",
             example={"target": "drive1", "duration_s": 1.0},
             text="""
-        The drive goes on working but sends no heartbeat. `frame.drop` of `heartbeat` does the same to a
-        physical drive.
-        """,
+            The drive goes on working but sends no heartbeat. `frame.drop` of `heartbeat` does the same to
+            a physical drive.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.ss1",
             "The safe-stop-1 input opens: quick stop, then safe torque off",
-            "drive",
-            "drive internals",
             toggled(seams.HasSafeStop1, lambda drive, active: drive.set_ss1(active)),
-            refused=_REFUSED,
+            seam="drive internals",
             example={"target": "drive1", "duration_s": 0.5},
             text="""
-        The input of safe stop 1 opens: quick stop, then safe torque off, as `[drive.NAME.safety]` says. At
-        the end both are released.
-        """,
+            The input of safe stop 1 opens: quick stop, then safe torque off, as `[drive.NAME.safety]`
+            says. At the end both are released.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.interlock",
             "The interlock opens (60FDh bit 3); what the drive does is configured in its bench file",
-            "drive",
-            "drive internals",
             toggled(seams.HasInterlock, lambda drive, active: drive.open_interlock(active)),
-            refused=_REFUSED,
+            seam="drive internals",
             remark="the bench file has to wire it: safety.interlock",
             example={"target": "drive1", "duration_s": 0.5},
             fuzzed=False,
             text="""
-        The interlock opens: 60FDh bit 3 falls, and the drive does what `interlock` in `[drive.NAME.safety]`
-        says. It has to be wired there.
-        """,
+            The interlock opens: 60FDh bit 3 falls, and the drive does what `interlock` in
+            `[drive.NAME.safety]` says. It has to be wired there.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.mains_off",
             "The mains are off: the DC link is fed by its charge and by braking energy, then 3220h",
-            "drive",
-            "drive supply",
             toggled(seams.HasMains, lambda drive, active: drive.disconnect_mains(active)),
-            refused=_REFUSED,
+            seam="drive supply",
             example={"target": "drive1", "duration_s": 0.5},
             text="""
-        The mains are off. The DC link is fed by its charge and by braking energy; below its threshold 3220h
-        in operation, *Switch on disabled* from *Switched on*, bit 4 = 0. At the end the mains charge it
-        again.
-        """,
+            The mains are off. The DC link is fed by its charge and by braking energy; below its threshold
+            3220h in operation, *Switch on disabled* from *Switched on*, bit 4 = 0. At the end the mains
+            charge it again.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.brown_out",
             (
                 "The voltage of the mains dips: below its threshold the DC link is undervoltage, above it"
                 " there is less power"
             ),
-            "drive",
-            "drive supply",
             Held(
                 seams.HasMainsVoltage,
                 lambda drive, p: drive.set_mains_voltage_share(p.number("mains_percent") / 100.0),
                 lambda drive, _: drive.set_mains_voltage_share(1.0),
             ),
+            seam="drive supply",
             parameters=(
                 Parameter(
                     "mains_percent",
@@ -181,7 +168,6 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             remark=(
                 "depth is mains_percent, length is duration_s; drive.mains_off takes all of it, "
                 "drive.reset and drive.power_off the control supply too"
@@ -189,69 +175,64 @@ FAMILY: Final = Family(
             example={"target": "drive1", "duration_s": 0.3, "parameters": {"mains_percent": 50.0}},
             fuzzed=False,
             text="""
-        The voltage of the mains dips, as deep as `mains_percent` says and as long as `duration_s`. Above
-        the undervoltage threshold of the DC link there is only less of it; below, a drive in operation
-        trips (3220h, F30003). `drive.mains_off` switches the mains off, `drive.power_off` the control
-        supply too; `drive.reset` is a dip of the control supply.
-        """,
+            The voltage of the mains dips, as deep as `mains_percent` says and as long as `duration_s`.
+            Above the undervoltage threshold of the DC link there is only less of it; below, a drive in
+            operation trips (3220h, F30003). `drive.mains_off` switches the mains off, `drive.power_off`
+            the control supply too; `drive.reset` is a dip of the control supply.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.phase_loss",
             "One phase of the mains is missing: warning, and 3130h after a time in operation",
-            "drive",
-            "drive supply",
             toggled(seams.HasMainsPhases, lambda drive, active: drive.disconnect_phase(active)),
-            refused=_REFUSED,
+            seam="drive supply",
             example={"target": "drive1", "duration_s": 0.5},
             text="""
-        One phase of the mains is missing: warning at once, 3130h after `phase_loss_time_ms` in operation.
-        """,
+            One phase of the mains is missing: warning at once, 3130h after `phase_loss_time_ms` in
+            operation.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.dc_link",
             "The DC link is held at a voltage: missing (bit 4), too low or too high",
-            "drive",
-            "drive supply",
             Held(
                 seams.HasDcLink,
                 lambda drive, p: drive.set_dc_link_voltage(p.number("voltage_V")),
                 lambda drive, _: drive.restore_dc_link(),
             ),
+            seam="drive supply",
             parameters=(
                 Parameter(
                     "voltage_V", "float", "Voltage", unit="V", minimum=0.0, maximum=5000.0, default=0.0
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"voltage_V": 0.0}},
             text="""
-        The DC link is held at a voltage: 0 = missing, low is 3220h in operation, high is 3210h in any
-        state.
-        """,
+            The DC link is held at a voltage: 0 = missing, low is 3220h in operation, high is 3210h in any
+            state.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.chopper_failure",
             "The brake chopper does not conduct: braking energy raises the DC link",
-            "drive",
-            "drive supply",
             toggled(seams.HasBrakeChopper, lambda drive, active: drive.disable_chopper(active)),
-            refused=_REFUSED,
+            seam="drive supply",
             example={"target": "drive1", "duration_s": 0.5},
             text="""
-        The brake chopper does not conduct: what a braking motor returns raises the DC link until 3210h.
-        """,
+            The brake chopper does not conduct: what a braking motor returns raises the DC link until
+            3210h.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.overtemperature",
             "A temperature sensor shows a value: warning and fault by its thresholds",
-            "drive",
-            "drive internals",
             Held(
                 seams.HasTemperatureSensors,
                 lambda drive, p: drive.force_temperature(p.text("part"), p.number("temperature_C")),
                 lambda drive, p: drive.force_temperature(p.text("part"), None),
                 per=("part",),
             ),
+            seam="drive internals",
             parameters=(
                 Parameter("part", "text", "Which sensor", default="motor", choices=("motor", "power_stage")),
                 Parameter(
@@ -264,69 +245,63 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             example={
                 "target": "drive1",
                 "duration_s": 0.5,
                 "parameters": {"part": "motor", "temperature_C": 150.0},
             },
             text="""
-        The sensor of motor or power stage shows a temperature: warning and fault (4310h, 4210h) by the
-        thresholds of `[drive.NAME.thermal]`.
-        """,
+            The sensor of motor or power stage shows a temperature: warning and fault (4310h, 4210h) by
+            the thresholds of `[drive.NAME.thermal]`.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.torque_limit",
             "The drive gives less torque than it should",
-            "drive",
-            "drive internals",
             Held(
                 seams.LimitsTorque,
                 lambda drive, p: drive.limit_torque(p.number("share")),
                 lambda drive, _: drive.limit_torque(None),
             ),
+            seam="drive internals",
             parameters=(
                 Parameter(
                     "share", "float", "Share of the rated torque", minimum=0.0, maximum=10.0, required=True
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"share": 0.2}},
             fuzzed=False,
             text="""
-        The drive gives less torque than it should; bit 11 shows it.
-        """,
+            The drive gives less torque than it should; bit 11 shows it.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.brake_stuck",
             "The holding brake does not open, or does not close",
-            "drive",
-            "drive internals",
             Held(
                 seams.HasHoldingBrake,
                 lambda drive, p: drive.set_brake_stuck(p.flag("closed")),
                 lambda drive, _: drive.set_brake_stuck(None),
             ),
+            seam="drive internals",
             parameters=(Parameter("closed", "bool", "Stuck closed; false: stuck open", required=True),),
-            refused=_REFUSED,
             remark="the bench file has to fit a brake: brake.torque_nm",
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"closed": True}},
             fuzzed=False,
             text="""
-        The holding brake does not open, or does not close, and the drive reports nothing. The bench file
-        has to fit a brake.
-        """,
+            The holding brake does not open, or does not close, and the drive reports nothing. The bench
+            file has to fit a brake.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.brake_slip",
             "The closed holding brake slips",
-            "drive",
-            "drive internals",
             Held(
                 seams.HasWearingBrake,
                 lambda drive, p: drive.set_brake_torque_share(p.number("share")),
                 lambda drive, _: drive.set_brake_torque_share(1.0),
             ),
+            seam="drive internals",
             parameters=(
                 Parameter(
                     "share",
@@ -337,24 +312,22 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             remark="the bench file has to fit a brake: brake.torque_nm",
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"share": 0.1}},
             fuzzed=False,
             text="""
-        The closed holding brake holds with a share of its torque. The bench file has to fit a brake.
-        """,
+            The closed holding brake holds with a share of its torque. The bench file has to fit a brake.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.slow_ramp",
             "Ramps of the drive are flatter than set",
-            "drive",
-            "drive internals",
             Held(
                 seams.HasRamps,
                 lambda drive, p: drive.scale_ramps(p.number("share")),
                 lambda drive, _: drive.scale_ramps(1.0),
             ),
+            seam="drive internals",
             parameters=(
                 Parameter(
                     "share",
@@ -365,34 +338,30 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"share": 0.5}},
             fuzzed=False,
             text="""
-        Ramps of the drive itself (OFF1, OFF3, quick stop, fault reaction, its own profiles) are flatter
-        than set.
-        """,
+            Ramps of the drive itself (OFF1, OFF3, quick stop, fault reaction, its own profiles) are
+            flatter than set.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.local_control",
             "The drive is switched to local control: bit 9 = 0, control words are ignored",
-            "drive",
-            "state machine",
             toggled(seams.HasLocalControl, lambda drive, active: drive.set_local_control(active)),
-            refused=_REFUSED,
+            seam="state machine",
             example={"target": "drive1", "duration_s": 0.5},
             fuzzed=False,
         ),
-        FaultType(
+        _kind(
             "drive.refuse_transition",
             "The drive does not make a transition by command",
-            "drive",
-            "state machine",
             Held(
                 seams.MakesTransitions,
                 lambda drive, p: drive.refuse_transitions(p.integer("transition")),
                 lambda drive, _: drive.refuse_transitions(),
             ),
+            seam="state machine",
             parameters=(
                 Parameter(
                     "transition",
@@ -403,83 +372,73 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"transition": 4}},
             check_values=_check_transition,
             text="""
-        The drive does not make one of the transitions by command: 2, 3, 4, 15 or 16. At the end the control
-        word counts again.
-        """,
+            The drive does not make one of the transitions by command: 2, 3, 4, 15 or 16. At the end the
+            control word counts again.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.switch_on_disabled",
             "The drive changes to Switch on disabled by itself, without fault; the motor coasts",
-            "drive",
-            "state machine",
             Once(seams.CanDisableItself, lambda drive, _: drive.force_switch_on_disabled()),
+            seam="state machine",
             lasting=False,
-            refused=_REFUSED,
             example={"target": "drive1"},
             text="""
-        The drive changes to *Switch on disabled* by itself, without fault and EMCY; the motor coasts.
-        """,
+            The drive changes to *Switch on disabled* by itself, without fault and EMCY; the motor coasts.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.warning",
             "The drive warns without cause: bit 7",
-            "drive",
-            "status word",
             toggled(seams.ShowsWarnings, lambda drive, active: drive.force_warning(active)),
-            refused=_REFUSED,
+            seam="status word",
             example={"target": "drive1", "duration_s": 0.5},
             text="""
-        Bit 7 without a cause (bit 31 of 2100h). The state does not change.
-        """,
+            Bit 7 without a cause (bit 31 of 2100h). The state does not change.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.statusword_stuck",
             "The status word is frozen",
-            "drive",
-            "status word",
             toggled(seams.ShowsStatusword, lambda drive, active: drive.freeze_statusword(active)),
-            refused=_REFUSED,
+            seam="status word",
             example={"target": "drive1", "duration_s": 0.5},
             fuzzed=False,
             text="""
-        6041h is frozen, whatever happens.
-        """,
+            6041h is frozen, whatever happens.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.statusword_bits",
             "Bits of the status word are shown wrong",
-            "drive",
-            "status word",
             Held(
                 seams.ShowsStatuswordBits,
                 lambda drive, p: drive.override_statusword_bits(p.integer("set"), p.integer("clear")),
                 lambda drive, _: drive.override_statusword_bits(0, 0),
             ),
+            seam="status word",
             parameters=(
                 Parameter("set", "int", "Bits shown as 1", minimum=0, maximum=0xFFFF, default=0),
                 Parameter("clear", "int", "Bits shown as 0", minimum=0, maximum=0xFFFF, default=0),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"clear": 0x0200}},
             fuzzed=False,
             text="""
-        Bits of 6041h are shown as 1 or as 0, whatever they should be.
-        """,
+            Bits of 6041h are shown as 1 or as 0, whatever they should be.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.target_toggle",
             "Bit 10 (target reached) toggles without motion",
-            "drive",
-            "status word",
             Held(
                 seams.ShowsTargetReached,
                 lambda drive, p: drive.toggle_target_reached(p.number("period_s")),
                 lambda drive, _: drive.toggle_target_reached(None),
             ),
+            seam="status word",
             parameters=(
                 Parameter(
                     "period_s",
@@ -491,34 +450,30 @@ FAMILY: Final = Family(
                     default=0.02,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"period_s": 0.02}},
             fuzzed=False,
             text="""
-        Bit 10 (target reached) toggles though nothing moves.
-        """,
+            Bit 10 (target reached) toggles though nothing moves.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.mode_display",
             "6061h shows another mode than the one in force",
-            "drive",
-            "status word",
             Held(
                 seams.ShowsMode,
                 lambda drive, p: drive.override_mode_display(p.integer("mode")),
                 lambda drive, _: drive.override_mode_display(None),
             ),
+            seam="status word",
             parameters=(Parameter("mode", "int", "What it shows", minimum=-128, maximum=127, required=True),),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"mode": 1}},
             fuzzed=False,
         ),
-        FaultType(
+        _kind(
             "drive.reset",
             "The node restarts in operation: silence, boot-up, Pre-operational; the motor coasts",
-            "drive",
-            "CANopen node",
             Once(seams.RestartsNode, lambda drive, p: drive.reset_node(p.number("boot_s"))),
+            seam="CANopen node",
             parameters=(
                 Parameter(
                     "boot_s",
@@ -531,22 +486,20 @@ FAMILY: Final = Family(
                 ),
             ),
             lasting=False,
-            refused=_REFUSED,
             example={"target": "drive1", "parameters": {"boot_s": 0.1}},
             text="""
-        The node restarts in operation: silence, boot-up frame, Pre-operational; the motor coasts.
-        """,
+            The node restarts in operation: silence, boot-up frame, Pre-operational; the motor coasts.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.heartbeat_late",
             "Heartbeats come later than their period says",
-            "drive",
-            "CANopen service",
             Held(
                 seams.DelaysHeartbeat,
                 lambda drive, p: drive.delay_heartbeat(p.number("delay_s")),
                 lambda drive, _: drive.delay_heartbeat(0.0),
             ),
+            seam="CANopen service",
             parameters=(
                 Parameter(
                     "delay_s",
@@ -558,26 +511,24 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"delay_s": 0.2}},
             fuzzed=False,
             text="""
-        Every heartbeat comes later than its period says.
-        """,
+            Every heartbeat comes later than its period says.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.clock_drift",
             (
                 "The clock of the drive runs fast or slow: its cycles, ramps, times, heartbeats and time "
                 "stamps"
             ),
-            "drive",
-            "clock of the node",
             Held(
                 seams.HasClock,
                 lambda drive, p: drive.set_clock_drift(p.number("drift_ppm")),
                 lambda drive, _: drive.set_clock_drift(0.0),
             ),
+            seam="clock of the node",
             parameters=(
                 Parameter(
                     "drift_ppm",
@@ -589,31 +540,30 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             remark="at the end it is as fast as the others again, but not set",
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"drift_ppm": 200.0}},
             fuzzed=False,
             text="""
-        The clock of the drive runs fast or slow against those of the others: servo and control cycle,
-        ramps, delays, heartbeats, SYNC window and time stamps are the drive's own, and its grid slides
-        along that of the bus. Targets that it gets are reached at the times of its own clock. At the end it
-        runs as the others do and stays apart by what has come together. `frame.drift` on SYNC is the same
-        seen from the other side: the controller's clock. A resonator of 100 ppm is usual.
-        """,
+            The clock of the drive runs fast or slow against those of the others: servo and control cycle,
+            ramps, delays, heartbeats, SYNC window and time stamps are the drive's own, and its grid
+            slides along that of the bus. Targets that it gets are reached at the times of its own clock.
+            At the end it runs as the others do and stays apart by what has come together. `frame.drift`
+            on SYNC is the same seen from the other side: the controller's clock. A resonator of 100 ppm
+            is usual.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.clock_jitter",
             (
                 "The cycles of the drive begin late by a random time, and so do the frames that it sends "
                 "by itself"
             ),
-            "drive",
-            "clock of the node",
             Held(
                 seams.HasUnsteadyClock,
                 lambda drive, p: drive.set_clock_jitter(round(p.number("jitter_us") * US)),
                 lambda drive, _: drive.set_clock_jitter(0),
             ),
+            seam="clock of the node",
             parameters=(
                 Parameter(
                     "jitter_us",
@@ -625,24 +575,23 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"jitter_us": 50.0}},
             fuzzed=False,
             text="""
-        The cycles of the drive begin late, each by its own random time: an operating system under load.
-        What it does in them, and sends by itself, is late with them. `frame.jitter` moves frames alone.
-        """,
+            The cycles of the drive begin late, each by its own random time: an operating system under
+            load. What it does in them, and sends by itself, is late with them. `frame.jitter` moves
+            frames alone.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.sdo_abort",
             "SDO accesses are aborted",
-            "drive",
-            "CANopen service",
             Held(
                 seams.AbortsSdo,
                 lambda drive, p: drive.abort_sdo(p.integer("code"), p.integer("index")),
                 lambda drive, _: drive.abort_sdo(None),
             ),
+            seam="CANopen service",
             parameters=(
                 Parameter("code", "int", "Abort code", minimum=1, maximum=0xFFFFFFFF, default=0x08000000),
                 Parameter(
@@ -654,7 +603,6 @@ FAMILY: Final = Family(
                     default=0,
                 ),
             ),
-            refused=_REFUSED,
             example={
                 "target": "drive1",
                 "duration_s": 0.5,
@@ -662,28 +610,25 @@ FAMILY: Final = Family(
             },
             fuzzed=False,
             text="""
-        SDO accesses to an index, or to all, are aborted with a code.
-        """,
+            SDO accesses to an index, or to all, are aborted with a code.
+            """,
         ),
-        FaultType(
+        _kind(
             "drive.sdo_timeout",
             "SDO requests are not answered",
-            "drive",
-            "CANopen service",
             toggled(seams.AnswersSdo, lambda drive, active: drive.suppress_sdo_responses(active)),
-            refused=_REFUSED,
+            seam="CANopen service",
             example={"target": "drive1", "duration_s": 0.5},
         ),
-        FaultType(
+        _kind(
             "drive.emcy_storm",
             "EMCYs again and again, without any change of state",
-            "drive",
-            "CANopen service",
             Held(
                 seams.SendsEmcy,
                 lambda drive, p: drive.repeat_emcy(p.integer("code"), p.number("period_s")),
                 lambda drive, _: drive.repeat_emcy(None),
             ),
+            seam="CANopen service",
             parameters=(
                 Parameter("code", "int", "EMCY error code", minimum=1, maximum=0xFFFF, default=0xFF00),
                 Parameter(
@@ -696,7 +641,6 @@ FAMILY: Final = Family(
                     default=0.002,
                 ),
             ),
-            refused=_REFUSED,
             example={
                 "target": "drive1",
                 "duration_s": 0.5,
@@ -704,8 +648,8 @@ FAMILY: Final = Family(
             },
             fuzzed=False,
             text="""
-        EMCYs again and again, without a change of state; EMCY 0000h at the end.
-        """,
+            EMCYs again and again, without a change of state; EMCY 0000h at the end.
+            """,
         ),
     ),
 )

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final
 
 from hil.faults import seams
@@ -43,28 +44,26 @@ _DRIVE_REFUSED: Final[dict[Environment, str]] = {
     "hardware": "a physical drive has no seam for this; it would need switched I/O or a test adapter on the "
     "machine"
 }
+_kind: Final = partial(FaultType, target="encoder", refused=_REFUSED)
 
 FAMILY: Final = Family(
     kinds=(
-        FaultType(
+        _kind(
             "encoder.freeze",
             "The reported position no longer changes",
-            "encoder",
-            "encoder",
             toggled(seams.HasEncoder, lambda encoder, active: encoder.freeze_encoder(active), find_encoder),
-            refused=_REFUSED,
+            seam="encoder",
             example={"target": "drive1", "duration_s": 0.1},
         ),
-        FaultType(
+        _kind(
             "encoder.jump",
             "The reported position jumps and stays displaced",
-            "encoder",
-            "encoder",
             Once(
                 seams.HasJumpingEncoder,
                 lambda encoder, p: encoder.jump_encoder(p.integer("increments")),
                 find=find_encoder,
             ),
+            seam="encoder",
             parameters=(
                 Parameter(
                     "increments",
@@ -77,20 +76,18 @@ FAMILY: Final = Family(
                 ),
             ),
             lasting=False,
-            refused=_REFUSED,
             example={"target": "drive1", "parameters": {"increments": 20000}},
         ),
-        FaultType(
+        _kind(
             "encoder.noise",
             "Every sample is disturbed by a random number of steps, from the seeded stream",
-            "encoder",
-            "encoder",
             Held(
                 seams.HasNoisyEncoder,
                 lambda encoder, p: encoder.set_encoder_noise(p.integer("increments")),
                 lambda encoder, _: encoder.set_encoder_noise(0),
                 find=find_encoder,
             ),
+            seam="encoder",
             parameters=(
                 Parameter(
                     "increments",
@@ -102,43 +99,40 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"increments": 8}},
             fuzzed=False,
             text="""
-        Every sample is disturbed by up to so many increments either way, evenly, from the seeded stream.
-        """,
+            Every sample is disturbed by up to so many increments either way, evenly, from the seeded
+            stream.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.reverse",
             "The encoder counts the other way round, from the present position on",
-            "encoder",
-            "encoder",
             toggled(
                 seams.HasReversibleEncoder,
                 lambda encoder, active: encoder.reverse_encoder(active),
                 find_encoder,
             ),
-            refused=_REFUSED,
+            seam="encoder",
             remark="a drive that controls with it runs away",
             example={"target": "encoder1", "duration_s": 0.2},
             fuzzed=False,
             text="""
-        The encoder counts the other way round, from the present position on. A drive that controls with it
-        runs away.
-        """,
+            The encoder counts the other way round, from the present position on. A drive that controls
+            with it runs away.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.step_loss",
             "One of so many steps of the motion is not counted, and stays missing",
-            "encoder",
-            "encoder",
             Held(
                 seams.HasLossyEncoder,
                 lambda encoder, p: encoder.lose_encoder_steps(p.integer("every")),
                 lambda encoder, _: encoder.lose_encoder_steps(0),
                 find=find_encoder,
             ),
+            seam="encoder",
             parameters=(
                 Parameter(
                     "every",
@@ -150,39 +144,35 @@ FAMILY: Final = Family(
                     default=1000,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "encoder1", "duration_s": 1.0, "parameters": {"every": 100}},
             fuzzed=False,
             text="""
-        One of so many steps of the motion is not counted. What was missed stays missed; an absolute encoder
-        has its true position again when it is powered on again.
-        """,
+            One of so many steps of the motion is not counted. What was missed stays missed; an absolute
+            encoder has its true position again when it is powered on again.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.index_missing",
             "The index of the encoder does not come",
-            "encoder",
-            "encoder",
             toggled(seams.HasIndex, lambda encoder, active: encoder.suppress_index(active), find_encoder),
-            refused=_REFUSED,
+            seam="encoder",
             example={"target": "drive1"},
             text="""
-        The index (zero mark) of the encoder does not come: homing on it ends with an error, a touch probe
-        waits, an incremental encoder of its own goes on warning that its reference point is not reached. An
-        absolute encoder of its own has no index: the fault is refused.
-        """,
+            The index (zero mark) of the encoder does not come: homing on it ends with an error, a touch
+            probe waits, an incremental encoder of its own goes on warning that its reference point is not
+            reached. An absolute encoder of its own has no index: the fault is refused.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.drift",
             "The reported position drifts away and stays displaced at the end",
-            "encoder",
-            "encoder",
             Held(
                 seams.HasDriftingEncoder,
                 lambda encoder, p: encoder.set_encoder_drift(p.number("increments_per_s")),
                 lambda encoder, _: encoder.set_encoder_drift(0.0),
                 find=find_encoder,
             ),
+            seam="encoder",
             parameters=(
                 Parameter(
                     "increments_per_s",
@@ -198,20 +188,19 @@ FAMILY: Final = Family(
             example={"target": "drive1", "duration_s": 1.0, "parameters": {"increments_per_s": 5000.0}},
             fuzzed=False,
             text="""
-        The reported position drifts away from the shaft and stays displaced at the end.
-        """,
+            The reported position drifts away from the shaft and stays displaced at the end.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.scale",
             "The encoder counts too much or too little of the motion, and stays displaced at the end",
-            "encoder",
-            "encoder",
             Held(
                 seams.HasScaledEncoder,
                 lambda encoder, p: encoder.set_encoder_scale(p.number("factor")),
                 lambda encoder, _: encoder.set_encoder_scale(1.0),
                 find=find_encoder,
             ),
+            seam="encoder",
             parameters=(
                 Parameter(
                     "factor",
@@ -227,33 +216,30 @@ FAMILY: Final = Family(
             example={"target": "drive1", "parameters": {"factor": 0.9}},
             fuzzed=False,
             text="""
-        The encoder counts too much or too little of the motion, as with a wrong number of steps per
-        revolution. Every loop uses it: there is no following error, and the load goes too far or not far
-        enough. At the end it stays displaced.
-        """,
+            The encoder counts too much or too little of the motion, as with a wrong number of steps per
+            revolution. Every loop uses it: there is no following error, and the load goes too far or not
+            far enough. At the end it stays displaced.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.wire_break",
             ("The signal of the encoder is lost; the drive detects it and coasts with 7305h, absolute 7320h"),
-            "encoder",
-            "encoder",
             toggled(
                 seams.HasEncoderWire, lambda encoder, active: encoder.break_encoder_wire(active), find_encoder
             ),
+            seam="encoder",
             refused=_DRIVE_REFUSED,
             remark="an incremental encoder has lost its reference afterwards",
             example={"target": "drive1", "duration_s": 0.5},
             fuzzed=False,
             text="""
-        The signal of the encoder is lost: the value is frozen, the drive coasts with 7305h (absolute 7320h).
-        After the repair an incremental encoder has lost its reference.
-        """,
+            The signal of the encoder is lost: the value is frozen, the drive coasts with 7305h (absolute
+            7320h). After the repair an incremental encoder has lost its reference.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.error",
             "An encoder with a PROFIdrive interface shows an error (Gx_ZSW bit 15, code in Gx_XIST2)",
-            "encoder",
-            "encoder words",
             Held(
                 seams.ReportsEncoderErrors,
                 lambda encoder, p: encoder.set_encoder_error(p.integer("code"), True),
@@ -261,34 +247,34 @@ FAMILY: Final = Family(
                 per=("code",),
                 find=find_encoder,
             ),
+            seam="encoder words",
             parameters=(Parameter("code", "int", "Code", minimum=1, maximum=0x1001, required=True),),
-            refused=_REFUSED,
             remark="0003h to 0008h and 000Ah come when the controller asks for what they abort",
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"code": 1}},
             fuzzed=False,
             text="""
-        An encoder with a PROFIdrive interface - that of an axis (`drive1`), its second one
-        (`drive1.encoder2`), or a device of its own - shows an error: Gx_ZSW bit 15, the code in Gx_XIST2,
-        until its cause is gone and it is acknowledged. Codes are 0001h, 0002h, 0F01h, 0F02h, 0F04h, 1001h,
-        and those that come when the controller asks for what they abort: 0003h parking, 0004h and 0005h
-        reference mark, 0006h and 0007h flying measurement, 0008h and 000Ah absolute value.
-        """,
+            An encoder with a PROFIdrive interface - that of an axis (`drive1`), its second one
+            (`drive1.encoder2`), or a device of its own - shows an error: Gx_ZSW bit 15, the code in
+            Gx_XIST2, until its cause is gone and it is acknowledged. Codes are 0001h, 0002h, 0F01h,
+            0F02h, 0F04h, 1001h, and those that come when the controller asks for what they abort: 0003h
+            parking, 0004h and 0005h reference mark, 0006h and 0007h flying measurement, 0008h and 000Ah
+            absolute value.
+            """,
         ),
     ),
 )
 
 OWN_DEVICES: Final = Family(
     kinds=(
-        FaultType(
+        _kind(
             "encoder.preset",
             "A preset is written, even during motion",
-            "encoder",
-            "encoder device",
             Once(
                 seams.HasPreset,
                 lambda encoder, p: encoder.preset_encoder(p.integer("value")),
                 find=find_own_encoder,
             ),
+            seam="encoder device",
             parameters=(
                 Parameter(
                     "value",
@@ -301,19 +287,16 @@ OWN_DEVICES: Final = Family(
                 ),
             ),
             lasting=False,
-            refused=_REFUSED,
             remark="over the bus a controller can do the same to a physical encoder",
             example={"target": "encoder1", "parameters": {"value": 1000}},
             fuzzed=False,
             text="""
-        A preset (6003h) is written, even during motion.
-        """,
+            A preset (6003h) is written, even during motion.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.overflow",
             "The position is placed just before an end of its range, so that the next motion wraps it",
-            "encoder",
-            "encoder device",
             Once(
                 seams.HasRange,
                 lambda encoder, p: encoder.move_near_overflow(
@@ -321,6 +304,7 @@ OWN_DEVICES: Final = Family(
                 ),
                 find=find_own_encoder,
             ),
+            seam="encoder device",
             parameters=(
                 Parameter(
                     "margin",
@@ -336,19 +320,16 @@ OWN_DEVICES: Final = Family(
                 ),
             ),
             lasting=False,
-            refused=_REFUSED,
             example={"target": "encoder1", "parameters": {"margin": 5}},
             fuzzed=False,
             text="""
-        The position is placed just before an end of its range (6002h), by a preset, so that the next motion
-        that way wraps it.
-        """,
+            The position is placed just before an end of its range (6002h), by a preset, so that the next
+            motion that way wraps it.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.alarm",
             "The encoder reports that its position cannot be relied on, and holds it",
-            "encoder",
-            "encoder device",
             Held(
                 seams.ReportsAlarms,
                 lambda encoder, p: encoder.set_alarm(ALARM_BITS[p.text("alarm")], True),
@@ -356,23 +337,22 @@ OWN_DEVICES: Final = Family(
                 per=("alarm",),
                 find=find_own_encoder,
             ),
+            seam="encoder device",
             parameters=(
                 Parameter(
                     "alarm", "text", "Which alarm", default="position_error", choices=tuple(ALARM_BITS)
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "encoder1", "duration_s": 0.5},
             fuzzed=False,
             text="""
-        The encoder reports that its position cannot be relied on (6503h, EMCY), and holds the last one.
-        """,
+            The encoder reports that its position cannot be relied on (6503h, EMCY), and holds the last
+            one.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.warning",
             "The encoder warns; its position is good",
-            "encoder",
-            "encoder device",
             Held(
                 seams.ReportsWarnings,
                 lambda encoder, p: encoder.set_warning(WARNING_BITS[p.text("warning")], True),
@@ -380,27 +360,26 @@ OWN_DEVICES: Final = Family(
                 per=("warning",),
                 find=find_own_encoder,
             ),
+            seam="encoder device",
             parameters=(
                 Parameter("warning", "text", "Which warning", required=True, choices=tuple(WARNING_BITS)),
             ),
-            refused=_REFUSED,
             example={"target": "encoder1", "parameters": {"warning": "battery_charge"}},
             fuzzed=False,
             text="""
-        The encoder warns (6505h); its position is good.
-        """,
+            The encoder warns (6505h); its position is good.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.cycle",
             "TPDO1 is sent with a wrong cycle time",
-            "encoder",
-            "CANopen service",
             Held(
                 seams.SendsCyclically,
                 lambda encoder, p: encoder.force_cycle_time(p.integer("period_ms")),
                 lambda encoder, _: encoder.force_cycle_time(None),
                 find=find_own_encoder,
             ),
+            seam="CANopen service",
             parameters=(
                 Parameter(
                     "period_ms",
@@ -412,21 +391,19 @@ OWN_DEVICES: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "encoder1", "duration_s": 0.5, "parameters": {"period_ms": 40}},
             fuzzed=False,
         ),
-        FaultType(
+        _kind(
             "encoder.clock_drift",
             "The clock of the encoder runs fast or slow: its cycle, heartbeats, measured speeds",
-            "encoder",
-            "clock of the node",
             Held(
                 seams.HasClock,
                 lambda encoder, p: encoder.set_clock_drift(p.number("drift_ppm")),
                 lambda encoder, _: encoder.set_clock_drift(0.0),
                 find=find_own_encoder,
             ),
+            seam="clock of the node",
             parameters=(
                 Parameter(
                     "drift_ppm",
@@ -438,45 +415,40 @@ OWN_DEVICES: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             remark="at the end it is as fast as the others again, but not set",
             example={"target": "encoder1", "duration_s": 0.5, "parameters": {"drift_ppm": -500.0}},
             fuzzed=False,
             text="""
-        The clock of the encoder runs fast or slow: TPDOs by time, heartbeats, and the speeds that it
-        measures.
-        """,
+            The clock of the encoder runs fast or slow: TPDOs by time, heartbeats, and the speeds that it
+            measures.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.power_off",
             "The encoder disappears from the bus without a last message; it boots again at the end",
-            "encoder",
-            "CANopen node",
             SupplyCut(find=find_own_encoder),
-            refused=_REFUSED,
+            seam="CANopen node",
             example={"target": "encoder1", "duration_s": 0.5},
             fuzzed=False,
             text="""
-        The encoder disappears from the bus without a last message. It boots again at the end of the fault,
-        and is started again.
-        """,
+            The encoder disappears from the bus without a last message. It boots again at the end of the
+            fault, and is started again.
+            """,
         ),
-        FaultType(
+        _kind(
             "encoder.heartbeat_loss",
             "The encoder goes on working but sends no heartbeat",
-            "encoder",
-            "CANopen service",
             toggled(
                 seams.SendsHeartbeat, lambda encoder, active: encoder.stop_heartbeat(active), find_own_encoder
             ),
-            refused=_REFUSED,
+            seam="CANopen service",
             remark="frame.drop of the heartbeat does the same to a physical encoder",
             example={"target": "encoder1", "duration_s": 1.0},
             fuzzed=False,
             text="""
-        The encoder goes on working but sends no heartbeat. `frame.drop` of `heartbeat` does the same to a
-        physical encoder.
-        """,
+            The encoder goes on working but sends no heartbeat. `frame.drop` of `heartbeat` does the same
+            to a physical encoder.
+            """,
         ),
     ),
     title="Encoders with a node of their own",

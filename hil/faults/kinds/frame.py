@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.can.bitstream import FIELDS, BitError
@@ -459,28 +460,25 @@ def _check_injected(kind: str, values: Values) -> None:
     check_identifiers(kind, values, "can_id")
 
 
+_kind: Final = partial(FaultType, seam="CAN medium", target="segment", counted=True)
+
 FAMILY: Final = Family(
     kinds=(
-        FaultType(
+        _kind(
             "frame.drop",
             "Frames never reach the wire; their sender believes they were sent",
-            "segment",
-            "CAN medium",
             HitFrames(_drop, in_kernel=True),
             parameters=_SELECTION,
             remark=_LOCAL,
             example={"target": "can0", "count": 3, "parameters": {"message": "tpdo1"}},
             check_values=_check_selection,
-            counted=True,
             text="""
-        Frames never reach the wire. Their sender believes that they were sent.
-        """,
+            Frames never reach the wire. Their sender believes that they were sent.
+            """,
         ),
-        FaultType(
+        _kind(
             "frame.delay",
             "Frames reach the wire later",
-            "segment",
-            "CAN medium",
             HitFrames(_delay),
             parameters=(
                 *_SELECTION,
@@ -491,16 +489,13 @@ FAMILY: Final = Family(
             remark=_LOCAL,
             example={"duration_s": 0.1, "parameters": {"message": "rpdo1", "delay_s": 0.006}},
             check_values=_check_selection,
-            counted=True,
             text="""
-        Frames reach the wire later. Frames behind them may overtake.
-        """,
+            Frames reach the wire later. Frames behind them may overtake.
+            """,
         ),
-        FaultType(
+        _kind(
             "frame.jitter",
             "Frames reach the wire later by a random time: a clock that jitters, of SYNC for example",
-            "segment",
-            "CAN medium",
             HitFrames(_jitter),
             parameters=(
                 *_SELECTION,
@@ -517,17 +512,14 @@ FAMILY: Final = Family(
             remark=_LOCAL,
             example={"duration_s": 0.5, "parameters": {"message": "sync", "jitter_s": 0.0005}},
             check_values=_check_selection,
-            counted=True,
             text="""
-        Frames reach the wire later by a random time: a clock that jitters. On SYNC it moves the instant at
-        which every drive samples.
-        """,
+            Frames reach the wire later by a random time: a clock that jitters. On SYNC it moves the
+            instant at which every drive samples.
+            """,
         ),
-        FaultType(
+        _kind(
             "frame.drift",
             "Frames come later and later: the clock of their sender is slow against the others",
-            "segment",
-            "CAN medium",
             HitFrames(_drift),
             parameters=(
                 *_SELECTION,
@@ -544,18 +536,15 @@ FAMILY: Final = Family(
             remark=_LOCAL,
             example={"duration_s": 2.0, "parameters": {"message": "sync", "drift_ppm": 500.0}},
             check_values=_check_selection,
-            counted=True,
             text="""
-        Frames come later and later: the clock of their sender is slow against those of the others. On SYNC
-        the bus cycle drifts away from the servo cycles of the drives. Only the wire is late: what the
-        sender calculates stays on its grid.
-        """,
+            Frames come later and later: the clock of their sender is slow against those of the others. On
+            SYNC the bus cycle drifts away from the servo cycles of the drives. Only the wire is late:
+            what the sender calculates stays on its grid.
+            """,
         ),
-        FaultType(
+        _kind(
             "frame.corrupt",
             "A bit error at one place of the frame; kind of error and counters follow from the place",
-            "segment",
-            "CAN medium",
             HitFrames(_corrupt),
             parameters=(
                 *_SELECTION,
@@ -588,20 +577,17 @@ FAMILY: Final = Family(
             refused={"live": _NO_WIRE, "hardware": _NO_WIRE},
             example={"count": 5, "parameters": {"message": "tpdo1", "attempts": 2}},
             check_values=_check_selection,
-            counted=True,
             text="""
-        A bit of the frame is read inverted. The kind of the error, the length of its flags and the error
-        counters follow from the place: most fields make a bit error of the sender, `ack_slot` a missing
-        acknowledge, a CRC that only one receiver (`nodes`) reads wrongly a CRC error, the last bit of `eof`
-        a frame that is received twice. A frame without such a bit passes. Enough errors in a row take the
-        sender to bus-off.
-        """,
+            A bit of the frame is read inverted. The kind of the error, the length of its flags and the
+            error counters follow from the place: most fields make a bit error of the sender, `ack_slot` a
+            missing acknowledge, a CRC that only one receiver (`nodes`) reads wrongly a CRC error, the
+            last bit of `eof` a frame that is received twice. A frame without such a bit passes. Enough
+            errors in a row take the sender to bus-off.
+            """,
         ),
-        FaultType(
+        _kind(
             "frame.duplicate",
             "Frames are sent more than once",
-            "segment",
-            "CAN medium",
             HitFrames(_duplicate),
             parameters=(
                 *_SELECTION,
@@ -610,16 +596,13 @@ FAMILY: Final = Family(
             remark=_LOCAL,
             example={"count": 1, "parameters": {"message": "rpdo1"}},
             check_values=_check_selection,
-            counted=True,
             text="""
-        Frames are sent more than once, directly one after the other.
-        """,
+            Frames are sent more than once, directly one after the other.
+            """,
         ),
-        FaultType(
+        _kind(
             "frame.replace",
             "The payload is exchanged before the frame reaches the wire",
-            "segment",
-            "CAN medium",
             HitFrames(_replace, in_kernel=True),
             parameters=(
                 *_SELECTION,
@@ -628,16 +611,13 @@ FAMILY: Final = Family(
             remark=_LOCAL,
             example={"count": 1, "parameters": {"message": "tpdo1", "data": "3702 00000000"}},
             check_values=_check_replacement,
-            counted=True,
             text="""
-        The payload is exchanged before the frame reaches the wire. Length included.
-        """,
+            The payload is exchanged before the frame reaches the wire. Length included.
+            """,
         ),
-        FaultType(
+        _kind(
             "frame.length",
             "Frames are cut off, or padded with zeros, before they reach the wire",
-            "segment",
-            "CAN medium",
             HitFrames(_length),
             parameters=(
                 *_SELECTION,
@@ -646,17 +626,15 @@ FAMILY: Final = Family(
             remark=_LOCAL,
             example={"count": 1, "parameters": {"message": "tpdo1", "length": 3}},
             check_values=_check_selection,
-            counted=True,
             text="""
-        Frames are cut off, or padded with zeros. An RPDO that is too short is EMCY 8210h and not processed,
-        one that is too long is 8220h and processed; the controller counts a wrong TPDO as missing.
-        """,
+            Frames are cut off, or padded with zeros. An RPDO that is too short is EMCY 8210h and not
+            processed, one that is too long is 8220h and processed; the controller counts a wrong TPDO as
+            missing.
+            """,
         ),
-        FaultType(
+        _kind(
             "frame.inject",
             "A foreign node sends a frame, once or again and again (flooding)",
-            "segment",
-            "CAN medium",
             Custom(_inject),
             parameters=(
                 Parameter("can_id", "int", "Identifier", minimum=0, maximum=0x1FFFFFFF, required=True),
@@ -674,17 +652,14 @@ FAMILY: Final = Family(
             ),
             example={"count": 100, "parameters": {"can_id": 0, "data": "8001"}},
             check_values=_check_injected,
-            counted=True,
             text="""
-        A foreign node sends a frame, `count` times at a distance of `period_s`. Without `count` once; with
-        `duration_s` or `until` and without `count` until that ends.
-        """,
+            A foreign node sends a frame, `count` times at a distance of `period_s`. Without `count` once;
+            with `duration_s` or `until` and without `count` until that ends.
+            """,
         ),
-        FaultType(
+        _kind(
             "frame.lose_arbitration",
             "Rivals start together with the frame and win the arbitration",
-            "segment",
-            "CAN medium",
             HitFrames(_lose_arbitration),
             parameters=(
                 *_SELECTION,
@@ -694,17 +669,14 @@ FAMILY: Final = Family(
             refused={"live": _NO_RACE, "hardware": _NO_RACE},
             example={"count": 5, "parameters": {"message": "tpdo1", "rivals": 20}},
             check_values=_check_selection,
-            counted=True,
             text="""
-        Rivals start in the same bit as the frame and win the arbitration, `rivals` times in a row. The
-        frame goes out behind them.
-        """,
+            Rivals start in the same bit as the frame and win the arbitration, `rivals` times in a row.
+            The frame goes out behind them.
+            """,
         ),
-        FaultType(
+        _kind(
             "frame.collide",
             "A second node sends the same identifier with other content at the same time",
-            "segment",
-            "CAN medium",
             HitFrames(_collide),
             parameters=(
                 *_SELECTION,
@@ -715,12 +687,11 @@ FAMILY: Final = Family(
             refused={"live": _NO_RACE, "hardware": _NO_RACE},
             example={"count": 1, "parameters": {"message": "tpdo1"}},
             check_values=_check_replacement,
-            counted=True,
             fuzzed=False,
             text="""
-        A second node sends the same identifier with other content at the same time, as two nodes with one
-        node-ID do: bit errors for both until one of them is error-passive and gives up.
-        """,
+            A second node sends the same identifier with other content at the same time, as two nodes with
+            one node-ID do: bit errors for both until one of them is error-passive and gives up.
+            """,
         ),
     ),
     title="Which frames are hit",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final
 
 from fieldbus.profidrive.words import ENCODER_ERRORS
@@ -116,15 +117,16 @@ _CHANNEL: Final = Parameter("channel", "text", "Kind of channel", default="input
 _NUMBER: Final = Parameter(
     "number", "int", "Number of the channel, from 0 on", minimum=0, maximum=511, default=0
 )
+_station_kind: Final = partial(FaultType, target="station", refused=_REFUSED)
+_drive_kind: Final = partial(FaultType, target="drive", refused=_TERMINAL_REFUSED)
 
 FAMILY: Final = Family(
     kinds=(
-        FaultType(
+        _station_kind(
             "io.stuck",
             "A channel is stuck at a value, whatever comes or is written",
-            "station",
-            "I/O channel",
             Custom(_stick),
+            seam="I/O channel",
             parameters=(
                 _CHANNEL,
                 _NUMBER,
@@ -137,30 +139,26 @@ FAMILY: Final = Family(
                     default=0.0,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "io", "parameters": {"channel": "output", "number": 0, "value": 1.0}},
             fuzzed=False,
         ),
-        FaultType(
+        _station_kind(
             "io.wire_break",
             "The wire of a channel is broken: level 0, 0 V, or a count that stands still",
-            "station",
-            "I/O channel",
             Custom(_break_wire),
+            seam="I/O channel",
             parameters=(
                 _CHANNEL,
                 _NUMBER,
             ),
-            refused=_REFUSED,
             example={"target": "io", "parameters": {"channel": "counter"}},
             fuzzed=False,
         ),
-        FaultType(
+        _station_kind(
             "io.bounce",
             "A digital input bounces, with intervals from the seeded stream, and stays at its last level",
-            "station",
-            "I/O channel",
             Custom(_bounce),
+            seam="I/O channel",
             parameters=(
                 _NUMBER,
                 Parameter("pulses", "int", "Number of pulses", minimum=1, maximum=1000, default=5),
@@ -186,17 +184,15 @@ FAMILY: Final = Family(
                     "level", "bool", "Level after bouncing, held until the fault is removed", default=True
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "io", "parameters": {"number": 2, "pulses": 8}},
             check_values=check_intervals,
             fuzzed=False,
         ),
-        FaultType(
+        _station_kind(
             "io.swapped",
             "The wires of two channels of a kind are exchanged",
-            "station",
-            "I/O channel",
             Custom(_swap),
+            seam="I/O channel",
             parameters=(
                 _CHANNEL,
                 _NUMBER,
@@ -204,16 +200,14 @@ FAMILY: Final = Family(
                     "other", "int", "Number of the other channel", minimum=0, maximum=511, required=True
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "io", "parameters": {"number": 1, "other": 2}},
             fuzzed=False,
         ),
-        FaultType(
+        _station_kind(
             "io.analog",
             "An analog channel is wrong: offset, gain, noise from the seeded stream",
-            "station",
-            "I/O channel",
             Custom(_disturb),
+            seam="I/O channel",
             parameters=(
                 Parameter(
                     "channel",
@@ -235,52 +229,46 @@ FAMILY: Final = Family(
                     default=0.0,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "io", "parameters": {"offset_V": 0.1}},
             fuzzed=False,
         ),
-        FaultType(
+        _station_kind(
             "io.power_off",
             (
                 "A station is without supply: it does not answer, its outputs are off; it starts again at"
                 " the end"
             ),
-            "station",
-            "I/O station",
             SupplyCut(find=_find_station),
-            refused=_REFUSED,
+            seam="I/O station",
             example={"target": "io", "duration_s": 0.5},
             fuzzed=False,
         ),
-        FaultType(
+        _drive_kind(
             "terminal.ready_stuck",
             (
                 "The ready signal of a drive has a level, whatever the drive does: analog drives, power "
                 "stages of stepper motors"
             ),
-            "drive",
-            "drive internals",
             Held(
                 seams.HasReadySignal,
                 lambda drive, p: drive.force_ready(p.flag("level")),
                 lambda drive, _: drive.force_ready(None),
             ),
+            seam="drive internals",
             parameters=(Parameter("level", "bool", "Level", default=False),),
-            refused=_TERMINAL_REFUSED,
             example={"target": "drive1", "duration_s": 0.2},
             fuzzed=False,
         ),
-        FaultType(
+        _drive_kind(
             "pto.output_short",
             "Short circuit at an output of the pulse module: both channels stop, drive and encoder error",
-            "drive",
-            "pulse module",
             Held(
                 seams.HasPulseOutputs,
                 lambda drive, p: drive.short_outputs(True, p.integer("channel")),
                 lambda drive, p: drive.short_outputs(False, p.integer("channel")),
                 per=("channel",),
             ),
+            seam="pulse module",
             parameters=(
                 Parameter(
                     "channel",
@@ -291,41 +279,35 @@ FAMILY: Final = Family(
                     default=0,
                 ),
             ),
-            refused=_TERMINAL_REFUSED,
             example={"target": "drive1", "duration_s": 0.2},
             fuzzed=False,
         ),
-        FaultType(
+        _drive_kind(
             "pto.supply_off",
             "The load supply of the outputs is missing: no pulses, no valid encoder value",
-            "drive",
-            "pulse module",
             toggled(seams.HasLoadSupply, lambda drive, active: drive.disconnect_load_supply(active)),
-            refused=_TERMINAL_REFUSED,
+            seam="pulse module",
             example={"target": "drive1", "duration_s": 0.2},
             fuzzed=False,
         ),
-        FaultType(
+        _drive_kind(
             "pto.module_fault",
             "The pulse module is pulled out of its station: its input data are 0",
-            "drive",
-            "pulse module",
             toggled(seams.IsPluggedIn, lambda drive, active: drive.unplug_module(active)),
-            refused=_TERMINAL_REFUSED,
+            seam="pulse module",
             example={"target": "drive1", "duration_s": 0.2},
             fuzzed=False,
         ),
-        FaultType(
+        _drive_kind(
             "pto.encoder_error",
             "The encoder feedback reports an error, as soon as its cause can act",
-            "drive",
-            "pulse module",
             Held(
                 seams.HasEncoderFeedback,
                 lambda drive, p: drive.report_encoder_error(p.integer("code"), True),
                 lambda drive, p: drive.report_encoder_error(p.integer("code"), False),
                 per=("code",),
             ),
+            seam="pulse module",
             parameters=(
                 Parameter(
                     "code",
@@ -336,16 +318,14 @@ FAMILY: Final = Family(
                     default=1,
                 ),
             ),
-            refused=_TERMINAL_REFUSED,
             example={"target": "drive1", "duration_s": 0.2, "parameters": {"code": 1}},
             fuzzed=False,
         ),
-        FaultType(
+        _drive_kind(
             "pto.step_loss",
             "The shaft of the stepper motor slips by whole electrical periods of four full steps",
-            "drive",
-            "mechanics",
             Once(seams.HasStepperMotor, lambda drive, p: drive.lose_steps(p.integer("periods"))),
+            seam="mechanics",
             parameters=(
                 Parameter(
                     "periods",
@@ -357,7 +337,6 @@ FAMILY: Final = Family(
                 ),
             ),
             lasting=False,
-            refused=_TERMINAL_REFUSED,
             example={"target": "drive1", "parameters": {"periods": 5}},
             fuzzed=False,
         ),

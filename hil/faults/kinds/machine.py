@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final
 
 from fieldbus.clock import seconds_to_ns
@@ -72,40 +73,34 @@ _REFUSED: Final[dict[Environment, str]] = {
     "hardware": "a physical drive has no seam for this; it would need switched I/O or a test adapter on the "
     "machine"
 }
+_switch_kind: Final = partial(FaultType, seam="switch", target="switch", refused=_REFUSED)
+_mechanics_kind: Final = partial(FaultType, seam="mechanics", target="mechanics", refused=_REFUSED)
 
 FAMILY: Final = Family(
     kinds=(
-        FaultType(
+        _switch_kind(
             "switch.press",
             "A limit switch, the home switch or a probe is actuated",
-            "switch",
-            "switch",
             Custom(_press, needs=seams.HasInputs),
             parameters=(Parameter("input", "text", "Which switch", required=True, choices=_INPUTS),),
-            refused=_REFUSED,
             example={"target": "drive1", "parameters": {"input": "positive_limit"}},
             text="""
-        A limit switch, the home switch or a touch probe is actuated, wherever the axis is.
-        """,
+            A limit switch, the home switch or a touch probe is actuated, wherever the axis is.
+            """,
         ),
-        FaultType(
+        _switch_kind(
             "switch.stuck",
             "A switch no longer follows the mechanics",
-            "switch",
-            "switch",
             Custom(_stick, needs=seams.HasInputs),
             parameters=(
                 Parameter("input", "text", "Which switch", required=True, choices=_INPUTS),
                 Parameter("state", "bool", "State that it is stuck in", default=False),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "parameters": {"input": "home", "state": False}},
         ),
-        FaultType(
+        _switch_kind(
             "switch.bounce",
             "A switch bounces, with intervals from the seeded stream, and ends actuated or free",
-            "switch",
-            "switch",
             Custom(_bounce, needs=seams.HasInputs),
             parameters=(
                 Parameter("input", "text", "Which switch", required=True, choices=_INPUTS),
@@ -132,19 +127,16 @@ FAMILY: Final = Family(
                     "state", "bool", "State after bouncing, held until the fault is removed", default=True
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "parameters": {"input": "home", "pulses": 8}},
             check_values=check_intervals,
             text="""
-        A switch bounces, with intervals from the seeded stream, and then stays actuated or free until the
-        fault is removed.
-        """,
+            A switch bounces, with intervals from the seeded stream, and then stays actuated or free until
+            the fault is removed.
+            """,
         ),
-        FaultType(
+        _switch_kind(
             "switch.inverted",
             "A switch reports the opposite of what the load does, as one that is wired the wrong way",
-            "switch",
-            "switch",
             Held(
                 seams.HasInputPolarity,
                 lambda drive, p: drive.invert_input(p.text("input"), True),
@@ -152,26 +144,20 @@ FAMILY: Final = Family(
                 per=("input",),
             ),
             parameters=(Parameter("input", "text", "Which switch", required=True, choices=_INPUTS),),
-            refused=_REFUSED,
             example={"target": "drive1", "parameters": {"input": "home"}},
         ),
-        FaultType(
+        _switch_kind(
             "switch.swapped",
             "The wires of the two limit switches are exchanged",
-            "switch",
-            "switch",
             toggled(seams.HasLimitSwitches, lambda drive, active: drive.swap_limit_switches(active)),
-            refused=_REFUSED,
             example={"target": "drive1"},
             text="""
-        The wires of the two limit switches are exchanged; the machine has to have both.
-        """,
+            The wires of the two limit switches are exchanged; the machine has to have both.
+            """,
         ),
-        FaultType(
+        _switch_kind(
             "probe.pulse",
             "A touch probe input is actuated for a moment, at any time between two cycles",
-            "switch",
-            "switch",
             Custom(_pulse, needs=seams.HasInputs),
             parameters=(
                 Parameter("input", "text", "Which probe", required=True, choices=("probe1", "probe2")),
@@ -180,29 +166,23 @@ FAMILY: Final = Family(
                 ),
             ),
             lasting=False,
-            refused=_REFUSED,
             remark="on a live bench the width is that of the pipe to the drive process",
             example={"target": "drive1", "parameters": {"input": "probe1", "width_s": 0.0005}},
             text="""
-        A touch probe input is actuated for a moment. The drive latches the position of the very instant,
-        which may lie anywhere between two cycles: `trigger=at(1.0001234)`. On a live bench the pulse
-        travels through the pipe to the drive process.
-        """,
+            A touch probe input is actuated for a moment. The drive latches the position of the very
+            instant, which may lie anywhere between two cycles: `trigger=at(1.0001234)`. On a live bench
+            the pulse travels through the pipe to the drive process.
+            """,
         ),
-        FaultType(
+        _mechanics_kind(
             "mechanics.jam",
             "The load is blocked at its present position",
-            "mechanics",
-            "mechanics",
             toggled(seams.HasShaft, lambda drive, active: drive.jam(active)),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.2},
         ),
-        FaultType(
+        _mechanics_kind(
             "mechanics.load_step",
             "An external force acts on the load",
-            "mechanics",
-            "mechanics",
             Summed(seams.HasLoad, "force_N", lambda drive, force: drive.set_load_force(force)),
             parameters=(
                 Parameter(
@@ -215,14 +195,11 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"force_N": 400.0}},
         ),
-        FaultType(
+        _mechanics_kind(
             "mechanics.friction",
             "Dry friction at the load grows: a guide or bearing goes bad",
-            "mechanics",
-            "mechanics",
             Summed(seams.HasGuides, "force_N", lambda drive, force: drive.set_added_friction(force)),
             parameters=(
                 Parameter(
@@ -235,17 +212,14 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"force_N": 250.0}},
             text="""
-        Dry friction at the load grows: a guide or bearing goes bad. At the end it is as new.
-        """,
+            Dry friction at the load grows: a guide or bearing goes bad. At the end it is as new.
+            """,
         ),
-        FaultType(
+        _mechanics_kind(
             "mechanics.slip",
             "The coupling slips: the load is displaced, and the motor encoder sees nothing of it",
-            "mechanics",
-            "mechanics",
             Once(seams.HasCoupling, lambda drive, p: drive.slip_coupling(p.number("revolutions"))),
             parameters=(
                 Parameter(
@@ -259,22 +233,19 @@ FAMILY: Final = Family(
                 ),
             ),
             lasting=False,
-            refused=_REFUSED,
             example={"target": "drive1", "parameters": {"revolutions": -0.5}},
             fuzzed=False,
             text="""
-        The coupling slips: the load is displaced, and the motor encoder sees nothing of it; an encoder at
-        the load does. The zero mark of the motor encoder goes with the load.
-        """,
+            The coupling slips: the load is displaced, and the motor encoder sees nothing of it; an
+            encoder at the load does. The zero mark of the motor encoder goes with the load.
+            """,
         ),
-        FaultType(
+        _mechanics_kind(
             "mechanics.backlash",
             (
                 "Play between motor and load grows: an encoder at the motor sees nothing of it, one at "
                 "the load does"
             ),
-            "mechanics",
-            "mechanics",
             Held(
                 seams.HasBacklash,
                 lambda drive, p: drive.set_added_backlash(
@@ -302,23 +273,20 @@ FAMILY: Final = Family(
                     default=0.0,
                 ),
             ),
-            refused=_REFUSED,
             remark="at the end the load is pulled to where the motor is",
             example={"target": "drive1", "duration_s": 0.5, "parameters": {"backlash_mm": 0.5}},
             fuzzed=False,
             text="""
-        The play between motor and load grows, on top of the `backlash_mm` of the bench file, at once or
-        evenly within `growth_s`. An encoder at the motor sees nothing of it: the load misses its position
-        by the play, without an alarm. An encoder at the load does: in control it drives the motor through
-        the play at every reversal, which uses the permitted following error up, and may never come to rest.
-        At the end the load is pulled to where the motor is.
-        """,
+            The play between motor and load grows, on top of the `backlash_mm` of the bench file, at once
+            or evenly within `growth_s`. An encoder at the motor sees nothing of it: the load misses its
+            position by the play, without an alarm. An encoder at the load does: in control it drives the
+            motor through the play at every reversal, which uses the permitted following error up, and may
+            never come to rest. At the end the load is pulled to where the motor is.
+            """,
         ),
-        FaultType(
+        _mechanics_kind(
             "mechanics.coupling_break",
             "The coupling breaks for good: the motor turns alone, the load coasts or falls",
-            "mechanics",
-            "mechanics",
             Once(seams.HasBreakableCoupling, lambda drive, p: drive.break_coupling(p.number("motor_share"))),
             parameters=(
                 Parameter(
@@ -331,14 +299,13 @@ FAMILY: Final = Family(
                 ),
             ),
             lasting=False,
-            refused=_REFUSED,
             example={"target": "drive1", "parameters": {"motor_share": 0.3}},
             fuzzed=False,
             text="""
-        The coupling breaks for good: the motor turns alone, the load coasts or, with gravity, falls; a
-        brake at the motor does not hold it. It is over the moment it is applied, and nothing repairs it in
-        the same case.
-        """,
+            The coupling breaks for good: the motor turns alone, the load coasts or, with gravity, falls;
+            a brake at the motor does not hold it. It is over the moment it is applied, and nothing
+            repairs it in the same case.
+            """,
         ),
     ),
 )

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Final, Literal
 
 from fieldbus.clock import seconds_to_ns
@@ -412,29 +413,24 @@ _PICK: Final = (
 _CHOICE: Final = (_DRIVE, _WAY, _FUNCTION, *_PICK)
 _ON_LINE: Final = "on a serial line"
 _ON_NETWORK: Final = "on a network (TCP)"
+_kind: Final = partial(FaultType, seam="Modbus link", target="segment", refused=_REFUSED, counted=True)
 
 FAMILY: Final = Family(
     kinds=(
-        FaultType(
+        _kind(
             "modbus.crc",
             "Frames have a wrong CRC",
-            "segment",
-            "Modbus link",
             HitModbusFrames(_break_crc, "modbus_rtu"),
             parameters=_CHOICE,
-            refused=_REFUSED,
             remark=_ON_LINE,
             example={"count": 3, "parameters": {}},
-            counted=True,
             text="""
-        Frames on a serial line have a wrong CRC: no node answers or uses them.
-        """,
+            Frames on a serial line have a wrong CRC: no node answers or uses them.
+            """,
         ),
-        FaultType(
+        _kind(
             "modbus.truncate",
             "Frames are cut off",
-            "segment",
-            "Modbus link",
             HitModbusFrames(_truncate),
             parameters=(
                 *_CHOICE,
@@ -447,65 +443,50 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            refused=_REFUSED,
             example={"count": 1, "parameters": {"length": 4}},
-            counted=True,
             text="""
-        Frames are cut off. Over TCP what follows is then taken for their rest.
-        """,
+            Frames are cut off. Over TCP what follows is then taken for their rest.
+            """,
         ),
-        FaultType(
+        _kind(
             "modbus.merge",
             "A frame is held back and comes with the next one, without a pause between",
-            "segment",
-            "Modbus link",
             HitModbusFrames(_hold_back, merge=True),
             parameters=_CHOICE,
-            refused=_REFUSED,
             example={"count": 1, "parameters": {}},
-            counted=True,
             text="""
-        A frame is held back and comes together with the next one of its sender: an invalid frame on a line,
-        two frames in one segment over TCP.
-        """,
+            A frame is held back and comes together with the next one of its sender: an invalid frame on a
+            line, two frames in one segment over TCP.
+            """,
         ),
-        FaultType(
+        _kind(
             "modbus.unit",
             "Frames carry a wrong unit",
-            "segment",
-            "Modbus link",
             HitModbusFrames(_change_unit),
             parameters=(
                 *_CHOICE,
                 Parameter("unit", "int", "The unit that they carry", minimum=0, maximum=255, required=True),
             ),
-            refused=_REFUSED,
             example={"count": 3, "parameters": {"unit": 77}},
-            counted=True,
         ),
-        FaultType(
+        _kind(
             "modbus.transaction",
             "Frames carry a wrong transaction identifier",
-            "segment",
-            "Modbus link",
             HitModbusFrames(_change_transaction, "modbus_tcp"),
             parameters=(
                 *_CHOICE,
                 Parameter("step", "int", "By how much it is wrong", minimum=1, maximum=0xFFFF, default=1),
             ),
-            refused=_REFUSED,
             remark=_ON_NETWORK,
             example={"count": 3, "parameters": {}},
-            counted=True,
             text="""
-        Frames on a network carry a wrong transaction identifier: the controller discards such answers.
-        """,
+            Frames on a network carry a wrong transaction identifier: the controller discards such
+            answers.
+            """,
         ),
-        FaultType(
+        _kind(
             "modbus.exception",
             "The drive answers with an exception and does not do what it is asked",
-            "segment",
-            "Modbus link",
             Custom(_exceptions),
             parameters=(
                 _DRIVE,
@@ -515,32 +496,24 @@ FAMILY: Final = Family(
                     "code", "int", "Exception code 01 to 08, 0A, 0B", minimum=1, maximum=11, required=True
                 ),
             ),
-            refused=_REFUSED,
             example={"duration_s": 0.1, "parameters": {"code": 4}},
-            counted=True,
             text="""
-        The drive answers with an exception, and does not do what it is asked.
-        """,
+            The drive answers with an exception, and does not do what it is asked.
+            """,
         ),
-        FaultType(
+        _kind(
             "modbus.drop",
             "Requests do not arrive, or are carried out and not answered",
-            "segment",
-            "Modbus link",
             HitModbusFrames(_drop),
             parameters=_CHOICE,
-            refused=_REFUSED,
             example={"count": 2, "parameters": {}},
-            counted=True,
             text="""
-        Requests do not arrive; or they are carried out and the response does not arrive.
-        """,
+            Requests do not arrive; or they are carried out and the response does not arrive.
+            """,
         ),
-        FaultType(
+        _kind(
             "modbus.delay",
             "Frames come later",
-            "segment",
-            "Modbus link",
             HitModbusFrames(_delay),
             parameters=(
                 *_CHOICE,
@@ -548,15 +521,11 @@ FAMILY: Final = Family(
                     "delay_s", "float", "How much later", unit="s", minimum=1e-06, maximum=60.0, required=True
                 ),
             ),
-            refused=_REFUSED,
             example={"duration_s": 0.1, "parameters": {"delay_s": 0.002}},
-            counted=True,
         ),
-        FaultType(
+        _kind(
             "modbus.corrupt",
             "A register has another content, in a frame that is otherwise right",
-            "segment",
-            "Modbus link",
             HitModbusFrames(_corrupt),
             parameters=(
                 *_CHOICE,
@@ -572,39 +541,31 @@ FAMILY: Final = Family(
                     "mask", "int", "Bits of it that are inverted", minimum=1, maximum=0xFFFF, default=65535
                 ),
             ),
-            refused=_REFUSED,
             example={"duration_s": 0.1, "parameters": {"register": 0, "mask": 0x0008, "function": 3}},
-            counted=True,
             fuzzed=False,
             text="""
-        A register has another content in a frame that is right otherwise: what Modbus cannot notice. Frames
-        without so many registers are left alone.
-        """,
+            A register has another content in a frame that is right otherwise: what Modbus cannot notice.
+            Frames without so many registers are left alone.
+            """,
         ),
-        FaultType(
+        _kind(
             "modbus.broadcast",
             "Requests go to all units (unit 0) instead of the drive: none answers",
-            "segment",
-            "Modbus link",
             HitModbusFrames(_broadcast, "modbus_rtu", requests=True),
             parameters=(
                 _DRIVE,
                 _FUNCTION,
                 *_PICK,
             ),
-            refused=_REFUSED,
             remark=_ON_LINE,
             example={"count": 3, "parameters": {}},
-            counted=True,
             text="""
-        Requests on a line go to unit 0: all units carry out writes, none answers.
-        """,
+            Requests on a line go to unit 0: all units carry out writes, none answers.
+            """,
         ),
-        FaultType(
+        _kind(
             "modbus.noise",
             "Bytes on the line between frames, from the seeded stream",
-            "segment",
-            "Modbus link",
             Custom(_noise),
             parameters=(
                 Parameter("bytes", "int", "How many at a time", minimum=1, maximum=256, default=3),
@@ -612,44 +573,34 @@ FAMILY: Final = Family(
                     "period_s", "float", "Mean distance", unit="s", minimum=0.0001, maximum=60.0, default=0.02
                 ),
             ),
-            refused=_REFUSED,
             remark=_ON_LINE,
             example={"duration_s": 0.1, "parameters": {"period_s": 0.05}},
-            counted=True,
             text="""
-        A node sends random bytes on the line whenever it is free, at random times.
-        """,
+            A node sends random bytes on the line whenever it is free, at random times.
+            """,
         ),
-        FaultType(
+        _kind(
             "modbus.reset",
             "The connection is reset in place of a frame; the controller connects again",
-            "segment",
-            "Modbus link",
             HitModbusFrames(_reset, "modbus_tcp"),
             parameters=_CHOICE,
-            refused=_REFUSED,
             remark=_ON_NETWORK,
             example={"count": 1, "parameters": {}},
-            counted=True,
             text="""
-        The connection is reset in place of a frame. The controller connects again.
-        """,
+            The connection is reset in place of a frame. The controller connects again.
+            """,
         ),
-        FaultType(
+        _kind(
             "modbus.cut",
             "The cable is cut, and neither side notices; what was sent arrives when it is connected again",
-            "segment",
-            "Modbus link",
             Custom(_cut),
             parameters=(_DRIVE,),
-            refused=_REFUSED,
             remark=_ON_NETWORK,
             example={"duration_s": 0.1, "parameters": {}},
-            counted=True,
             text="""
-        The cable of a network is cut, and neither side notices. What was sent arrives when it is connected
-        again.
-        """,
+            The cable of a network is cut, and neither side notices. What was sent arrives when it is
+            connected again.
+            """,
         ),
     ),
     title="Modbus networks and lines",

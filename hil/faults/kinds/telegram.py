@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from hil.faults._kind import Action, Family, FaultType, Injection
@@ -332,14 +333,13 @@ _TELEGRAM_DIRECTION: Final = Parameter(
     default="actual",
     choices=("actual", "setpoint"),
 )
+_kind: Final = partial(FaultType, seam="telegram words", target="drive", remark=_REMARK, counted=True)
 
 FAMILY: Final = Family(
     kinds=(
-        FaultType(
+        _kind(
             "telegram.stuck",
             "A signal, a word or a bit is stuck at a value",
-            "drive",
-            "telegram words",
             AtSignal(_stick),
             parameters=(
                 _SIGNAL,
@@ -352,19 +352,15 @@ FAMILY: Final = Family(
                     maximum=0xFFFFFFFF,
                 ),
             ),
-            remark=_REMARK,
             example={"target": "drive1", "duration_s": 0.1, "parameters": {"signal": "ZSW1.3", "value": 1}},
-            counted=True,
             text="""
-        A signal, a word or a bit is stuck at a value: that of the first telegram which is hit, if none is
-        given.
-        """,
+            A signal, a word or a bit is stuck at a value: that of the first telegram which is hit, if
+            none is given.
+            """,
         ),
-        FaultType(
+        _kind(
             "telegram.flip",
             "Bits arrive inverted",
-            "drive",
-            "telegram words",
             AtSignal(_flip),
             parameters=(
                 _SIGNAL,
@@ -378,18 +374,14 @@ FAMILY: Final = Family(
                     default=0,
                 ),
             ),
-            remark=_REMARK,
             example={"target": "drive1", "duration_s": 0.1, "parameters": {"signal": "STW1.2"}},
-            counted=True,
             text="""
-        Bits arrive inverted: a single one, those of a mask, or all of the signal.
-        """,
+            Bits arrive inverted: a single one, those of a mask, or all of the signal.
+            """,
         ),
-        FaultType(
+        _kind(
             "telegram.bits",
             "Bits of a word are overridden: shown as 1 or as 0, whatever they are",
-            "drive",
-            "telegram words",
             AtSignal(_override),
             parameters=(
                 _SIGNAL,
@@ -397,44 +389,36 @@ FAMILY: Final = Family(
                 Parameter("set", "int", "Bits shown as 1", minimum=0, maximum=0xFFFFFFFF, default=0),
                 Parameter("clear", "int", "Bits shown as 0", minimum=0, maximum=0xFFFFFFFF, default=0),
             ),
-            remark=_REMARK,
             example={
                 "target": "drive1",
                 "duration_s": 0.1,
                 "parameters": {"signal": "ZSW1", "set": 0x0080, "clear": 0x0100},
             },
-            counted=True,
             text="""
-        Bits of a word are overridden: some are shown as 1, some as 0, whatever they are.
-        """,
+            Bits of a word are overridden: some are shown as 1, some as 0, whatever they are.
+            """,
         ),
-        FaultType(
+        _kind(
             "telegram.swap",
             "Two signals, words or bits of the same length are exchanged",
-            "drive",
-            "telegram words",
             AtSignal(_swap),
             parameters=(
                 _SIGNAL,
                 Parameter("other", "text", "The other one, of the same direction", required=True),
                 _DIRECTION,
             ),
-            remark=_REMARK,
             example={
                 "target": "drive1",
                 "duration_s": 0.1,
                 "parameters": {"signal": "PZD2", "other": "PZD3", "direction": "setpoint"},
             },
-            counted=True,
             text="""
-        Two signals, words or bits of the same length and direction are exchanged.
-        """,
+            Two signals, words or bits of the same length and direction are exchanged.
+            """,
         ),
-        FaultType(
+        _kind(
             "telegram.offset",
             "A signal is displaced",
-            "drive",
-            "telegram words",
             AtSignal(_displace),
             parameters=(
                 _SIGNAL,
@@ -457,23 +441,19 @@ FAMILY: Final = Family(
                     default=0,
                 ),
             ),
-            remark=_REMARK,
             example={
                 "target": "drive1",
                 "duration_s": 0.1,
                 "parameters": {"signal": "NIST_B", "percent": 5.0},
             },
-            counted=True,
             text="""
-        A signal is displaced. Normalised ones (`NIST_B`, `NSOLL_B`, `MOMRED`) take `percent` and end at
-        their limits, all others `counts`, and wrap.
-        """,
+            A signal is displaced. Normalised ones (`NIST_B`, `NSOLL_B`, `MOMRED`) take `percent` and end
+            at their limits, all others `counts`, and wrap.
+            """,
         ),
-        FaultType(
+        _kind(
             "telegram.scale",
             "A signal has a wrong scale",
-            "drive",
-            "telegram words",
             AtSignal(_scale),
             parameters=(
                 _SIGNAL,
@@ -487,22 +467,18 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            remark=_REMARK,
             example={
                 "target": "drive1",
                 "duration_s": 0.1,
                 "parameters": {"signal": "NSOLL_B", "factor": 0.5},
             },
-            counted=True,
             text="""
-        A signal is multiplied; it ends at its limits.
-        """,
+            A signal is multiplied; it ends at its limits.
+            """,
         ),
-        FaultType(
+        _kind(
             "telegram.freeze",
             "Stale data: the telegram repeats what it was when the fault came",
-            "drive",
-            "telegram words",
             AtTelegram(_freeze),
             parameters=(
                 _TELEGRAM_DIRECTION,
@@ -514,23 +490,19 @@ FAMILY: Final = Family(
                     choices=("stands", "counts"),
                 ),
             ),
-            remark=_REMARK,
             example={
                 "target": "drive1",
                 "duration_s": 0.1,
                 "parameters": {"direction": "actual", "sign_of_life": "counts"},
             },
-            counted=True,
             text="""
-        Stale data: the telegram of the moment is repeated. With `counts` its sign of life goes on, so that
-        only the following error monitoring notices.
-        """,
+            Stale data: the telegram of the moment is repeated. With `counts` its sign of life goes on, so
+            that only the following error monitoring notices.
+            """,
         ),
-        FaultType(
+        _kind(
             "telegram.late",
             "Telegrams are late by a number of cycles: for so long nothing comes, then all in order",
-            "drive",
-            "telegram words",
             AtTelegram(_delay),
             parameters=(
                 _TELEGRAM_DIRECTION,
@@ -538,33 +510,25 @@ FAMILY: Final = Family(
                     "cycles", "int", "How many", unit="bus cycles", minimum=1, maximum=1000, required=True
                 ),
             ),
-            remark=_REMARK,
             example={"target": "drive1", "duration_s": 0.1, "parameters": {"cycles": 2}},
-            counted=True,
             text="""
-        Telegrams are late by so many cycles: for so long nothing comes, then all of them in order. At the
-        end those under way are lost.
-        """,
+            Telegrams are late by so many cycles: for so long nothing comes, then all of them in order. At
+            the end those under way are lost.
+            """,
         ),
-        FaultType(
+        _kind(
             "telegram.lost",
             "No telegram is handed over: the provider's status is bad",
-            "drive",
-            "telegram words",
             AtTelegram(_lose),
             parameters=(_TELEGRAM_DIRECTION,),
-            remark=_REMARK,
             example={"target": "drive1", "duration_s": 0.1, "parameters": {"direction": "setpoint"}},
-            counted=True,
             text="""
-        No telegram is handed over, as with a bad status of its provider.
-        """,
+            No telegram is handed over, as with a bad status of its provider.
+            """,
         ),
-        FaultType(
+        _kind(
             "telegram.length",
             "The telegram has a wrong length",
-            "drive",
-            "telegram words",
             AtTelegram(_change_length),
             parameters=(
                 _TELEGRAM_DIRECTION,
@@ -578,19 +542,15 @@ FAMILY: Final = Family(
                     required=True,
                 ),
             ),
-            remark=_REMARK,
             example={"target": "drive1", "duration_s": 0.1, "parameters": {"words": -1}},
-            counted=True,
             text="""
-        The telegram has too many or too few words. One that comes is not taken over; one that goes has its
-        PDO shorter, which the drive reports, or, longer, is cut to what the PDOs hold.
-        """,
+            The telegram has too many or too few words. One that comes is not taken over; one that goes
+            has its PDO shorter, which the drive reports, or, longer, is cut to what the PDOs hold.
+            """,
         ),
-        FaultType(
+        _kind(
             "telegram.sign_of_life",
             "The sign of life (bits 12..15 of STW2 or ZSW2) stands still, jumps, or is 0",
-            "drive",
-            "telegram words",
             AtTelegram(_disturb_sign_of_life),
             parameters=(
                 _TELEGRAM_DIRECTION,
@@ -601,27 +561,21 @@ FAMILY: Final = Family(
                     "step", "int", "jump: by how much, in its range 1..15", minimum=1, maximum=14, default=5
                 ),
             ),
-            remark=_REMARK,
             example={
                 "target": "drive1",
                 "duration_s": 0.1,
                 "parameters": {"direction": "actual", "how": "freeze"},
             },
-            counted=True,
             text="""
-        Bits 12 to 15 of `STW2` or `ZSW2` stand still, are displaced within 1..15 (`jump`), or are 0.
-        """,
+            Bits 12 to 15 of `STW2` or `ZSW2` stand still, are displaced within 1..15 (`jump`), or are 0.
+            """,
         ),
-        FaultType(
+        _kind(
             "telegram.control_lost",
             "The drive requests no control (ZSW1.9 = 0), or the controller gives it away (STW1.10 = 0)",
-            "drive",
-            "telegram words",
             AtTelegram(_lose_control),
             parameters=(_TELEGRAM_DIRECTION,),
-            remark=_REMARK,
             example={"target": "drive1", "duration_s": 0.1, "parameters": {"direction": "actual"}},
-            counted=True,
         ),
     ),
     title="Telegrams of a PROFIdrive drive",
