@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from enum import Enum
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from emulators.drive.analog_config import AnalogConfig
 from emulators.drive.drive_train import build_drive_train
 from emulators.drive.emulated_drive import ServoDrive
 from emulators.drive.tuning import RPM
+from emulators.trace import SERVO, Column, names_and_units, servo_values, value_texts
 from fieldbus.clock import Scheduler, Timer, seconds_to_ns
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
@@ -42,9 +43,21 @@ class AnalogState(Enum):
 
 
 _NUMBERS: Final = {state: number for number, state in enumerate(AnalogState)}
-_PER_RPM: Final = 1.0 / RPM
 _LED: Final = frozenset({AnalogState.STARTING, AnalogState.OPERATION})
 ReadyListener = Callable[[bool], object]
+
+
+_COLUMNS: Final = (
+    *SERVO,
+    Column("encoder_increments", "inc"),
+    Column("setpoint_voltage", "V"),
+    Column("enable_input"),
+    Column("ready_output"),
+    Column("state", texts={number: state.value for state, number in _NUMBERS.items()}),
+    Column("inputs"),
+    Column("brake_closed"),
+    Column("fault_number"),
+)
 
 
 class AnalogDrive(ServoDrive):
@@ -81,9 +94,7 @@ class AnalogDrive(ServoDrive):
         "voltage",
     )  # fmt: skip
 
-    trace_enums: Final[dict[str, dict[int, str]]] = {
-        "state": {number: state.value for state, number in _NUMBERS.items()}
-    }
+    trace_enums: ClassVar = value_texts(_COLUMNS)
 
     def __init__(
         self,
@@ -133,23 +144,7 @@ class AnalogDrive(ServoDrive):
         self._forced_ready: bool | None = None
         self._ready_timer: Timer | None = None
         self._share = 1.0
-        unit = train.load_unit
-        self.trace_columns = (
-            ("position", unit),
-            ("velocity", f"{unit}/s"),
-            ("motor_speed", "rpm"),
-            ("torque", "Nm"),
-            ("torque_demand", "Nm"),
-            ("velocity_demand", "rpm"),
-            ("encoder_increments", "inc"),
-            ("setpoint_voltage", "V"),
-            ("enable_input", ""),
-            ("ready_output", ""),
-            ("state", ""),
-            ("inputs", ""),
-            ("brake_closed", ""),
-            ("fault_number", ""),
-        )
+        self.trace_columns = names_and_units(_COLUMNS, train.load_unit)
         """(name, unit) of the values of `trace_row`."""
         self.limit_torque(None)
 
@@ -157,14 +152,9 @@ class AnalogDrive(ServoDrive):
         """Return the present values of `trace_columns`; position, velocity and speed are those of the true
         mechanics.
         """
-        core, mechanics = self.core, self.mechanics
+        core = self.core
         return (
-            mechanics.position,
-            mechanics.velocity,
-            mechanics.motor_speed * _PER_RPM,
-            core.torque,
-            core.torque_demand,
-            core.velocity_demand * _PER_RPM,
+            *servo_values(self.mechanics, core),
             core.encoder.increments,
             self.voltage,
             self.enabled,

@@ -19,6 +19,7 @@ from emulators.drive.profidrive.statemachine import AxisState
 from emulators.drive.tuning import RPM
 from emulators.io.tm_pto import PtoConfig, PtoModule, SignalType, StepperConfig, StepperMotor
 from emulators.mechanics import AxisMechanics, SwitchModel
+from emulators.trace import LOAD, Column
 from fieldbus.clock import US, Scheduler, Timer, seconds_to_ns
 from fieldbus.errors import ConfigurationError
 from fieldbus.history import History
@@ -212,6 +213,27 @@ class StepperTravel:
                 switch.update(position, moving=True)
 
 
+COLUMNS: Final = (
+    Column("position", LOAD),
+    Column("velocity", f"{LOAD}/s"),
+    Column("motor_speed", "rpm"),
+    Column("torque", "Nm"),
+    Column("encoder_increments", "inc"),
+    Column("lost_increments", "inc"),
+    Column("out_of_step"),
+    Column("pulse_speed", "rpm"),
+    Column("setpoint_speed", "rpm"),
+    Column("drive_stw1"),
+    Column("drive_zsw1"),
+    Column("g1_stw"),
+    Column("g1_zsw"),
+    Column("enable_output"),
+    Column("state", texts={number: state.text for state, number in _NUMBERS.items()}),
+    Column("inputs"),
+)
+"""Columns of `StepperDrive.trace_row`."""
+
+
 class StepperDrive:
     """Module, power stage, motor and machine.
 
@@ -330,32 +352,6 @@ class StepperDrive:
                 self.emit("drive.fault", number=1, text="error at a digital output")
             else:
                 self.emit("drive.fault_acknowledged")
-
-    def trace_columns(self) -> tuple[tuple[str, str], ...]:
-        """Return (name, unit) of the values of `trace_row`."""
-        unit = "m" if isinstance(self.config.mechanics, LinearAxisConfig) else "rad"
-        return (
-            ("position", unit),
-            ("velocity", f"{unit}/s"),
-            ("motor_speed", "rpm"),
-            ("torque", "Nm"),
-            ("encoder_increments", "inc"),
-            ("lost_increments", "inc"),
-            ("out_of_step", ""),
-            ("pulse_speed", "rpm"),
-            ("setpoint_speed", "rpm"),
-            ("drive_stw1", ""),
-            ("drive_zsw1", ""),
-            ("g1_stw", ""),
-            ("g1_zsw", ""),
-            ("enable_output", ""),
-            ("state", ""),
-            ("inputs", ""),
-        )
-
-    trace_enums: Final[dict[str, dict[int, str]]] = {
-        "state": {number: state.text for state, number in _NUMBERS.items()}
-    }
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the present values; position, velocity and speed are those of the true shaft and load

@@ -9,14 +9,16 @@ that nobody leads it any more.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from emulators.canopen_node import CanopenNode
 from emulators.drive.emulated_drive import EmulatedDrive
+from emulators.drive.machine import LinearAxisConfig
 from emulators.drive.profidrive.canopen import objects
 from emulators.drive.profidrive.canopen.eds import profidrive_dictionary
 from emulators.drive.profidrive.canopen.process_words import ProcessWords
-from emulators.drive.stepper import StepperDrive, StepperDriveConfig
+from emulators.drive.stepper import COLUMNS, StepperDrive, StepperDriveConfig
+from emulators.trace import NMT_STATE, names_and_units, value_texts
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.clock import MS, Scheduler, seconds_to_ns
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 _OWN_CLOCK_PRIORITY: Final = 2
+_COLUMNS: Final = (*COLUMNS, NMT_STATE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,10 +86,7 @@ class StepperCanDrive(EmulatedDrive):
         "trace_columns",
     )
 
-    trace_enums: Final[dict[str, dict[int, str]]] = {
-        **StepperDrive.trace_enums,
-        "nmt_state": {int(state): state.name for state in NmtState},
-    }
+    trace_enums: ClassVar = value_texts(_COLUMNS)
 
     def __init__(
         self,
@@ -123,7 +123,8 @@ class StepperCanDrive(EmulatedDrive):
         self.slave = slave = self.node.slave
         self._words = ProcessWords(slave, telegram(3) if config.drive.channel.standard else pto_telegram())
         self._sync_ns = 0
-        self.trace_columns = (*drive.trace_columns(), ("nmt_state", ""))
+        unit = "m" if isinstance(config.drive.mechanics, LinearAxisConfig) else "rad"
+        self.trace_columns = names_and_units(_COLUMNS, unit)
         """(name, unit) of the values of `trace_row`."""
         slave.on_sync.append(self._on_sync)
         slave.on_nmt_state.append(self._on_nmt_state)

@@ -79,6 +79,8 @@ class ModbusServer:
             self._check_identification()
         else:
             self.functions -= {_F.ENCAPSULATED_INTERFACE}
+        self.powered = True
+        """Whether the device has its supply; without it every request stays unanswered."""
         self.exception_hook: ExceptionHook | None = None
         """For faults: asked for every request with a known function before it is carried out."""
         self.powered = True

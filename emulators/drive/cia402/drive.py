@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from emulators.canopen_node import CanopenNode
 from emulators.drive.cia402._eds import drive_dictionary
@@ -36,17 +36,17 @@ from emulators.drive.cia402.statemachine import PowerStateMachine
 from emulators.drive.cia402.status_word import StatusWord
 from emulators.drive.cia402.sync_jitter import SyncJitter
 from emulators.drive.cia402.touch_probe import TouchProbe
-from emulators.drive.cia402.trace import TRACE_ENUMS, trace_columns, trace_row
 from emulators.drive.cia402.warnings import DriveWarning, Warnings
 from emulators.drive.drive_train import build_drive_train
 from emulators.drive.emulated_drive import MainsDrive
 from emulators.drive.supply import DcLink
 from emulators.encoder import AbsoluteEncoder
 from emulators.repetition import Repetition
+from emulators.trace import NMT_STATE, SERVO, Column, names_and_units, servo_values, value_texts
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.nmt import NmtState
-from fieldbus.cia402 import DriveState
+from fieldbus.cia402 import DriveState, Mode
 from fieldbus.clock import MS, Scheduler, Timer, seconds_to_ns
 from fieldbus.errors import UnsupportedFaultError
 from fieldbus.history import History
@@ -60,6 +60,22 @@ _STATUSWORD: Final = 0x604100
 _SYNC_PAUSE_NS: Final = 100 * MS
 _TARGET_REACHED: Final = 1 << 10
 _PROBE_LEVELS: Final = 3 << 16
+
+
+_COLUMNS: Final = (
+    *SERVO,
+    Column("following_error", "pu"),
+    Column("encoder_increments", "inc"),
+    Column("controlword"),
+    Column("statusword"),
+    Column("state", texts={int(state): state.text for state in DriveState}),
+    Column("mode", texts={0: "none", **{int(mode): mode.short for mode in Mode}}),
+    NMT_STATE,
+    Column("inputs"),
+    Column("outputs"),
+    Column("brake_closed"),
+    Column("error_code"),
+)
 
 
 class CiA402Drive(MainsDrive):
@@ -105,7 +121,7 @@ class CiA402Drive(MainsDrive):
         "warnings",
     )
 
-    trace_enums = TRACE_ENUMS
+    trace_enums: ClassVar = value_texts(_COLUMNS)
 
     def __init__(
         self,
@@ -141,7 +157,7 @@ class CiA402Drive(MainsDrive):
             control_period_ns=config.control_period_ns,
         )
         self.config = config
-        self.trace_columns = trace_columns(train.load_unit)
+        self.trace_columns = names_and_units(_COLUMNS, train.load_unit)
         """(name, unit) of the values of `trace_row`."""
         self.node = CanopenNode(
             scheduler,
@@ -539,7 +555,22 @@ class CiA402Drive(MainsDrive):
         """Return the present values of `trace_columns`; position and velocity are those of the true
         mechanics.
         """
-        return trace_row(self)
+        core = self.core
+        values = self.slave.values
+        return (
+            *servo_values(self.mechanics, core),
+            self.axis.following_error,
+            core.encoder.increments,
+            values[0x604000],
+            values[0x604100],
+            self.machine.state,
+            self.function.mode.number,
+            self.slave.nmt_state,
+            self.digital_inputs.value,
+            self.parameters.outputs,
+            core.brake.holding_torque_Nm > 0.0,
+            values[0x603F00],
+        )
 
     # -- state machine and status word -----------------------------------------------------------------
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from emulators.drive.emulated_drive import MainsDrive
 from emulators.drive.profidrive.config import ProfidriveConfig
@@ -13,8 +13,8 @@ from emulators.drive.profidrive.faults.catalogue import DriveWarning
 from emulators.drive.profidrive.parameters.drive_parameters import DriveParameters
 from emulators.drive.profidrive.second_encoder import SecondEncoder
 from emulators.drive.profidrive.statemachine import AxisState
-from emulators.drive.profidrive.trace import trace_columns
 from emulators.encoder import AbsoluteEncoder
+from emulators.trace import SERVO, Column, names_and_units, servo_values, value_texts
 from fieldbus.clock import Scheduler
 from fieldbus.errors import UnsupportedFaultError
 from fieldbus.history import History
@@ -23,6 +23,33 @@ if TYPE_CHECKING:
     import numpy as np
 
 _NOT_VALID: Final = 0x0001
+
+
+_COLUMNS_BEFORE_BUS: Final = (
+    *SERVO,
+    Column("following_error", "rad"),
+    Column("encoder_increments", "inc"),
+    Column("drive_stw1"),
+    Column("drive_zsw1"),
+    Column("drive_stw2"),
+    Column("drive_zsw2"),
+    Column("state", texts={state.number: state.text for state in AxisState}),
+)
+_COLUMNS_AFTER_BUS: Final = (
+    Column("inputs"),
+    Column("brake_closed"),
+    Column("fault_number"),
+    Column("warning_number"),
+    Column("safety"),
+    Column("nsoll"),
+    Column("xerr"),
+    Column("kpc"),
+    Column("m_add"),
+)
+"""The last four are setpoints of the telegram as they came, whole numbers: N4 or N2, increments of G1_XIST1,
+0.001 1/s, N2; 0 where the telegram does not have them.
+"""
+_SECOND_ENCODER_COLUMNS: Final = (Column("g2_zsw"), Column("g2_xist1", "inc"), Column("g2_xist2"))
 
 
 class DriveOnBus(MainsDrive):
@@ -47,8 +74,9 @@ class DriveOnBus(MainsDrive):
         "trace_columns",
     )
 
-    bus_columns: tuple[str, ...] = ()
+    bus_columns: tuple[Column, ...] = ()
     """Columns of the trace that the transport adds."""
+    trace_enums: ClassVar = value_texts(_COLUMNS_BEFORE_BUS)
 
     def __init__(
         self,
@@ -73,10 +101,41 @@ class DriveOnBus(MainsDrive):
         """The axis without a bus."""
         self.parameters = DriveParameters(drive)
         """Parameters of the drive, read and written by the rules of the bus."""
-        self.trace_columns = trace_columns(
-            drive.train.load_unit, self.bus_columns, second=config.encoder2 is not None
-        )
+        columns = (*_COLUMNS_BEFORE_BUS, *self.bus_columns, *_COLUMNS_AFTER_BUS)
+        if config.encoder2 is not None:
+            columns += _SECOND_ENCODER_COLUMNS
+        self.trace_columns = names_and_units(columns, drive.train.load_unit)
         """(name, unit) of the values of `trace_row`."""
+
+    def _trace_values(self, *bus: float) -> tuple[float, ...]:
+        """Return the present values of `trace_columns`; `bus`: those of `bus_columns`."""
+        drive = self.drive
+        core = drive.core
+        faults = drive.faults
+        data = drive.data
+        row = data.row
+        nsoll, xerr, kpc, m_add = data.control_places
+        return (
+            *servo_values(drive.mechanics, core),
+            core.position_demand - core.position,
+            drive.encoder.increments,
+            data.stw1,
+            drive.words.zsw1(),
+            data.stw2,
+            drive.words.zsw2(),
+            drive.operation.machine.state.number,
+            *bus,
+            drive.digital_inputs.value,
+            core.brake.torque_Nm > 0.0 and core.brake.holding_torque_Nm > 0.0,
+            faults.number,
+            faults.warning_number,
+            drive.safety.s_zsw1b(),
+            row[nsoll],
+            row[xerr],
+            row[kpc],
+            row[m_add],
+            *(() if drive.second is None else drive.second.words),
+        )
 
     @property
     def state(self) -> AxisState:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Final
 from emulators.drive.profidrive.bus_drive import DriveOnBus
 from emulators.drive.profidrive.config import ProfidriveConfig
 from emulators.drive.profidrive.parameters.channel import ChannelError, ParameterChannel
-from emulators.drive.profidrive.trace import TRACE_ENUMS, trace_row
 from fieldbus.clock import MS, Scheduler, seconds_to_ns
 from fieldbus.errors import ConfigurationError, UnsupportedFaultError
 from fieldbus.history import History
@@ -120,8 +119,6 @@ class ProfidriveModbusDrive(DriveOnBus):
         "station",
     )
 
-    trace_enums = TRACE_ENUMS
-
     def __init__(
         self,
         scheduler: Scheduler,
@@ -174,7 +171,7 @@ class ProfidriveModbusDrive(DriveOnBus):
         """Return the present values of `trace_columns`; position and velocity are those of the true
         mechanics.
         """
-        return trace_row(self.drive)
+        return self._trace_values()
 
     # -- bus -------------------------------------------------------------------------------------------
 

@@ -15,6 +15,7 @@ from emulators.encoder.cia406._measurement import Measurement
 from emulators.encoder.cia406._objects import SUPPORTED_ALARMS, SUPPORTED_WARNINGS, all_objects, family_of
 from emulators.encoder.cia406.config import EncoderDeviceConfig
 from emulators.mechanics import DrivenShaft
+from emulators.trace import LOAD, NMT_STATE, Column, names_and_units, value_texts
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.cia406 import EncoderAlarm, EncoderWarning, describe_flags
@@ -39,6 +40,20 @@ WARNING_EMCY: Final = 0xFF20
 _REGISTER: Final = 0x21
 """1001h: generic, device profile."""
 _TENTH_HOUR_NS: Final = 360 * S
+
+
+_COLUMNS: Final = (
+    Column("coordinate", LOAD),
+    Column("position_value", "steps"),
+    Column("raw_value", "steps"),
+    Column("speed_value"),
+    Column("offset", "steps"),
+    Column("cams"),
+    Column("area"),
+    Column("alarms"),
+    Column("warnings"),
+    NMT_STATE,
+)
 
 
 class CiA406Encoder:
@@ -84,9 +99,7 @@ class CiA406Encoder:
         "trace_columns",
     )
 
-    trace_enums: ClassVar[dict[str, dict[int, str]]] = {
-        "nmt_state": {int(state): state.name for state in NmtState},
-    }
+    trace_enums: ClassVar = value_texts(_COLUMNS)
 
     def __init__(
         self,
@@ -139,18 +152,7 @@ class CiA406Encoder:
             rules.checks(self.slave.store, self.measurement, config),
         )
         self.measurement.take_parameters()
-        self.trace_columns = (
-            ("coordinate", "m" if config.kind.linear else "rad"),
-            ("position_value", "steps"),
-            ("raw_value", "steps"),
-            ("speed_value", ""),
-            ("offset", "steps"),
-            ("cams", ""),
-            ("area", ""),
-            ("alarms", ""),
-            ("warnings", ""),
-            ("nmt_state", ""),
-        )
+        self.trace_columns = names_and_units(_COLUMNS, "m" if config.kind.linear else "rad")
         """(name, unit) of the values of `trace_row`."""
 
         self.slave.on_reset.append(self._on_reset)

@@ -19,6 +19,7 @@ from emulators.encoder.profidrive._abilities import EncoderState
 from emulators.encoder.profidrive._eds import profidrive_encoder_dictionary
 from emulators.encoder.profidrive.device import ProfidriveEncoder, ProfidriveEncoderConfig
 from emulators.encoder.profidrive.sensor import ProfidriveSensor
+from emulators.trace import LOAD, NMT_STATE, Column, names_and_units, value_texts
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.nmt import NmtState
 from fieldbus.clock import MS, Scheduler
@@ -73,6 +74,23 @@ class ProfidriveEncoderNodeConfig:
             raise ConfigurationError("boot_time_s", self.boot_time_s, ">= 0")
 
 
+_ERRORS: Final = {0: "none", **{code: f"{code:04X}h {text}" for code, text in ENCODER_ERRORS.items()}}
+_COLUMNS: Final = (
+    Column("coordinate", LOAD),
+    Column("g1_zsw"),
+    Column("g1_xist1", "inc"),
+    Column("g1_xist2"),
+    Column("speed", "%"),
+    Column("state", texts={number: f"{state.name} {state.value}" for state, number in _STATES.items()}),
+    Column(
+        "error", texts={0: "none", **{code: f"{code:04X}h {text}" for code, text in ENCODER_ERRORS.items()}}
+    ),
+    Column("faults"),
+    Column("sign_of_life"),
+    NMT_STATE,
+)
+
+
 class ProfidriveCanEncoder(ProfidriveSensor):
     """An emulated PROFIdrive encoder on a CAN segment, with all that a test can do to it. It is off until
     `power_on`.
@@ -107,11 +125,7 @@ class ProfidriveCanEncoder(ProfidriveSensor):
         "trace_columns",
     )
 
-    trace_enums: ClassVar[dict[str, dict[int, str]]] = {
-        "state": {number: f"{state.name} {state.value}" for state, number in _STATES.items()},
-        "error": {0: "none", **{code: f"{code:04X}h {text}" for code, text in ENCODER_ERRORS.items()}},
-        "nmt_state": {int(state): state.name for state in NmtState},
-    }
+    trace_enums: ClassVar = value_texts(_COLUMNS)
 
     def __init__(
         self,
@@ -148,18 +162,7 @@ class ProfidriveCanEncoder(ProfidriveSensor):
         self._words = ProcessWords(slave, telegram(config.encoder.telegram))
         self._sync_ns = 0
         self._code = 0
-        self.trace_columns = (
-            ("coordinate", "m" if config.encoder.form.linear else "rad"),
-            ("g1_zsw", ""),
-            ("g1_xist1", "inc"),
-            ("g1_xist2", ""),
-            ("speed", "%"),
-            ("state", ""),
-            ("error", ""),
-            ("faults", ""),
-            ("sign_of_life", ""),
-            ("nmt_state", ""),
-        )
+        self.trace_columns = names_and_units(_COLUMNS, "m" if config.encoder.form.linear else "rad")
         """(name, unit) of the values of `trace_row`."""
         slave.on_sync.append(self._on_sync)
         slave.on_nmt_state.append(self._on_nmt_state)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.modes._base import BIT_12, BIT_13, ModeOfOperation
+from emulators.drive.cia402.modes._position_follower import PositionFollower
 
 
 class _CyclicMode(ModeOfOperation):
@@ -139,99 +138,38 @@ class CyclicPosition(_CyclicMode):
     moves makes no jump.
     """
 
-    __slots__ = ("_last_target", "_velocity")
+    __slots__ = ("_follower", "_unprimed")
 
     number = 8
     target_key = 0x607A00
 
     def __init__(self, axis: ProfileAxis) -> None:
         super().__init__(axis)
-        self._velocity = 0.0
-        self._last_target: float | None = None
+        self._follower = PositionFollower(axis)
+        self._unprimed = axis.config.quirks.csp_jumps_unprimed
 
     def enter(self) -> None:
-        """See `ModeOfOperation.enter`."""
+        """Go on with the present velocity until the first set-point comes."""
         super().enter()
         axis = self.axis
         core = axis.core
-        self._last_target = None
+        follower = self._follower
         if not axis.primed:
-            self._velocity = 0.0
+            follower.restart(0.0)
             self.rest()
             return
-        self._velocity = velocity = core.velocity if core.controls_torque else core.precontrol_velocity
+        velocity = core.velocity if core.controls_torque else core.precontrol_velocity
+        follower.restart(velocity)
         steps = axis.period_steps
         core.command_position(
             core.position_ahead + velocity * steps * core.period_s, steps, precontrol=velocity
         )
 
-    def _apply(self, steps: int, wanted: int | None = None) -> None:
-        """Go on to the target, or to another position in position units, as far as the limits allow."""
+    def _apply(self, steps: int) -> None:
         axis = self.axis
+        if not axis.primed and not self._unprimed:
+            # Nobody has given a target since power-on: stay where `enter` holds.
+            self._follower.velocity = axis.core.precontrol_velocity
+            return
         values = axis.values
-        core = axis.core
-        units = axis.units
-        if wanted is None:
-            if not axis.primed and not axis.config.quirks.csp_jumps_unprimed:
-                self._velocity = core.precontrol_velocity
-                return  # nobody has given a target since power-on: stay where `enter` holds
-            wanted = values[0x607A00] + values[0x60B000]
-        allowed = axis.within_software_limits(wanted)
-        target = axis.angle_of(allowed)
-        start = core.position_command
-        if axis.synchronised:
-            # A SYNC that comes early or late does not shift the grid on which set-points are reached.
-            shift = core.phase_steps
-            if -steps < 2 * shift < steps:
-                steps += shift
-        duration = steps * core.period_s
-        velocity = (target - start) / duration
-        high, low = self._speed_range(target, target - start, duration)
-        reachable = velocity
-        if velocity > high:
-            reachable = high
-        elif velocity < low:
-            reachable = low
-        if (reachable > 0.0 and axis.blocked_positive) or (reachable < 0.0 and axis.blocked_negative):
-            reachable = 0.0
-        self._velocity = reachable
-        self.limited = allowed != wanted or reachable != velocity
-        if reachable != velocity:
-            axis.demand_excess = target - (start + reachable * duration)
-            target = start + reachable * duration
-        else:
-            axis.demand_excess = 0.0
-        # A velocity offset from the controller takes the place of the drive's own pre-control.
-        offset = values[0x60B100]
-        core.command_position(
-            target,
-            steps,
-            precontrol=offset * units.velocity * units.velocity_sign if offset else None,
-            coast=axis.period_steps,
-        )
-        torque = values[0x60B200]
-        if torque or core.torque_offset:
-            core.torque_offset = torque * units.torque * units.torque_sign
-
-    def _speed_range(self, target: float, distance: float, duration: float) -> tuple[float, float]:
-        """Return the highest and lowest velocity of this period: 6080h, 60C5h, 60C6h, and a stop at the
-        target.
-        """
-        axis = self.axis
-        values = axis.values
-        last = self._velocity
-        faster = values[0x60C500] * axis.units.acceleration
-        slower = values[0x60C600] * axis.units.acceleration
-        high, low = axis.forward_speed, axis.backward_speed
-        if faster and slower:
-            high = min(high, last + (faster if last >= 0.0 else slower) * duration)
-            low = max(low, last - (faster if last <= 0.0 else slower) * duration)
-            # Who catches up with a target must be able to brake down to the velocity of the target.
-            previous, self._last_target = self._last_target, target
-            moving = last if previous is None else (target - previous) / duration
-            braking = math.sqrt(2.0 * slower * abs(distance))
-            if distance >= 0.0:
-                high = min(high, max(moving, 0.0) + braking)
-            else:
-                low = max(low, min(moving, 0.0) - braking)
-        return high, max(low, axis.backward_speed) if low <= high else high
+        self.limited = self._follower.go_to(values[0x607A00] + values[0x60B000], steps)

@@ -23,17 +23,21 @@ from emulators.drive.cia402.homing_methods import (
     OnSwitch,
     supported_methods,
 )
-from emulators.drive.cia402.modes._base import BIT_10, BIT_12, BIT_13
-from emulators.drive.cia402.modes._homing_motion import (
-    DETECTION_TIME,
-    RETRACTION,
-    SEARCH_DISTANCE,
-    THRESHOLD,
-    TIME_OUT,
-    HomingMotion,
-)
+from emulators.drive.cia402.modes._base import BIT_10, BIT_12, BIT_13, ModeOfOperation
 from emulators.drive.protection import WindowTimer
+from emulators.drive.ramp import TRAPEZOID
 
+_FAR_RAD: Final = 1e6
+"""A target that is never reached."""
+_STEEPEST: Final = 1e9
+"""rad/s^2 that stand for "no limit"."""
+
+THRESHOLD: Final = 0x201001
+DETECTION_TIME: Final = 0x201002
+RETRACTION: Final = 0x201003
+TIME_OUT: Final = 0x201004
+SEARCH_DISTANCE: Final = 0x201005
+"""Keys of the manufacturer's homing parameters (2010h)."""
 _START: Final = 0x10
 _LIMITS: Final = NEGATIVE_LIMIT | POSITIVE_LIMIT
 _INDEX_TURNS: Final = 1.5
@@ -56,19 +60,25 @@ _HEEDING: Final = (_Phase.SWITCH, _Phase.INDEX, _Phase.ATTAINED)
 """Phases in which limit switches mean something; hard stops lie behind them."""
 
 
-class Homing(HomingMotion):
+class Homing(ModeOfOperation):
     """hm: a rising edge of bit 4 starts a homing run by the method of 6098h."""
 
     __slots__ = (
+        "_acceleration",
         "_blocked",
+        "_direction",
         "_elapsed_s",
         "_failed",
+        "_fast_speed",
+        "_form",
         "_index",
         "_inputs",
         "_method",
         "_methods",
         "_origin",
         "_phase",
+        "_slow",
+        "_slow_speed",
         "_succeeded",
         "_turned",
         "_zone",
@@ -80,6 +90,12 @@ class Homing(HomingMotion):
 
     def __init__(self, axis: ProfileAxis) -> None:
         super().__init__(axis)
+        self._direction = 0
+        """Where the axis moves: -1, +1, 0 = to rest."""
+        self._slow = False
+        self._fast_speed = self._slow_speed = 0.0
+        self._acceleration = _STEEPEST
+        self._form = TRAPEZOID
         self._methods = supported_methods(axis.config.hard_stop_methods)
         self._method: Method = Here()
         self._phase = _Phase.IDLE
@@ -392,3 +408,52 @@ class Homing(HomingMotion):
             self._fail()  # an end stop where none was expected
         elif self._phase is _Phase.RETRACT and core.profile.done and core.standing:
             self._take_home(core.encoder.increments)
+
+    # -- motion ------------------------------------------------------------------------------------------
+
+    def _read_dynamics(self) -> None:
+        axis = self.axis
+        values = axis.values
+        self._fast_speed = min(float(values[0x609901]) * axis.units.velocity, axis.max_speed)
+        self._slow_speed = min(float(values[0x609902]) * axis.units.velocity, axis.max_speed)
+        self._acceleration = min(axis.acceleration(0x609A, 0x60C5), _STEEPEST)
+        self._form = axis.profile_form()
+
+    def _move(self, direction: int) -> None:
+        """Move in a direction until told otherwise: fast, or slowly once an edge has been passed
+        (C402-133).
+        """
+        self._direction = direction
+        self._go_to(
+            self.axis.core.position_command + direction * _FAR_RAD,
+            self._slow_speed if self._slow else self._fast_speed,
+        )
+
+    def _go_to(self, angle: float, speed: float) -> None:
+        """Move to an angle, rad, with a speed > 0, rad/s."""
+        self.axis.core.follow_profile().move(
+            angle,
+            velocity=speed,
+            acceleration=self._acceleration,
+            deceleration=self._acceleration,
+            form=self._form,
+        )
+
+    def _press_against(self, direction: int) -> None:
+        """Move slowly against a stop, with no more torque than the threshold (C402-131)."""
+        axis = self.axis
+        axis.torque_cap = axis.values[THRESHOLD] * axis.units.torque
+        axis.refresh()
+        self._direction = direction
+        # Velocity control: a position loop would wind up a following error at the stop.
+        axis.core.ramp(direction * self._slow_speed, self._acceleration)
+
+    def _free_torque(self) -> None:
+        """End the limit of `_press_against`."""
+        if self.axis.torque_cap is not None:
+            self.axis.torque_cap = None
+            self.axis.refresh()
+
+    def _come_to_rest(self) -> None:
+        self._direction = 0
+        self.axis.core.stop(self._acceleration, track_position=True)

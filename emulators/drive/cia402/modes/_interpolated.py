@@ -6,15 +6,15 @@ from collections.abc import Callable
 from typing import Final
 
 from emulators.drive.cia402.axis import UNLIMITED, ProfileAxis
-from emulators.drive.cia402.modes._base import BIT_10, BIT_12, BIT_13
-from emulators.drive.cia402.modes._cyclic import CyclicPosition
+from emulators.drive.cia402.modes._base import BIT_10, BIT_12, BIT_13, ModeOfOperation
 from emulators.drive.cia402.modes._interpolation_buffer import InterpolationBuffer
+from emulators.drive.cia402.modes._position_follower import PositionFollower
 from emulators.drive.protection import WindowTimer
 
 _ENABLE: Final = 0x10
 
 
-class InterpolatedPosition(CyclicPosition):
+class InterpolatedPosition(ModeOfOperation):
     """ip: one set-point of the buffer in every period 60C2h, joined by straight lines, while bit 4 is 1.
 
     With SYNC the periods begin at every SYNC, without one the drive counts them. When no set-point waits, the
@@ -22,15 +22,23 @@ class InterpolatedPosition(CyclicPosition):
     lasts, the set-points run out unseen. Limits and the offsets 60B1h and 60B2h act as in csp.
     """
 
-    __slots__ = ("_active", "_arrival", "_elapsed", "_last", "_word", "buffer", "on_empty", "starved")
+    __slots__ = (
+        "_active",
+        "_arrival",
+        "_elapsed",
+        "_follower",
+        "_last",
+        "_word",
+        "buffer",
+        "on_empty",
+        "starved",
+    )
 
     number = 7
-    cyclic = False
-    tells_arrival = True
-    target_key = 0
 
     def __init__(self, axis: ProfileAxis) -> None:
         super().__init__(axis)
+        self._follower = PositionFollower(axis)
         self.buffer = InterpolationBuffer()
         self.on_empty: Callable[[bool], None] | None = None
         """Called with True when the buffer has run empty, with False when that is over."""
@@ -41,6 +49,12 @@ class InterpolatedPosition(CyclicPosition):
         self._last: int | None = None
         self._word = 0
         self._arrival = WindowTimer()
+
+    @property
+    def torque_offset(self) -> float:
+        """Torque that the mode adds to the demand, Nm: 60B2h."""
+        units = self.axis.units
+        return float(self.axis.values[0x60B200] * units.torque * units.torque_sign)
 
     def enter(self) -> None:
         """See `ModeOfOperation.enter`."""
@@ -75,7 +89,11 @@ class InterpolatedPosition(CyclicPosition):
             status |= BIT_13
         core = axis.core
         slow = core.standstill_speed
-        resting = not self._active and abs(self._velocity) <= slow and abs(core.precontrol_velocity) <= slow
+        resting = (
+            not self._active
+            and abs(self._follower.velocity) <= slow
+            and abs(core.precontrol_velocity) <= slow
+        )
         window = axis.values[0x606700]
         if window != UNLIMITED:
             self._arrival.time_s = axis.values[0x606800] * 1e-3
@@ -107,22 +125,21 @@ class InterpolatedPosition(CyclicPosition):
                 self._active = False
                 self._starve(True)
             if self._last is not None:
-                self._apply(axis.period_steps, self._last)
+                self.limited = self._follower.go_to(self._last, axis.period_steps)
             return
         if self._last is None:
-            self._velocity = axis.core.precontrol_velocity
-            self._last_target = None
+            self._follower.restart(axis.core.precontrol_velocity)
         self._last = position
         self._active = True
         self._starve(False)
-        self._apply(axis.period_steps, position)
+        self.limited = self._follower.go_to(position, axis.period_steps)
 
     def _interrupt(self) -> None:
         """Brake and hold; the next set-point begins a period of its own."""
         self.rest()
         self._active = False
         self._last = None
-        self._velocity = 0.0
+        self._follower.velocity = 0.0
         self._elapsed = self.axis.period_s
         self._arrival.reset()
         self._starve(False)

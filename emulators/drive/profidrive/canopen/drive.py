@@ -23,7 +23,7 @@ from emulators.drive.profidrive.config import ProfidriveConfig
 from emulators.drive.profidrive.faults import catalogue as numbers
 from emulators.drive.profidrive.faults.catalogue import Fault
 from emulators.drive.profidrive.statemachine import Off
-from emulators.drive.profidrive.trace import TRACE_ENUMS, trace_row
+from emulators.trace import NMT_STATE, value_texts
 from fieldbus.can.frame import CanSegment
 from fieldbus.canopen.abort import AbortCode, SdoAbort
 from fieldbus.canopen.nmt import NmtState
@@ -97,8 +97,8 @@ class ProfidriveCanDrive(DriveOnBus):
         "slave",
     )  # fmt: skip
 
-    trace_enums: ClassVar = {**TRACE_ENUMS, "nmt_state": {int(state): state.name for state in NmtState}}
-    bus_columns = ("nmt_state",)
+    trace_enums: ClassVar = {**DriveOnBus.trace_enums, **value_texts((NMT_STATE,))}
+    bus_columns = (NMT_STATE,)
 
     def __init__(
         self,
@@ -153,7 +153,7 @@ class ProfidriveCanDrive(DriveOnBus):
         """Return the present values of `trace_columns`; position and velocity are those of the true
         mechanics.
         """
-        return trace_row(self.drive, self.slave.nmt_state)
+        return self._trace_values(self.slave.nmt_state)
 
     # -- life ------------------------------------------------------------------------------------------
 

@@ -5,15 +5,13 @@ PD-086, PD-091).
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from emulators.drive.profidrive.positioner.config import BlockTask, Continuation, TraversingBlock
 from emulators.drive.profidrive.positioner.motion import Motion
+from emulators.drive.profidrive.positioner.task import Task
 from emulators.drive.profidrive.positioner.terms import Mode, Refused, Words
 from fieldbus.profidrive.words import STW1
-
-if TYPE_CHECKING:
-    from emulators.drive.profidrive.positioner.positioner import Positioner
 
 _OUTPUTS: Final = 3
 
@@ -22,15 +20,15 @@ class BlockRun:
     """Works through the table of blocks.
 
     Args:
-        positioner: The positioner.
+        task: Task of the positioner.
 
     """
 
-    __slots__ = ("_positioner", "_wait_s", "active", "broken", "outputs", "table")
+    __slots__ = ("_task", "_wait_s", "active", "broken", "outputs", "table")
 
-    def __init__(self, positioner: Positioner) -> None:
-        self._positioner = positioner
-        self.table: dict[int, TraversingBlock] = dict(positioner.settings.blocks)
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self.table: dict[int, TraversingBlock] = dict(task.settings.blocks)
         self.broken: frozenset[int] = frozenset()
         """Blocks that contradict themselves."""
         self.active = 0
@@ -49,30 +47,30 @@ class BlockRun:
             follows: It follows another one.
 
         """
-        axis = self._positioner
+        task = self._task
         block = self.table.get(number)
         if number in self.broken:
-            axis.refuse(Refused.INCONSISTENT_BLOCK)
+            task.refuse(Refused.INCONSISTENT_BLOCK)
             return
         if block is None:
-            axis.refuse(Refused.NO_SUCCESSOR if follows else Refused.NO_SUCH_BLOCK)
+            task.refuse(Refused.NO_SUCCESSOR if follows else Refused.NO_SUCH_BLOCK)
             return
         if not block.moves:
             self.active = number
             self._wait_s = block.parameter / 1000.0 if block.task is BlockTask.WAIT else 0.0
-            axis.accept(Mode.BLOCK, None)
+            task.accept(Mode.BLOCK, None)
             return
         if block.task is BlockTask.ABSOLUTE:
-            target = axis.absolute(float(block.position), 0)
+            target = task.absolute(float(block.position), 0)
             if target is None:
                 return
         else:
-            target = self._target_of(block, axis.demand if base is None else base)
-        if not axis.allowed(target, words, absolute=block.task is BlockTask.ABSOLUTE):
+            target = self._target_of(block, task.demand if base is None else base)
+        if not task.allowed(target, words, absolute=block.task is BlockTask.ABSOLUTE):
             return
         self.active = number
-        settings = axis.settings
-        axis.accept(
+        settings = task.settings
+        task.accept(
             Mode.BLOCK,
             Motion(
                 target,
@@ -99,31 +97,31 @@ class BlockRun:
         following = self.table.get(number + 1)
         if block.continuation is not Continuation.FLYING or following is None or not following.moves:
             return 0.0
-        way = target - self._positioner.demand
+        way = target - self._task.demand
         onward = self._target_of(following, target) - target
         return min(block.velocity, following.velocity) if way * onward > 0.0 else 0.0
 
     def step(self, words: Words, rising: int, cycle_s: float) -> None:
         """Go on to what follows; one block that does not move per cycle."""
-        axis = self._positioner
+        task = self._task
         block = self.table[self.active]
         following = self.active + 1
         if block.continuation is Continuation.EXTERNAL and rising & STW1.EXTERNAL_BLOCK_CHANGE:
             self.start(following, words, follows=True)
             return
-        if axis.target_reached:
+        if task.target_reached:
             return
         if not block.moves:
             self._carry_out(block, words, cycle_s)
             return
-        wanted = axis.wanted
+        wanted = task.wanted
         if wanted is None:
             return
         if wanted.end_velocity > 0.0:
-            if axis.core.profile.raw_done:
+            if task.core.profile.raw_done:
                 self.start(following, words, wanted.target, follows=True)
-        elif math.isfinite(wanted.target) and axis.motion.arrived():
-            axis.motion.moving = False
+        elif math.isfinite(wanted.target) and task.motion.arrived():
+            task.motion.moving = False
             self._end(block, words, wanted.target)
 
     def _carry_out(self, block: TraversingBlock, words: Words, cycle_s: float) -> None:
@@ -133,7 +131,7 @@ class BlockRun:
                 return
         elif block.task is BlockTask.GOTO:
             if block.parameter not in self.table:
-                self._positioner.refuse(Refused.NO_JUMP_TARGET)
+                self._task.refuse(Refused.NO_JUMP_TARGET)
             else:
                 self.start(block.parameter, words)
             return
@@ -147,4 +145,4 @@ class BlockRun:
         if block.continuation in {Continuation.STOP, Continuation.FLYING}:
             self.start(self.active + 1, words, base, follows=True)
         else:
-            self._positioner.target_reached = True
+            self._task.target_reached = True

@@ -2,54 +2,49 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from emulators.drive.profidrive.positioner.task import Task
 from emulators.drive.profidrive.positioner.terms import Mode
-
-if TYPE_CHECKING:
-    from emulators.drive.profidrive.positioner.positioner import Positioner
 
 
 class FixedStop:
     """Lets a task end where the axis is held up.
 
     Args:
-        positioner: The positioner.
+        task: Task of the positioner.
 
     """
 
-    __slots__ = ("_positioner", "active", "reached", "released")
+    __slots__ = ("_task", "active", "released")
 
-    def __init__(self, positioner: Positioner) -> None:
-        self._positioner = positioner
+    def __init__(self, task: Task) -> None:
+        self._task = task
         self.clear()
 
     def clear(self) -> None:
         """Begin as after power-on."""
         self.active = False
         """The axis travels to a fixed stop: what holds it up is no fault."""
-        self.reached = False
-        """It has reached it."""
+        self._task.stop_reached = False
         self.released = False
         """It has been given up in this cycle: the servo has not seen it yet."""
 
     def take(self, wanted: bool) -> None:
         """Take the request of a bus cycle; when it goes, what the demand was ahead is not made good."""
-        axis = self._positioner
-        self.released = self.active and not wanted and axis.core.enabled
+        task = self._task
+        self.released = self.active and not wanted and task.core.enabled
         if self.released:
-            axis.motion.stand(where_it_is=True)
-            axis.finish()
+            task.motion.stand(where_it_is=True)
+            task.finish()
         self.active = wanted
-        self.reached = self.reached and wanted
+        task.stop_reached = task.stop_reached and wanted
 
     def look(self) -> None:
         """Let the demand stand when the axis has stayed behind at its torque limit: the task is done."""
-        axis = self._positioner
-        if axis.wanted is None or self.reached or not axis.core.torque_limited:
+        task = self._task
+        if task.wanted is None or task.stop_reached or not task.core.torque_limited:
             return
-        if abs(axis.motion.following_error) > axis.settings.fixed_stop_tolerance:
-            self.reached = True
-            axis.wanted = None
-            axis.motion.stand(where_it_is=False)
-            axis.target_reached = axis.mode in {Mode.MDI, Mode.BLOCK}
+        if abs(task.motion.following_error) > task.settings.fixed_stop_tolerance:
+            task.stop_reached = True
+            task.wanted = None
+            task.motion.stand(where_it_is=False)
+            task.target_reached = task.mode in {Mode.MDI, Mode.BLOCK}

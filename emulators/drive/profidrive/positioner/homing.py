@@ -6,14 +6,11 @@ from __future__ import annotations
 
 import math
 from enum import Enum
-from typing import TYPE_CHECKING
 
 from emulators.drive.profidrive.positioner.motion import Motion
+from emulators.drive.profidrive.positioner.task import Task
 from emulators.drive.profidrive.positioner.terms import Mode, Refused, Words
 from fieldbus.profidrive.words import POS_STW2, STW1
-
-if TYPE_CHECKING:
-    from emulators.drive.profidrive.positioner.positioner import Positioner
 
 
 class _Phase(Enum):
@@ -28,14 +25,14 @@ class Homing:
     """Looks for the reference point.
 
     Args:
-        positioner: The positioner.
+        task: Task of the positioner.
 
     """
 
-    __slots__ = ("_phase", "_positioner", "_start", "passing")
+    __slots__ = ("_phase", "_start", "_task", "passing")
 
-    def __init__(self, positioner: Positioner) -> None:
-        self._positioner = positioner
+    def __init__(self, task: Task) -> None:
+        self._task = task
         self._phase = _Phase.TO_CAM
         self._start = 0.0
         self.passing = False
@@ -49,9 +46,9 @@ class Homing:
 
     def start(self, words: Words) -> None:
         """Begin: the home position is lost."""
-        axis = self._positioner
-        settings = axis.settings
-        axis.homed = False
+        task = self._task
+        settings = task.settings
+        task.homed = False
         if settings.has_cam and not words.pos_stw2 & POS_STW2.REFERENCE_CAM:
             self._go(_Phase.TO_CAM, _direction(words) * math.inf, settings.cam_velocity)
         else:
@@ -59,53 +56,53 @@ class Homing:
 
     def _look_for_mark(self, words: Words, phase: _Phase) -> None:
         """Go back from the cam, or on in the search direction without one."""
-        settings = self._positioner.settings
+        settings = self._task.settings
         back = -1 if settings.has_cam else 1
         self._go(phase, back * _direction(words) * math.inf, settings.mark_velocity)
 
     def _go(self, phase: _Phase, target: float, velocity: float) -> None:
-        axis = self._positioner
+        task = self._task
         self._phase = phase
-        self._start = axis.demand
-        settings = axis.settings
-        axis.accept(
+        self._start = task.demand
+        settings = task.settings
+        task.accept(
             Mode.HOMING, Motion(target, velocity, settings.max_acceleration, settings.max_deceleration)
         )
 
     def step(self, words: Words) -> None:
         """Cam, then back off it, then the next zero mark, then the reference point."""
-        axis = self._positioner
-        settings = axis.settings
-        encoder = axis.core.encoder
+        task = self._task
+        settings = task.settings
+        encoder = task.core.encoder
         cam = bool(words.pos_stw2 & POS_STW2.REFERENCE_CAM)
-        way = abs(axis.demand - self._start)
+        way = abs(task.demand - self._start)
         phase = self._phase
         if phase is _Phase.TO_CAM:
             if cam:
                 self._look_for_mark(words, _Phase.OFF_CAM)
             elif way > settings.max_cam_distance:
-                axis.refuse(Refused.CAM_NOT_FOUND)
+                task.refuse(Refused.CAM_NOT_FOUND)
         elif phase is _Phase.OFF_CAM:
             if not cam:
                 self._phase = _Phase.ARM
             elif way > settings.max_cam_distance:
-                axis.refuse(Refused.END_OF_CAM_NOT_FOUND)
+                task.refuse(Refused.END_OF_CAM_NOT_FOUND)
         elif phase is _Phase.ARM:
             encoder.arm_zero_mark()
-            self._start = axis.demand
+            self._start = task.demand
             self._phase = _Phase.TO_MARK
         elif phase is _Phase.TO_MARK:
             latched = encoder.latched_increments
             if latched is not None:
                 angle = latched * encoder.radians_per_increment
-                axis.place(angle, settings.reference_position - settings.reference_offset)
+                task.place(angle, settings.reference_position - settings.reference_offset)
                 self._go(_Phase.TO_REFERENCE, float(settings.reference_position), settings.approach_velocity)
             elif way > settings.max_mark_distance:
                 encoder.arm_zero_mark(False)
-                axis.refuse(Refused.MARK_NOT_FOUND)
-        elif axis.motion.arrived():
-            axis.homed = True
-            axis.finish()
+                task.refuse(Refused.MARK_NOT_FOUND)
+        elif task.motion.arrived():
+            task.homed = True
+            task.finish()
 
     # -- in passing ------------------------------------------------------------------------------------
 
@@ -122,9 +119,9 @@ class Homing:
             return
         wanted = 2 if words.pos_stw2 & POS_STW2.PROBE_2 else 1
         if number == wanted and rising is not bool(words.pos_stw2 & POS_STW2.PROBE_FALLING):
-            axis = self._positioner
-            axis.place(angle, axis.settings.reference_position)
-            axis.homed = True
+            task = self._task
+            task.place(angle, task.settings.reference_position)
+            task.homed = True
             self.passing = False
 
 

@@ -18,6 +18,7 @@ from emulators.drive.profidrive.positioner.config import PositionerSettings
 from emulators.drive.profidrive.positioner.fixed_stop import FixedStop
 from emulators.drive.profidrive.positioner.homing import Homing
 from emulators.drive.profidrive.positioner.motion import Motion, ProfileMotion
+from emulators.drive.profidrive.positioner.task import Task
 from emulators.drive.profidrive.positioner.terms import Mode, Refused, Words, mdi_part, share
 from emulators.drive.protection import WindowTimer
 from fieldbus.profidrive.formats import N2_ONE
@@ -58,19 +59,13 @@ class Positioner:
         "blocks",
         "core",
         "fixed_stop",
-        "homed",
         "homing",
-        "mode",
         "motion",
         "pos_zsw1",
         "pos_zsw2",
         "referencing",
-        "refusals",
-        "refused",
-        "settings",
-        "target_reached",
+        "task",
         "tracking",
-        "wanted",
         "zsw1",
     )
 
@@ -79,44 +74,38 @@ class Positioner:
     ) -> None:
         self.core = core
         self._cycle_s = cycle_s
-        self.settings = PositionerSettings() if settings is None else settings
-        self.motion = ProfileMotion(core, self.settings)
-        self.blocks = BlockRun(self)
-        self.homing = Homing(self)
+        settings = PositionerSettings() if settings is None else settings
+        self.motion = ProfileMotion(core, settings)
+        self.task = Task(core, self.motion, settings)
+        """What the axis is to do, and whether it was accepted."""
+        self.blocks = BlockRun(self.task)
+        self.homing = Homing(self.task)
+        self.fixed_stop = FixedStop(self.task)
         self._settling = WindowTimer()
         self._standing = WindowTimer()
-        self.homed = False
-        """Whether the home position is set (PD-071)."""
-        self.refused: Refused | None = None
-        """Why the last task was refused, while its request stands; None after one was accepted."""
-        self.refusals = 0
-        """How many were so far."""
         self.zsw1 = self.pos_zsw1 = self.pos_zsw2 = 0
-        self.target_reached = False
         self.acknowledged = False
         """The edge of the bit that still stands was accepted (ZSW1 bit 12)."""
         self.referencing = False
         """The bit that has set the reference point still stands."""
         self.tracking = False
         """The position demand follows the axis."""
-        self.fixed_stop = FixedStop(self)
         self._last = Words()
         self._last_velocity = 0.0
         self._clear()
-        self.apply(self.settings)
+        self.apply(settings)
 
     def apply(self, settings: PositionerSettings) -> None:
         """Take changed settings over; a motion under way is planned anew with them."""
-        self.settings = settings
+        self.task.settings = settings
         self.motion.apply(settings)
         self.blocks.table = dict(settings.blocks)
         self._settling.time_s = settings.positioning_time_s
         self._standing.time_s = settings.standstill_time_s
 
     def _clear(self) -> None:
-        self.mode = Mode.NONE
-        self.wanted: Motion | None = None
-        """Motion of the task; None: it does not move."""
+        self.task.mode = Mode.NONE
+        self.task.wanted = None
         self.motion.clear()
         self.homing.clear()
         self.blocks.active = 0
@@ -128,12 +117,37 @@ class Positioner:
         """Return POS_STW1 for SATZANW and MDI_MOD of the telegrams 7, 9 and 110 (PD-086, PD-092)."""
         return show.pos_stw1_of(satzanw, mdi_mod)
 
+    @property
+    def settings(self) -> PositionerSettings:
+        """Scaling, limits, blocks; `apply` changes them."""
+        return self.task.settings
+
+    @property
+    def mode(self) -> Mode:
+        """Kind of the task."""
+        return self.task.mode
+
+    @property
+    def refused(self) -> Refused | None:
+        """Why the last task was refused, while its request stands; None after one was accepted."""
+        return self.task.refused
+
+    @property
+    def refusals(self) -> int:
+        """How many tasks were refused so far."""
+        return self.task.refusals
+
+    @property
+    def homed(self) -> bool:
+        """Whether the home position is set (PD-071)."""
+        return self.task.homed
+
     # -- what it shows ---------------------------------------------------------------------------------
 
     @property
     def position(self) -> float:
         """Measured position, LU (XIST_A); of a modulo axis within its range."""
-        modulo = self.settings.modulo_range
+        modulo = self.task.settings.modulo_range
         return self.motion.position % modulo if modulo else self.motion.position
 
     @property
@@ -149,16 +163,16 @@ class Positioner:
     @property
     def aktsatz(self) -> int:
         """AKTSATZ: the active block, or MDI (PD-087)."""
-        if self.mode in {Mode.MDI, Mode.SETUP}:
+        if self.task.mode in {Mode.MDI, Mode.SETUP}:
             return _SATZANW_MDI
-        return self.blocks.active if self.mode is Mode.BLOCK else 0
+        return self.blocks.active if self.task.mode is Mode.BLOCK else 0
 
     @property
     def off_course(self) -> bool:
         """Whether the following error is beyond its tolerance."""
         if self.fixed_stop.active or self.fixed_stop.released:
             return False
-        tolerance = self.settings.following_tolerance * self.motion.scale
+        tolerance = self.task.settings.following_tolerance * self.motion.scale
         return self.core.controls_position and abs(self.core.following_error) > tolerance
 
     # -- one bus cycle ---------------------------------------------------------------------------------
@@ -166,15 +180,15 @@ class Positioner:
     def restart(self, *, keep_home: bool) -> None:
         """Begin as after power-on; the home position is lost unless the encoder has kept it."""
         self._clear()
-        self.refused = None
+        self.task.refused = None
         self.zsw1 = self.pos_zsw1 = self.pos_zsw2 = 0
-        self.target_reached = self.acknowledged = self.referencing = self.tracking = False
+        self.task.target_reached = self.acknowledged = self.referencing = self.tracking = False
         self.fixed_stop.clear()
         self.blocks.outputs = 0
         self._last = Words()
         self._last_velocity = 0.0
         if not keep_home:
-            self.homed = False
+            self.task.homed = False
             self.motion.offset = 0.0
 
     def step(
@@ -201,13 +215,13 @@ class Positioner:
         if not words.stw1 & _ACTIVATE:
             self.acknowledged = False
         if not (words.stw1 & _REQUESTS and words.stw1 & _NO_REJECT):
-            self.refused = None
+            self.task.refused = None
         self.homing.watch(words, rising)
         self.tracking = bool(words.pos_stw2 & _TRACK) or not self.core.enabled
         self.fixed_stop.take(fixed_stop and self.core.enabled)
         if self.core.enabled and operating:
             if self.tracking:
-                self.abandon()
+                self.task.abandon()
                 self.motion.track()
             else:
                 self._operate(words, rising)
@@ -219,7 +233,7 @@ class Positioner:
             passing = self.homing.passing
             self._clear()
             self.homing.passing = passing
-            self.target_reached = False
+            self.task.target_reached = False
         if not words.pos_stw2 & _SET_REFERENCE:
             self.referencing = False
         elif not self._last.pos_stw2 & _SET_REFERENCE and not self.motion.moving:
@@ -230,36 +244,47 @@ class Positioner:
 
     def _move(self, words: Words) -> None:
         self.motion.drive(
-            self.wanted,
+            self.task.wanted,
             override=min(2.0, max(0, words.override) / N2_ONE),
             held=not words.stw1 & _GO_ON,
-            limits=self.settings.software_limits if self.limited(words) else None,
+            limits=self.task.settings.software_limits if self.task.limited(words) else None,
         )
 
     def _show(self, words: Words, minus_cam: bool, plus_cam: bool) -> None:
         velocity = self.core.precontrol_velocity if self.core.enabled else 0.0
-        self.zsw1 = show.zsw1(self, velocity, self._last_velocity)
-        self.pos_zsw1 = show.pos_zsw1(self, minus_cam=minus_cam, plus_cam=plus_cam)
-        self.pos_zsw2 = show.pos_zsw2(self, words, velocity)
+        task = self.task
+        self.zsw1 = show.zsw1(
+            task,
+            velocity,
+            self._last_velocity,
+            off_course=self.off_course,
+            acknowledged=self.acknowledged,
+        )
+        self.pos_zsw1 = show.pos_zsw1(
+            task.mode,
+            self.blocks.active,
+            minus_cam=minus_cam,
+            plus_cam=plus_cam,
+            referencing=self.referencing,
+            passing=self.homing.passing,
+        )
+        self.pos_zsw2 = show.pos_zsw2(
+            task,
+            words,
+            velocity,
+            position=self.position,
+            outputs=self.blocks.outputs,
+            tracking=self.tracking,
+            to_stop=self.fixed_stop.active,
+        )
         self._last_velocity = velocity
 
     def set_reference_point(self) -> None:
         """Make the present position the reference point (POS_STW2 bit 1)."""
-        self.place(self.core.position, self.settings.reference_position)
-        self.homed = True
-        self.abandon()
+        self.task.place(self.core.position, self.task.settings.reference_position)
+        self.task.homed = True
+        self.task.abandon()
         self.motion.planned = None
-
-    def place(self, angle: float, position: float) -> None:
-        """Call the place at a measured angle (rad) a position, LU; a relative task under way keeps its
-        way.
-        """
-        offset = angle - position * self.motion.scale
-        wanted = self.wanted
-        if wanted is not None and wanted.relative:
-            moved = (self.motion.offset - offset) / self.motion.scale
-            self.wanted = wanted._replace(target=wanted.target + moved)
-        self.motion.offset = offset
 
     def probe_edge(self, number: int, rising: bool, angle: float) -> None:
         """Take an edge of probe input 1 or 2 at a measured angle, rad (passive homing)."""
@@ -270,131 +295,63 @@ class Positioner:
     def _operate(self, words: Words, rising: int) -> None:
         stw1 = words.stw1
         if not stw1 & _NO_REJECT:
-            self.abandon()
+            self.task.abandon()
             return
         jogs = stw1 & _JOGS
         if (
-            (self.mode is Mode.JOG and (jogs != self._last.stw1 & _JOGS or jogs in {0, _JOGS}))
-            or (self.mode is Mode.HOMING and not stw1 & _HOME)
-            or (self.mode in {Mode.MDI, Mode.SETUP} and not words.pos_stw1 & _MDI)
+            (self.task.mode is Mode.JOG and (jogs != self._last.stw1 & _JOGS or jogs in {0, _JOGS}))
+            or (self.task.mode is Mode.HOMING and not stw1 & _HOME)
+            or (self.task.mode in {Mode.MDI, Mode.SETUP} and not words.pos_stw1 & _MDI)
         ):
-            self.abandon()
+            self.task.abandon()
         if jogs not in {0, _JOGS}:
-            if (self._idle or self.mode is Mode.JOG) and rising & _JOGS:
+            if (self._idle or self.task.mode is Mode.JOG) and rising & _JOGS:
                 self._start_jog(words, 0 if jogs & STW1.JOG_1 else 1)
             return
         if rising & _HOME and self._idle and not self.homing.passing:
             self.homing.start(words)
-        if self.mode in {Mode.JOG, Mode.HOMING}:
+        if self.task.mode in {Mode.JOG, Mode.HOMING}:
             return
         activated = bool(rising & _ACTIVATE)
         if words.pos_stw1 & _MDI:
             changed = mdi_part(words) != mdi_part(self._last)
             continuous = words.pos_stw1 & POS_STW1.CONTINUOUS and changed
-            if activated or continuous or (self.mode is Mode.SETUP and changed):
+            if activated or continuous or (self.task.mode is Mode.SETUP and changed):
                 self._start_mdi(words)
         elif activated:
             self.blocks.start(words.pos_stw1 & _BLOCK, words)
-        if activated and self.refused is None:
+        if activated and self.task.refused is None:
             self.acknowledged = True
 
     @property
     def _idle(self) -> bool:
-        return self.mode is Mode.NONE or self.target_reached
-
-    @property
-    def rests(self) -> bool:
-        """Whether the axis stands, with its position held, without a task."""
-        core = self.core
-        return self.mode is Mode.NONE and core.enabled and core.standing and not self.motion.moving
-
-    def accept(self, mode: Mode, motion: Motion | None) -> None:
-        """Begin a task; None: one that does not move."""
-        self.mode = mode
-        self.wanted = motion
-        self.fixed_stop.reached = False
-        self.target_reached = False
-        self.refused = None
-
-    def finish(self) -> None:
-        """End a task that is done and shows nothing any more."""
-        self.mode = Mode.NONE
-        self.wanted = None
-
-    def abandon(self) -> None:
-        """Give the task up: brake with the maximum deceleration."""
-        if self.mode is not Mode.NONE:
-            self.target_reached = False
-        self.finish()
-
-    def refuse(self, reason: Refused) -> None:
-        """Refuse a task, or give it up, for a reason."""
-        self.refused = reason
-        self.refusals += 1
-        self.abandon()
+        return self.task.mode is Mode.NONE or self.task.target_reached
 
     def _start_mdi(self, words: Words) -> None:
-        settings = self.settings
+        settings = self.task.settings
         acceleration = settings.max_acceleration * share(words.acceleration)
         deceleration = settings.max_deceleration * share(words.deceleration)
         velocity = max(0.0, float(words.velocity))
         sign = bool(words.pos_stw1 & POS_STW1.POSITIVE) - bool(words.pos_stw1 & POS_STW1.NEGATIVE)
         if words.pos_stw1 & POS_STW1.SETUP:
             speed = velocity if sign else 0.0
-            self.accept(Mode.SETUP, Motion(math.inf * (sign or 1), speed, acceleration, deceleration))
+            self.task.accept(Mode.SETUP, Motion(math.inf * (sign or 1), speed, acceleration, deceleration))
             return
         absolute = bool(words.pos_stw1 & POS_STW1.ABSOLUTE)
-        target = self.absolute(float(words.target), sign) if absolute else self.demand + words.target
-        if target is not None and self.allowed(target, words, absolute=absolute):
+        target = self.task.absolute(float(words.target), sign) if absolute else self.demand + words.target
+        if target is not None and self.task.allowed(target, words, absolute=absolute):
             motion = Motion(target, velocity, acceleration, deceleration, relative=not absolute)
-            self.accept(Mode.MDI, motion)
-
-    def absolute(self, target: float, sign: int) -> float | None:
-        """Return where an absolute target is, LU: of a modulo axis in the direction wanted, or on the shorter
-        way.
-
-        None, and the task is refused, when it is outside of the modulo range.
-        """
-        modulo = self.settings.modulo_range
-        if not modulo:
-            return target
-        if not 0.0 <= target < modulo:
-            self.refuse(Refused.OUTSIDE_MODULO_RANGE)
-            return None
-        demand = self.demand
-        way = (target - demand) % modulo
-        if (sign < 0 and way) or (sign == 0 and way > modulo / 2.0):
-            way -= modulo
-        return demand + way
-
-    def allowed(self, target: float, words: Words, *, absolute: bool) -> bool:
-        """Say whether a target, LU, may be gone to; if not, the task is refused."""
-        if absolute and not self.homed:
-            self.refuse(Refused.NOT_HOMED)
-            return False
-        if self.limited(words) and math.isfinite(target):
-            low, high = self.settings.software_limits
-            if target < low:
-                self.refuse(Refused.TARGET_BELOW_LIMIT)
-                return False
-            if target > high:
-                self.refuse(Refused.TARGET_ABOVE_LIMIT)
-                return False
-        return True
-
-    def limited(self, words: Words) -> bool:
-        """Say whether the software limits are in force; a modulo axis has none."""
-        return self.homed and bool(words.pos_stw2 & _SOFTWARE_LIMITS) and not self.settings.modulo_range
+            self.task.accept(Mode.MDI, motion)
 
     def _start_jog(self, words: Words, which: int) -> None:
-        settings = self.settings
+        settings = self.task.settings
         velocity = settings.jog_velocities[which]
         target = math.copysign(math.inf, velocity)
         if words.pos_stw2 & POS_STW2.INCREMENTAL_JOG:
             target = self.demand + math.copysign(settings.jog_increments[which], velocity)
-            if not self.allowed(target, words, absolute=False):
+            if not self.task.allowed(target, words, absolute=False):
                 return
-        self.accept(
+        self.task.accept(
             Mode.JOG,
             Motion(
                 target, abs(velocity), settings.max_acceleration, settings.max_deceleration, relative=True
@@ -404,40 +361,40 @@ class Positioner:
     # -- motion ----------------------------------------------------------------------------------------
 
     def _watch_cams(self, words: Words, minus_cam: bool, plus_cam: bool) -> None:
-        wanted = self.wanted
+        wanted = self.task.wanted
         if wanted is None or not words.pos_stw2 & _LIMIT_CAMS:
             return
         if minus_cam and wanted.target < self.demand:
-            self.refuse(Refused.MINUS_CAM)
+            self.task.refuse(Refused.MINUS_CAM)
         elif plus_cam and wanted.target > self.demand:
-            self.refuse(Refused.PLUS_CAM)
+            self.task.refuse(Refused.PLUS_CAM)
 
     def _progress(self, words: Words, rising: int) -> None:
         """Go on to what follows: the next block, the next phase of homing, the end of the task."""
-        if self.motion.halted if self.wanted is not None else not words.stw1 & _GO_ON:
+        if self.motion.halted if self.task.wanted is not None else not words.stw1 & _GO_ON:
             return
-        if self.mode is Mode.BLOCK:
+        if self.task.mode is Mode.BLOCK:
             self.blocks.step(words, rising, self._cycle_s)
-        elif self.wanted is None:
+        elif self.task.wanted is None:
             return
-        elif self.mode is Mode.HOMING:
+        elif self.task.mode is Mode.HOMING:
             self.homing.step(words)
-        elif math.isfinite(self.wanted.target) and self.motion.arrived():
+        elif math.isfinite(self.task.wanted.target) and self.motion.arrived():
             self.motion.moving = False
-            self.target_reached = self.mode is Mode.MDI
+            self.task.target_reached = self.task.mode is Mode.MDI
 
     def _monitor(self) -> None:
         """Watch that the axis gets to its target and stays there (p2543, p2545)."""
-        settings = self.settings
+        settings = self.task.settings
         if self.fixed_stop.active:
             self.fixed_stop.look()
             return
         if settings.positioning_time_s and self._settling.update(self.motion.settling, self._cycle_s):
             self._settling.reset()
-            self.refuse(Refused.POSITIONING)
+            self.task.refuse(Refused.POSITIONING)
         if settings.standstill_time_s and self._standing.update(self.motion.displaced, self._cycle_s):
             self._standing.reset()
-            self.refuse(Refused.STANDSTILL)
+            self.task.refuse(Refused.STANDSTILL)
 
 
 __all__ = ["Mode", "Positioner", "Refused", "Words"]

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from emulators.drive.profidrive.positioner.task import Task
 from emulators.drive.profidrive.positioner.terms import Mode, Words
 from fieldbus.profidrive.formats import N2_ONE
 from fieldbus.profidrive.words import POS_STW1, POS_ZSW1, POS_ZSW2, ZSW1
-
-if TYPE_CHECKING:
-    from emulators.drive.profidrive.positioner.positioner import Positioner
-
 
 # Plain integers: an enumeration costs more than the rest of a cycle.
 _IN_TOLERANCE, _REACHED, _HOMED = (
@@ -36,18 +31,25 @@ _AT_STOP, _CLAMPED = int(POS_ZSW2.FIXED_STOP_REACHED), int(POS_ZSW2.CLAMPING_TOR
 _TO_STOP, _ACTIVE = int(POS_ZSW2.TRAVEL_TO_FIXED_STOP), int(POS_ZSW2.COMMAND_ACTIVE)
 
 
-def zsw1(axis: Positioner, velocity: float, last_velocity: float) -> int:
-    """Return the bits of ZSW1 that position mode has in its own way; demand velocities of now and of the last
-    cycle.
+def zsw1(task: Task, velocity: float, last_velocity: float, *, off_course: bool, acknowledged: bool) -> int:
+    """Return the bits of ZSW1 that position mode has in its own way.
+
+    Args:
+        task: Task of the positioner.
+        velocity: Demand velocity of now, rad/s.
+        last_velocity: That of the last bus cycle.
+        off_course: The following error is beyond its tolerance.
+        acknowledged: The edge of the bit that still stands was accepted.
+
     """
-    word = 0 if axis.off_course else _IN_TOLERANCE
-    if axis.target_reached or (axis.settings.rest_is_reached and axis.rests):
+    word = 0 if off_course else _IN_TOLERANCE
+    if task.target_reached or (task.settings.rest_is_reached and task.rests):
         word |= _REACHED
-    if axis.homed:
+    if task.homed:
         word |= _HOMED
-    if axis.acknowledged:
+    if acknowledged:
         word |= _ACKNOWLEDGED
-    if axis.core.standing:
+    if task.core.standing:
         word |= _STANDS
     change = abs(velocity) - abs(last_velocity)
     if change > 1e-9:
@@ -57,34 +59,58 @@ def zsw1(axis: Positioner, velocity: float, last_velocity: float) -> int:
     return word
 
 
-def pos_zsw1(axis: Positioner, *, minus_cam: bool, plus_cam: bool) -> int:
-    """Return POS_ZSW1."""
-    mode = axis.mode
+def pos_zsw1(
+    mode: Mode, block: int, *, minus_cam: bool, plus_cam: bool, referencing: bool, passing: bool
+) -> int:
+    """Return POS_ZSW1.
+
+    Args:
+        mode: Kind of the task.
+        block: Active traversing block.
+        minus_cam: The limit switch in negative direction is actuated.
+        plus_cam: That in positive direction.
+        referencing: The bit that has set the reference point still stands.
+        passing: Passive homing waits for its probe.
+
+    """
     word = _MODES[mode]
     if mode is Mode.BLOCK:
-        word |= axis.blocks.active
+        word |= block
     if minus_cam:
         word |= _MINUS
     if plus_cam:
         word |= _PLUS
-    if axis.referencing:
+    if referencing:
         word |= _HOMING
-    if axis.homing.passing:
+    if passing:
         word |= _PASSING
     return word
 
 
-def pos_zsw2(axis: Positioner, words: Words, velocity: float) -> int:
-    """Return POS_ZSW2."""
-    settings = axis.settings
-    word = axis.blocks.outputs * _OUTPUT_1
-    if axis.tracking:
+def pos_zsw2(
+    task: Task, words: Words, velocity: float, *, position: float, outputs: int, tracking: bool, to_stop: bool
+) -> int:
+    """Return POS_ZSW2.
+
+    Args:
+        task: Task of the positioner.
+        words: Setpoint words in force.
+        velocity: Demand velocity, rad/s.
+        position: Measured position, LU.
+        outputs: Direct outputs 1 and 2, as bits.
+        tracking: The position demand follows the axis.
+        to_stop: The axis travels to a fixed stop.
+
+    """
+    settings = task.settings
+    word = outputs * _OUTPUT_1
+    if tracking:
         word |= _TRACKING
-    wanted = axis.wanted
+    wanted = task.wanted
     if wanted is not None:
         if wanted.velocity * max(0, words.override) > settings.max_velocity * N2_ONE:
             word |= _LIMITED
-        if not axis.target_reached:
+        if not task.target_reached:
             word |= _ACTIVE
     if velocity > 0.0:
         word |= _FORWARD
@@ -92,24 +118,22 @@ def pos_zsw2(axis: Positioner, words: Words, velocity: float) -> int:
         word |= _BACKWARD
     else:
         word |= _SETPOINT_STANDS
-    if axis.limited(words):
+    if task.limited(words):
         low, high = settings.software_limits
-        demand = axis.demand
+        demand = task.demand
         if demand <= low + 0.5:
             word |= _LIMIT_MINUS
         if demand >= high - 0.5:
             word |= _LIMIT_PLUS
-    position = axis.position
     first, second = settings.position_cams
     if position <= first:
         word |= _CAM_1
     if position <= second:
         word |= _CAM_2
-    stop = axis.fixed_stop
-    if stop.active:
+    if to_stop:
         word |= _TO_STOP
-        if stop.reached:
-            word |= _AT_STOP | _CLAMPED if axis.core.torque_limited else _AT_STOP
+        if task.stop_reached:
+            word |= _AT_STOP | _CLAMPED if task.core.torque_limited else _AT_STOP
     return word
 
 
