@@ -92,7 +92,7 @@ class RunningAxes:
         elif state == "positioning":
             self._moves = self._each(MC_MoveAbsolute, Velocity=_VELOCITY)
         self.run(1000)
-        if not all(axis.facts.enabled and axis.homed for axis in self.axes):
+        if not all(axis.states.facts.enabled and axis.homed for axis in self.axes):
             raise CannotRunError("the axes of the benchmark could not be enabled")
         if (state != "standstill") is not any(axis.actual_velocity for axis in self.axes):
             raise CannotRunError(f"the axes of the benchmark are not in the state {state}")

@@ -144,7 +144,8 @@ class ControlSystem:
         place = config.inputs_of_axis(name)
         if place is not None:
             axis.station_inputs = config.station[place].axis_inputs(section.drive, self.links[place])
-        axis.inputs_in_servo = section.inputs_update == "servo"
+        if axis.position is not None:
+            axis.position.hardware.in_servo = section.inputs_update == "servo"
         axis.homing_input = SWITCHES[section.homing_input]
         axis.enabling.timeout_s = section.enable_timeout_s
         on_motor = encoders is None and axis.has_position and variables.get("Sensor[1].System", 1) == 1
@@ -259,7 +260,7 @@ class ControlSystem:
     @staticmethod
     def _programmed(axis: TechnologyAxis) -> bool:
         """Say whether the telegram of an axis arrives and it is up to a program to let the axis see it."""
-        return axis.connection == "data_block" and axis.drive_port.link_ok
+        return axis.connection == "data_block" and axis.servo.drive_port.link_ok
 
     def release_drives(self) -> None:
         """Stop the runtime and disable every drive that the controller leads; two cycles of SYNC make it

@@ -8,14 +8,14 @@ from typing import Final
 from hil.mutants._mutant import Edit, Mutant, defect
 
 _ENABLING: Final = "motion.s7.axis.enabling:EnableControl"
-_REACTIONS: Final = "motion.s7.axis.reactions:AxisAlarms"
+_REACTIONS: Final = "motion.s7.axis.reactions:Reactions"
 _ENGINE: Final = "motion.s7.alarms.engine:AlarmEngine"
 _MONITORING: Final = "motion.kernel.monitoring:Monitoring"
-_PLANNING: Final = "motion.s7.axis.planning:SetpointPlanning"
-_ACCEPTANCE: Final = "motion.s7.axis.acceptance:JobAcceptance"
+_PLANNING: Final = "motion.s7.axis.motion:MotionControl"
+_ACCEPTANCE: Final = "motion.s7.axis.motion:MotionControl"
 _CONTROL: Final = "motion.kernel.position_control:PositionController"
-_FEEDBACK: Final = "motion.kernel.feedback:Feedback"
-_RESET: Final = "motion.s7.axis.reset:Reset"
+_FEEDBACK: Final = "motion.kernel.feedback:EncoderFeedback"
+_OBJECT: Final = "motion.s7.axis.axis:TechnologyAxis"
 _LINK: Final = "motion.drives._link:LinkedPort"
 _CIA402: Final = "motion.drives.cia402:Cia402Port"
 
@@ -27,8 +27,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "stop-modes-0-and-2-swapped",
         "MC_Power stops with maximum dynamics at StopMode 0 and with the emergency ramp at 2",
         f"{_ENABLING}._start_disabling",
-        "axis.motion.begin_reaction(3 if stop_mode == 0 else 2)",
-        "axis.motion.begin_reaction(2 if stop_mode == 0 else 3)",
+        "self._motion.begin_reaction(3 if stop_mode == 0 else 2)",
+        "self._motion.begin_reaction(2 if stop_mode == 0 else 3)",
         ids=("STP-239", "STP-241"),
         likely=("stop-modes/power-0/constant", "stop-modes/power-2/constant"),
     ),
@@ -36,8 +36,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "coast-as-quick-stop",
         "MC_Power StopMode 3 sends OFF3 instead of OFF2",
         f"{_ENABLING}._start_disabling",
-        "self.stw1 = STW1_OFF2_OFF1\n",
-        "self.stw1 = STW1_OFF3\n",
+        "self._command.stw1 = STW1_OFF2_OFF1\n",
+        "self._command.stw1 = STW1_OFF3\n",
         ids=("STP-242", "STP-331"),
         likely=("stop-modes/power-3/constant",),
     ),
@@ -45,7 +45,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "enabled-by-on-alone",
         "The axis counts as enabled as soon as it gives ON, without the answer of the drive",
         f"{_ENABLING}.step",
-        "if axis.in_operation:\n                    self._arrive()\n                    return",
+        "if servo.in_operation:\n                    self._arrive()\n                    return",
         "if zsw1:\n                    self._arrive()\n                    return",
         ids=("STP-043", "STP-047"),
         likely=("drive-faults/transition-refused",),
@@ -66,9 +66,9 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         (
             Edit(
                 f"{_ENABLING}.step",
-                "if axis.alarms.blocking:\n                axis.set_state(AxisState.ALARM_DISABLED)",
-                "if axis.alarms.blocking and not self.enable:\n                "
-                "axis.set_state(AxisState.ALARM_DISABLED)",
+                "if self._alarms.blocking:\n                self._states.enter(AxisState.ALARM_DISABLED)",
+                "if self._alarms.blocking and not self._command.enable:\n                "
+                "self._states.enter(AxisState.ALARM_DISABLED)",
             ),
         ),
         ("STP-344", "MC-123"),
@@ -96,8 +96,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "power-busy-ends-early",
         "MC_Power.Busy falls as soon as Enable does",
         f"{_ENABLING}.busy",
-        "return self.enable or self._axis.state not in (",
-        "return self.enable and self._axis.state not in (",
+        "return self._command.enable or self._states.state not in (",
+        "return self._command.enable and self._states.state not in (",
         ids=("STP-294", "STP-295"),
         likely=("stop-modes/power-*/*",),
     ),
@@ -105,8 +105,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "remove-enable-with-off1",
         "Reaction 4 sends OFF1 whatever Actor.RemoveEnableReaction says",
         f"{_ENABLING}.remove_enable",
-        "self.stw1 = _REMOVE_ENABLE.get(int(self._reaction.value), STW1_OFF3)",
-        "self.stw1 = STW1_IDLE",
+        "self._command.stw1 = _REMOVE_ENABLE.get(int(self._reaction.value), STW1_OFF3)",
+        "self._command.stw1 = STW1_IDLE",
         ids=("STP-348",),
         likely=("stop-modes/reaction-4/constant",),
     ),
@@ -142,8 +142,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "reaction-4-ends-jobs-late",
         "Reaction 4 does not end the motion jobs",
         f"{_REACTIONS}._remove_enable",
-        "axis.motion.fail_all()",
-        "axis.motion.abort_all()",
+        "self._motion.fail_all()",
+        "self._motion.abort_all()",
         ids=("STP-514",),
         likely=("stop-modes/reaction-4/constant",),
     ),
@@ -195,9 +195,9 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "reset-leaves-the-drive",
         "MC_Reset does not acknowledge the drive",
-        f"{_RESET}.step",
-        "axis.enabling.acknowledge_drive = self._age > 1",
-        "axis.enabling.acknowledge_drive = False",
+        f"{_OBJECT}.acknowledge",
+        "self.command.acknowledge = age > 1",
+        "self.command.acknowledge = False",
         ids=("MC-609",),
         likely=("fault-reactions/drive-fault/*",),
     ),
@@ -206,8 +206,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "following-error-unsigned",
         "The following error is monitored in one direction only",
         f"{_MONITORING}._watch_following_error",
-        "error = abs(axis.controller.following_error)",
-        "error = -axis.controller.following_error",
+        "error = abs(servo.controller.following_error)",
+        "error = -servo.controller.following_error",
         ids=("MON-038",),
         likely=("fault-reactions/jam/*", "fault-reactions/encoder-jump/*"),
     ),
@@ -224,8 +224,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "position-window-in-wrong-unit",
         "The position window is compared in metres",
         f"{_MONITORING}._watch",
-        "inside = abs(axis.feedback.position - axis.motion.total.s) <= self._window.value",
-        "inside = abs(axis.feedback.position - axis.motion.total.s) <= self._window.value / 1000.0",
+        "inside = abs(servo.feedback.position - servo.total.s) <= self._window.value",
+        "inside = abs(servo.feedback.position - servo.total.s) <= self._window.value / 1000.0",
         ids=("MON-017",),
         likely=("fault-reactions/drive-fault/*",),
     ),
@@ -252,8 +252,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "emergency-ramp-as-maximum",
         "The emergency ramp brakes with the maximum deceleration",
         f"{_PLANNING}._ramp_limits",
-        "self._emergency.value or self._max_deceleration.value or _LAST_RESORT, 0.0",
-        "self._max_deceleration.value or self._emergency.value or _LAST_RESORT, 0.0",
+        "limits.emergency.value or limits.max_deceleration.value or _LAST_RESORT, 0.0",
+        "limits.max_deceleration.value or limits.emergency.value or _LAST_RESORT, 0.0",
         ids=("STP-239", "STP-008"),
         likely=("stop-modes/power-0/constant",),
     ),
@@ -269,9 +269,9 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "emergency-start-without-delay",
         "The emergency ramp begins at the actual position as it was two cycles ago",
-        f"{_PLANNING}._start_from_actual_position",
-        "position = axis.feedback.position + velocity * axis.setpoint_delay_s",
-        "position = axis.feedback.position",
+        "motion.kernel.servo_axis:ServoAxis.take_actual_position",
+        "position = self.feedback.position + velocity * self.setpoint_delay_s",
+        "position = self.feedback.position",
         ids=("STP-123",),
         likely=("stop-modes/power-0/constant", "stop-modes/stop-0/constant"),
     ),

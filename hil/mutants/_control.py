@@ -9,7 +9,7 @@ from hil.mutants._mutant import Mutant, defect
 
 _CONTROL: Final = "motion.kernel.position_control:PositionController"
 _MONITORING: Final = "motion.kernel.monitoring:Monitoring"
-_PLANNING: Final = "motion.s7.axis.planning:SetpointPlanning"
+_PLANNING: Final = "motion.s7.axis.motion:MotionControl"
 _FILTER: Final = "motion.kernel.setpoint_filter"
 _TORQUE: Final = "motion.s7.axis.torque:TorqueControl"
 _TELEGRAM: Final = "motion.drives.profidrive:ProfidrivePort"
@@ -103,8 +103,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "loop-closed-at-the-setpoint",
         "Position control that is switched on while moving goes on from the old setpoint",
         f"{_PLANNING}.set_position_control",
-        "if on and not self.position_controlled:",
-        "if on and self.position_controlled:",
+        "if on and not servo.position_controlled:",
+        "if on and servo.position_controlled:",
         ids=("CTL-094",),
         likely=("control/off-and-on/controller/80", "control/off-and-on/*"),
     ),
@@ -168,7 +168,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "following-error-by-actual-velocity",
         "The permitted following error is that of the actual velocity, which a blocked axis has not",
         f"{_MONITORING}._watch_following_error",
-        "permitted = self.permitted_following_error(axis.motion.total.v)",
+        "permitted = self.permitted_following_error(servo.total.v)",
         "permitted = self.permitted_following_error(axis.feedback.velocity)",
         ids=("MON-038",),
         likely=("monitoring/jam/450", "monitoring/jam/*"),
@@ -231,8 +231,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "positioning-watched-in-the-next-job",
         "The supervision of an end position goes on under the next motion",
         f"{_PLANNING}._leave_target",
-        "self._axis.monitoring.cancel()",
-        "self._axis.monitoring.start_positioning()",
+        "self._monitoring.cancel()",
+        "self._monitoring.start_positioning()",
         ids=("MON-027",),
         likely=(
             "monitoring/new-job/tolerance",
@@ -255,9 +255,9 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "following-error-watched-under-torque-limit",
         "A torque limit leaves the position-related monitoring on",
-        f"{_TORQUE}.relaxes_monitoring",
-        "return self.limits and self._monitored.value == 0",
-        "return self.limits and self._monitored.value != 0",
+        "motion.kernel.torque_limits:TorqueLimits.relaxes_monitoring",
+        "self.range_nm is not None) and self._monitored.value == 0",
+        "self.range_nm is not None) and self._monitored.value != 0",
         ids=("STP-144",),
         likely=("control/torque-limit-watched/0",),
     ),

@@ -7,7 +7,8 @@ from typing import Final
 
 from hil.mutants._mutant import Mutant, defect
 
-_LIMITS: Final = "motion.s7.axis.limits:TravelLimits"
+_HARDWARE: Final = "motion.s7.axis.hardware_limits:HardwareLimits"
+_SOFTWARE: Final = "motion.s7.axis.software_limits:SoftwareLimits"
 _ACTIVE: Final = "motion.s7.axis.homing.active:ActiveHoming"
 _FINDER: Final = "motion.s7.axis.homing.finder:MarkFinder"
 _PASSIVE: Final = "motion.s7.axis.homing.passive:PassiveHoming"
@@ -19,7 +20,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "limit-polarity",
         "The level of the hardware limit switches is taken the wrong way round",
-        f"{_LIMITS}.check_hardware",
+        f"{_HARDWARE}.check_hardware",
         "is (switch.level.value != 0)",
         "is (switch.level.value == 0)",
         ids=("LIM-034",),
@@ -28,7 +29,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "limit-switches-crossed",
         "The negative limit switch is read from the input of the positive one",
-        f"{_LIMITS}.check_hardware",
+        f"{_HARDWARE}.check_hardware",
         "on = (inputs & switch.mask != 0)",
         "on = (inputs & (3 - switch.mask) != 0)",
         ids=("LIM-034",),
@@ -37,7 +38,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "limit-can-be-left-outwards",
         "A limit switch that is acknowledged lets the axis go on outwards",
-        f"{_LIMITS}._evaluate",
+        f"{_HARDWARE}._evaluate",
         "if outwards > 0.0 or (self._barred and outwards != 0.0):",
         "if self._barred and outwards != 0.0:",
         ids=("LIM-049", "LIM-059"),
@@ -46,7 +47,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "limit-bars-the-way-back",
         "A limit switch that is acknowledged bars the way back too",
-        f"{_LIMITS}._evaluate",
+        f"{_HARDWARE}._evaluate",
         "if outwards > 0.0 or (self._barred and outwards != 0.0):",
         "if outwards != 0.0:",
         ids=("LIM-049",),
@@ -55,7 +56,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "limit-keeps-no-enable",
         "A hardware limit switch always removes the enable, whatever ApproachBehavior says",
-        f"{_LIMITS}._alarm",
+        f"{_HARDWARE}._alarm",
         "reaction=3 if keeps_enabled else 4,",
         "reaction=4,",
         ids=("LIM-034",),
@@ -145,7 +146,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "limits-stay-off-after-homing",
         "The limit switches stay unwatched after a homing that turns round at them",
-        f"{_LIMITS}.end_reversal",
+        f"{_HARDWARE}.end_reversal",
         "self.reversing = False\n",
         "self.reversing = self.reversing\n",
         ids=("HOM-115",),
@@ -181,7 +182,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "homed-outlives-encoder-fault",
         "An incremental encoder that has failed leaves the axis homed",
-        "motion.kernel.feedback:Feedback.update",
+        "motion.kernel.feedback:EncoderFeedback.update",
         "self.lost_reference = True  # what",
         "self.lost_reference = False  # what",
         ids=("HOM-179",),
@@ -191,8 +192,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "traversable-switch-forgets",
         "A traversable limit switch that has been passed counts as left as soon as it is free",
-        f"{_LIMITS}._evaluate",
-        "switch.trip = axis.feedback.position",
+        f"{_HARDWARE}._evaluate",
+        "switch.trip = self._servo.feedback.position",
         "switch.trip = None",
         ids=("LIM-045",),
         likely=("limits/traversable/positive/constant",),
@@ -200,7 +201,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "traversable-switch-left-outwards",
         "A traversable limit switch counts as left on its outer side",
-        f"{_LIMITS}._evaluate",
+        f"{_HARDWARE}._evaluate",
         "* switch.direction >= 0.0",
         "* switch.direction <= 0.0",
         ids=("LIM-045", "LIM-046"),
@@ -209,16 +210,16 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "wrong-side-unnoticed",
         "A limit switch that is met while moving away from it is taken for a right one",
-        f"{_LIMITS}._evaluate",
-        "elif axis.state is AxisState.MOTION and velocity * switch.direction < 0.0:",
-        "elif axis.state is AxisState.MOTION and velocity == 0.0:",
+        f"{_HARDWARE}._evaluate",
+        "elif self._states.state is AxisState.MOTION and velocity * switch.direction < 0.0:",
+        "elif self._states.state is AxisState.MOTION and velocity == 0.0:",
         ids=("LIM-062",),
         likely=("limits/swapped/positive/braking", "limits/swapped/*"),
     ),
     _defect(
         "both-switches-acknowledged",
         "Both limit switches at once, traversable ones, need no restart",
-        f"{_LIMITS}._alarm",
+        f"{_HARDWARE}._alarm",
         "restart=cause == _ENCODER or (traversable and cause in (_REVERSED, _BOTH)),",
         "restart=cause == _ENCODER,",
         ids=("LIM-061",),
@@ -228,8 +229,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "software-limit-one-cycle-late",
         "The look-ahead of the software limits works with the present setpoint instead of the next one",
-        f"{_LIMITS}.check_software",
-        "following = gen.peek(axis.interpolator_s)",
+        f"{_SOFTWARE}.check_software",
+        "following = gen.peek(self._servo.interpolator_s)",
         "following = (position, gen.v, gen.a)",
         ids=("LIM-075",),
         likely=("limits/software/positive/constant/current", "limits/software/*/constant/*"),
@@ -237,7 +238,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "software-limit-without-jerk",
         "The braking distance to a software limit is reckoned without the jerk limit",
-        f"{_LIMITS}._look_ahead",
+        f"{_SOFTWARE}._look_ahead",
         "stop_distance(speed, growth, deceleration, jerk)",
         "stop_distance(speed, growth, deceleration, 0.0)",
         ids=("LIM-075",),
@@ -246,7 +247,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "software-limit-always-maximum",
         "A software limit is approached with the greatest deceleration whatever LimitReachedBehavior says",
-        f"{_LIMITS}._dynamics",
+        f"{_SOFTWARE}._braking",
         "if self._sw_reached.value != 1:",
         "if self._sw_reached.value != 2:",
         ids=("LIM-077",),
@@ -255,16 +256,16 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "software-limit-by-braking-alone",
         "The stop at a software limit is a ramp that ends somewhere in front of it",
-        f"{_LIMITS}._reach",
-        "if axis.state is AxisState.ALARM_RAMP and not stopping:",
-        "if axis.state is AxisState.ALARM_STANDSTILL and not stopping:",
+        f"{_SOFTWARE}._reach",
+        "if self._states.state is AxisState.ALARM_RAMP and not stopping:",
+        "if self._states.state is AxisState.ALARM_STANDSTILL and not stopping:",
         ids=("LIM-075",),
         likely=("limits/software/positive/constant/current",),
     ),
     _defect(
         "exceeded-reactions-swapped",
         "LimitExceededBehavior is taken the wrong way round",
-        f"{_LIMITS}._exceed",
+        f"{_SOFTWARE}._exceed",
         "reaction=3 if self._sw_exceeded.value == 1 else 4,",
         "reaction=4 if self._sw_exceeded.value == 1 else 3,",
         ids=("LIM-085",),
@@ -273,8 +274,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "software-limit-without-homing",
         "Software limits act on an axis that is not homed",
-        f"{_LIMITS}._follow_range",
-        "if contradiction or not active or not axis.homed:",
+        f"{_SOFTWARE}._follow_range",
+        "if contradiction or not active or not self._servo.homed:",
         "if contradiction or not active:",
         ids=("LIM-073",),
         likely=("limits/software/positive/without-effect/not-homed",),
@@ -282,7 +283,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "outside-limit-does-not-follow",
         "Behind a software limit the axis may go outwards again after it has gone inwards",
-        f"{_LIMITS}._follow_range",
+        f"{_SOFTWARE}._follow_range",
         "self._range_max = max(high, min(self._range_max, position))",
         "self._range_max = max(high, self._range_max)",
         ids=("LIM-095", "LIM-096"),
@@ -291,7 +292,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "software-limit-bits-swapped",
         "StatusWord.X15 and X16 show the software limit of the other side",
-        f"{_LIMITS}._follow_range",
+        f"{_SOFTWARE}._follow_range",
         "self.software_min = position <= low + _PASSED_TOLERANCE\n        self.software_max = position >= "
         "high - _PASSED_TOLERANCE",
         "self.software_max = position <= low + _PASSED_TOLERANCE\n        self.software_min = position >= "

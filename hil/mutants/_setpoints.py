@@ -9,10 +9,10 @@ from typing import Final
 
 from hil.mutants._mutant import Mutant, defect
 
-_PLANNING: Final = "motion.s7.axis.planning:SetpointPlanning"
+_PLANNING: Final = "motion.s7.axis.motion:MotionControl"
 _GENERATOR: Final = "motion.setpoint.generator:SetpointGenerator"
 _SUPERPOSITION: Final = "motion.kernel.superposition:Superposition"
-_FEEDBACK: Final = "motion.kernel.feedback:Feedback"
+_FEEDBACK: Final = "motion.kernel.feedback:EncoderFeedback"
 _ENCODER: Final = "motion.s7.axis.external_encoder:ExternalEncoder"
 _PANEL: Final = "motion.s7.commissioning.panel:ControlPanel"
 
@@ -70,7 +70,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "encoder-switch-not-bumpless",
         "MC_SetSensor Mode 0 takes the position of the other encoder as it is",
-        "motion.s7.axis.sensors:set_sensor",
+        "motion.s7.axis.axis:TechnologyAxis.set_sensor",
         "if mode in (SWITCH_BUMPLESS, TRANSFER):",
         "if mode == TRANSFER:",
         ids=("CFG-325", "CFG-330"),
@@ -79,17 +79,17 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "encoder-switch-unsmoothed",
         "The difference of two encoders acts at once when the axis switches between them",
-        "motion.s7.axis.sensors:set_sensor",
-        "if step and controlled:",
-        "if step and not controlled:",
+        "motion.s7.axis.axis:TechnologyAxis.set_sensor",
+        "if step and servo.controlled and servo.position_controlled:",
+        "if step and not servo.position_controlled:",
         ids=("CFG-329",),
         likely=("two-encoders/switched/1",),
     ),
     _defect(
         "transfer-from-the-operative-encoder",
         "MC_SetSensor Mode 3 transfers the position of the axis whatever ReferenceSensor says",
-        "motion.s7.axis.sensors:set_sensor",
-        "target.transfer(axis.sensors[reference - 1].position)",
+        "motion.s7.axis.axis:TechnologyAxis.set_sensor",
+        "target.transfer(servo.sensors[reference - 1].position)",
         "target.transfer(present.position)",
         ids=("CFG-328",),
         likely=("two-encoders/switched/3",),
@@ -135,8 +135,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "motion-in-velocity-as-derivative",
         "Position control takes the velocity of MC_MotionInPosition for the derivative of its position",
         f"{_PLANNING}.take_vector",
-        "axis.controller.given = True",
-        "axis.controller.given = False",
+        "servo.controller.given = True",
+        "servo.controller.given = False",
         ids=("MIN-022",),
         likely=("motion-in/velocity-without-way",),
     ),
@@ -144,8 +144,8 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
         "motion-in-exceeds-one-sided",
         "StatusMotionIn.X0 is shown for positive velocities only",
         f"{_PLANNING}.motion_in_exceeds",
-        "abs(self.gen.v) > self._max_velocity.value",
-        "self.gen.v > self._max_velocity.value",
+        "abs(self.gen.v) > self._limits.max_velocity.value",
+        "self.gen.v > self._limits.max_velocity.value",
         ids=("MIN-005",),
         likely=("motion-in/beyond-limits/velocity-backwards",),
     ),
@@ -207,7 +207,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     _defect(
         "encoder-offset-not-kept",
         "The adjustment of an absolute encoder is not stored: it is lost with the next restart",
-        f"{_FEEDBACK}.keep_offset",
+        "motion.kernel.feedback:Feedback.keep_offset",
         "self._abs_offset.value = self._offset",
         "self._abs_offset.value = self._abs_offset.value",
         ids=("HOM-017", "HOM-018"),

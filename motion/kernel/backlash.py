@@ -9,30 +9,51 @@ within the backlash.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from motion.kernel.feedback import VALID
 from motion.kernel.mechanics import INCREMENTAL
 
 if TYPE_CHECKING:
+    from motion.kernel.cell import Cell
     from motion.kernel.feedback import Feedback
-    from motion.s7.axis.axis import TechnologyAxis
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BacklashSettings:
+    """How a backlash is compensated.
+
+    Args:
+        enabled: Whether it is.
+        size: Its size, position unit.
+        velocity: Velocity with which the offset changes, position unit/s; 0 = at once.
+        homing_direction: 0: the flank of positive motion was touched when an absolute encoder was adjusted.
+
+    """
+
+    enabled: Cell[bool]
+    size: Cell[float]
+    velocity: Cell[float]
+    homing_direction: Cell[int]
 
 
 class Backlash:
     """The compensation of one encoder; `step` runs once per cycle after the encoder has been read.
 
     Args:
-        axis: The axis.
         feedback: The encoder.
-        prefix: `Sensor[1]` to `Sensor[4]`.
+        settings: How it is compensated.
+        cycle_s: Servo cycle, s.
+        adjusted: An absolute encoder that has been adjusted: it is known which flank was touched then
+            (CFG-568).
 
     """
 
     __slots__ = (
         "_armed",
-        "_axis",
         "_base",
+        "_cycle",
         "_direction",
         "_first",
         "_homing_direction",
@@ -50,23 +71,23 @@ class Backlash:
         "used",
     )
 
-    def __init__(self, axis: TechnologyAxis, feedback: Feedback, prefix: str) -> None:
-        bind = axis.variables.bind
-        self._axis = axis
+    def __init__(
+        self, feedback: Feedback, settings: BacklashSettings, *, cycle_s: float, adjusted: bool
+    ) -> None:
         self.feedback = feedback
-        self.enabled = bind(f"{prefix}.Backlash.Enable")
-        """Cell of `Backlash.Enable`."""
+        self.enabled = settings.enabled
+        """Whether the backlash is compensated."""
         self.used = False
         """It has been enabled, so that `step` has to notice its end."""
-        self._size = bind(f"{prefix}.Backlash.Size")
-        self._velocity = bind(f"{prefix}.Backlash.Velocity")
-        self._homing_direction = bind(f"{prefix}.Backlash.DirectionAbsoluteHoming")
+        self._cycle = cycle_s
+        self._size = settings.size
+        self._velocity = settings.velocity
+        self._homing_direction = settings.homing_direction
         self._seen = (self.enabled.value, self._size.value)
         self.passing = False
-        """`StatusWord2.X2`: the motor passes the backlash."""
+        """The motor passes the backlash (`StatusWord2.X2`)."""
         self._begin(feedback.travel)
         self._waits = True
-        adjusted = axis.variables.read(f"Status{prefix}.Adjusted") == 1
         if adjusted and feedback.scale.kind != INCREMENTAL:
             self._assume_flank()
 
@@ -92,23 +113,33 @@ class Backlash:
         self.passing = False
         self._waits = False
 
-    def step(self) -> None:
-        """Correct the position of this cycle."""
+    def step(self, velocity: float | None) -> bool:
+        """Correct the position of this cycle.
+
+        Args:
+            velocity: Velocity setpoint while the position is controlled with this encoder, position unit/s;
+                else None.
+
+        Returns:
+            Whether the settings have changed, so that positions mean something else now (CFG-551).
+
+        """
+        changed = False
         feedback = self.feedback
         motor = feedback.travel
         settings = (self.enabled.value, self._size.value)
         if settings != self._seen:
             self._seen = settings
             self._begin(motor)
-            self._axis.homed = False  # positions mean something else now (CFG-551)
+            changed = True
         elif feedback.source.encoder_restarts != self._restarts:
             self._begin(motor)
         self.used = settings[0]
         if not self.used:
-            return
+            return changed
         if self._waits:
             if feedback.state != VALID:
-                return
+                return changed
             self._waits = False
             self._first = self._last = motor  # the first value is no way that the motor has gone
         moved = motor - self._last
@@ -116,16 +147,15 @@ class Backlash:
         if feedback.compensation != self._base + self._offset:
             self._base = -self._offset  # `Feedback.keep_offset` has made it a part of the relation
         if self._armed:
-            axis = self._axis
-            motion = axis.motion
-            if axis.facts.controlled and motion.position_controlled and axis.feedback is feedback:
-                self._by_setpoint(motion.total.v, moved)
+            if velocity is not None:
+                self._by_setpoint(velocity, moved)
             else:
                 self._by_motor(moved)
         else:
             self._arm(motor, moved)
         feedback.compensation = compensation = self._base + self._offset
         feedback.position += compensation
+        return changed
 
     def _arm(self, motor: float, moved: float) -> None:
         size = self._size.value
@@ -151,7 +181,7 @@ class Backlash:
         end = 0.0 if direction > 0.0 else size
         if self._offset != end:
             rate = self._velocity.value
-            step = rate * self._axis.cycle_s if rate > 0.0 else size
+            step = rate * self._cycle if rate > 0.0 else size
             gap = end - self._offset
             self._offset = end if abs(gap) <= step else self._offset + (step if gap > 0.0 else -step)
 

@@ -4,16 +4,18 @@ section 2.14).
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from fractions import Fraction
-from typing import TYPE_CHECKING, Final, Protocol, cast
+from typing import TYPE_CHECKING, Final, Protocol
 
-from motion.kernel.mechanics import CYCLIC_ABSOLUTE, INCREMENTAL
+from typing_extensions import override
+
+from motion.kernel.cell import Cell
+from motion.kernel.mechanics import CYCLIC_ABSOLUTE, INCREMENTAL, EncoderScale
 
 if TYPE_CHECKING:
     from motion.drives.mark import MarkSearch
-    from motion.kernel.mechanics import SensorScale
     from motion.kernel.modulo import Modulo
-    from motion.s7.variables import Cell
 
 NOT_VALID: Final = 0
 WAITING_FOR_VALID: Final = 1
@@ -36,8 +38,100 @@ class EncoderSource(Protocol):
         """Whether an absolute value lies between 0 and the measuring range; else it has a sign."""
 
 
-class Feedback:
-    """Position and velocity of the axis from one encoder.
+class Feedback(ABC):
+    """Position and velocity of an axis from one encoder, real or simulated.
+
+    Args:
+        source: Port that brings the count.
+        scale: Ratios and format of the encoder.
+        abs_offset: Cell that keeps the relation of an absolute encoder over power-off, position unit.
+
+    """
+
+    __slots__ = (
+        "_abs_offset",
+        "_correction",
+        "_offset",
+        "compensation",
+        "last_velocity",
+        "lost_reference",
+        "position",
+        "scale",
+        "source",
+        "state",
+        "velocity",
+    )
+
+    def __init__(self, source: EncoderSource, scale: EncoderScale, abs_offset: Cell[float]) -> None:
+        self.source = source
+        self.scale = scale
+        self._abs_offset = abs_offset
+        self._offset = 0.0
+        self._correction = 0.0
+        self.position = 0.0
+        """Actual position, position unit; unwrapped on a modulo axis."""
+        self.velocity = 0.0
+        """Actual velocity, position unit per second: difference of two positions, or that of the telegram."""
+        self.last_velocity = 0.0
+        """`velocity` of the cycle before."""
+        self.state = NOT_VALID
+        """`NOT_VALID`, `WAITING_FOR_VALID` or `VALID`."""
+        self.compensation = 0.0
+        """What the backlash compensation has added to `position`, position unit."""
+        self.lost_reference = False
+        """Set when an incremental count came back with a new reference; the axis clears it."""
+
+    @abstractmethod
+    def update(self) -> None:
+        """Take over the value of this cycle."""
+
+    @abstractmethod
+    def ahead(self, raw: int) -> float:
+        """Return how far a raw count lies ahead of the present position, position unit."""
+
+    @property
+    @abstractmethod
+    def travel(self) -> float:
+        """Way of the encoder since its count began, position unit: independent of the coordinate system."""
+
+    @abstractmethod
+    def place(self, modulo: Modulo) -> tuple[int, float]:
+        """Return modulo cycle and position within the range."""
+
+    @abstractmethod
+    def shift(self, offset: float) -> None:
+        """Move the coordinate system so that the position grows by `offset`."""
+
+    def transfer(self, position: float) -> None:
+        """Show `position` from now on (`MC_SetSensor`); an absolute encoder remembers by how much that
+        corrects it.
+        """
+        offset = position - self.position
+        self._correction += offset
+        self.shift(offset)
+
+    def keep_offset(self) -> None:
+        """Make the present relation of encoder value and position the one that outlasts power-off
+        (`AbsEncoderOffset`).
+
+        What a backlash compensation adds belongs to it: it holds for the flank that is touched now (CFG-568).
+        """
+        self._offset += self.compensation
+        self.compensation = 0.0
+        self._abs_offset.value = self._offset
+        self._correction = 0.0
+
+    def discard_correction(self) -> None:
+        """Take back what `transfer` has corrected at an absolute encoder (MC-389); an incremental one keeps
+        it.
+        """
+        correction, self._correction = self._correction, 0.0
+        if correction and self.scale.kind != INCREMENTAL:
+            self.shift(-correction)
+
+
+class EncoderFeedback(Feedback):
+    """Actual values from the count of an encoder.
 
     The count is unwrapped to an integer of unlimited length, so that an endless axis does not drift: a
     position is an offset and the increments since a count that belongs to it, multiplied once (LIM-098,
@@ -55,50 +149,35 @@ class Feedback:
     """
 
     __slots__ = (
-        "_abs_offset",
         "_base",
-        "_correction",
         "_count",
         "_fresh",
         "_full",
         "_half",
         "_increment",
         "_last_raw",
-        "_offset",
         "_rate",
         "_restarts",
         "_retained",
         "_unit_per_rpm",
-        "compensation",
-        "last_velocity",
-        "lost_reference",
-        "position",
-        "scale",
-        "source",
-        "state",
-        "velocity",
     )
 
     def __init__(
         self,
         source: EncoderSource,
-        scale: SensorScale,
+        scale: EncoderScale,
         cycle_s: float,
-        abs_offset: Cell,
+        abs_offset: Cell[float],
         *,
         before: Feedback | None = None,
         powered_off: bool = False,
     ) -> None:
-        self.source = source
-        self.scale = scale
+        super().__init__(source, scale, abs_offset)
         self._increment = scale.increment
         self._rate = 1.0 / cycle_s
         self._unit_per_rpm = scale.unit_per_rpm if scale.velocity_from_drive else 0.0
         self._full = 1 << scale.bits
         self._half = self._full >> 1
-        self._abs_offset = abs_offset
-        self._offset = 0.0
-        self._correction = 0.0
         self._last_raw = 0
         self._count = 0
         self._base = 0
@@ -106,24 +185,12 @@ class Feedback:
         self._restarts = 0
         self._fresh = True
         self._retained: int | None = None
-        self.position = 0.0
-        """Actual position, axis unit; unwrapped on a modulo axis."""
-        self.velocity = 0.0
-        """Actual velocity, axis unit per second: difference of two positions, or the drive's."""
-        self.last_velocity = 0.0
-        """`velocity` of the cycle before."""
-        self.state = NOT_VALID
-        """`StatusSensor[n].State`."""
-        self.compensation = 0.0
-        """What the backlash compensation has added to `position`, axis unit."""
-        self.lost_reference = False
-        """Set when an incremental count came back with a new reference; the axis clears it."""
         if scale.kind != INCREMENTAL:
             self._offset = abs_offset.value
-            if before is not None:
+            if isinstance(before, EncoderFeedback):
                 self._go_on(before, powered_off=powered_off)
 
-    def _go_on(self, before: Feedback, *, powered_off: bool) -> None:
+    def _go_on(self, before: EncoderFeedback, *, powered_off: bool) -> None:
         """Take over what an absolute encoder has counted before a restart (CFG-115), or what is kept over
         power-off (CFG-292).
         """
@@ -137,6 +204,7 @@ class Feedback:
             self._fresh = False
             self.position = (self._count - self._base) * self._increment + self._offset
 
+    @override
     def update(self) -> None:
         """Take over the encoder count of this cycle."""
         source = self.source
@@ -197,17 +265,20 @@ class Feedback:
         self.velocity = 0.0
         self.state = VALID
 
+    @override
     def ahead(self, raw: int) -> float:
         """Return how far a raw count lies ahead of the present position, axis unit."""
         return ((raw - self._last_raw + self._half) % self._full - self._half) * self._increment
 
     @property
+    @override
     def travel(self) -> float:
         """Way of the encoder since its count began, axis unit: the position without any relation to the
         machine.
         """
         return self._count * self._increment
 
+    @override
     def place(self, modulo: Modulo) -> tuple[int, float]:
         """Return modulo cycle and position within the range, to the increment however often the range has
         been passed.
@@ -217,6 +288,7 @@ class Feedback:
         exact = Fraction(self._offset) + (self._count - self._base) * self.scale.exact_increment
         return modulo.exact_place(exact + Fraction(self.compensation))
 
+    @override
     def shift(self, offset: float) -> None:
         """Move the coordinate system so that the position grows by `offset`.
 
@@ -230,42 +302,71 @@ class Feedback:
         else:
             self._offset += offset
 
-    def transfer(self, position: float) -> None:
-        """Show `position` from now on (`MC_SetSensor`); an absolute encoder remembers by how much that
-        corrects it.
-        """
-        offset = position - self.position
-        self._correction += offset
-        self.shift(offset)
 
-    def keep_offset(self) -> None:
-        """Make the present relation of encoder value and position the one that outlasts power-off
-        (`AbsEncoderOffset`).
+class _NoSource:
+    """Source of an axis without encoder."""
 
-        What a backlash compensation adds belongs to it: it holds for the flank that is touched now (CFG-568).
-        """
-        self._offset += self.compensation
-        self.compensation = 0.0
-        self._abs_offset.value = self._offset
-        self._correction = 0.0
+    __slots__ = (
+        "actual_speed_rpm",
+        "encoder_increments",
+        "encoder_restarts",
+        "link_ok",
+        "mark",
+        "sensor_fault",
+        "sign_lost",
+    )
 
-    def discard_correction(self) -> None:
-        """Take back what `transfer` has corrected at an absolute encoder (MC-389); an incremental one keeps
-        it.
-        """
-        correction, self._correction = self._correction, 0.0
-        if correction and self.scale.kind != INCREMENTAL:
-            self.shift(-correction)
+    absolute_from_zero = False
+
+    def __init__(self) -> None:
+        self.link_ok = True
+        self.sign_lost = self.sensor_fault = False
+        self.mark: MarkSearch | None = None
+        self.encoder_increments = self.encoder_restarts = 0
+        self.actual_speed_rpm = 0.0
 
 
-class _Nowhere:
-    """Feedback of an object without encoder."""
+class _NoFeedback(Feedback):
+    """Feedback of an axis without encoder: it stands at 0 and is valid."""
 
-    __slots__ = ("scale", "source")
-    position = velocity = last_velocity = 0.0
-    state = VALID
-    lost_reference = False
+    __slots__ = ()
+
+    def __init__(self) -> None:
+        scale = EncoderScale(
+            kind=INCREMENTAL,
+            fine=1,
+            exact_increment=Fraction(0),
+            increment=0.0,
+            bits=32,
+            range_counts=0,
+            velocity_from_drive=False,
+            reference=0.0,
+            unit_per_rpm=0.0,
+        )
+        super().__init__(_NoSource(), scale, Cell(0.0))
+        self.state = VALID
+
+    @override
+    def update(self) -> None:
+        pass
+
+    @override
+    def ahead(self, raw: int) -> float:
+        return 0.0
+
+    @property
+    @override
+    def travel(self) -> float:
+        return 0.0
+
+    @override
+    def place(self, modulo: Modulo) -> tuple[int, float]:
+        return 0, 0.0
+
+    @override
+    def shift(self, offset: float) -> None:
+        pass
 
 
-NO_FEEDBACK: Final = cast("Feedback", _Nowhere())
-"""Of a speed axis."""
+NO_FEEDBACK: Final[Feedback] = _NoFeedback()
+"""Of an axis without positions."""

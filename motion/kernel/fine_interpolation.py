@@ -12,8 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from motion.kernel.superposition import Superposition
-    from motion.setpoint import SetpointGenerator
+    from motion.setpoint import Setpoint
 
 
 class FineInterpolation:
@@ -57,9 +56,7 @@ class FineInterpolation:
         self.a = 0.0
         """Acceleration setpoint of the interpolator, axis unit per second squared."""
 
-    def begin(
-        self, start: tuple[float, float], end: SetpointGenerator | Superposition, *, controlled: bool
-    ) -> FineInterpolation:
+    def begin(self, start: tuple[float, float], end: Setpoint, *, controlled: bool) -> FineInterpolation:
         """Begin an interval; returns its first point.
 
         Args:
@@ -77,7 +74,7 @@ class FineInterpolation:
         self._points = self._profile(end) if controlled else []
         return self.advance()
 
-    def _profile(self, end: SetpointGenerator | Superposition) -> list[tuple[float, float]]:
+    def _profile(self, end: Setpoint) -> list[tuple[float, float]]:
         points = []
         for rest in range(self._ratio - 1, 0, -1):
             point = end.before(rest * self._servo)
@@ -114,7 +111,7 @@ class FineInterpolation:
         self.v = ((3.0 * cube * share + 2.0 * square) * share + linear) / duration
         return self
 
-    def begin_anew(self, position: float, velocity: float) -> float:
+    def restart(self, position: float, velocity: float) -> float:
         """Go from `position` with `velocity` for the rest of the interval; returns how far that is, axis
         unit.
         """

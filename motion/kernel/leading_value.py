@@ -6,13 +6,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import copysign
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from motion.kernel.cell import Cell
     from motion.kernel.feedback import Feedback
-    from motion.kernel.modulo import Modulo
-    from motion.s7.variables import VariableStore
 
 Value = tuple[float, float, float]
 """Position, velocity and acceleration, axis units and s."""
@@ -59,6 +59,37 @@ class Hysteresis:
         return self.output
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extrapolation:
+    """How the actual value is extrapolated for followers; the cells in s, position unit per second, position
+    unit.
+
+    Args:
+        system_defined: The time of the leading axis counts as well, and the position filter acts.
+        differentiates: The velocity is the change of the extrapolated position, not the filtered velocity.
+        delay_s: Delay of the setpoint that local followers get, s.
+        following_s: Time that the followers add, s.
+        position_t1: First time of the position filter.
+        position_t2: Second time of the position filter.
+        velocity_t1: First time of the velocity filter.
+        velocity_t2: Second time of the velocity filter.
+        tolerance: Band of velocities that count as one.
+        hysteresis: Way back that counts as none.
+
+    """
+
+    system_defined: bool
+    differentiates: bool
+    delay_s: float
+    following_s: Cell[float]
+    position_t1: Cell[float]
+    position_t2: Cell[float]
+    velocity_t1: Cell[float]
+    velocity_t2: Cell[float]
+    tolerance: Cell[float]
+    hysteresis: Cell[float]
+
+
 class LeadingValue:
     """See the module.
 
@@ -66,7 +97,7 @@ class LeadingValue:
     be called.
 
     Args:
-        store: Variables of the object.
+        settings: How the actual value is extrapolated.
         cycle_s: Application cycle, s.
         acquisition_s: T_i, the age of an actual value, s.
         feedback: Returns the encoder that measures the object.
@@ -95,33 +126,29 @@ class LeadingValue:
 
     def __init__(
         self,
-        store: VariableStore,
+        settings: Extrapolation,
         *,
         cycle_s: float,
         acquisition_s: float,
         feedback: Callable[[], Feedback],
         setpoint: Callable[[], Value],
     ) -> None:
-        bind = store.bind
         self._cycle = cycle_s
         self._acquisition = acquisition_s
         self._feedback = feedback
         self._setpoint = setpoint
-        self._leading = store.read("Extrapolation.Settings.SystemDefinedExtrapolation") == 1
-        self._differentiates = store.read("Extrapolation.Settings.ExtrapolatedVelocityMode") == 1
-        self._delay = store.read("CrossPlcSynchronousOperation.LocalLeadingValueDelayTime")
-        self._following = bind("Extrapolation.FollowingAxisDependentTime")
-        self._cells = [
-            bind(f"Extrapolation.{name}")
-            for name in (
-                "PositionFilter.T1",
-                "PositionFilter.T2",
-                "VelocityFilter.T1",
-                "VelocityFilter.T2",
-                "VelocityTolerance.Range",
-                "Hysteresis.Value",
-            )
-        ]
+        self._leading = settings.system_defined
+        self._differentiates = settings.differentiates
+        self._delay = settings.delay_s
+        self._following = settings.following_s
+        self._cells = (
+            settings.position_t1,
+            settings.position_t2,
+            settings.velocity_t1,
+            settings.velocity_t2,
+            settings.tolerance,
+            settings.hysteresis,
+        )
         self._filter: _SecondOrder | None = None
         self._velocity_filter = _SecondOrder(0.0)
         self._hysteresis = Hysteresis(0.0)
@@ -221,22 +248,3 @@ class LeadingValue:
         before = past[max(newest - 1, 0)]
         position, velocity, acceleration = (b + (a - b) * rest for a, b in zip(before, after, strict=True))
         return position, velocity, acceleration
-
-
-def live_leading_value(
-    get: Callable[[], LeadingValue], modulo: Callable[[], Modulo]
-) -> dict[str, Callable[[], Any]]:
-    """Return the readers of the variables that show a leading value, for an object that may get another
-    one.
-    """
-    status, given = "StatusExtrapolation.", "StatusProvidedLeadingValue.DelayedLeadingValue."
-    return {
-        "Extrapolation.LeadingAxisDependentTime": lambda: get().leading_time_s,
-        f"{status}FilteredPosition": lambda: modulo().wrap(get().filtered_position),
-        f"{status}FilteredVelocity": lambda: get().filtered_velocity,
-        f"{status}ExtrapolatedPosition": lambda: modulo().wrap(get().position),
-        f"{status}ExtrapolatedVelocity": lambda: get().velocity,
-        f"{given}Position": lambda: modulo().wrap(get().delayed()[0]),
-        f"{given}Velocity": lambda: get().delayed()[1],
-        f"{given}Acceleration": lambda: get().delayed()[2],
-    }

@@ -1,169 +1,158 @@
-"""Ratios between motor, encoders and axis, from the variables of the technology object (CFG section 25)."""
+"""Ratios between motor, encoders and axis."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, log2
-from typing import TYPE_CHECKING, Final
-
-from motion.s7.units import millimetres, per_revolution
-
-if TYPE_CHECKING:
-    from motion.s7.variables import VariableStore
+from typing import Final
 
 INCREMENTAL: Final = 0
 ABSOLUTE: Final = 1
 CYCLIC_ABSOLUTE: Final = 2
+"""Kinds of encoder: the count knows no place, one place, one place within a range that is passed often."""
 
 MOTOR_SIDE: Final = 0
 LOAD_SIDE: Final = 1
 EXTERNAL: Final = 2
+"""Where an encoder is mounted: on the motor shaft, on the load, anywhere else."""
 
-_LINEAR: Final = 0
 _FULL_BITS: Final = 32
 
 
-def _decimal(value: float) -> Fraction:
+def decimal(value: float) -> Fraction:
     """Return a number as it has been written, not as the nearest binary one."""
     return Fraction(repr(float(value)))
 
 
-def _ratio(read: Callable[[str], int], path: str) -> Fraction:
-    return Fraction(read(f"{path}.Numerator"), read(f"{path}.Denominator"))
-
-
-class SensorScale:
-    """One encoder: what an increment is worth, how wide it counts, over which range it knows its place.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EncoderData:
+    """One encoder as it is configured.
 
     Args:
-        store: Variables of a positioning axis or an external encoder.
-        prefix: `Sensor[1]` to `Sensor[4]` of an axis, `Sensor` of an external encoder.
-        load_gear: Motor revolutions per load revolution.
-        travel: Position units per revolution of the load.
+        kind: `INCREMENTAL`, `ABSOLUTE`, `CYCLIC_ABSOLUTE`.
+        linear: It counts lines of a scale, not steps of a revolution.
+        inverse: Its count falls while the axis moves in positive direction.
+        mounting: `MOTOR_SIDE`, `LOAD_SIDE`, `EXTERNAL`.
+        gear: Load revolutions per revolution of the encoder (measuring gear).
+        steps: Steps per revolution.
+        resolution: Distance of two lines of a linear encoder, position unit.
+        distance: Way per revolution of an external encoder, position unit.
+        fine_bits: Fine resolution of the count, bits.
+        revolutions: Revolutions that an absolute encoder tells apart; 0 for none.
+        full_width: The count has 32 bits, whatever steps and revolutions need (CFG-308, CFG-309).
+        velocity_from_drive: The velocity is that of the telegram, not the difference of positions (CFG-336).
+        reference: What 100 % of that velocity means, rpm, of a linear encoder m/min.
+        unit_mm: Size of the position unit, mm; used for a linear encoder.
 
     """
 
-    __slots__ = (
-        "bits",
-        "exact_increment",
-        "fine",
-        "increment",
-        "kind",
-        "own_rate",
-        "prefix",
-        "range_counts",
-        "reference",
-        "unit_per_rpm",
-        "velocity_from_drive",
-    )
+    kind: int
+    linear: bool
+    inverse: bool
+    mounting: int
+    gear: Fraction
+    steps: int
+    resolution: float
+    distance: float
+    fine_bits: int
+    revolutions: int
+    full_width: bool
+    velocity_from_drive: bool
+    reference: float
+    unit_mm: float
 
-    def __init__(self, store: VariableStore, prefix: str, *, load_gear: Fraction, travel: float) -> None:
-        read = store.read
-        parameter = f"{prefix}.Parameter."
-        self.fine = fine = 1 << read(f"{parameter}FineResolutionXist1")
-        """Raw increments per encoder increment."""
-        external = store.object_type == "ExternalEncoder"
-        gear = Fraction(1) if external else _ratio(read, f"{prefix}.MeasuringGear")
-        mounting = MOTOR_SIDE if external else read(f"{prefix}.MountingMode")
-        steps = read(f"{parameter}StepsPerRevolution")
-        revolutions = read(f"{parameter}DeterminableRevolutions")
-        self.prefix = prefix
-        self.kind: int = read(f"{prefix}.Type")
-        """0 incremental, 1 absolute, 2 cyclic absolute."""
-        sign = -1.0 if read(f"{prefix}.InverseDirection") else 1.0
-        if read(f"{prefix}.System") == _LINEAR:
+
+@dataclass(frozen=True, slots=True)
+class EncoderScale:
+    """What an encoder means to the axis: two of them are equal where positions mean the same with both."""
+
+    kind: int
+    """`INCREMENTAL`, `ABSOLUTE`, `CYCLIC_ABSOLUTE`."""
+    fine: int
+    """Raw increments per encoder increment."""
+    exact_increment: Fraction
+    """Position units per raw increment as a ratio, by the decimal numbers of the configuration."""
+    increment: float
+    """Position units per raw increment, signed by the encoder direction."""
+    bits: int
+    """Width of the count, 1 to 32."""
+    range_counts: int
+    """Measuring range of an absolute encoder in raw increments; 0 without one (CFG-299)."""
+    velocity_from_drive: bool
+    """Whether the velocity is that of the telegram, not the difference of positions (CFG-336)."""
+    reference: float
+    """What 100 % of that velocity means, rpm, of a linear encoder m/min."""
+    unit_per_rpm: float
+    """Position units per second at 1 rpm (linear motor or encoder: 1 m/min) of the velocity of the
+    telegram.
+    """
+
+    @classmethod
+    def of(
+        cls, data: EncoderData, *, load_gear: Fraction, travel: float, motor_unit_per_rpm: float | None
+    ) -> EncoderScale:
+        """Return the scale of an encoder.
+
+        Args:
+            data: Its configuration.
+            load_gear: Motor revolutions per load revolution.
+            travel: Position units per revolution of the load.
+            motor_unit_per_rpm: Position units per second at 1 rpm of the motor, where the velocity of the
+                telegram is one of the motor; None = it is one of the encoder (CFG-340).
+
+        """
+        fine = 1 << data.fine_bits
+        sign = -1.0 if data.inverse else 1.0
+        if data.linear:
             # The distance of two lines is one of the load, whatever gears there are before it (CFG-511,
             # CFG-529).
-            per_step = _decimal(read(f"{parameter}Resolution")) * gear
-        elif mounting == MOTOR_SIDE:
-            per_step = gear / load_gear * _decimal(travel) / steps
-        elif mounting == LOAD_SIDE:
-            per_step = gear * _decimal(travel) / steps
+            per_step = decimal(data.resolution) * data.gear
+        elif data.mounting == MOTOR_SIDE:
+            per_step = data.gear / load_gear * decimal(travel) / data.steps
+        elif data.mounting == LOAD_SIDE:
+            per_step = data.gear * decimal(travel) / data.steps
         else:
-            per_step = gear * _decimal(read(f"{parameter}DistancePerRevolution")) / steps
-        self.exact_increment = int(sign) * per_step / fine
-        """Axis units per raw increment as a ratio, by the decimal numbers of the configuration."""
-        self.increment = float(self.exact_increment)
-        """Axis units per raw increment, signed by the encoder direction."""
-        self.bits = _FULL_BITS
-        """Width of the count: 32, or what the encoder parameters need (CFG-308, CFG-309)."""
-        if read(f"{parameter}BehaviorGx_XIST1") == 0:
-            self.bits = min(
-                _FULL_BITS, (fine - 1).bit_length() + ceil(log2(max(2, steps * max(1, revolutions))))
-            )
-        self.range_counts: int = steps * fine * revolutions
-        """Measuring range of an absolute encoder in raw increments; 0 without one (CFG-299)."""
-        self.velocity_from_drive: bool = read(f"{prefix}.ActualVelocityMode") == 1
-        """Whether the velocity is `NIST_B` of the drive, not the difference of positions (CFG-336)."""
-        self.unit_per_rpm = 0.0
-        """Axis units per second at 1 rpm (linear motor or encoder: 1 m/min) of the velocity that the telegram
-        brings.
-        """
-        self.own_rate = self.increment * steps * fine / 60.0
-        """`unit_per_rpm` of an encoder with a telegram of its own (CFG-340)."""
-        self.reference: float = read(f"{parameter}ReferenceSpeed")
-        """What 100 % of that velocity means, rpm, of a linear encoder m/min."""
-        if read(f"{prefix}.System") == _LINEAR:
-            self.own_rate = sign * float(gear) * 1000.0 / 60.0 / millimetres(read("Units.LengthUnit"))
-            self.reference = read(f"{parameter}ReferenceVelocity")
-
-    def __eq__(self, other: object) -> bool:
-        """Return whether positions mean the same with both."""
-        return isinstance(other, SensorScale) and all(
-            getattr(self, name) == getattr(other, name) for name in SensorScale.__slots__
+            per_step = data.gear * decimal(data.distance) / data.steps
+        exact = int(sign) * per_step / fine
+        increment = float(exact)
+        bits = _FULL_BITS
+        if not data.full_width:
+            positions = max(2, data.steps * max(1, data.revolutions))
+            bits = min(bits, (fine - 1).bit_length() + ceil(log2(positions)))
+        if motor_unit_per_rpm is not None:
+            rate = motor_unit_per_rpm
+        elif data.linear:
+            rate = sign * float(data.gear) * 1000.0 / 60.0 / data.unit_mm
+        else:
+            rate = increment * data.steps * fine / 60.0
+        return cls(
+            kind=data.kind,
+            fine=fine,
+            exact_increment=exact,
+            increment=increment,
+            bits=bits,
+            range_counts=data.steps * fine * data.revolutions,
+            velocity_from_drive=data.velocity_from_drive,
+            reference=data.reference,
+            unit_per_rpm=rate,
         )
 
-    __hash__ = None  # type: ignore[assignment]
 
-
+@dataclass(frozen=True, slots=True)
 class Mechanics:
-    """Ratios of one technology object.
+    """Ratios of one axis or encoder."""
 
-    Args:
-        store: Its variables.
-        apart: For every encoder in turn, whether it has a telegram of its own: its velocity is then one
-            of the encoder, and not one of the motor (CFG-340).
-
+    rpm_per_unit: float
+    """Motor speed in rpm (linear motor: m/min) per velocity unit of the axis, signed by the drive
+    direction.
     """
+    travel: float = 1.0
+    """Position units per revolution of the load; 1.0 of an axis without positions."""
+    sensors: tuple[EncoderScale, ...] = ()
+    """Its encoders, in their order."""
 
-    __slots__ = ("increment", "rpm_per_unit", "sensors", "units_per_load_revolution")
-
-    def __init__(self, store: VariableStore, *, apart: Sequence[bool] = ()) -> None:
-        read = store.read
-        kind = store.object_type
-        load_gear = _ratio(read, "LoadGear")
-        gear = float(load_gear)
-        external = kind == "ExternalEncoder"
-        direction = -1.0 if not external and read("Actor.InverseDirection") else 1.0
-        self.sensors: tuple[SensorScale, ...] = ()
-        self.increment = 0.0
-        """Axis units per raw increment of the first encoder."""
-        self.rpm_per_unit: float
-        """Motor speed in rpm (linear motor: m/min) per velocity unit of the axis, signed by the drive
-        direction.
-        """
-        self.units_per_load_revolution: float
-        if kind == "SpeedAxis":
-            self.units_per_load_revolution = 1.0
-            self.rpm_per_unit = gear * direction
-            return
-        unit = read("Units.LengthUnit")
-        rotary = read("Properties.MotionType") == 1
-        travel = per_revolution(unit) if rotary else read("Mechanics.LeadScrew")
-        self.units_per_load_revolution = travel
-        if external:
-            self.rpm_per_unit = 60.0 / travel * gear
-            prefixes = ["Sensor"]
-        else:
-            linear_motor = read("Actor.MotorType") == 1
-            per_unit = 60.0 * millimetres(unit) / 1000.0 if linear_motor else 60.0 / travel * gear
-            self.rpm_per_unit = per_unit * direction
-            prefixes = [f"Sensor[{number}]" for number in range(1, 5) if read(f"Sensor[{number}].Existent")]
-        self.sensors = tuple(
-            SensorScale(store, prefix, load_gear=load_gear, travel=travel) for prefix in prefixes
-        )
-        for at, scale in enumerate(self.sensors):
-            own = apart[at] if at < len(apart) else external
-            scale.unit_per_rpm = scale.own_rate if own else 1.0 / self.rpm_per_unit
-        self.increment = self.sensors[0].increment if self.sensors else 0.0
+    @property
+    def increment(self) -> float:
+        """Position units per raw increment of the first encoder; 0.0 without one."""
+        return self.sensors[0].increment if self.sensors else 0.0

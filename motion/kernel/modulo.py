@@ -9,10 +9,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from math import floor, inf
-from typing import TYPE_CHECKING, Final
-
-if TYPE_CHECKING:
-    from motion.s7.variables import VariableStore
+from typing import Final
 
 POSITIVE: Final = 1
 NEGATIVE: Final = 2
@@ -26,16 +23,20 @@ _EXACT_ROUNDING: Final = Fraction(1, 10**9)
 
 
 class Modulo:
-    """The modulo range by `Modulo.*`; without `Modulo.Enable` positions are themselves and all counters 0
-    (CFG-106).
+    """The modulo range of an object; without one positions are themselves and all counters 0 (CFG-106).
+
+    Args:
+        length: Length of the range, position unit, above 0; None = there is no range.
+        start: Where it begins, position unit.
+
     """
 
     __slots__ = ("_exact_length", "_exact_start", "enabled", "length", "start")
 
-    def __init__(self, store: VariableStore | None) -> None:
-        self.enabled: bool = store is not None and store.read("Modulo.Enable")
-        self.length: float = 1.0 if store is None else store.read("Modulo.Length")
-        self.start: float = 0.0 if store is None else store.read("Modulo.StartValue")
+    def __init__(self, length: float | None = None, start: float = 0.0) -> None:
+        self.enabled = length is not None
+        self.length: float = 1.0 if length is None else length
+        self.start: float = start
         # What the user has written, and not the nearest binary number: a thousand million ranges of 0.1 are
         # one hundred million.
         self._exact_length, self._exact_start = Fraction(repr(self.length)), Fraction(repr(self.start))
@@ -115,5 +116,5 @@ class Modulo:
         return base + (low if low_inside else self.start), base + (high if high_inside else end)
 
 
-NO_MODULO: Final = Modulo(None)
-"""Of an object without positions."""
+NO_MODULO: Final = Modulo()
+"""Of an object without positions or without a range."""

@@ -4,13 +4,16 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from math import copysign, exp
 from typing import TYPE_CHECKING, Final
 
+from typing_extensions import override
+
 if TYPE_CHECKING:
+    from motion.kernel.cell import Cell
     from motion.kernel.setpoint_filter import DynamicFilter
-    from motion.s7.variables import Cell
 
 _WHOLE: Final = 1e-9
 """Share of a quantum by which a difference may fall short of a whole multiple."""
@@ -31,7 +34,79 @@ def _cycles(delay: float) -> tuple[int, float]:
     return whole, max(0.0, delay - whole)
 
 
-class PositionController:
+class PositionControl(ABC):
+    """The place of position control in the pipeline: it gets the setpoint of a servo cycle and returns a
+    velocity.
+
+    Args:
+        dynamic_filter: What the setpoints pass before; None = nothing.
+
+    """
+
+    __slots__ = (
+        "balanced_position",
+        "control_difference",
+        "filter",
+        "following_error",
+        "gain",
+        "given",
+        "precontrol",
+        "quantum",
+    )
+
+    def __init__(self, dynamic_filter: DynamicFilter | None) -> None:
+        self.filter = dynamic_filter
+        """The place of the filter in the pipeline."""
+        self.balanced_position = 0.0
+        """Position setpoint behind filter and balancing filter, position unit."""
+        self.control_difference = 0.0
+        """Difference that is controlled, position unit."""
+        self.following_error = 0.0
+        """Following error, position unit."""
+        self.gain = 0.0
+        """Kv at the last step, 1/s."""
+        self.precontrol = 0.0
+        """Precontrol velocity of the last step, position unit per second."""
+        self.quantum = 0.0
+        """Step to whose whole multiples the control difference is rounded towards zero, position unit; 0 =
+        it is
+        not (`PositionControl.ControlDifferenceQuantization`, CFG-383). Another encoder may have another one
+        (CFG-384).
+        """
+        self.given = False
+        """For the next step: the velocity is not the derivative of the position, both come from outside
+        (MIN-022).
+        """
+
+    @property
+    @abstractmethod
+    def precontrolled_lag_s(self) -> float:
+        """Share of the drive's time constant that the setpoints take into account, s."""
+
+    @abstractmethod
+    def reset(self, position: float, velocity: float = 0.0) -> None:
+        """Start from a setpoint that has been moving with `velocity` up to `position`, without a step."""
+
+    @abstractmethod
+    def shift(self, offset: float) -> None:
+        """Follow a shift of the coordinate system."""
+
+    @abstractmethod
+    def absorb(self, step: float) -> None:
+        """Let a step of the actual value, from a switch of encoders, reach the output with a time constant
+        (CFG-329).
+        """
+
+    @abstractmethod
+    def follow(self, position: float) -> None:
+        """Track the actual value without control (follow-up mode)."""
+
+    @abstractmethod
+    def step(self, position: float, velocity: float, actual: float) -> float:
+        """Return the velocity to output for the setpoint (`position`, `velocity`) of this cycle."""
+
+
+class PositionController(PositionControl):
     """Proportional controller with velocity pre-control and balancing filter.
 
     `e = delay(x_b, T) - s_act`, `v_out = Kv * e + Kpc / 100 * v_set`; x_b is the position setpoint behind the
@@ -49,8 +124,6 @@ class PositionController:
         additional_delay: Cell of `FollowingError.AdditionalSetpointDelayTime`, s.
         cycle_s: Application cycle, s.
         delay_s: Transport delay from setpoint to actual value, s.
-        quantum: Step to whose whole multiples the control difference is rounded towards zero, axis unit;
-            0 = it is not (`PositionControl.ControlDifferenceQuantization`, CFG-383).
         smoothing: Cell of `PositionControl.SmoothingTimeByChangeDifference`, s; None = a step acts at once.
         dynamic_filter: What the setpoints pass before, None = nothing.
         in_drive: The drive closes the loop (DSC): the control difference is what it gets as XERR.
@@ -78,31 +151,22 @@ class PositionController:
         "_step",
         "_step_decay",
         "_time_constant",
-        "balanced_position",
-        "control_difference",
-        "filter",
-        "following_error",
-        "gain",
-        "given",
-        "precontrol",
-        "quantum",
     )
 
     def __init__(
         self,
         *,
-        kv: Cell,
-        kpc: Cell,
-        time_constant: Cell,
-        additional_delay: Cell,
+        kv: Cell[float],
+        kpc: Cell[float],
+        time_constant: Cell[float],
+        additional_delay: Cell[float],
         cycle_s: float,
         delay_s: float,
-        quantum: float = 0.0,
-        smoothing: Cell | None = None,
+        smoothing: Cell[float] | None = None,
         dynamic_filter: DynamicFilter | None = None,
         in_drive: bool = False,
     ) -> None:
-        self.filter = dynamic_filter
+        super().__init__(dynamic_filter)
         self._kv = kv
         self._kpc = kpc
         self._time_constant = time_constant
@@ -110,8 +174,6 @@ class PositionController:
         self._smoothing = smoothing
         self._step = self._step_decay = 0.0
         self._cycle = cycle_s
-        self.quantum = quantum
-        """See the argument; another encoder may have another one (CFG-384)."""
         self._delay_s = delay_s
         self._loop_cycles, self._loop_rest = _cycles(delay_s / cycle_s)
         self._in_drive = in_drive
@@ -123,20 +185,9 @@ class PositionController:
         self._setpoint_history: deque[float] = deque([0.0] * 2, maxlen=2)
         self._error_additional, self._error_cycles, self._error_rest = -1.0, 0, 0.0
         self._take_delay()
-        self.balanced_position = 0.0
-        self.control_difference = 0.0
-        self.following_error = 0.0
-        self.gain = 0.0
-        """Kv at the last step, 1/s."""
-        self.precontrol = 0.0
-        """Precontrol velocity of the last step, axis unit per second."""
-        self.given = False
-        """For the next step: the velocity is not the derivative of the position, both come from a user
-        program (MIN-022).
-        """
 
+    @override
     def reset(self, position: float, velocity: float = 0.0) -> None:
-        """Start from a setpoint that has been moving with `velocity` up to `position`, without a step."""
         lag = velocity * self.precontrolled_lag_s
         behind = 0.0
         if self.filter is not None:
@@ -153,8 +204,8 @@ class PositionController:
         self.following_error = 0.0
 
     @property
+    @override
     def precontrolled_lag_s(self) -> float:
-        """Share of the drive's time constant that the balancing filter takes into account, s."""
         lag: float = self._time_constant.value * min(self._kpc.value, 100.0) / 100.0
         return lag
 
@@ -173,16 +224,14 @@ class PositionController:
             before = [known[0] - step * at for at in range(missing, 0, -1)]
             self._setpoint_history = deque([*before, *known], maxlen=missing + len(known))
 
+    @override
     def absorb(self, step: float) -> None:
-        """Let a step of the actual value, from a switch of encoders, reach the output with a time constant
-        (CFG-329).
-        """
         constant = 0.0 if self._smoothing is None else self._smoothing.value
         self._step = step if constant > 0.0 else 0.0
         self._step_decay = exp(-self._cycle / constant) if constant > 0.0 else 0.0
 
+    @override
     def shift(self, offset: float) -> None:
-        """Follow a shift of the coordinate system."""
         for history in (self._setpoint_history, self._balanced_history):
             for index in range(len(history)):
                 history[index] += offset
@@ -191,8 +240,8 @@ class PositionController:
         self._balanced += offset
         self.balanced_position += offset
 
+    @override
     def follow(self, position: float) -> None:
-        """Track the actual value without control (follow-up mode)."""
         if self.filter is not None:
             self.filter.reset(position)
         self._setpoint_history.append(position)
@@ -201,8 +250,8 @@ class PositionController:
         self.control_difference = 0.0
         self.following_error = 0.0
 
+    @override
     def step(self, position: float, velocity: float, actual: float) -> float:
-        """Return the velocity to output for the setpoint (`position`, `velocity`) of this cycle."""
         commanded = position
         if self._additional_delay.value != self._error_additional:
             self._take_delay()

@@ -9,7 +9,7 @@ from math import exp
 from typing import TYPE_CHECKING, Final, Protocol
 
 if TYPE_CHECKING:
-    from motion.s7.variables import Cell, VariableStore
+    from motion.kernel.cell import Cell
 
 LONGEST: Final = 16
 """Greatest window and dead time, servo cycles (CTL-078, CTL-079)."""
@@ -148,7 +148,12 @@ class DynamicFilter:
     )  # fmt: skip
 
     def __init__(
-        self, mode: int, times: tuple[Cell, Cell, Cell], *, cycle_s: float, lead: Cell | None = None
+        self,
+        mode: int,
+        times: tuple[Cell[float], Cell[float], Cell[float]],
+        *,
+        cycle_s: float,
+        lead: Cell[float] | None = None,
     ) -> None:
         self._cycle = cycle_s
         self._cells = (*(times if mode else ()), *(() if lead is None else (lead,)))
@@ -167,18 +172,6 @@ class DynamicFilter:
         self.delay_s = 0.0
         """Time by which setpoints come later, s."""
         self._take_times()
-
-    @classmethod
-    def of(cls, store: VariableStore, cycle_s: float, *, precontrol: bool = False) -> DynamicFilter | None:
-        """Return the filter that the variables of an axis ask for, None without one (CTL-062)."""
-        bind = store.bind
-        mode: int = store.read("SetpointFilter.DynamicFilter.Mode")
-        lead = bind("DynamicAxisModel.CurrentTimeConstant") if precontrol else None
-        if not mode and lead is None:
-            return None
-        prefix = "SetpointFilter.DynamicFilter."
-        times = (bind(f"{prefix}T1"), bind(f"{prefix}T2"), bind(f"{prefix}Tt"))
-        return cls(mode, times, cycle_s=cycle_s, lead=lead)
 
     def _make(self, mode: int) -> list[_Stage]:
         cycle = self._cycle

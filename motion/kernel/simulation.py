@@ -12,16 +12,18 @@ from collections import deque
 from math import exp
 from typing import TYPE_CHECKING, Final
 
+from typing_extensions import override
+
 from motion.drives.port import STW1, ZSW1, DrivePort
 from motion.kernel.feedback import VALID, Feedback
 from motion.kernel.mechanics import INCREMENTAL
-from motion.kernel.position_control import LEAST_GAIN, LONGEST_DELAY
+from motion.kernel.position_control import LEAST_GAIN, LONGEST_DELAY, PositionControl
 
 if TYPE_CHECKING:
-    from motion.kernel.mechanics import SensorScale
+    from motion.kernel.cell import Cell
+    from motion.kernel.mechanics import EncoderScale
     from motion.kernel.modulo import Modulo
     from motion.kernel.setpoint_filter import DynamicFilter
-    from motion.s7.variables import Cell, VariableStore
 
 POWER_ON_INCREMENTS: Final = 240
 """Increments that an absolute encoder of such an axis shows at power-on (CFG-153)."""
@@ -49,19 +51,21 @@ class SimulatedPort(DrivePort):
         self._unit_per_rpm = 1.0 / rpm_per_unit
         self._operating = False
 
+    @override
     def read(self) -> None:
-        """See `DrivePort.read`: nothing is read."""
+        pass  # nothing is read
 
+    @override
     def set_torque_range(self, upper: float, lower: float) -> None:
-        """Do nothing: an ideal motor needs no torque, and the drive gets none (STP-159)."""
+        pass  # an ideal motor needs no torque, and the drive gets none (STP-159)
 
+    @override
     def limit_torque(self, share: float | None) -> None:
-        """Do nothing, as `set_torque_range`."""
+        pass
 
-    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:  # noqa: ARG002 - an ideal motor needs no torque
-        """See `DrivePort.write`: a speed setpoint without position control moves the axis by what it is
-        worth.
-        """
+    @override
+    def write(self, stw1: int, speed_rpm: float, torque_nm: float = 0.0) -> None:
+        # A speed setpoint without position control moves the axis by what it is worth.
         self._operating = stw1 & _OPERATE == _OPERATE
         self.zsw1 = _OPERATING if self._operating else _READY
         self.actual_speed_rpm = speed_rpm if self._operating else 0.0
@@ -74,22 +78,25 @@ class SimulatedPort(DrivePort):
 
 
 class SimulatedFeedback(Feedback):
-    """An encoder that shows what it is given, one application cycle later."""
+    """An encoder that shows what it is given, one application cycle later.
+
+    Args:
+        source: Port of the axis.
+        scale: Ratios and format of the encoder that is simulated.
+        abs_offset: As in `Feedback`.
+        before: The same encoder before a restart; None after power-on.
+
+    """
 
     __slots__ = ("_next_position", "_next_velocity")
 
     def __init__(
-        self,
-        source: SimulatedPort,
-        scale: SensorScale,
-        cycle_s: float,
-        abs_offset: Cell,
-        before: Feedback | None,
+        self, source: SimulatedPort, scale: EncoderScale, abs_offset: Cell[float], before: Feedback | None
     ) -> None:
-        super().__init__(source, scale, cycle_s, abs_offset)
+        super().__init__(source, scale, abs_offset)
         self.state = VALID
-        self._fresh = False
         if scale.kind != INCREMENTAL:
+            self._offset = abs_offset.value
             fine = scale.increment * scale.fine
             self.position = abs(fine) * POWER_ON_INCREMENTS + abs_offset.value
             if isinstance(before, SimulatedFeedback):
@@ -97,84 +104,85 @@ class SimulatedFeedback(Feedback):
         self._next_position = self.position
         self._next_velocity = 0.0
 
-    def place(self, modulo: Modulo) -> tuple[int, float]:
-        """See `Feedback.place`: here positions are no counts."""
-        return modulo.cycle(self.position), modulo.wrap(self.position)
-
     def take(self, position: float, velocity: float) -> None:
         """Say what the next cycle is to see."""
         self._next_position = position
         self._next_velocity = velocity
 
+    @override
     def update(self) -> None:
-        """See `Feedback.update`."""
         self.last_velocity = self.velocity
         self.position = self._next_position
         self.velocity = self._next_velocity
 
+    @override
+    def ahead(self, raw: int) -> float:
+        return 0.0  # there are no counts
+
+    @property
+    @override
+    def travel(self) -> float:
+        return 0.0
+
+    @override
+    def place(self, modulo: Modulo) -> tuple[int, float]:
+        return modulo.cycle(self.position), modulo.wrap(self.position)
+
+    @override
     def shift(self, offset: float) -> None:
-        """See `Feedback.shift`."""
-        super().shift(offset)
+        self.position += offset
+        if self.scale.kind == INCREMENTAL:
+            self._offset = self.position - self.compensation
+        else:
+            self._offset += offset
         self._next_position += offset
 
 
-class VirtualController:
+class VirtualControl(PositionControl):
     """Takes the place of the position controller: setpoints become actual values, nothing is controlled
     (CFG-138 to CFG-148).
+
+    Args:
+        port: Port of the axis.
+        dynamic_filter: What the setpoints pass before; None = nothing.
+
     """
 
-    __slots__ = (
-        "_feedbacks",
-        "_port",
-        "balanced_position",
-        "control_difference",
-        "filter",
-        "following_error",
-        "gain",
-        "given",
-        "precontrol",
-        "quantum",
-    )
+    __slots__ = ("_feedbacks", "_port")
 
     def __init__(self, port: SimulatedPort, dynamic_filter: DynamicFilter | None = None) -> None:
-        self.filter = dynamic_filter
+        super().__init__(dynamic_filter)
         self._port = port
         self._feedbacks = port.feedbacks
-        self.balanced_position = 0.0
-        self.control_difference = 0.0
-        self.following_error = 0.0
-        self.gain = 0.0
-        self.precontrol = 0.0
-        self.quantum = 0.0
-        self.given = False
 
     @property
+    @override
     def precontrolled_lag_s(self) -> float:
-        """See `PositionController`."""
         return 0.0
 
+    @override
     def reset(self, position: float, velocity: float = 0.0) -> None:
-        """See `PositionController`."""
         if self.filter is not None:
             self.filter.reset(position, velocity)
 
+    @override
     def shift(self, offset: float) -> None:
-        """See `PositionController`."""
         if self.filter is not None:
             self.filter.shift(offset)
 
+    @override
     def absorb(self, step: float) -> None:
-        """See `PositionController`: all encoders of such an axis agree."""
+        pass  # all encoders of such an axis agree
 
+    @override
     def follow(self, position: float) -> None:
-        """Stand where the axis is."""
         if self.filter is not None:
             self.filter.reset(position)
         for feedback in self._feedbacks:
             feedback.take(position, 0.0)
 
-    def step(self, position: float, velocity: float, actual: float) -> float:  # noqa: ARG002 - nothing is compared
-        """Make the setpoints the actual values of the next cycle; nothing is put out."""
+    @override
+    def step(self, position: float, velocity: float, actual: float) -> float:
         if self.filter is not None:
             position, velocity = self.filter.step(position, velocity)
         self._port.controlled = True
@@ -183,27 +191,55 @@ class VirtualController:
         return 0.0
 
 
-class SimulatedController(VirtualController):
+class SimulatedControl(PositionControl):
     """Delays the setpoints as loop and drive would (CFG-166 to CFG-171): dead time, then a lag of first
     order.
+
+    Args:
+        port: Port of the axis.
+        kv: Gain of the position controller, 1/s.
+        kpc: Velocity precontrol, percent.
+        time_constant: Time constant of the speed loop, s.
+        additional: Further delay of the drive, s.
+        in_drive: The drive closes the loop (DSC).
+        cycle_s: Servo cycle, s.
+        dynamic_filter: What the setpoints pass before; None = nothing.
+
     """
 
-    __slots__ = ("_additional", "_cycle", "_dsc", "_kpc", "_kv", "_lagged", "_past", "_time_constant")
+    __slots__ = (
+        "_additional",
+        "_cycle",
+        "_feedbacks",
+        "_in_drive",
+        "_kpc",
+        "_kv",
+        "_lagged",
+        "_past",
+        "_port",
+        "_time_constant",
+    )
 
     def __init__(
         self,
         port: SimulatedPort,
-        store: VariableStore,
+        *,
+        kv: Cell[float],
+        kpc: Cell[float],
+        time_constant: Cell[float],
+        additional: Cell[float],
+        in_drive: bool,
         cycle_s: float,
         dynamic_filter: DynamicFilter | None = None,
     ) -> None:
-        super().__init__(port, dynamic_filter)
-        bind = store.bind
-        self._kv = bind("PositionControl.Kv")
-        self._kpc = bind("PositionControl.Kpc")
-        self._time_constant = bind("DynamicAxisModel.VelocityTimeConstant")
-        self._additional = bind("DynamicAxisModel.AdditionalPositionTimeConstant")
-        self._dsc: bool = store.read("PositionControl.EnableDSC")
+        super().__init__(dynamic_filter)
+        self._port = port
+        self._feedbacks = port.feedbacks
+        self._kv = kv
+        self._kpc = kpc
+        self._time_constant = time_constant
+        self._additional = additional
+        self._in_drive = in_drive
         self._cycle = cycle_s
         self._lagged = 0.0
         self._past: deque[float] = deque([0.0, 0.0], maxlen=2)
@@ -213,17 +249,17 @@ class SimulatedController(VirtualController):
         dead: float = min(self._additional.value / self._cycle, float(LONGEST_DELAY))
         if self._kpc.value > 0.0:
             return dead + 1.0, self._time_constant.value
-        return dead + (1.0 if self._dsc else 0.0), 1.0 / max(self._kv.value, LEAST_GAIN)
+        return dead + (1.0 if self._in_drive else 0.0), 1.0 / max(self._kv.value, LEAST_GAIN)
 
     @property
+    @override
     def precontrolled_lag_s(self) -> float:
-        """See `PositionController`: here the lag of the model."""
-        return self._delays()[1]
+        return self._delays()[1]  # the lag of the model
 
+    @override
     def reset(self, position: float, velocity: float = 0.0) -> None:
-        """See `PositionController`."""
-        super().reset(position, velocity)
         if self.filter is not None:
+            self.filter.reset(position, velocity)
             position -= velocity * self.filter.delay_s
         dead, lag = self._delays()
         depth = int(dead) + 3
@@ -231,21 +267,27 @@ class SimulatedController(VirtualController):
         self._past = deque((position - step * (depth - 1 - at) for at in range(depth)), maxlen=depth)
         self._lagged = position - velocity * (lag + dead * self._cycle)
 
+    @override
     def shift(self, offset: float) -> None:
-        """See `PositionController`."""
-        super().shift(offset)
+        if self.filter is not None:
+            self.filter.shift(offset)
         for at in range(len(self._past)):
             self._past[at] += offset
         self._lagged += offset
 
+    @override
+    def absorb(self, step: float) -> None:
+        pass  # all encoders of such an axis agree
+
+    @override
     def follow(self, position: float) -> None:
-        """See `PositionController`."""
-        super().follow(position)
+        for feedback in self._feedbacks:
+            feedback.take(position, 0.0)
         self.reset(position)
         self.following_error = self.control_difference = 0.0
 
-    def step(self, position: float, velocity: float, actual: float) -> float:  # noqa: ARG002 - see the base
-        """Make the delayed setpoint the actual value of the next cycle."""
+    @override
+    def step(self, position: float, velocity: float, actual: float) -> float:
         if self.filter is not None:
             position, velocity = self.filter.step(position, velocity)
         dead, lag = self._delays()

@@ -9,10 +9,11 @@ this distance.
 from __future__ import annotations
 
 from math import copysign, sqrt
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
-from motion.s7.axis.jobs import Job
-from motion.setpoint import MotionPhase, SetpointGenerator
+from typing_extensions import override
+
+from motion.setpoint import MotionPhase, Setpoint, SetpointGenerator
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,7 +24,20 @@ planned anew.
 """
 
 
-class Superposition:
+class RelativeMotion(Protocol):
+    """What is superimposed: read when it begins and, where it is given from outside, in every cycle."""
+
+    distance: float
+    """Position unit, signed."""
+    velocity: float
+    """Highest velocity, or the one that is given, position unit/s."""
+    acceleration: float
+    """Acceleration that is given, position unit/s2."""
+    abort_acceleration: bool
+    """A halt sets a present acceleration to zero first."""
+
+
+class Superposition(Setpoint):
     """One superimposed motion and its sum with the basic one.
 
     Args:
@@ -40,15 +54,12 @@ class Superposition:
         "_braking",
         "_dynamics",
         "_limit",
+        "_motion",
         "_room",
         "_target",
         "_zero",
-        "a",
         "given",
-        "job",
         "part",
-        "s",
-        "v",
     )
 
     def __init__(
@@ -63,7 +74,7 @@ class Superposition:
         self._basic_velocity = basic_velocity
         self.part = SetpointGenerator()
         """The superimposed motion alone; its position is the distance that it has covered."""
-        self.job: Job | None = None
+        self._motion: RelativeMotion | None = None
         self.given = False
         """Whether the user program gives the setpoints (`MC_MotionInSuperimposed`)."""
         self._zero = 0.0
@@ -78,29 +89,29 @@ class Superposition:
         """Whether the superimposed motion has arrived and stands; not while it waits for room."""
         return self.part.done and not self.given and (self._braking or self.part.positioning)
 
-    def move(self, job: Job, acceleration: float, deceleration: float, jerk: float) -> None:
-        """Begin to move by `job.distance`, from whatever the superimposed motion does now."""
-        self.job = job
+    def move(self, motion: RelativeMotion, acceleration: float, deceleration: float, jerk: float) -> None:
+        """Begin to move by `motion.distance`, from whatever the superimposed motion does now."""
+        self._motion = motion
         self._braking = self.given = False
-        self._target = self.part.s + job.distance
+        self._target = self.part.s + motion.distance
         self._dynamics = (acceleration, deceleration, jerk)
         self._room = self._velocity_room()
         self._plan()
 
-    def halt(self, job: Job, deceleration: float, jerk: float) -> None:
+    def halt(self, motion: RelativeMotion, deceleration: float, jerk: float) -> None:
         """Begin to brake the superimposed motion to zero."""
-        self.job = job
+        self._motion = motion
         self._braking = True
         self.given = False
         self._dynamics = (0.0, deceleration, jerk)
         self._bound_acceleration(jerk)
-        self.part.start_stop(deceleration, jerk, abort_acceleration=job.abort_acceleration)
+        self.part.start_stop(deceleration, jerk, abort_acceleration=motion.abort_acceleration)
 
-    def give(self, job: Job) -> None:
+    def give(self, motion: RelativeMotion) -> None:
         """Take distance, velocity and acceleration from `job` with every cycle; the distance counts from here
         (MIN-033).
         """
-        self.job = job
+        self._motion = motion
         self._braking = False
         self.given = True
         self._zero = self.part.s
@@ -125,9 +136,9 @@ class Superposition:
 
     def advance(self, dt: float) -> None:
         """Go on by `dt` s, after the basic motion has."""
-        job = self.job
-        if self.given and job is not None:
-            self.part.set_state(self._zero + job.distance, job.velocity, job.acceleration)
+        motion = self._motion
+        if self.given and motion is not None:
+            self.part.set_state(self._zero + motion.distance, motion.velocity, motion.acceleration)
             self.refresh()
             return
         if not self._braking and not self.ended:
@@ -148,20 +159,20 @@ class Superposition:
         self.a = basic.a + part.a
         """Acceleration setpoint of the axis, axis unit per second squared."""
 
+    @override
     def peek(self, dt: float) -> tuple[float, float, float]:
-        """Return (s, v, a) as they will be after `dt` s."""
         s, v, a = self._basic.peek(dt)
         t, w, b = self.part.peek(dt)
         return s + t, v + w, a + b
 
+    @override
     def before(self, dt: float) -> tuple[float, float] | None:
-        """Return (s, v) of `dt` s ago, at most the last step; None if one of both motions has no profile."""
         basic, part = self._basic.before(dt), self.part.before(dt)
         return None if basic is None or part is None else (basic[0] + part[0], basic[1] + part[1])
 
     @property
+    @override
     def done(self) -> bool:
-        """Whether both motions have arrived."""
         return self._basic.done and self.part.done
 
     @property
@@ -184,12 +195,12 @@ class Superposition:
         return max(0.0, self._limit() - present)
 
     def _plan(self) -> None:
-        job = self.job
-        if job is None:
+        motion = self._motion
+        if motion is None:
             return
         acceleration, deceleration, jerk = self._dynamics
         self._bound_acceleration(jerk)
-        velocity = min(job.velocity, self._room)
+        velocity = min(motion.velocity, self._room)
         if velocity > _CHANGE * self._limit():
             self.part.start_position(self._target, velocity, acceleration, deceleration, jerk)
         else:

@@ -266,8 +266,8 @@ def diagnose(axis: TechnologyAxis) -> Diagnosis:
     job = axis.motion.job
     telegram = {"STW1": axis.stw1_sent, **axis.port.telegram_view()}
     if axis.has_position and not axis.simulated:
-        for number, one in enumerate(axis.encoder_ports, start=1):
-            if one is not axis.drive_port:
+        for number, one in enumerate(axis.servo.encoder_ports, start=1):
+            if one is not axis.servo.drive_port:
                 telegram |= {f"Sensor[{number}].{name}": word for name, word in one.telegram_view().items()}
     return _snapshot(
         axis,

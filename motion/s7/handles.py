@@ -34,7 +34,7 @@ from motion.s7.start_interlock import StartInterlock
 
 if TYPE_CHECKING:
     from motion.s7.axis import ExternalEncoder, TechnologyAxis
-    from motion.s7.axis.reactions import AxisAlarms
+    from motion.s7.axis.alarms import AxisAlarms
     from motion.s7.axis.state import AxisState
     from motion.s7.runtime import Runtime
     from motion.s7.variables import VariableStore

@@ -158,7 +158,7 @@ class Runtime:
             encoder.cycle()
         for axis in self.axes:
             if servo_only:
-                axis.servo()
+                axis.servo_cycle()
             else:
                 axis.cycle()
         for encoder in self.encoders:
@@ -193,8 +193,9 @@ class Runtime:
         """Call every instance and function of the user program once."""
         self.program_calls += 1
         for axis in self.axes:
-            if not axis.inputs_in_servo and axis.has_position:
-                axis.limits.update_image()
+            position = axis.position
+            if position is not None and not position.hardware.in_servo:
+                position.hardware.update_image()
         if self._dormant:
             self._wake()
         for instance in self.program:

@@ -12,6 +12,7 @@ from math import isnan
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from fieldbus.errors import ConfigurationError
+from motion.kernel.cell import Cell
 from motion.s7.data._variables import (
     ParameterError,
     UnknownVariableError,
@@ -29,8 +30,8 @@ if TYPE_CHECKING:
     from fieldbus.history import History
 
 __all__ = [
-    "Cell",
     "ParameterError",
+    "StoredVariable",
     "UnknownVariableError",
     "Variable",
     "VariableAccessError",
@@ -59,20 +60,20 @@ class Violation(NamedTuple):
         return f"{self.path} = {self.value}; allowed: {self.allowed}"
 
 
-class Cell:
-    """Place of one variable. `value` is the value in force: read it, and where the runtime owns it, set it.
+class StoredVariable:
+    """A variable in the store: start value, value in force, and what an assignment waits to become.
 
-    It is in the units of the runtime (`motion.s7.units`); everything else is in those of the user program.
+    Everything but `cell` is in the units of the user program.
     """
 
-    __slots__ = ("factor", "path", "shown", "start", "value", "variable", "written")
+    __slots__ = ("cell", "factor", "path", "shown", "start", "variable", "written")
 
     def __init__(self, path: str, variable: Variable | None, value: Any) -> None:
         self.path = path
         self.variable = variable
         """Definition; None for a parameter of `MC_WriteParameter` that is no variable."""
-        self.value = value
-        """Value in force, in the unit of the runtime."""
+        self.cell: Cell[Any] = Cell(value)
+        """Value in force, in the unit of the runtime (`motion.s7.units`)."""
         self.factor = 1.0
         """What one unit of the user program is in the unit of the runtime."""
         self.shown = value
@@ -85,15 +86,12 @@ class Cell:
     def put(self, given: Any) -> None:
         """Put a value in the unit of the user program into force."""
         self.shown = given
-        self.value = given if self.factor == 1.0 else given * self.factor
+        self.cell.value = given if self.factor == 1.0 else given * self.factor
 
     @property
     def given(self) -> Any:
         """Value in force in the unit of the user program."""
-        return self.value if self.factor == 1.0 else self.shown
-
-    def __repr__(self) -> str:
-        return f"<Cell {self.path} = {self.value!r}>"
+        return self.cell.value if self.factor == 1.0 else self.shown
 
 
 class VariableStore:
@@ -133,50 +131,49 @@ class VariableStore:
         self._name = name or object_type
         self._history = history
         self._on_programming_error = on_programming_error
-        self._cells: dict[str, Cell] = {}
-        cells = self._cells
+        self._variables: dict[str, StoredVariable] = {}
+        variables = self._variables
         for variable in variables_of(object_type):
             for path in elements(variable):
-                cells[path] = Cell(path, variable, variable.initial)
+                variables[path] = StoredVariable(path, variable, variable.initial)
         self._parameters = parameters_of(object_type)
         self._parameter_cells = {
-            number: Cell(parameter.name, None, parameter.default)
+            number: StoredVariable(parameter.name, None, parameter.default)
             for number, parameter in self._parameters.items()
             if parameter.variable is None
         }
-        self._stale: dict[str, Cell] = {}
-        self._pending: list[Cell] = []
-        self._motion_type = cells.get("Properties.MotionType", Cell("", None, 0))
+        self._stale: dict[str, StoredVariable] = {}
+        self._pending: list[StoredVariable] = []
+        self._motion_type = variables.get("Properties.MotionType", StoredVariable("", None, 0))
         for number in range(1, 5):
-            existent = cells.get(f"Sensor[{number}].Existent")
+            existent = variables.get(f"Sensor[{number}].Existent")
             if existent is not None:
-                existent.value = existent.start = number <= sensors
+                existent.cell.value = existent.start = number <= sensors
         if start_values:
             self._configure(start_values)
         self.factors = unit_factors(
             self.read, speed_axis=object_type == "SpeedAxis", encoder=object_type == "ExternalEncoder"
         )
         """What the units of the user program are within the runtime (CFG-072)."""
-        for cell in cells.values():
-            factor = self.factors.of(cell.variable.unit) if cell.variable is not None else 1.0
+        for stored in variables.values():
+            factor = self.factors.of(stored.variable.unit) if stored.variable is not None else 1.0
             if factor != 1.0:
-                cell.factor = factor
-                cell.put(cell.value)
+                stored.factor = factor
+                stored.put(stored.cell.value)
 
     # -- reading
     # ----------------------------------------------------------------------------------------------
 
-    def bind(self, path: str) -> Cell:
-        """Return the cell of a variable, to read its `value` in every cycle without a look-up by name.
+    def bind(self, path: str) -> Cell[Any]:
+        """Return the stored of a variable, to read its `value` in every cycle without a look-up by name.
 
         That value is in the unit of the runtime; `read` returns the one that a user program sees (CFG-072).
 
         Raises:
-            UnknownVariableError: There is no such variable; bits have no cell of their own.
+            UnknownVariableError: There is no such variable; bits have no stored of their own.
 
         """
-        cell = self._cells.get(path)
-        return self._miss(path) if cell is None else cell
+        return self._stored(path).cell
 
     def read(self, path: str) -> Any:
         """Return the value of a variable or bit as a user program reads it.
@@ -187,19 +184,19 @@ class VariableStore:
             UnknownVariableError: There is no such variable.
 
         """
-        cell = self._cells.get(path)
-        if cell is None:
+        stored = self._variables.get(path)
+        if stored is None:
             word, bit = self._bit(path)
-            return bool(word.value >> bit & 1)
-        return cell.given if cell.written is None else cell.written
+            return bool(word.cell.value >> bit & 1)
+        return stored.given if stored.written is None else stored.written
 
     def start_value(self, path: str) -> Any:
         """Return the start value of a variable in load memory."""
-        return self.bind(path).start
+        return self._stored(path).start
 
     def describe(self, path: str) -> Variable:
         """Return the definition of a variable: type, access class, unit, range, names of values and bits."""
-        variable = self.bind(path).variable
+        variable = self._stored(path).variable
         assert variable is not None  # cells without one cannot be reached by a path
         return variable
 
@@ -223,16 +220,20 @@ class VariableStore:
 
     def paths(self, access: str | None = None) -> Iterator[str]:
         """Return all paths in the order of the data block, or those of one access class."""
-        for path, cell in self._cells.items():
-            variable = cell.variable
+        for path, stored in self._variables.items():
+            variable = stored.variable
             if access is None or (variable is not None and variable.access == access):
                 yield path
 
-    def parameter(self, number: int) -> Cell:
-        """Return the cell of a restart-relevant parameter of `MC_WriteParameter`: 1010 T_i, 1011 T_o, 1012
+    def parameter(self, number: int) -> StoredVariable:
+        """Return a restart-relevant parameter of `MC_WriteParameter`: 1010 T_i, 1011 T_o, 1012
         T_DC in s.
         """
         return self._parameter_cells[number]
+
+    def _stored(self, path: str) -> StoredVariable:
+        found = self._variables.get(path)
+        return self._miss(path) if found is None else found
 
     # -- writing by the user program
     # --------------------------------------------------------------------------
@@ -250,13 +251,13 @@ class VariableStore:
             VariableError: The value has the wrong type.
 
         """
-        cell = self._cells.get(path)
-        if cell is None:
-            cell, _ = self._bit(path)
-            variable = cell.variable
+        stored = self._variables.get(path)
+        if stored is None:
+            stored, _ = self._bit(path)
+            variable = stored.variable
             if variable is not None and variable.access in ("DIR", "CAL"):
-                raise VariableAccessError(f"{path}: single bits of {cell.path} cannot be assigned")
-        variable = cell.variable
+                raise VariableAccessError(f"{path}: single bits of {stored.path} cannot be assigned")
+        variable = stored.variable
         assert variable is not None  # as in `describe`
         access = variable.access
         if access == "RES":
@@ -267,20 +268,20 @@ class VariableStore:
         if access == "RON":
             raise VariableAccessError(f"{path} is read only (RON)")
         converted = variable.convert(path, value)
-        if not variable.permits(converted, self._motion_type.value):
+        if not variable.permits(converted, self._motion_type.cell.value):
             if variable.data_type != "LREAL" or isnan(converted):
                 self._programming_error(path, value)
                 return
-            low, high = variable.limits(self._motion_type.value)
+            low, high = variable.limits(self._motion_type.cell.value)
             assert low is not None  # without a range every number but NaN is permitted
             assert high is not None
             converted = low if converted < low else high
         if access == "CAL":
-            cell.put(converted)
+            stored.put(converted)
             return
-        if cell.written is None:
-            self._pending.append(cell)
-        cell.written = converted
+        if stored.written is None:
+            self._pending.append(stored)
+        stored.written = converted
 
     def write_start(self, path: str, value: object) -> None:
         """Write a start value in load memory (`WRIT_DBL`); it takes effect with the next restart (VAR-005).
@@ -293,13 +294,13 @@ class VariableStore:
             VariableError: The value has the wrong type.
 
         """
-        cell = self.bind(path)
+        stored = self._stored(path)
         variable = self.describe(path)
         if variable.access == "RON":
             raise VariableAccessError(f"{path} is read only (RON)")
-        cell.start = variable.convert(path, value)
+        stored.start = variable.convert(path, value)
         if variable.access == "RES":
-            self._mark(cell)
+            self._mark(stored)
         if self.on_start_value is not None:
             self.on_start_value(path)
 
@@ -324,11 +325,11 @@ class VariableStore:
                 raise ParameterError(
                     f"{parameter.name} takes a time in s, not {value!r}", ERROR_PARAMETER_TYPE
                 )
-            cell = self._parameter_cells[number]
-            cell.start = float(value)
-            self._mark(cell)
+            stored = self._parameter_cells[number]
+            stored.start = float(value)
+            self._mark(stored)
             return
-        cell = self.bind(parameter.variable)
+        stored = self._stored(parameter.variable)
         variable = self.describe(parameter.variable)
         if variable.data_type == "BOOL" and not isinstance(value, bool):
             raise ParameterError(f"{parameter.variable} takes a BOOL, not {value!r}", ERROR_PARAMETER_TYPE)
@@ -336,13 +337,13 @@ class VariableStore:
             converted = variable.convert(parameter.variable, value)
         except VariableError as error:
             raise ParameterError(str(error), ERROR_PARAMETER_TYPE) from error
-        if not variable.permits(converted, self._motion_type.value):
+        if not variable.permits(converted, self._motion_type.cell.value):
             raise ParameterError(
                 f"{parameter.variable} cannot become {value!r}; allowed: "
-                f"{variable.allowed(self._motion_type.value)}",
+                f"{variable.allowed(self._motion_type.cell.value)}",
                 ERROR_PARAMETER_VALUE,
             )
-        cell.put(converted)
+        stored.put(converted)
 
     # -- the runtime's side
     # -----------------------------------------------------------------------------------
@@ -356,9 +357,9 @@ class VariableStore:
         """
         if not self._pending:
             return False
-        for cell in self._pending:
-            cell.put(cell.written)
-            cell.written = None
+        for stored in self._pending:
+            stored.put(stored.written)
+            stored.written = None
         self._pending.clear()
         return True
 
@@ -366,35 +367,35 @@ class VariableStore:
         """Set the value in force of any variable or bit, without access class and range: for the runtime
         itself, in its units.
         """
-        cell = self._cells.get(path)
-        if cell is not None:
-            cell.value = value
-            if cell.factor != 1.0:
-                cell.shown = value / cell.factor
+        stored = self._variables.get(path)
+        if stored is not None:
+            stored.cell.value = value
+            if stored.factor != 1.0:
+                stored.shown = value / stored.factor
             return
-        cell, bit = self._bit(path)
-        cell.value = cell.value | 1 << bit if value else cell.value & ~(1 << bit)
+        stored, bit = self._bit(path)
+        stored.cell.value = stored.cell.value | 1 << bit if value else stored.cell.value & ~(1 << bit)
 
     def preset(self, path: str, value: Any) -> None:
         """Set start value and value in force of any variable: a download of what the device says, not of the
         user.
         """
-        cell = self.bind(path)
-        cell.start = value
-        cell.put(value)
+        stored = self._stored(path)
+        stored.start = value
+        stored.put(value)
 
     def violations(self) -> tuple[Violation, ...]:
         """Return the start values that are not permitted, so that a restart ends with alarm 101."""
-        motion_type = self._motion_type.value
+        motion_type = self._motion_type.cell.value
         found = []
-        for path, cell in self._cells.items():
-            variable = cell.variable
+        for path, stored in self._variables.items():
+            variable = stored.variable
             if (
                 variable is not None
                 and variable.access != "RON"
-                and not variable.permits(cell.start, motion_type)
+                and not variable.permits(stored.start, motion_type)
             ):
-                found.append(Violation(path, cell.start, variable.allowed(motion_type)))
+                found.append(Violation(path, stored.start, variable.allowed(motion_type)))
         return tuple(found)
 
     def restart(self) -> tuple[Violation, ...]:
@@ -408,12 +409,12 @@ class VariableStore:
         violations = self.violations()
         if violations:
             return violations
-        for cell in self._cells.values():
-            if cell.variable is not None and cell.variable.access != "RON":
-                cell.put(cell.start)
-                cell.written = None
-        for cell in self._parameter_cells.values():
-            cell.value = cell.start
+        for stored in self._variables.values():
+            if stored.variable is not None and stored.variable.access != "RON":
+                stored.put(stored.start)
+                stored.written = None
+        for stored in self._parameter_cells.values():
+            stored.cell.value = stored.start
         self._pending.clear()
         self._stale.clear()
         self.online_start_values_changed = False
@@ -421,8 +422,8 @@ class VariableStore:
 
     def power_cycle(self) -> tuple[Violation, ...]:
         """Restart after power off and on: what `MC_WriteParameter` wrote is lost, too (VAR-012, VAR-227)."""
-        for number, cell in self._parameter_cells.items():
-            cell.start = self._parameters[number].default
+        for number, stored in self._parameter_cells.items():
+            stored.start = self._parameters[number].default
         return self.restart()
 
     def load(self, values: Mapping[str, Any]) -> Callable[[], None]:
@@ -436,11 +437,15 @@ class VariableStore:
                 nothing is loaded.
 
         """
-        before = {cell: (cell.start, cell.value) for path in values if (cell := self._cells.get(path))}
+        before = {
+            stored: (stored.start, stored.cell.value)
+            for path in values
+            if (stored := self._variables.get(path))
+        }
 
         def take_back() -> None:
-            for cell, (start, value) in before.items():
-                cell.start, cell.value = start, value
+            for stored, (start, value) in before.items():
+                stored.start, stored.cell.value = start, value
 
         try:
             self._configure(values)
@@ -458,8 +463,8 @@ class VariableStore:
         """
         for path in sorted(values, key=lambda key: not key.startswith(("Properties.MotionType", "Units."))):
             value = values[path]
-            cell = self._cells.get(path)
-            if cell is None:
+            stored = self._variables.get(path)
+            if stored is None:
                 raise ConfigurationError(
                     path, value, f"a variable of {self.object_type}{self._similar(path)}"
                 )
@@ -468,18 +473,18 @@ class VariableStore:
                 converted = variable.convert(path, value)
             except VariableError:
                 converted = None
-            if converted is None or not variable.permits(converted, self._motion_type.value):
-                kind = f"{variable.data_type}, {variable.allowed(self._motion_type.value)}"
+            if converted is None or not variable.permits(converted, self._motion_type.cell.value):
+                kind = f"{variable.data_type}, {variable.allowed(self._motion_type.cell.value)}"
                 raise ConfigurationError(path, value, f"{kind} {self.unit(path)}".rstrip())
-            cell.start = converted
-            cell.put(converted)
+            stored.start = converted
+            stored.put(converted)
 
-    def _mark(self, cell: Cell) -> None:
+    def _mark(self, stored: StoredVariable) -> None:
         """Keep account of start values that differ from the values in force."""
-        if cell.start == cell.given:
-            self._stale.pop(cell.path, None)
+        if stored.start == stored.given:
+            self._stale.pop(stored.path, None)
         else:
-            self._stale[cell.path] = cell
+            self._stale[stored.path] = stored
         self.online_start_values_changed = bool(self._stale)
 
     def _programming_error(self, path: str, value: object) -> None:
@@ -489,32 +494,32 @@ class VariableStore:
         if self._on_programming_error is not None:
             self._on_programming_error(path, value)
 
-    def _bit(self, path: str) -> tuple[Cell, int]:
+    def _bit(self, path: str) -> tuple[StoredVariable, int]:
         """Return word and number of the bit named `path`."""
         found = _BIT.match(path)
-        cell = self._cells.get(found[1]) if found else None
-        if found is None or cell is None:
+        stored = self._variables.get(found[1]) if found else None
+        if found is None or stored is None:
             return self._miss(path), 0
-        variable = cell.variable
+        variable = stored.variable
         bit = int(found[2])
         bits = 16 if variable is not None and variable.data_type == "WORD" else 32
         if variable is None or variable.data_type not in _WORDS or bit >= bits:
             raise UnknownVariableError(f"{path}: {found[1]} has no bit {bit}")
-        return cell, bit
+        return stored, bit
 
-    def _miss(self, path: str) -> Cell:
+    def _miss(self, path: str) -> StoredVariable:
         raise UnknownVariableError(f"{self.object_type} has no variable {path!r}{self._similar(path)}")
 
     def _similar(self, path: str) -> str:
         from difflib import get_close_matches
 
-        by_lower = {known.lower(): known for known in self._cells}
+        by_lower = {known.lower(): known for known in self._variables}
         near = get_close_matches(path.lower(), by_lower, n=3, cutoff=0.6)
         return f"; similar: {', '.join(by_lower[key] for key in near)}" if near else ""
 
     def _unit(self, quantity: str) -> str:
         """Return the name of the unit configured for `quantity`; empty where the object has none."""
-        cell = self._cells.get(f"Units.{quantity}Unit")
-        if cell is None or cell.variable is None:
+        stored = self._variables.get(f"Units.{quantity}Unit")
+        if stored is None or stored.variable is None:
             return ""
-        return cell.variable.enum.get(cell.value, "").removesuffix(" (6 decimals)")
+        return stored.variable.enum.get(stored.cell.value, "").removesuffix(" (6 decimals)")

@@ -6,6 +6,7 @@ from motion.setpoint.generator import MotionPhase, SetpointGenerator
 from motion.setpoint.limits import Resolved, resolve
 from motion.setpoint.position import plan_position
 from motion.setpoint.profile import Phase, Profile
+from motion.setpoint.setpoint import Setpoint
 from motion.setpoint.stopping import stop_distance, stop_time
 from motion.setpoint.velocity import plan_velocity
 
@@ -14,6 +15,7 @@ __all__ = [
     "Phase",
     "Profile",
     "Resolved",
+    "Setpoint",
     "SetpointGenerator",
     "plan_position",
     "plan_velocity",

@@ -6,8 +6,11 @@ from enum import IntEnum
 from math import inf
 from typing import Final
 
+from typing_extensions import override
+
 from motion.setpoint.position import plan_position
 from motion.setpoint.profile import Profile
+from motion.setpoint.setpoint import Setpoint
 from motion.setpoint.velocity import plan_velocity
 
 
@@ -36,7 +39,7 @@ _AT_REST: Final = 2
 """The last step was one at rest."""
 
 
-class SetpointGenerator:
+class SetpointGenerator(Setpoint):
     """Position, velocity and acceleration setpoint of one axis.
 
     A `start_...` method plans from the present state at once; the state itself changes with `advance` only.
@@ -56,21 +59,12 @@ class SetpointGenerator:
         "_steps",
         "_time",
         "_until",
-        "a",
         "done",
         "jerk",
         "positioning",
-        "s",
         "target",
-        "v",
     )
 
-    s: float
-    """Position setpoint, position unit."""
-    v: float
-    """Velocity setpoint, position unit/s."""
-    a: float
-    """Acceleration setpoint, position unit/s2."""
     jerk: float
     """Jerk with which the active profile was planned, position unit/s3; 0.0 for none, or without a profile.
     """
@@ -181,8 +175,8 @@ class SetpointGenerator:
         if self.done and self.v == 0.0:
             self._resting = _ARRIVED
 
+    @override
     def peek(self, dt: float) -> tuple[float, float, float]:
-        """Return (s, v, a) as they will be after `advance(dt)`, without advancing."""
         time = self._begun + (self._steps + 1) * dt if dt == self._dt else self._time + dt
         index = self._index
         ends = self._ends
@@ -197,6 +191,7 @@ class SetpointGenerator:
         x = time - start
         return s + x * (v + x * (half + x * sixth)), v + x * (a + x * half_jerk), a + x * jerk
 
+    @override
     def before(self, dt: float) -> tuple[float, float] | None:
         """Return (s, v) of `dt` s ago, at most the last step; None if the profile has begun later, or there
         is none.

@@ -197,7 +197,7 @@ def acknowledged(ctx: CaseContext, value: int) -> None:
     ctx.do("MC_Reset while the drive stops")
     reset = ctx.axis.reset()
     ctx.wait_until(reset.done, 2.0, "the alarm is acknowledged")
-    at = ctx.wait_until(lambda: ctx.axis.facts.enabled, 5.0, "the axis is enabled")
+    at = ctx.wait_until(lambda: ctx.axis.states.facts.enabled, 5.0, "the axis is enabled")
     ctx.wait_until(lambda: ctx.axis.state.name == "STANDSTILL", 5.0, "the axis stands")
     ended = ctx.now_s
     trace = ctx.trace()

@@ -130,7 +130,7 @@ def set_in_motion(ctx: CaseContext, motion: str, sign: int) -> list[Any]:
         for step in range(1, 76):  # 1000 mm/s2 of a user program that gives its setpoints itself
             ctx.run_for(ctx.bench.cycle_ns * 1e-9)
             jobs[0].set(Velocity=4.0 * step * sign, Acceleration=1000.0 * sign if step < 75 else 0.0)
-    ctx.wait_until(lambda: axis.motion.total.v * sign > VELOCITY - 1e-6, 5.0, f"the axis is in its {words}")
+    ctx.wait_until(lambda: axis.servo.total.v * sign > VELOCITY - 1e-6, 5.0, f"the axis is in its {words}")
     ctx.run_for(0.05)
     return jobs
 

@@ -3,45 +3,128 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
+from typing_extensions import override
+
 from fieldbus.errors import ConfigurationError
-from motion.drives.port import INPUT_HOME
-from motion.kernel.backlash import Backlash
-from motion.kernel.feedback import VALID, EncoderSource, Feedback
-from motion.kernel.fine_interpolation import FineInterpolation
-from motion.kernel.mechanics import INCREMENTAL
+from motion.drives.encoder import EncoderPort
+from motion.drives.port import INPUT_HOME, STW1
+from motion.kernel.feedback import NO_FEEDBACK, EncoderFeedback, Feedback
+from motion.kernel.mechanics import INCREMENTAL, MOTOR_SIDE
+from motion.kernel.modulo import NO_MODULO
+from motion.kernel.monitoring import Monitoring
+from motion.kernel.position_control import LEAST_GAIN
+from motion.kernel.servo_axis import ServoAxis
+from motion.kernel.simulation import SimulatedFeedback, SimulatedPort
+from motion.kernel.torque_limits import TorqueLimits
 from motion.s7.axis.adaption import Adaption
-from motion.s7.axis.configuration import given_values
+from motion.s7.axis.alarms import AxisAlarms, MonitoringAlarms
+from motion.s7.axis.assembly import (
+    backlash_of,
+    dynamic_filter_of,
+    leading_value_of,
+    mechanics_of,
+    modulo_of,
+    monitoring_limits_of,
+    position_control_of,
+    sensor_prefixes,
+)
+from motion.s7.axis.configuration import (
+    DSC_TELEGRAMS,
+    Abilities,
+    Problem,
+    check_configuration,
+    check_telegrams,
+    doubts,
+    given_values,
+    setpoint_range,
+)
 from motion.s7.axis.control_words import ControlWords
-from motion.s7.axis.data_block import frozen, live_variables, unit_names
-from motion.s7.axis.enabling import EnableControl
-from motion.s7.axis.homing import ActiveHoming, PassiveHoming, home_directly, shift_axis
+from motion.s7.axis.data_block import Shown, live_variables
+from motion.s7.axis.dynamic_limits import DynamicLimits
+from motion.s7.axis.enabling import EnableControl, EnableSettings
+from motion.s7.axis.hardware_limits import HardwareLimits
+from motion.s7.axis.homing.direct import home_directly
 from motion.s7.axis.jobs import ERROR_ALARM
 from motion.s7.axis.motion import MotionControl
+from motion.s7.axis.position_parts import PositionParts
 from motion.s7.axis.ramp_times import RampTimes
-from motion.s7.axis.reactions import AxisAlarms
-from motion.s7.axis.reset import ALARM_RESTART_REFUSED, Reset
-from motion.s7.axis.servo import ServoCycle
-from motion.s7.axis.state import FACTS, AxisState
-from motion.s7.axis.status import status_word, status_word2
-from motion.s7.axis.torque import TORQUE_DATA
-from motion.s7.axis.trace import TRACE_COLUMNS, trace_row
+from motion.s7.axis.reactions import Reactions
+from motion.s7.axis.software_limits import SoftwareLimits
+from motion.s7.axis.state import AxisState, AxisStates, DriveCommand
+from motion.s7.axis.status import StatusWords
+from motion.s7.axis.technology_object import TechnologyObject
+from motion.s7.axis.torque import TORQUE_DATA, TorqueControl
 from motion.s7.data_blocks import DataBlocks
+from motion.s7.units import farthest_position
 from motion.s7.variables import VariableStore
 
 if TYPE_CHECKING:
     from fieldbus.history import History
-    from motion.drives.encoder import EncoderPort
     from motion.drives.port import DrivePort
-    from motion.kernel.superposition import Superposition
-    from motion.setpoint import SetpointGenerator
+    from motion.kernel.leading_value import LeadingValue
+    from motion.kernel.mechanics import Mechanics
+    from motion.kernel.modulo import Modulo
 
 CONNECTIONS: Final = ("direct", "data_block")
 
+ALARM_ADDRESS: Final = 109
+ALARM_ADJUSTED: Final = 110
+ALARM_SPEED_LIMITED: Final = 504
+ALARM_VELOCITY_UNREACHABLE: Final = 551
+_DATA_EXCHANGE: Final = 9
+"""Cause of alarm 109: telegram 750 (TA-013)."""
+_ROUNDING: Final = 1.0 + 1e-9
+_PULSE_CYCLES: Final = 2
+"""Cycles for which STW1.7 is shown at least."""
+_DRIVE_TIMEOUT_NS: Final = 200_000_000
+"""Time that the drive gets to withdraw its fault before the alarms are acknowledged all the same."""
+_REACTION_REMOVE_ENABLE: Final = 4
+_ACKNOWLEDGE: Final = int(STW1.ACKNOWLEDGE)
 
-class TechnologyAxis(ServoCycle):
-    """Base of positioning and speed axis.
+SWITCH_BUMPLESS: Final = 0
+SWITCH_AS_IT_IS: Final = 1
+TRANSFER: Final = 2
+TRANSFER_FROM: Final = 3
+"""Modes of `MC_SetSensor`."""
+
+TRACE_COLUMNS: Final[tuple[tuple[str, str], ...]] = (
+    ("position_setpoint", "mm"),
+    ("velocity_setpoint", "mm/s"),
+    ("acceleration_setpoint", "mm/s2"),
+    ("actual_position", "mm"),
+    ("actual_velocity", "mm/s"),
+    ("following_error", "mm"),
+    ("actual_speed", "rpm"),
+    ("speed_output", "rpm"),
+    ("actual_torque", "Nm"),
+    ("status_word", ""),
+    ("status_word2", ""),
+    ("error_word", ""),
+    ("warning_word", ""),
+    ("alarm_number", ""),
+    ("alarm_reaction", ""),
+    ("state", ""),
+    ("stw1", ""),
+    ("zsw1", ""),
+    ("power_status", ""),
+    ("power_busy", ""),
+    ("power_enable", ""),
+    ("in_operation", ""),
+    ("communication_ok", ""),
+    ("filtered_position", "mm"),
+    ("balanced_position", "mm"),
+    ("control_difference", "mm"),
+    ("permitted_following_error", "mm"),
+    ("additive_torque", "Nm"),
+)
+"""Name and unit of every value, for an axis in mm with a standard motor."""
+
+
+class TechnologyAxis(TechnologyObject):
+    """Any axis: speed axis, positioning axis, synchronous axis.
 
     Args:
         name: Name in history and trace.
@@ -88,286 +171,846 @@ class TechnologyAxis(ServoCycle):
     ) -> None:
         if connection not in CONNECTIONS:
             raise ConfigurationError("connection", connection, ", ".join(CONNECTIONS))
-        self.name = name
-        self.drive_port = port
-        """Connection to the drive, also while it is not used."""
-        self.port: DrivePort = port
-        self.encoder_ports = (port,) if encoders is None else tuple(encoders)
-        self._other_ports = [one for one in self.encoder_ports if one is not port]
-        self.connection = connection
-        self.cpu = cpu
-        self.history = history
-        self.cycle_ns = cycle_ns
-        self.cycle_s = cycle_ns * 1e-9
         self.interpolator_ns = interpolator_ns or cycle_ns
-        self.interpolator_s = self.interpolator_ns * 1e-9
         ratio, rest = divmod(self.interpolator_ns, cycle_ns)
         if rest or ratio < 1:
             raise ConfigurationError(
                 "interpolator_ns", self.interpolator_ns, f"a multiple of the servo cycle of {cycle_ns} ns"
             )
-        self.fine = FineInterpolation(ratio, self.cycle_s) if ratio > 1 else None
-        """Points on the way between two setpoints of the interpolator; None: it runs in every servo cycle."""
-        self._direct_delay_s = 2 * self.cycle_s if delay_s is None else delay_s
+        encoder_ports = (port,) if encoders is None else tuple(encoders)
         start_values = given_values(dict(variables or {}))
-        self.variables = VariableStore(
-            self.object_type, start_values, sensors=len(self.encoder_ports), name=name, history=history
+        store = VariableStore(
+            self.object_type, start_values, sensors=len(encoder_ports), name=name, history=history
         )
-        if self.has_position:
-            for number, one in enumerate(self.encoder_ports, start=1):
-                if f"Sensor[{number}].Type" not in start_values and one.absolute_encoder:
-                    self.variables.preset(f"Sensor[{number}].Type", 1)
-                if f"Sensor[{number}].Interface.Number" not in start_values:
-                    self.variables.preset(f"Sensor[{number}].Interface.Number", one.interface_number)
+        self._preset(store, start_values, port, encoder_ports)
         if ramp_times:
-            self.variables.on_start_value = RampTimes(self.variables, ramp_times, start_values).follow
-        if TORQUE_DATA not in start_values:
-            self.variables.preset(TORQUE_DATA, port.has_torque_data)
-        if port.analog and "Actor.Type" not in start_values:
-            self.variables.preset("Actor.Type", 0)
-        self.state = AxisState.DISABLED
-        self.facts = FACTS[AxisState.DISABLED]
-        self.homed = False
-        self.homings: list[ActiveHoming | PassiveHoming] = []
-        """Active and passive homing under way (StatusWord.X11)."""
+            store.on_start_value = RampTimes(store, ramp_times, start_values).follow
+        self.alarms = AxisAlarms(name, self.object_type, history)
+        super().__init__(name, store, self.alarms.engine, history)
+        self.connection = connection
+        self.cpu = cpu
+        bind = store.bind
+        self.servo = servo = ServoAxis(
+            port,
+            encoder_ports,
+            cycle_s=cycle_ns * 1e-9,
+            ratio=ratio,
+            rest=bind("StandstillSignal.VelocityThreshold") if self.has_position else None,
+        )
+        """The axis in the kernel: actual values, setpoints, position control, drive port."""
+        self._direct_delay_s = 2 * servo.cycle_s if delay_s is None else delay_s
+        self.data_blocks = DataBlocks()
+        """Global data blocks of the controller, of which a bit can be a limit switch."""
         self.homing_input = INPUT_HOME
         """Bit of the inputs that is reference cam or homing mark (`DigitalInputAddress`)."""
-        self.communication_ok = False
-        self.in_operation = False
-        self.at_rest = True
-        self.actual_velocity = 0.0
-        self.speed_output_rpm = 0.0
-        self.status_word = 0
-        self.status_word2 = 0
-        self._error_word_shown = 0
-        self.stw1_sent = 0
-        self.power_status_shown = False
-        """Status as the history knows it (`power.status`)."""
-        self._setpoint_due = False
-        self._resets: list[Reset] = []
         self.station_inputs: Callable[[DrivePort], bool] | None = None
         """Puts the switches at an I/O station into the inputs of the port, once per cycle; returns whether it
         answers.
         """
-        self.inputs_in_servo = True
-        """Limit switches are read in the servo cycle (`PIP OB Servo`); else with the call of the program
-        (LIM-025).
-        """
-        self.data_blocks = DataBlocks()
-        """Global data blocks of the controller, of which a bit can be a limit switch."""
-        self.master: object | None = None
-        """The control panel that has the axis; None = the user program (`StatusWord.X4`)."""
-        self.power_owner: object | None = None
-        """The `MC_Power` instance that rules this object (MC-160)."""
-        self.alarms = AxisAlarms(self)
-        self.enabling = EnableControl(self)
-        self.motion = MotionControl(self)
-        self.control_words = ControlWords(self)
-        self.sensors: tuple[Feedback, ...] = ()
-        """All encoders, in the order of `Sensor[n]`."""
-        self.backlashes: tuple[Backlash, ...] = ()
-        """Compensation of the encoders that sit on the motor."""
-        self.operative_sensor = 1
-        """`OperativeSensor`: the encoder in position control (CFG-314)."""
+        self.status_word = 0
+        self.status_word2 = 0
+        self._error_word_shown = 0
+        self.stw1_sent = 0
+        self.states = states = AxisStates(name, history, servo)
+        self.command = command = DriveCommand()
+        """Control word of the drive."""
+        limits = DynamicLimits(store, self.alarms)
+        self._dynamics = limits
+        torque_limits = TorqueLimits(bind("TorqueLimiting.PositionBasedMonitorings"))
+        monitoring = self._monitoring(torque_limits) if self.has_position else None
+        self.motion = MotionControl(
+            name,
+            history,
+            servo=servo,
+            states=states,
+            command=command,
+            alarms=self.alarms,
+            limits=limits,
+            defaults=(bind("DynamicDefaults.Deceleration"), bind("DynamicDefaults.Jerk")),
+            monitoring=monitoring,
+            torque=torque_limits,
+            homings=self.homings,
+        )
+        """Jobs and ramps."""
+        self._enabling = EnableControl(
+            name,
+            history,
+            servo=servo,
+            states=states,
+            command=command,
+            alarms=self.alarms,
+            motion=self.motion,
+            settings=EnableSettings(
+                remove_enable=bind("Actor.RemoveEnableReaction"),
+                velocity_mode=bind("PositionControl.VelocityModePowerOn") if self.has_position else None,
+                max_deceleration=bind("DynamicLimits.MaxDeceleration"),
+            ),
+            adapted=lambda: self.adaption is None or self.adaption.ready,
+        )
+        self.reactions = Reactions(
+            states=states,
+            alarms=self.alarms,
+            motion=self.motion,
+            enabling=self._enabling,
+            command=command,
+            remove_enable=bind("Actor.RemoveEnableReaction"),
+        )
+        """What alarms do to the axis."""
+        self.alarms.on_reaction = self.reactions.react
+        self.control_words = ControlWords(name, history, servo, states)
         problems = self.check(start=False)
         if problems:
             raise problems[0].error(problems[1:])
-        self.simulated = self.virtual = False
-        self._leading = None
-        self.encoder_apart: EncoderSource | None = None
-        """The operative encoder, where it has a connection of its own."""
+        self.torque = TorqueControl(
+            store,
+            servo=servo,
+            states=states,
+            alarms=self.alarms,
+            motion=self.motion,
+            control_words=self.control_words,
+            limits=torque_limits,
+        )
+        self.position = None if monitoring is None else self._position_parts(monitoring)
+        """Monitoring and limits of travel; None without positions."""
+        self._status = StatusWords(
+            store,
+            self.engine,
+            servo=servo,
+            states=states,
+            command=command,
+            motion=self.motion,
+            torque=self.torque,
+            homings=self.homings,
+            position=self.position,
+        )
         self.adaption: Adaption | None = None
+        self._adapting: Adaption | None = None
+        self.leading_value: LeadingValue | None = None
+        """What followers get, of an axis with positions."""
+        self._leading: LeadingValue | None = None
         self.apply_configuration()
-        self._live = self._readers = live_variables(self)
+        self._live = self._readers = live_variables(
+            Shown(
+                variables=store,
+                engine=self.engine,
+                servo=servo,
+                motion=self.motion,
+                torque=self.torque,
+                status_word=lambda: self._status.word(control_panel=self.master is not None),
+                status_word2=self._status.word2,
+                execution_s=self.setpoint_execution_s,
+                leading_value=self._present_leading_value,
+            )
+        )
         if self.has_position:
-            self.trace_columns = unit_names(self)
+            self.trace_columns = _columns(store)
 
-    # -- state
-    # ------------------------------------------------------------------------------------------------
+    def _preset(
+        self,
+        store: VariableStore,
+        given: Mapping[str, Any],
+        port: DrivePort,
+        encoders: Sequence[EncoderPort | DrivePort],
+    ) -> None:
+        """Take over what the devices say and the configuration does not."""
+        if self.has_position:
+            for number, one in enumerate(encoders, start=1):
+                if f"Sensor[{number}].Type" not in given and one.absolute_encoder:
+                    store.preset(f"Sensor[{number}].Type", 1)
+                if f"Sensor[{number}].Interface.Number" not in given:
+                    store.preset(f"Sensor[{number}].Interface.Number", one.interface_number)
+        if TORQUE_DATA not in given:
+            store.preset(TORQUE_DATA, port.has_torque_data)
+        if port.analog and "Actor.Type" not in given:
+            store.preset("Actor.Type", 0)
 
-    def set_state(self, state: AxisState) -> None:
-        """Change the state and record it."""
-        old = self.state
-        if state is old:
+    def _monitoring(self, torque: TorqueLimits) -> Monitoring:
+        servo = self.servo
+        return Monitoring(
+            servo,
+            monitoring_limits_of(self.variables),
+            torque,
+            MonitoringAlarms(self.alarms),
+            cycle_s=servo.interpolator_s,
+        )
+
+    def _position_parts(self, monitoring: Monitoring) -> PositionParts:
+        return PositionParts(
+            monitoring,
+            HardwareLimits(
+                self.variables,
+                servo=self.servo,
+                states=self.states,
+                alarms=self.alarms,
+                motion=self.motion,
+                data_blocks=lambda: self.data_blocks,
+            ),
+            SoftwareLimits(
+                self.variables,
+                servo=self.servo,
+                states=self.states,
+                alarms=self.alarms,
+                motion=self.motion,
+                dynamics=self._dynamics,
+            ),
+        )
+
+    # -- what it is made of, by its variables
+
+    @override
+    def check(self, *, start: bool) -> list[Problem]:
+        read = self.variables.start_value if start else self.variables.read
+        encoders = self.servo.encoder_ports
+        port = self.servo.drive_port
+        number = port.telegram_number
+        abilities = Abilities(
+            dsc=port.dsc
+            and (not number or number in DSC_TELEGRAMS)
+            and (not self.has_position or encoders[0] is port),
+            interfaces=tuple(one.interface_number for one in encoders),
+            velocities=tuple(one.brings_speed for one in encoders),
+            simulated=read("VirtualAxis.Mode") == 1 or read("Simulation.Mode") == 1,
+            analog=port.analog,
+        )
+        problems = check_configuration(self.variables, abilities, cpu=self.cpu, start=start)
+        if number and not abilities.simulated:
+            apart = [one for one in encoders if one is not port and one.interface_number == 1]
+            own = tuple(one.telegram_number or 81 for one in apart) if self.has_position else ()
+            unfit = check_telegrams(self.object_type, number, own)
+            if unfit is not None:
+                problems.insert(0, unfit)
+        return problems
+
+    @override
+    def apply_configuration(self, *, powered_off: bool = False) -> None:
+        store, servo = self.variables, self.servo
+        servo.virtual = store.read("VirtualAxis.Mode") == 1
+        servo.simulated = simulated = servo.virtual or store.read("Simulation.Mode") == 1
+        if self.has_position:
+            servo.operative_sensor = store.read("PositionControl.InitialOperativeSensor")
+        self.torque.begin()
+        self.control_words.release()
+        self.derive(restart=True, powered_off=powered_off)
+        if self.position is not None:
+            self.position.hardware.check_addresses()
+        if store.read(TORQUE_DATA) and not simulated and not servo.drive_port.has_torque_data:
+            self.alarms.raise_alarm(
+                ALARM_ADDRESS, info=_DATA_EXCHANGE, text=f"{TORQUE_DATA} is TRUE without telegram 750"
+            )
+        servo.homed = (
+            self.has_position
+            and not simulated
+            and not self.incremental
+            and store.read(f"StatusSensor[{servo.operative_sensor}].Adjusted") == 1
+        )
+        if self.adaption is not None:
+            self.adaption.close()
+        sources = servo.encoder_ports if self.has_position else ()
+        adaption = Adaption(
+            store,
+            servo.drive_port,
+            sources,
+            self.alarms,
+            self.derive,
+            simulated=simulated,
+            name=self.name,
+            history=self.history,
+        )
+        self.adaption = adaption
+        self._adapting = adaption if adaption.active else None
+        if self.history is not None:
+            for doubt in doubts(store):
+                self.history.emit(self.name, "axis.doubt", text=str(doubt))
+
+    def derive(self, *, restart: bool = False, powered_off: bool = False) -> None:
+        """Derive ratios, limits and encoders from the variables in force.
+
+        Without a `restart` an encoder whose data have not changed goes on as it is.
+        """
+        store, servo = self.variables, self.servo
+        apart = [isinstance(one, EncoderPort) and one.interface_number == 1 for one in servo.encoder_ports]
+        servo.mechanics = mechanics = mechanics_of(store, apart=apart)
+        limits = setpoint_range(store)
+        servo.max_speed = limits.maximum
+        if limits.adjusted:
+            self.alarms.raise_alarm(ALARM_ADJUSTED, info=1, text=limits.adjusted)
+        wanted = store.bind("DynamicLimits.MaxVelocity").value * abs(mechanics.rpm_per_unit)
+        if not servo.simulated and wanted > limits.maximum * _ROUNDING:
+            self.alarms.raise_alarm(
+                ALARM_VELOCITY_UNREACHABLE,
+                text=f"DynamicLimits.MaxVelocity needs {wanted:g}, the drive has {limits.maximum:g}",
+            )
+        simulated_port: SimulatedPort | None = None
+        if servo.simulated:
+            servo.port = simulated_port = SimulatedPort(servo.cycle_s, mechanics.rpm_per_unit)
+            # Jobs about torque are accepted as with the drive, though it gets nothing (STP-159).
+            simulated_port.has_torque_data = servo.drive_port.has_torque_data
+            simulated_port.has_torque_reduction = servo.drive_port.has_torque_reduction
+        else:
+            servo.port = servo.drive_port
+            servo.port.set_reference(limits.reference, limits.torque)
+        servo.delay_s = self._delay()
+        servo.modulo = NO_MODULO
+        servo.encoder_apart = None
+        position = self.position
+        if position is None:
+            servo.feedback = NO_FEEDBACK
             return
-        self.state = state
-        self.facts = FACTS[state]
-        if state is AxisState.RESTARTING:
-            self._live = frozen(self._readers)
-        elif old is AxisState.RESTARTING:
-            self._live = self._readers
-        history = self.history
-        if history is not None:
-            history.emit(self.name, "axis.state", **{"from": old.name, "to": state.name})
-        status = self.facts.enabled
-        if status is not self.power_status_shown:
-            self.power_status_shown = status
-            if history is not None:
-                history.emit(self.name, "power.status", value=status)
+        servo.modulo = modulo = modulo_of(store)
+        # Followers need two servo cycles per modulo range (STP-113).
+        leads = modulo.enabled and self._gives_leading_value()
+        self._dynamics.leading = modulo.length / (2.0 * servo.cycle_s) if leads else inf
+        self._make_sensors(mechanics, simulated_port, restart=restart, powered_off=powered_off)
+        servo.in_drive = store.read("PositionControl.EnableDSC") and not servo.simulated
+        servo.controller = position_control_of(
+            store,
+            simulated_port,
+            dynamic_filter_of(store, servo.cycle_s, precontrol=self.torque.precontrols),
+            virtual=servo.virtual,
+            cycle_s=servo.cycle_s,
+            delay_s=servo.delay_s,
+            in_drive=servo.in_drive,
+        )
+        position.monitoring.begin(modulo, farthest_position(store.read("Units.LengthUnit")))
+        position.hardware.begin()
+        position.software.begin()
+        self.take_sensor(servo.operative_sensor)
+        self.leading_value = leading_value_of(
+            store,
+            cycle_s=servo.interpolator_s,
+            acquisition_s=self.acquisition_s,
+            feedback=lambda: servo.feedback,
+            setpoint=servo.setpoint,
+        )
+        self._leading = self.leading_value.in_use()
+
+    def _make_sensors(
+        self, mechanics: Mechanics, port: SimulatedPort | None, *, restart: bool, powered_off: bool
+    ) -> None:
+        store, servo = self.variables, self.servo
+        prefixes = sensor_prefixes(store)
+        before: Sequence[Feedback | None] = servo.sensors or (None,) * 4
+        offsets = [store.bind(f"Status{prefix}.AbsEncoderOffset") for prefix in prefixes]
+        if port is not None:
+            simulated = tuple(
+                SimulatedFeedback(port, scale, cell, None if powered_off else old)
+                for scale, cell, old in zip(mechanics.sensors, offsets, before, strict=False)
+            )
+            port.feedbacks = simulated
+            servo.sensors = simulated
+        else:
+            sensors: list[Feedback] = []
+            for source, scale, cell, old in zip(
+                servo.encoder_ports, mechanics.sensors, offsets, before, strict=False
+            ):
+                if isinstance(source, EncoderPort):
+                    source.set_reference(scale.reference)
+                if old is not None and not restart and old.scale == scale:
+                    sensors.append(old)
+                    continue
+                sensors.append(
+                    EncoderFeedback(source, scale, servo.cycle_s, cell, before=old, powered_off=powered_off)
+                )
+                servo.homed = False
+            servo.sensors = tuple(sensors)
+        for number, sensor in enumerate(servo.sensors, start=1):
+            adjusted = f"StatusSensor[{number}].Adjusted"
+            if servo.virtual:
+                store.set_internal(adjusted, 1)
+            elif sensor.scale.kind == INCREMENTAL:
+                store.set_internal(adjusted, 0)
+        servo.backlashes = tuple(
+            backlash_of(store, sensor, prefix, servo.cycle_s)
+            for sensor, prefix in zip(servo.sensors, prefixes, strict=False)
+            if port is None and store.read(f"{prefix}.MountingMode") == MOTOR_SIDE
+        )
+
+    def _gives_leading_value(self) -> bool:
+        """Return whether the axis may lead others: it is configured to put out its leading value."""
+        read = self.variables.read
+        output = "CrossPlcSynchronousOperation.Interface[{}].EnableLeadingValueOutput"
+        return any(read(output.format(number)) for number in range(1, 33))
+
+    def _delay(self) -> float:
+        """Return T_i + T_o + T_DC + T_servo, s: of a direct connection as it is, of a data block as it is
+        told (CFG-263).
+        """
+        servo = self.servo
+        if servo.simulated:
+            return servo.cycle_s
+        if self.connection == "data_block":
+            parameter = self.variables.parameter
+            return servo.cycle_s + sum(float(parameter(one).cell.value) for one in (1010, 1011, 1012))
+        return self._direct_delay_s
 
     @property
-    def sensor_valid(self) -> bool:
-        """Whether the actual position is valid (`StatusSensor[1].State` = 2); TRUE without an encoder."""
-        return not self.has_position or self.feedback.state == VALID
+    def acquisition_s(self) -> float:
+        """T_i, how old an actual value is when the axis takes it, s; of a direct connection half of what is
+        not T_servo.
+        """
+        servo = self.servo
+        if self.connection == "data_block" and not servo.simulated:
+            return float(self.variables.parameter(1010).cell.value)
+        return max(0.0, 0.5 * (servo.delay_s - servo.cycle_s))
 
-    def make_reset(self, *, restart: bool) -> Reset:
-        """Return an execution of `MC_Reset`; the cycle carries it out."""
-        reset = Reset(self, restart=restart)
-        self._resets.append(reset)
-        return reset
+    def setpoint_execution_s(self) -> float:
+        """`StatusPositioning.SetpointExecutionTime`: T_ipo, T_vtc or 1 / Kv, T_o and T_DC, s (VAR-115,
+        SYN-063).
+        """
+        servo = self.servo
+        read = self.variables.bind
+        if read("PositionControl.Kpc").value > 0.0:
+            lag = read("DynamicAxisModel.VelocityTimeConstant").value
+        else:
+            lag = 1.0 / max(read("PositionControl.Kv").value, LEAST_GAIN)
+        return float(servo.interpolator_s + servo.delay_s - servo.cycle_s - self.acquisition_s + lag)
 
-    def power_down(self) -> None:
-        """Lose what is not retentive; `apply_configuration` then begins anew."""
-        self._resets = []
-        self.enabling.power_down()
-        self.set_state(AxisState.DISABLED)
+    def _present_leading_value(self) -> LeadingValue:
+        assert self.leading_value is not None  # asked by an axis with positions only
+        return self.leading_value
+
+    # -- encoders
+
+    def take_sensor(self, number: int) -> None:
+        """Control the position with encoder `number` from now on (CFG-379 to CFG-381)."""
+        read = self.variables.read
+        mode = read("PositionControl.ControlDifferenceQuantization.Mode")
+        quantum = 0.0
+        if mode == 1:
+            quantum = abs(self.servo.sensors[number - 1].scale.increment)
+        elif mode == 2:
+            quantum = float(read("PositionControl.ControlDifferenceQuantization.Value"))
+        self.servo.take_sensor(number, quantum)
+
+    def set_sensor(self, number: int, mode: int, reference: int) -> None:
+        """Switch to an encoder, or transfer a position to it (CFG section 16, `MC_SetSensor`).
+
+        Args:
+            number: Encoder to switch to, or to transfer to, 1 to 4.
+            mode: 0 switch and transfer the position of the axis, 1 switch without a transfer, 2 transfer the
+                position of the axis without a switch, 3 transfer that of `reference`.
+            reference: Encoder whose position is transferred with mode 3.
+
+        """
+        servo = self.servo
+        target = servo.sensors[number - 1]
+        present = servo.feedback
+        if mode == TRANSFER_FROM:
+            target.transfer(servo.sensors[reference - 1].position)
+            return
+        if mode in (SWITCH_BUMPLESS, TRANSFER):
+            target.transfer(present.position)
+        if mode == TRANSFER or target is present:
+            return
+        step = target.position - present.position
+        self.take_sensor(number)
+        present.discard_correction()
+        if self.position is not None:
+            self.position.hardware.shift_places(step)
+        if step and servo.controlled and servo.position_controlled:
+            servo.controller.absorb(step)
+        if self.history is not None:
+            self.history.emit(self.name, "axis.sensor", sensor=number, step=step)
+
+    @override
+    def forget_encoders(self) -> None:
+        self.servo.sensors = ()
+
+    # -- homing
+
+    def home(self, mode: int, position: float, sensor: int = 0) -> None:
+        """Carry out a direct homing; the arguments as in `motion.s7.axis.homing.home_directly`."""
+        home_directly(self, mode, position, sensor, setpoint=self.servo.total.s)
+
+    @property
+    def incremental(self) -> bool:
+        """Whether the operative encoder is an incremental one."""
+        return self.servo.feedback.scale.kind == INCREMENTAL
+
+    def sensor_path(self, number: int) -> str:
+        """Return where the variables of an encoder begin."""
+        return f"Sensor[{number}]"
+
+    def homing_switch(self, path: str) -> bool:
+        """Return whether reference cam or homing input is active: its level is `path.SwitchLevel` (HOM-057,
+        HOM-062).
+        """
+        level: bool = self.variables.read(f"{path}.SwitchLevel")
+        return (self.servo.port.inputs & self.homing_input != 0) is level
+
+    def shift_setpoints(self, offset: float) -> None:
+        """Let setpoints, controller and limits follow a shift of the coordinate system."""
+        self.motion.shift_coordinates(offset)
+        if self.position is not None:
+            self.position.hardware.shift_places(offset)
+            self.position.software.shift()
+        self.torque.shift(offset)
+        self.motion.shift_target(offset)
+        if self.leading_value is not None:
+            self.leading_value.shift(offset)
+
+    def ends_passive_homing(self) -> int | None:
+        """Return why passive homing cannot go on: an ErrorID, 0 = it is aborted, None = it can (OVR-115)."""
+        if self.alarms.blocking:
+            return ERROR_ALARM
+        return None if self.states.facts.enabled and not self._enabling.disabling else 0
+
+    def alarm(self, number: int) -> None:
+        """Raise a technology alarm."""
+        self.alarms.raise_alarm(number)
+
+    # -- restart and operating states of the controller
+
+    @property
+    @override
+    def state(self) -> AxisState:
+        return self.states.state
+
+    @property
+    @override
+    def enabling(self) -> EnableControl:
+        return self._enabling
+
+    @property
+    @override
+    def restart_refused(self) -> bool:
+        return self.states.facts.enabled or self._enabling.busy
+
+    @override
+    def hold_back(self) -> None:
+        self.states.enter(AxisState.RESTARTING)
+        self._show_restart(True)
+
+    @override
+    def release(self) -> None:
+        self.states.enter(AxisState.ALARM_DISABLED if self.alarms.blocking else AxisState.DISABLED)
+        self._show_restart(False)
+
+    @override
+    def acknowledge(self, age: int) -> bool:
+        # The drive acknowledges on the rising edge of STW1.7; one low cycle makes sure that there is an edge.
+        self.command.acknowledge = age > 1
+        drive_ready = not self.servo.port.zsw1 & 0x0008
+        if age <= _PULSE_CYCLES or (not drive_ready and age * self.interpolator_ns < _DRIVE_TIMEOUT_NS):
+            return False
+        self.command.acknowledge = False
+        self.alarms.acknowledge()
+        return True
+
+    @override
+    def switch_outputs(self, on: bool) -> None:
+        self._enabling.rest(outputs=on)
+        self.servo.drive_port.switch_outputs(on)
+
+    @override
+    def clear_alarms(self) -> None:
+        self.alarms.restart()
+
+    @override
+    def _abort_jobs(self) -> None:
+        self.motion.abort_all()
+
+    @override
+    def _end_functions(self) -> None:
+        self.control_words.release()
+        self.torque.end_all()
+
+    @override
+    def _withdraw_enable(self) -> None:
+        self._enabling.withdraw()
+        if not self.resting and self.states.state is not AxisState.RESTARTING:
+            self.reactions.react(_REACTION_REMOVE_ENABLE)
+
+    @override
+    def _power_down(self) -> None:
+        self._enabling.power_down()
+        self.states.enter(AxisState.DISABLED)
+        self._show_restart(False)
         self.alarms.power_down()
         self.motion.power_down()
-        self.communication_ok = self.in_operation = False
-        self.at_rest = True
-        self.actual_velocity = self.speed_output_rpm = 0.0
+        self.servo.power_down()
         self.status_word = self.status_word2 = self.stw1_sent = 0
 
-    def forget_encoders(self) -> None:
-        """Forget what the encoders have counted, also the ranges that an absolute encoder has passed."""
-        self.sensors = ()
-
-    @property
-    def restart_refused(self) -> bool:
-        """Whether a restart is not possible now, because the object is enabled (VAR-007)."""
-        return self.facts.enabled or self.enabling.busy
-
-    def refuse_restart(self) -> None:
-        """Warn that a restart was asked for that is not possible now."""
-        self.alarms.raise_alarm(ALARM_RESTART_REFUSED)
-
     # -- cycle
-    # ------------------------------------------------------------------------------------------------
+
+    def read_inputs(self) -> None:
+        """Take over what has arrived, and what the program has assigned."""
+        servo = self.servo
+        if self.variables.latch():
+            self.motion.limits_assigned = True
+            if self.leading_value is not None:
+                self._leading = self.leading_value.in_use()
+        port = servo.port
+        port.read()
+        if self.station_inputs is not None:
+            readable = self.station_inputs(port)
+            expected = self.states.facts.drive_expected and port.link_ok
+            self.alarms.watch_inputs(readable, expected=expected)
+        for other in servo.other_ports:
+            other.read()
+        if self._adapting is not None:
+            self._adapting.step()
+        servo.take_actual_values()
+
+    def write_outputs(self, output: float) -> None:
+        """Send control word, speed for the velocity `output` and torques."""
+        servo = self.servo
+        if servo.limit_speed(output):
+            self.alarms.warn(ALARM_SPEED_LIMITED)
+        command = self.command
+        stw1 = command.stw1 | _ACKNOWLEDGE if command.acknowledge else command.stw1
+        words = self.control_words
+        if words.waiting:
+            words.step()
+        if words.owned_stw1:
+            stw1 = stw1 & ~words.owned_stw1 | words.user_stw1
+        self.stw1_sent = stw1
+        torque = self.torque
+        if torque.sends:
+            leads = servo.position_controlled and servo.controlled and not command.switching_off
+            servo.port.write(
+                stw1, servo.speed_output_rpm, torque.output_nm(servo.given_acceleration() if leads else 0.0)
+            )
+        else:
+            servo.port.write(stw1, servo.speed_output_rpm)
+
+    def servo_cycle(self) -> None:
+        """Run one servo cycle without `MC_Interpolator`: it is not due, or late. Its decisions and its
+        setpoints stand.
+        """
+        self.read_inputs()
+        servo = self.servo
+        output = 0.0
+        if servo.controlled and not self.command.switching_off:
+            setpoint = servo.total if servo.fine is None else servo.fine.advance()
+            if not self.has_position:
+                output = setpoint.v
+            elif servo.position_controlled:
+                output = servo.close_loop(setpoint.s, setpoint.v)
+            else:
+                servo.controller.follow(servo.feedback.position)
+                output = setpoint.v
+        else:
+            if self._enabling.catching:
+                output = servo.actual_velocity
+            if not servo.controlled:
+                servo.basic.set_state(servo.feedback.position, 0.0)
+            if self.has_position:
+                servo.controller.follow(servo.feedback.position)
+        self.write_outputs(output)
 
     def cycle(self) -> None:
         """Run one application cycle: inputs, monitoring, state, setpoint, control, outputs."""
         self.read_inputs()
-        self._setpoint_due = True
-        has_position = self.has_position
-        feedback = self.feedback
-        enabling = self.enabling
-        self.alarms.engine.update()
+        servo = self.servo
+        servo.setpoint_due = True
+        position = self.position
+        enabling = self._enabling
+        command = self.command
+        self.engine.update()
         enabling.supervise()
-        if has_position:
-            self.limits.check_hardware()
+        if position is not None:
+            position.hardware.check_hardware()
         if self._resets:
-            for reset in self._resets:
-                reset.step()
-            self._resets = [reset for reset in self._resets if not reset.done]
+            self._step_resets()
         enabling.step()
         for homing in self.homings[:] if self.homings else ():
             homing.step()
         motion = self.motion
-        fine = self.fine
-        if fine is not None and self.facts.controlled and not enabling.switching_off:
+        fine = servo.fine
+        if fine is not None and servo.controlled and not command.switching_off:
             motion.finish_step()  # the servo has reached the end of the interval only now
-        facts = self.facts
-        if facts.controlled and not enabling.switching_off:
+        if servo.controlled and not command.switching_off:
             if motion.limits_assigned:
-                # So that the look-ahead of the software limits sees what becomes of the motion.
+                # The look-ahead of the software limits has to see what becomes of the motion.
                 motion.follow_limits()
-            if has_position and motion.position_controlled:
-                self.limits.check_software()
-            gen: SetpointGenerator | Superposition | FineInterpolation
+            if position is not None and servo.position_controlled:
+                position.software.check_software()
+            total = servo.total
             if fine is None:
-                motion.step(self.cycle_s)
-                gen = motion.total
+                motion.step(servo.cycle_s)
+                total = servo.total
+                s, v = total.s, total.v
             else:
-                start = motion.total.s, motion.total.v
-                motion.step(self.interpolator_s)
-                gen = fine.begin(start, motion.total, controlled=has_position and motion.position_controlled)
-            self._setpoint_due = False
-            if has_position:
-                if motion.position_controlled:
-                    output = self.close_loop(gen)
-                    self.monitoring.step(controlled=True)
-                    if self.torque.detects:
-                        # Behind the monitoring, which comes first where both are due (STP-163).
-                        self.torque.step()
-                else:
-                    self.controller.follow(gen.s if fine is None else feedback.position)
-                    output = gen.v
-                    self.limits.check_actual(controlled=True)
-                    self.monitoring.step(controlled=False)
+                start = total.s, total.v
+                motion.step(servo.interpolator_s)
+                fine.begin(start, servo.total, controlled=position is not None and servo.position_controlled)
+                s, v = fine.s, fine.v
+            servo.setpoint_due = False
+            if position is None:
+                output = v
+            elif servo.position_controlled:
+                output = servo.close_loop(s, v)
+                position.monitoring.step(controlled=True)
+                if self.torque.limits.detects:
+                    # Behind the monitoring, which comes first where both are due (STP-163).
+                    self.torque.step()
             else:
-                output = gen.v
+                servo.controller.follow(s if fine is None else servo.feedback.position)
+                output = v
+                position.software.check_actual(controlled=True)
+                position.monitoring.step(controlled=False)
             if fine is None:
                 motion.finish_step()
-            if not self.facts.controlled or enabling.switching_off:
-                output = 0.0
+            if not self.states.facts.controlled or command.switching_off:
+                output = 0.0  # the monitoring or a job has taken the axis out of control
         else:
-            output = self.actual_velocity if enabling.catching else 0.0
-            if not facts.controlled:
-                motion.gen.set_state(
-                    feedback.position, 0.0
-                )  # follow-up: position tracks, speed setpoint zero (CTL-003)
+            output = servo.actual_velocity if enabling.catching else 0.0
+            feedback = servo.feedback
+            if not servo.controlled:
+                # Follow-up: the position tracks, the speed setpoint is zero (CTL-003).
+                servo.basic.set_state(feedback.position, 0.0)
             # Otherwise the drive is being switched off: the setpoint stays where its ramp has ended
             # (STP-306).
-            if has_position:
-                self.controller.follow(feedback.position)
-                self.limits.check_actual(controlled=False)
-                self.monitoring.step(controlled=False)
+            if position is not None:
+                servo.controller.follow(feedback.position)
+                position.software.check_actual(controlled=False)
+                position.monitoring.step(controlled=False)
         self.write_outputs(output)
         if self._leading is not None:
             self._leading.step()
-        self.status_word = status_word(self)
-        self.status_word2 = status_word2(self)
-        self._error_word_shown = self.alarms.engine.error_word
-        self._setpoint_due = False
-
-    @property
-    def setpoint_delay_s(self) -> float:
-        """Time by which a setpoint that is taken from the actual values has to be ahead of them, s.
-
-        It is the transport delay and, with velocity precontrol, the time constant of the drive. Between
-        reading the actual values and the setpoint of the same cycle it is one cycle less, because the
-        setpoint still advances.
-        """
-        delay = self.delay_s - self.cycle_s if self._setpoint_due else self.delay_s
-        if not self.has_position:
-            return delay
-        dynamic_filter = self.controller.filter
-        if dynamic_filter is not None:
-            delay += dynamic_filter.delay_s
-        return delay + self.controller.precontrolled_lag_s
+        status = self._status
+        self.status_word = status.word(control_panel=self.master is not None)
+        self.status_word2 = status.word2()
+        self._error_word_shown = self.engine.error_word
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the values of `trace_columns` for the present cycle."""
-        if self.alarms.engine.error_word != self._error_word_shown:
+        engine = self.engine
+        servo = self.servo
+        states = self.states
+        if engine.error_word != self._error_word_shown:
             # An instruction has raised an alarm after the cycle: the words of one row belong together
             # (DIA-110).
-            self.status_word = status_word(self)
-            self._error_word_shown = self.alarms.engine.error_word
-        return trace_row(self)
+            self.status_word = self._status.word(control_panel=self.master is not None)
+            self._error_word_shown = engine.error_word
+        total = servo.total
+        if servo.fine is None or not servo.controlled:
+            s, v, a = total.s, total.v, total.a
+        else:
+            s, v, a = servo.fine.s, servo.fine.v, servo.fine.a
+        port = servo.port
+        command = self.command
+        position = self.position
+        following_error = filtered = balanced = difference = permitted = additive = 0.0
+        if position is not None:
+            controller = servo.controller
+            following_error = controller.following_error
+            filtered = s if controller.filter is None else controller.filter.position
+            balanced, difference = controller.balanced_position, controller.control_difference
+            permitted = position.monitoring.permitted_following_error(total.v)
+            additive = self.torque.total_additive_nm
+        return (
+            s,
+            v,
+            a,
+            servo.feedback.position,
+            servo.actual_velocity,
+            following_error,
+            port.actual_speed_rpm,
+            servo.speed_output_rpm,
+            port.actual_torque_nm,
+            self.status_word,
+            self.status_word2,
+            engine.error_word,
+            engine.warning_word,
+            engine.number,
+            engine.reaction,
+            states.state,
+            self.stw1_sent,
+            port.zsw1,
+            states.power_status_shown,
+            self._enabling.busy,
+            command.enable,
+            servo.in_operation,
+            servo.communication_ok,
+            filtered,
+            balanced,
+            difference,
+            permitted,
+            additive,
+        )
 
-    # -- variables under their original paths
-    # -----------------------------------------------------------------
+    # -- what it shows
 
-    def var(self, path: str) -> Any:
-        """Return a variable of the technology data block by its original path; bits as `StatusWord.X7`.
+    @property
+    @override
+    def simulated(self) -> bool:
+        return self.servo.simulated
 
-        Raises:
-            ConfigurationError: There is no such variable on this object type.
+    @property
+    def feedback(self) -> Feedback:
+        """Position and velocity of the operative encoder."""
+        return self.servo.feedback
 
-        """
-        live = self._live.get(path)
-        if live is not None:
-            return live()
-        head, _, bit = path.rpartition(".")
-        if head in self._live and bit.lstrip("%")[:1] == "X" and bit.lstrip("%")[1:].isdigit():
-            return bool(self._live[head]() >> int(bit.lstrip("%")[1:]) & 1)
-        return self.variables.read(path)
+    @property
+    def sensors(self) -> tuple[Feedback, ...]:
+        """All encoders, in the order of `Sensor[n]`."""
+        return self.servo.sensors
 
-    def write(self, path: str, value: Any) -> None:
-        """Assign a variable like the user program does; the access class decides when it acts (VAR-001 to
-        VAR-015).
-        """
-        self.variables.write(path, value)
+    @property
+    def operative_sensor(self) -> int:
+        """`OperativeSensor`: the encoder in position control (CFG-314)."""
+        return self.servo.operative_sensor
+
+    @property
+    def sensor_valid(self) -> bool:
+        """Whether the actual position is valid (`StatusSensor[1].State` = 2); TRUE without an encoder."""
+        return self.servo.sensor_valid
+
+    @property
+    def homed(self) -> bool:
+        """Whether positions are those of the machine (`StatusWord.X5`)."""
+        return self.servo.homed
+
+    @homed.setter
+    def homed(self, homed: bool) -> None:
+        self.servo.homed = homed
+
+    @property
+    def actual_velocity(self) -> float:
+        """Actual velocity, axis unit per second; of a speed axis rpm of the load."""
+        return self.servo.actual_velocity
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the actual velocity is within the standstill threshold."""
+        return self.servo.at_rest
+
+    @property
+    def communication_ok(self) -> bool:
+        """`StatusDrive.CommunicationOK`: telegrams arrive, and the drive lets itself be controlled."""
+        return self.servo.communication_ok
+
+    @property
+    def in_operation(self) -> bool:
+        """`StatusDrive.InOperation`: the drive executes setpoints."""
+        return self.servo.in_operation
+
+    @property
+    def speed_output_rpm(self) -> float:
+        """Speed setpoint of the drive, rpm; of a linear motor m/min."""
+        return self.servo.speed_output_rpm
+
+    @property
+    def delay_s(self) -> float:
+        """Time from a setpoint to the actual value that it makes, without the lag of the drive, s."""
+        return self.servo.delay_s
+
+    @property
+    def port(self) -> DrivePort:
+        """Connection in use: that to the drive, or a simulated one."""
+        return self.servo.port
+
+    @property
+    def mechanics(self) -> Mechanics:
+        """Ratios between motor, encoders and axis."""
+        return self.servo.mechanics
+
+    @property
+    def modulo(self) -> Modulo:
+        """The modulo range."""
+        return self.servo.modulo
 
 
 class SpeedAxis(TechnologyAxis):
@@ -376,8 +1019,7 @@ class SpeedAxis(TechnologyAxis):
     object_type = "SpeedAxis"
     kinds: ClassVar[tuple[str, ...]] = ("SpeedAxis",)
     trace_columns = tuple(
-        (name, {"mm": "", "mm/s": "rpm", "mm/s2": "rpm/s"}.get(unit, unit))
-        for name, unit in TechnologyAxis.trace_columns
+        (name, {"mm": "", "mm/s": "rpm", "mm/s2": "rpm/s"}.get(unit, unit)) for name, unit in TRACE_COLUMNS
     )
 
 
@@ -388,45 +1030,21 @@ class PositioningAxis(TechnologyAxis):
     kinds: ClassVar[tuple[str, ...]] = ("PositioningAxis",)
     has_position = True
 
-    def home(self, mode: int, position: float, sensor: int = 0) -> None:
-        """See `motion.s7.axis.homing.home_directly`."""
-        home_directly(self, mode, position, sensor)
 
-    @property
-    def incremental(self) -> bool:
-        """Whether the operative encoder is an incremental one."""
-        return self.feedback.scale.kind == INCREMENTAL
-
-    @staticmethod
-    def sensor_path(number: int) -> str:
-        """Return where the variables of an encoder begin."""
-        return f"Sensor[{number}]"
-
-    def homing_switch(self, path: str) -> bool:
-        """Return whether reference cam or homing input is active: its level is `path.SwitchLevel` (HOM-057,
-        HOM-062).
-        """
-        level: bool = self.variables.read(f"{path}.SwitchLevel")
-        return (self.port.inputs & self.homing_input != 0) is level
-
-    def shift_setpoints(self, offset: float) -> None:
-        """Let setpoints, controller and limits follow a shift of the coordinate system."""
-        shift_axis(self, offset)
-        self.leading_value.shift(offset)
-
-    def ends_passive_homing(self) -> int | None:
-        """Return why passive homing cannot go on: an ErrorID, 0 = it is aborted, None = it can (OVR-115)."""
-        if self.alarms.blocking:
-            return ERROR_ALARM
-        return None if self.facts.enabled and not self.enabling.disabling else 0
-
-    def alarm(self, number: int) -> None:
-        """Raise a technology alarm."""
-        self.alarms.raise_alarm(number)
-
-
-class SynchronousAxis(PositioningAxis):
+class SynchronousAxis(TechnologyAxis):
     """Synchronous axis (`TO_SynchronousAxis`): does everything that a positioning axis does (CFG-015)."""
 
     object_type = "SynchronousAxis"
     kinds: ClassVar[tuple[str, ...]] = ("SynchronousAxis", "PositioningAxis")
+    has_position = True
+
+
+def _columns(store: VariableStore) -> tuple[tuple[str, str], ...]:
+    """Return the columns of the trace: velocities in position units per second, whatever the velocity unit of
+    the axis is.
+    """
+    unit = store.unit("Position")
+    names = {"mm": unit, "mm/s": f"{unit}/s", "mm/s2": f"{unit}/s2"}
+    if store.read("Actor.MotorType") == 1:
+        names |= {"rpm": "m/min", "Nm": "N"}
+    return tuple((name, names.get(token, token)) for name, token in TRACE_COLUMNS)

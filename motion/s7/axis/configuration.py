@@ -191,9 +191,9 @@ def doubts(store: VariableStore) -> list[Problem]:
         )
     for number in (1010, 1011, 1012):
         time = store.parameter(number)
-        if time.value > _LONG_TIME_S:
+        if time.cell.value > _LONG_TIME_S:
             allowed = f"at most {_LONG_TIME_S:g} s, or a time in ms has been given (CFG-269)"
-            found.append(Problem(f"parameter {number} {time.path}", time.value, allowed))
+            found.append(Problem(f"parameter {number} {time.path}", time.cell.value, allowed))
     return found
 
 

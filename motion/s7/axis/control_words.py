@@ -7,11 +7,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from fieldbus.profidrive.words import STW2
-from motion.s7.axis.jobs import Job, JobState
+from motion.s7.axis.jobs import Job
 from motion.s7.axis.state import DISABLING
 
 if TYPE_CHECKING:
-    from motion.s7.axis.axis import TechnologyAxis
+    from fieldbus.history import History
+    from motion.kernel.servo_axis import ServoAxis
+    from motion.s7.axis.state import AxisStates
 
 STW1_MASK: Final = 0xFB00
 """Bits of STW1 that `MC_SetAxisSTW` may set: 8, 9, 11 to 15 (MC-437)."""
@@ -25,15 +27,35 @@ class ControlWords:
     """What `MC_SetAxisSTW` has written, laid over what the axis sends (MC-442 to MC-445).
 
     Args:
-        axis: The axis.
+        name: Name of the axis.
+        history: Event log, or None.
+        servo: The axis in the kernel.
+        states: State of the axis.
 
     """
 
-    __slots__ = ("_axis", "_bits", "_job", "_own_stw2", "_owned_stw2", "owned_stw1", "user_stw1")
+    __slots__ = (
+        "_bits",
+        "_history",
+        "_job",
+        "_name",
+        "_own_stw2",
+        "_owned_stw2",
+        "_servo",
+        "_states",
+        "owned_stw1",
+        "user_stw1",
+        "waiting",
+    )
 
-    def __init__(self, axis: TechnologyAxis) -> None:
-        self._axis = axis
+    def __init__(self, name: str, history: History | None, servo: ServoAxis, states: AxisStates) -> None:
+        self._name = name
+        self._history = history
+        self._servo = servo
+        self._states = states
         self._job: Job | None = None
+        self.waiting = False
+        """A job waits for its cycle."""
         self._bits = (0, 0, 0, 0)
         self._own_stw2 = 0
         self._owned_stw2 = (0, 0)
@@ -44,14 +66,17 @@ class ControlWords:
 
     def submit(self, job: Job, stw1: int, mask1: int, stw2: int, mask2: int) -> None:
         """Let the next cycle write the masked bits; a job that has not got so far is aborted."""
-        job.start(self._axis.name, self._axis.history)
+        job.start(self._name, self._history)
         if self._job is not None:
             self._job.abort()
-        if self._axis.state in DISABLING:
+            self._job = None
+            self.waiting = False
+        if self._states.state in DISABLING:
             job.abort()
             return
         self._job = job
         self._bits = (stw1, mask1, stw2, mask2)
+        self.waiting = True
         job.activate()
 
     def step(self) -> None:
@@ -60,7 +85,8 @@ class ControlWords:
         if job is None:
             return
         self._job = None
-        if self._axis.state in DISABLING:
+        self.waiting = False
+        if self._states.state in DISABLING:
             job.abort()
             return
         stw1, mask1, stw2, mask2 = self._bits
@@ -76,6 +102,7 @@ class ControlWords:
         if self._job is not None:
             self._job.abort()
             self._job = None
+            self.waiting = False
         self.owned_stw1 = self.user_stw1 = 0
         self._owned_stw2 = (0, 0)
         self._show()
@@ -85,11 +112,6 @@ class ControlWords:
         self._own_stw2 = _TRAVEL_TO_FIXED_STOP if on else 0
         self._show()
 
-    @property
-    def busy(self) -> bool:
-        """Whether a job waits for its cycle."""
-        return self._job is not None and self._job.state <= JobState.ACTIVE
-
     def _show(self) -> None:
         user, owned = self._owned_stw2
-        self._axis.port.stw2 = (self._own_stw2 & ~owned) | (user & owned)
+        self._servo.port.stw2 = (self._own_stw2 & ~owned) | (user & owned)

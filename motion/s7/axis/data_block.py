@@ -3,175 +3,162 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from motion.drives.port import ZSW1
-from motion.kernel.leading_value import live_leading_value
-from motion.s7.axis.status import status_word, status_word2
+from motion.s7.axis.technology_object import Live, in_its_units, live_alarms, live_leading_value
 
 if TYPE_CHECKING:
     from motion.kernel.feedback import Feedback
-    from motion.s7.axis.axis import TechnologyAxis
+    from motion.kernel.leading_value import LeadingValue
+    from motion.kernel.servo_axis import ServoAxis
+    from motion.s7.alarms import AlarmEngine
+    from motion.s7.axis.motion import MotionControl
+    from motion.s7.axis.torque import TorqueControl
     from motion.s7.variables import VariableStore
 
-Live = dict[str, Callable[[], Any]]
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """The parts of an axis whose values its data block shows.
 
-def live_variables(axis: TechnologyAxis) -> Live:
-    """Return a reader for every variable that the runtime does not keep in the store."""
-    engine = axis.alarms.engine
-    motion = axis.motion
-    live: Live = {
-        "Velocity": lambda: motion.total.v if axis.facts.controlled else axis.actual_velocity,
-        "Acceleration": lambda: motion.total.a if axis.facts.controlled else _actual_acceleration(axis),
-        "ActualSpeed": lambda: _actual_speed(axis),
-        "VelocitySetpoint": lambda: (
-            0.0 if axis.virtual else axis.speed_output_rpm / axis.mechanics.rpm_per_unit
-        ),
-        "StatusDrive.InOperation": lambda: axis.in_operation,
-        "StatusDrive.CommunicationOK": lambda: axis.communication_ok,
-        "StatusDrive.Error": lambda: bool(axis.port.zsw1 & ZSW1.FAULT),
-        "StatusWord": lambda: status_word(axis),
-        "StatusWord2": lambda: status_word2(axis),
-        "ErrorWord": lambda: engine.error_word,
-        "WarningWord": lambda: engine.warning_word,
-        "ErrorDetail.Number": lambda: engine.number,
-        "ErrorDetail.Reaction": lambda: engine.reaction,
-        "StatusTorqueData.CommandAdditiveTorqueActive": lambda: int(axis.torque.additive is not None),
-        "StatusTorqueData.CommandTorqueRangeActive": lambda: int(axis.torque.range_nm is not None),
-        "StatusMotionIn.FunctionState": lambda: axis.motion.motion_in_state,
-        "StatusMotionIn.StatusWord": lambda: int(axis.motion.motion_in_exceeds),
-    }
-    live |= _torque(axis)
-    if axis.has_position:
-        live |= _position(axis)
-        for number in range(1, len(axis.sensors) + 1):
-            live |= _sensor(axis, number)
-    return in_its_units(live, axis.variables)
+    Args:
+        variables: Its variables.
+        engine: Its pending alarms.
+        servo: The axis in the kernel.
+        states: State of the servo.
+        motion: Its jobs.
+        torque: Its torque functions.
+        status_word: Returns `StatusWord`.
+        status_word2: Returns `StatusWord2`.
+        execution_s: Returns `StatusPositioning.SetpointExecutionTime`, s.
+        leading_value: Returns what followers get.
 
-
-def frozen(live: Live) -> Live:
-    """Return readers of what `live` says now, for the time in which the object is being initialised
-    (VAR-228).
     """
-    return {path: partial(_kept, reader()) for path, reader in live.items()}
+
+    variables: VariableStore
+    engine: AlarmEngine
+    servo: ServoAxis
+    motion: MotionControl
+    torque: TorqueControl
+    status_word: Callable[[], int]
+    status_word2: Callable[[], int]
+    execution_s: Callable[[], float]
+    leading_value: Callable[[], LeadingValue]
 
 
-def _kept(value: Any) -> Any:
-    return value
+def live_variables(shown: Shown) -> Live:
+    """Return a reader for every variable that the runtime does not keep in the store."""
+    servo, motion, torque = shown.servo, shown.motion, shown.torque
+    live: Live = {
+        "Velocity": lambda: servo.total.v if servo.controlled else servo.actual_velocity,
+        "Acceleration": lambda: servo.total.a if servo.controlled else _actual_acceleration(servo),
+        "ActualSpeed": lambda: _actual_speed(shown),
+        "VelocitySetpoint": lambda: (
+            0.0 if servo.virtual else servo.speed_output_rpm / servo.mechanics.rpm_per_unit
+        ),
+        "StatusDrive.InOperation": lambda: servo.in_operation,
+        "StatusDrive.CommunicationOK": lambda: servo.communication_ok,
+        "StatusDrive.Error": lambda: bool(servo.port.zsw1 & ZSW1.FAULT),
+        "StatusWord": shown.status_word,
+        "StatusWord2": shown.status_word2,
+        "StatusTorqueData.CommandAdditiveTorqueActive": lambda: int(torque.additive is not None),
+        "StatusTorqueData.CommandTorqueRangeActive": lambda: int(torque.limits.range_nm is not None),
+        "StatusMotionIn.FunctionState": lambda: motion.motion_in_state,
+        "StatusMotionIn.StatusWord": lambda: int(motion.motion_in_exceeds),
+    }
+    live |= live_alarms(shown.engine) | _torque(shown)
+    if servo.has_position:
+        live |= _position(shown)
+        for number in range(1, len(servo.sensors) + 1):
+            live |= _sensor(servo, number)
+    return in_its_units(live, shown.variables)
 
 
-def in_its_units(live: Live, store: VariableStore) -> Live:
-    """Return the readers of what the object has, in its units in place of those of the runtime (CFG-072)."""
-    known = set(store.paths())
-    found = {}
-    for path, reader in live.items():
-        if path in known:
-            factor = store.factors.of(store.describe(path).unit)
-            found[path] = reader if factor == 1.0 else partial(_converted, reader, factor)
-    return found
-
-
-def _converted(reader: Callable[[], float], factor: float) -> float:
-    return reader() / factor
-
-
-def _torque(axis: TechnologyAxis) -> Live:
+def _torque(shown: Shown) -> Live:
     """Return the torques of a standard motor, or the forces of a linear one (VAR-118, VAR-119)."""
+    servo, torque, read = shown.servo, shown.torque, shown.variables.read
 
     def linear() -> bool:
-        return axis.has_position and bool(axis.variables.read("Actor.MotorType") == 1)
+        return servo.has_position and bool(read("Actor.MotorType") == 1)
 
     live: Live = {
-        "StatusTorqueData.ActualTorque": lambda: 0.0 if linear() else axis.port.actual_torque_nm,
+        "StatusTorqueData.ActualTorque": lambda: 0.0 if linear() else servo.port.actual_torque_nm,
     }
-    if axis.has_position:
+    if servo.has_position:
         live |= {
-            "StatusTorqueData.ActualForce": lambda: axis.port.actual_torque_nm if linear() else 0.0,
-            "StatusTorqueData.TotalTorqueAdditive": lambda: (
-                0.0 if linear() else axis.torque.total_additive_nm
-            ),
-            "StatusTorqueData.TotalForceAdditive": lambda: axis.torque.total_additive_nm if linear() else 0.0,
+            "StatusTorqueData.ActualForce": lambda: servo.port.actual_torque_nm if linear() else 0.0,
+            "StatusTorqueData.TotalTorqueAdditive": lambda: 0.0 if linear() else torque.total_additive_nm,
+            "StatusTorqueData.TotalForceAdditive": lambda: torque.total_additive_nm if linear() else 0.0,
         }
     return live
 
 
-def _actual_speed(axis: TechnologyAxis) -> float:
+def _actual_speed(shown: Shown) -> float:
     """Return `ActualSpeed`: 0.0 for a virtual axis, an analog drive and a linear motor (VAR-123, CFG-143)."""
-    read = axis.variables.read
-    if axis.virtual or read("Actor.Type") == 0 or (axis.has_position and read("Actor.MotorType") == 1):
+    servo, read = shown.servo, shown.variables.read
+    if servo.virtual or read("Actor.Type") == 0 or (servo.has_position and read("Actor.MotorType") == 1):
         return 0.0
-    return axis.port.actual_speed_rpm
+    return servo.port.actual_speed_rpm
 
 
-def _actual_acceleration(axis: TechnologyAxis) -> float:
+def _actual_acceleration(servo: ServoAxis) -> float:
     """Return the change of the actual velocity in the last cycle; 0.0 without an encoder."""
-    if not axis.has_position or axis.virtual:
+    if not servo.has_position or servo.virtual:
         return 0.0
-    feedback = axis.feedback
-    return (feedback.velocity - feedback.last_velocity) / axis.cycle_s
+    feedback = servo.feedback
+    return (feedback.velocity - feedback.last_velocity) / servo.cycle_s
 
 
-def _position(axis: TechnologyAxis) -> Live:
-    motion = axis.motion
+def _position(shown: Shown) -> Live:
+    servo, motion = shown.servo, shown.motion
 
     def target() -> float:
         return motion.destination or 0.0
 
     def filtered() -> float:
-        dynamic_filter = axis.controller.filter
-        return axis.modulo.wrap(motion.total.s if dynamic_filter is None else dynamic_filter.position)
+        dynamic_filter = servo.controller.filter
+        return servo.modulo.wrap(servo.total.s if dynamic_filter is None else dynamic_filter.position)
 
     def given_acceleration() -> float:
-        dynamic_filter = axis.controller.filter
-        return motion.total.a if dynamic_filter is None else dynamic_filter.acceleration
+        dynamic_filter = servo.controller.filter
+        return servo.total.a if dynamic_filter is None else dynamic_filter.acceleration
 
-    return live_leading_value(lambda: axis.leading_value, lambda: axis.modulo) | {
-        "StatusPositioning.SetpointExecutionTime": axis.setpoint_execution_s,
-        "Position": lambda: axis.modulo.wrap(motion.total.s),
-        "ModuloCycle": lambda: axis.modulo.cycle(motion.total.s),
-        "ActualPosition": lambda: axis.feedback.place(axis.modulo)[1],
-        "ActualModuloCycle": lambda: axis.feedback.place(axis.modulo)[0],
-        "ActualVelocity": lambda: axis.feedback.velocity,
-        "ActualAcceleration": lambda: given_acceleration() if axis.virtual else _actual_acceleration(axis),
-        "OperativeSensor": lambda: axis.operative_sensor,
+    return live_leading_value(shown.leading_value, lambda: servo.modulo) | {
+        "StatusPositioning.SetpointExecutionTime": shown.execution_s,
+        "Position": lambda: servo.modulo.wrap(servo.total.s),
+        "ModuloCycle": lambda: servo.modulo.cycle(servo.total.s),
+        "ActualPosition": lambda: servo.feedback.place(servo.modulo)[1],
+        "ActualModuloCycle": lambda: servo.feedback.place(servo.modulo)[0],
+        "ActualVelocity": lambda: servo.feedback.velocity,
+        "ActualAcceleration": lambda: given_acceleration() if servo.virtual else _actual_acceleration(servo),
+        "OperativeSensor": lambda: servo.operative_sensor,
         "StatusPositioning.SuperimposedDistance": lambda: motion.superimposed_distance,
-        "StatusPositioning.FollowingError": lambda: axis.controller.following_error,
-        "StatusPositioning.TargetPosition": lambda: axis.modulo.wrap(target()),
-        "StatusPositioning.TargetPositionModuloCycle": lambda: axis.modulo.cycle(target()),
-        "StatusPositioning.Distance": lambda: target() - motion.total.s,
-        "StatusServo.ControlDifference": lambda: axis.controller.control_difference,
+        "StatusPositioning.FollowingError": lambda: servo.controller.following_error,
+        "StatusPositioning.TargetPosition": lambda: servo.modulo.wrap(target()),
+        "StatusPositioning.TargetPositionModuloCycle": lambda: servo.modulo.cycle(target()),
+        "StatusPositioning.Distance": lambda: target() - servo.total.s,
+        "StatusServo.ControlDifference": lambda: servo.controller.control_difference,
         "StatusServo.BalancedPosition": lambda: (
-            0.0 if axis.virtual else axis.modulo.wrap(axis.controller.balanced_position)
+            0.0 if servo.virtual else servo.modulo.wrap(servo.controller.balanced_position)
         ),
         "StatusServo.PositionAfterDynamicFilter": filtered,
     }
 
 
-def _sensor(axis: TechnologyAxis, number: int) -> Live:
+def _sensor(servo: ServoAxis, number: int) -> Live:
     prefix = f"StatusSensor[{number}]."
 
     def sensor() -> Feedback:
-        return axis.sensors[number - 1]
+        return servo.sensors[number - 1]
 
     return {
         f"{prefix}State": lambda: sensor().state,
-        f"{prefix}Position": lambda: sensor().place(axis.modulo)[1],
-        f"{prefix}ModuloCycle": lambda: sensor().place(axis.modulo)[0],
+        f"{prefix}Position": lambda: sensor().place(servo.modulo)[1],
+        f"{prefix}ModuloCycle": lambda: sensor().place(servo.modulo)[0],
         f"{prefix}Velocity": lambda: sensor().velocity,
         f"{prefix}CommunicationOK": lambda: sensor().source.link_ok,
         f"{prefix}Error": lambda: sensor().source.sensor_fault,
-        f"{prefix}Control": lambda: axis.operative_sensor == number,
+        f"{prefix}Control": lambda: servo.operative_sensor == number,
     }
-
-
-def unit_names(axis: TechnologyAxis) -> tuple[tuple[str, str], ...]:
-    """Return the columns of the trace: velocities in position units per second, whatever the velocity unit of
-    the axis is.
-    """
-    unit = axis.variables.unit("Position")
-    names = {"mm": unit, "mm/s": f"{unit}/s", "mm/s2": f"{unit}/s2"}
-    if axis.variables.read("Actor.MotorType") == 1:
-        names |= {"rpm": "m/min", "Nm": "N"}
-    return tuple((name, names.get(token, token)) for name, token in axis.trace_columns)

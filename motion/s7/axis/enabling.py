@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from motion.drives.port import (
@@ -19,7 +21,12 @@ from motion.drives.port import (
 from motion.s7.axis.state import DISABLING, DRIVE_EXPECTED_ON, AxisState
 
 if TYPE_CHECKING:
-    from motion.s7.axis.axis import TechnologyAxis
+    from fieldbus.history import History
+    from motion.kernel.cell import Cell
+    from motion.kernel.servo_axis import ServoAxis
+    from motion.s7.axis.alarms import AxisAlarms
+    from motion.s7.axis.motion import MotionControl
+    from motion.s7.axis.state import AxisStates, DriveCommand
 
 ALARM_DRIVE: Final = 421
 ALARM_ENCODER: Final = 411
@@ -56,43 +63,85 @@ _AUTONOMOUS_MASK: Final = ZSW1.READY_TO_SWITCH_ON | ZSW1.READY | ZSW1.OPERATION_
 _OPERATES_MASK: Final = ZSW1.OPERATION_ENABLED | ZSW1.NO_OFF3
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnableSettings:
+    """What is configured of enabling and disabling an axis.
+
+    Args:
+        remove_enable: `Actor.RemoveEnableReaction`.
+        velocity_mode: `PositionControl.VelocityModePowerOn`; None without positions.
+        max_deceleration: `DynamicLimits.MaxDeceleration`.
+
+    """
+
+    remove_enable: Cell[int]
+    velocity_mode: Cell[int] | None
+    max_deceleration: Cell[float]
+
+
 class EnableControl:
-    """Owns control word 1 and every transition that waits for the drive."""
+    """Enabling and disabling of one axis: every transition that waits for the drive.
+
+    Args:
+        name: Name of the axis.
+        history: Event log, or None.
+        servo: The axis in the kernel.
+        states: State of the axis.
+        command: Its control word, which is led from here.
+        alarms: Its alarms.
+        motion: Its jobs and ramps.
+        settings: What is configured of enabling and disabling.
+        adapted: Returns whether the parameters of drive and encoders are taken over.
+
+    """
 
     __slots__ = (
-        "_axis",
+        "_adapted",
+        "_alarms",
         "_cause_411",
         "_cause_421",
         "_cause_431",
-        "_disable_pending",
-        "_idle",
+        "_command",
+        "_history",
         "_joined",
+        "_max_deceleration",
+        "_motion",
+        "_name",
         "_phase",
         "_reaction",
+        "_servo",
         "_start_mode",
-        "_told",
+        "_states",
         "_velocity_mode",
-        "acknowledge_drive",
-        "enable",
+        "_waits_for",
         "start_mode",
-        "stw1",
-        "switching_off",
         "timeout_s",
     )
 
-    def __init__(self, axis: TechnologyAxis) -> None:
-        self._axis = axis
-        self.enable = False
-        """Level of `MC_Power.Enable` as last called."""
+    def __init__(
+        self,
+        name: str,
+        history: History | None,
+        *,
+        servo: ServoAxis,
+        states: AxisStates,
+        command: DriveCommand,
+        alarms: AxisAlarms,
+        motion: MotionControl,
+        settings: EnableSettings,
+        adapted: Callable[[], bool],
+    ) -> None:
+        self._name = name
+        self._history = history
+        self._servo = servo
+        self._states = states
+        self._command = command
+        self._alarms = alarms
+        self._motion = motion
+        self._adapted = adapted
         self.start_mode = 1
         """`MC_Power.StartMode` as last called; latched when the enable sequence starts."""
         self._start_mode = 1
-        self.stw1 = STW1_IDLE
-        self.switching_off = False
-        """The ramp of the axis has ended and the drive is being switched off."""
-        self.acknowledge_drive = False
-        """Set STW1.7 in the next telegrams (`MC_Reset`)."""
-        self._idle = STW1_IDLE
         self._joined = False
         """Drive and encoder have been there since the start of the controller, or it has been told that they
         were not.
@@ -102,38 +151,43 @@ class EnableControl:
         """Longest time from the beginning of the enable sequence to operation, s, then alarm 421; None = no
         limit (STP-043).
         """
-        self._disable_pending = False
-        """`Enable` has fallen during the present ramp, which ends with the drive off even if it rises again.
-        """
-        self._told = ""
+        self._waits_for = ""
         """What the enabling waits for, as the history knows it."""
-        self._reaction = axis.variables.bind("Actor.RemoveEnableReaction")
-        self._velocity_mode = (
-            axis.variables.bind("PositionControl.VelocityModePowerOn") if axis.has_position else None
-        )
+        self._reaction = settings.remove_enable
+        self._velocity_mode = settings.velocity_mode
+        self._max_deceleration = settings.max_deceleration
         self._cause_431 = self._cause_421 = self._cause_411 = False
 
     def power_down(self) -> None:
         """Begin anew, as after power-on."""
-        self.enable = self.switching_off = self.acknowledge_drive = self._disable_pending = self._joined = (
-            False
-        )
+        command = self._command
+        command.enable = command.switching_off = command.acknowledge = command.disable_pending = False
+        self._joined = False
         self.start_mode = self._start_mode = 1
-        self.stw1 = self._idle = STW1_IDLE
+        command.stw1 = STW1_IDLE
         self._phase = 0
         self._cause_431 = self._cause_421 = self._cause_411 = False
 
     def rest(self, *, outputs: bool) -> None:
         """Say whether a disabled axis sends its control word or, with process outputs off, zeros."""
-        self.stw1 = STW1_IDLE if outputs else 0
+        self._command.stw1 = STW1_IDLE if outputs else 0
 
     # -- what MC_Power sees
     # -----------------------------------------------------------------------------------
 
     @property
+    def enable(self) -> bool:
+        """Level of `MC_Power.Enable` as last called."""
+        return self._command.enable
+
+    def withdraw(self) -> None:
+        """Take `MC_Power.Enable` as FALSE without any effect on the drive: the controller leaves RUN."""
+        self._command.enable = False
+
+    @property
     def busy(self) -> bool:
         """`MC_Power.Busy`: enabled, being enabled, or not yet switched off (STP-294, STP-295)."""
-        return self.enable or self._axis.state not in (
+        return self._command.enable or self._states.state not in (
             AxisState.DISABLED,
             AxisState.ALARM_DISABLED,
             AxisState.RESTARTING,
@@ -142,41 +196,39 @@ class EnableControl:
     @property
     def enabled(self) -> bool:
         """`MC_Power.Status`."""
-        return self._axis.facts.enabled
+        return self._states.facts.enabled
 
     @property
     def alarmed(self) -> bool:
         """Whether an alarm has disabled an axis, or is about to, that is to be enabled (MC-167)."""
-        axis = self._axis
-        return axis.alarms.blocking and self.enable and axis.state in _ALARMED
+        return self._alarms.blocking and self._command.enable and self._states.state in _ALARMED
 
     def call(self, *, enable: bool, start_mode: int, stop_mode: int) -> None:
         """Take the inputs of `MC_Power` over."""
         self.start_mode = start_mode
-        if enable is self.enable:
+        if enable is self._command.enable:
             return
-        self.enable = enable
+        self._command.enable = enable
         if not enable:
             self._disable(stop_mode)
 
     def _disable(self, stop_mode: int) -> None:
-        axis = self._axis
-        state = axis.state
-        motion = axis.motion
+        state = self._states.state
+        motion = self._motion
         if state is AxisState.ENABLING:
             self._rest(STW1_IDLE)
-        elif state is AxisState.ALARM_RAMP and not axis.alarms.blocking:
+        elif state is AxisState.ALARM_RAMP and not self._alarms.blocking:
             motion.abort_all()
             self._start_disabling(stop_mode)
         elif state is AxisState.ALARM_RAMP:
             # Quick stop and coast act at once; a ramp only when it brakes harder (STP-396).
             motion.abort_all()
-            self._disable_pending = True
+            self._command.disable_pending = True
             if stop_mode in (1, 3) or {0: 3, 2: 2}[stop_mode] > motion.severity:
                 self._start_disabling(stop_mode)
         elif state is AxisState.ALARM_DRIVE_STOP:
-            if self._reaction.value != 7 and self.stw1 != STW1_OFF3:
-                self.stw1 = STW1_OFF2_OFF1  # STP-384
+            if self._reaction.value != 7 and self._command.stw1 != STW1_OFF3:
+                self._command.stw1 = STW1_OFF2_OFF1  # STP-384
         elif state is AxisState.TRACKING:
             self._start_disabling(stop_mode if stop_mode in (1, 3) else 1)
         elif state in DRIVE_EXPECTED_ON and state is not AxisState.DISABLING_RAMP:
@@ -184,73 +236,46 @@ class EnableControl:
             self._start_disabling(stop_mode)
 
     def _start_disabling(self, stop_mode: int) -> None:
-        axis = self._axis
         self._phase = 0
-        self.switching_off = False
-        self._disable_pending = True
+        self._command.switching_off = False
+        self._command.disable_pending = True
         if stop_mode == 1:
-            self.stw1 = STW1_OFF3
-            axis.set_state(AxisState.DISABLING_QUICK)
+            self._command.stw1 = STW1_OFF3
+            self._states.enter(AxisState.DISABLING_QUICK)
         elif stop_mode == 3:
-            self.stw1 = STW1_OFF2_OFF1
-            axis.set_state(AxisState.DISABLING_COAST)
+            self._command.stw1 = STW1_OFF2_OFF1
+            self._states.enter(AxisState.DISABLING_COAST)
         else:
-            axis.motion.begin_reaction(3 if stop_mode == 0 else 2)
-            axis.set_state(AxisState.DISABLING_RAMP)
+            self._motion.begin_reaction(3 if stop_mode == 0 else 2)
+            self._states.enter(AxisState.DISABLING_RAMP)
 
     # -- reactions of alarms and ends of ramps
     # ----------------------------------------------------------------
 
     def remove_enable(self) -> None:
         """Reaction 4: the drive stops as `Actor.RemoveEnableReaction` says (STP-348)."""
-        self.stw1 = _REMOVE_ENABLE.get(int(self._reaction.value), STW1_OFF3)
-        self.switching_off = False
-        self._axis.set_state(AxisState.ALARM_DRIVE_STOP)
+        self._command.stw1 = _REMOVE_ENABLE.get(int(self._reaction.value), STW1_OFF3)
+        self._command.switching_off = False
+        self._states.enter(AxisState.ALARM_DRIVE_STOP)
 
     def withdraw_further(self) -> None:
         """Reaction 4 during a quick stop: take away what its pattern takes away too, and give nothing back
         (STP-526).
         """
         if self._phase == 0:
-            self.stw1 &= _REMOVE_ENABLE.get(int(self._reaction.value), STW1_OFF3)
-
-    def alarm_ramp_ended(self) -> None:
-        """The setpoint of an alarm ramp is zero: switch off, or stay enabled where the alarm allows it."""
-        axis = self._axis
-        if axis.alarms.disabling or self.will_disable:
-            # An Enable that fell during the ramp disables whatever the alarm allows (STP-396).
-            self.switch_off()
-        elif axis.alarms.blocking:
-            axis.set_state(AxisState.ALARM_STANDSTILL)
-        else:
-            axis.motion.come_to_rest()
-
-    @property
-    def will_disable(self) -> bool:
-        """Whether the ramp in progress ends with the drive switched off: `Enable` is FALSE, or has been
-        since.
-        """
-        return self.switching_off or self._disable_pending or not self.enable
+            self._command.stw1 &= _REMOVE_ENABLE.get(int(self._reaction.value), STW1_OFF3)
 
     def quick_stop(self) -> None:
         """Let the drive stop on its own ramp and switch off (OFF3)."""
         self._start_disabling(1)
 
-    def switch_off(self) -> None:
-        """Withdraw ON after a ramp of the axis; the state is left when the drive is off (STP-289,
-        STP-290).
-        """
-        self.switching_off = True
-        self.stw1 = STW1_IDLE
-
     def _rest(self, idle: int) -> None:
         """Arrive in the disabled states with control word `idle`."""
-        axis = self._axis
-        self.switching_off = self._disable_pending = False
-        self._idle = self.stw1 = idle
-        axis.motion.severity = 0
-        axis.motion.abort_all()
-        axis.set_state(AxisState.ALARM_DISABLED if axis.alarms.blocking else AxisState.DISABLED)
+        self._command.switching_off = self._command.disable_pending = False
+        self._command.stw1 = idle
+        self._motion.severity = 0
+        self._motion.abort_all()
+        self._states.enter(AxisState.ALARM_DISABLED if self._alarms.blocking else AxisState.DISABLED)
 
     # -- cycle
     # ------------------------------------------------------------------------------------------------
@@ -259,13 +284,13 @@ class EnableControl:
         """Raise the alarms of the coupling: 431 link, 421 drive, 411 encoder, 550 drive moves by itself
         (TA-020).
         """
-        axis = self._axis
-        port = axis.port
-        state = axis.state
-        alarms = axis.alarms
+        servo = self._servo
+        port = servo.port
+        state = self._states.state
+        alarms = self._alarms
         zsw1 = port.zsw1
-        expected = axis.facts.drive_expected
-        apart = axis.encoder_apart
+        expected = self._states.facts.drive_expected
+        apart = servo.encoder_apart
         if (
             expected
             and zsw1 & _HEALTH_MASK == _HEALTHY
@@ -279,7 +304,7 @@ class EnableControl:
             self._cause_431 = lost
             source, station = (port, 1) if apart is None or not port.link_ok else (apart, 3)
             alarms.set_cause(ALARM_COMMUNICATION, lost, info=station + source.sign_lost)
-        faulty = axis.has_position and (apart if apart is not None else port).sensor_fault
+        faulty = servo.has_position and (apart if apart is not None else port).sensor_fault
         if faulty is not self._cause_411 and (self._cause_411 or expected or state is AxisState.ENABLING):
             self._cause_411 = faulty
             code = port.sensor_code if apart is None else 0
@@ -292,7 +317,7 @@ class EnableControl:
                 self._cause_421 = fault
                 text = "control request withdrawn" if refused else f"drive fault {port.drive_fault_code:04X}h"
                 alarms.set_cause(ALARM_DRIVE, fault, info=2 if refused else 1, text=text)
-        elif expected and port.link_ok and not zsw1 & _OPERATION and not self.switching_off:
+        elif expected and port.link_ok and not zsw1 & _OPERATION and not self._command.switching_off:
             if zsw1 & _AUTONOMOUS_MASK == ZSW1.READY_TO_SWITCH_ON | ZSW1.READY:
                 if state is not AxisState.TRACKING:
                     alarms.raise_alarm(ALARM_AUTONOMOUS)
@@ -301,7 +326,7 @@ class EnableControl:
         elif (
             expected
             and zsw1 & _OPERATES_MASK == ZSW1.OPERATION_ENABLED
-            and self.stw1 & STW1.NO_OFF3
+            and self._command.stw1 & STW1.NO_OFF3
             and port.link_ok
             and state is not AxisState.TRACKING
         ):
@@ -312,88 +337,87 @@ class EnableControl:
         """Raise 106 or 108, once, for an axis that is to be enabled before its devices have been there
         (STP-021, CFG-620).
         """
-        axis = self._axis
-        drive, encoder = axis.port.link_ok, axis.sensor_valid
+        servo = self._servo
+        drive, encoder = servo.port.link_ok, servo.sensor_valid
         if drive and encoder:
             self._joined = True
-        elif self.enable:
+        elif self._command.enable:
             self._joined = True
             if not drive:
-                axis.alarms.raise_alarm(ALARM_DRIVE_NOT_READY, info=NOT_INITIALISED)
+                self._alarms.raise_alarm(ALARM_DRIVE_NOT_READY, info=NOT_INITIALISED)
             if not encoder:
-                axis.alarms.raise_alarm(ALARM_ENCODER_NOT_READY, info=NOT_INITIALISED)
+                self._alarms.raise_alarm(ALARM_ENCODER_NOT_READY, info=NOT_INITIALISED)
 
     def _obstacle(self) -> str:
         """Return what the enable sequence waits for, empty if nothing (STP-018, STP-022, STP-023,
         STP-045).
         """
-        axis = self._axis
-        if not axis.communication_ok:
-            port = axis.port
+        servo = self._servo
+        if not servo.communication_ok:
+            port = servo.port
             if not port.link_ok:
                 return "no cyclic communication with the drive"
             if port.zsw1 & _FAULT:
                 return f"drive fault {port.drive_fault_code:04X}h"
             return "the drive does not request control"
-        if not axis.sensor_valid:
+        if not servo.sensor_valid:
             return "the encoder has no valid value"
-        adaption = axis.adaption
-        return "" if adaption is None or adaption.ready else "the parameters of the drive are not taken over"
+        return "" if self._adapted() else "the parameters of the drive are not taken over"
 
     def _tell(self, obstacle: str) -> None:
         """Write down, once, what the enabling waits for: there is no alarm that would (STP-020, MC-133)."""
-        if obstacle != self._told:
-            self._told = obstacle
-            history = self._axis.history
+        if obstacle != self._waits_for:
+            self._waits_for = obstacle
+            history = self._history
             if obstacle and history is not None:
-                history.emit(self._axis.name, "power.waits", reason=obstacle)
+                history.emit(self._name, "power.waits", reason=obstacle)
 
     def step(self) -> None:
         """Make the transitions that depend on the drive's answer."""
-        axis = self._axis
-        state = axis.state
+        servo = self._servo
+        state = self._states.state
         if state is _MOTION or state is _STANDSTILL:
             return
-        zsw1 = axis.port.zsw1
+        zsw1 = servo.port.zsw1
         off = not zsw1 & _DRIVE_OFF_MASK
         if state is AxisState.DISABLED or state is AxisState.ALARM_DISABLED:
             if not self._joined:
                 self._watch_start_up()
-            if axis.alarms.blocking:
-                axis.set_state(AxisState.ALARM_DISABLED)
+            if self._alarms.blocking:
+                self._states.enter(AxisState.ALARM_DISABLED)
                 return
-            obstacle = self._obstacle() if self.enable else ""
-            if obstacle or self._told:
+            obstacle = self._obstacle() if self._command.enable else ""
+            if obstacle or self._waits_for:
                 self._tell(obstacle)
-            if self.enable and not obstacle:
+            if self._command.enable and not obstacle:
                 self._start_mode = self.start_mode
-                if axis.port.simulated:
+                if servo.port.simulated:
                     self._arrive()  # nothing to wait for (CFG-132, CFG-164)
                 else:
-                    self.stw1 = STW1_IDLE
+                    self._command.stw1 = STW1_IDLE
                     self._phase = 0
-                    axis.set_state(AxisState.ENABLING)
+                    self._states.enter(AxisState.ENABLING)
             else:
-                axis.set_state(AxisState.DISABLED)
+                self._states.enter(AxisState.DISABLED)
         elif state is AxisState.ENABLING:
             # ON is given only to a drive that is ready for it (STP-046, STP-510).
             if zsw1 & ZSW1.SWITCHING_ON_INHIBITED or not zsw1 & ZSW1.READY_TO_SWITCH_ON:
-                self.stw1 = STW1_IDLE
+                self._command.stw1 = STW1_IDLE
             else:
-                self.stw1 = STW1_OPERATE
-                if axis.in_operation:
+                self._command.stw1 = STW1_OPERATE
+                if servo.in_operation:
                     self._arrive()
                     return
             self._phase += 1
-            if self.timeout_s is not None and self._phase * axis.cycle_s > self.timeout_s:
-                axis.alarms.raise_alarm(ALARM_DRIVE, info=_NOT_ENABLED)
+            if self.timeout_s is not None and self._phase * servo.cycle_s > self.timeout_s:
+                self._alarms.raise_alarm(ALARM_DRIVE, info=_NOT_ENABLED)
         elif state is AxisState.DISABLING_RAMP or state is AxisState.ALARM_RAMP:
-            if self.switching_off and off:
+            if self._command.switching_off and off:
                 self._rest(STW1_IDLE)
         elif state is AxisState.DISABLING_QUICK:
             if self._phase == 0:
-                if off and (axis.port.reports_stop or axis.at_rest):
-                    self.stw1 = STW1_ALL_OFF
+                if off and (servo.port.reports_stop or servo.at_rest):
+                    self._command.stw1 = STW1_ALL_OFF
                     self._phase = 1
             else:
                 self._phase += 1
@@ -405,35 +429,42 @@ class EnableControl:
         elif state is AxisState.ALARM_DRIVE_STOP:
             self._step_drive_stop(off)
         elif state is AxisState.ALARM_STANDSTILL:
-            if not axis.alarms.blocking:
-                axis.motion.come_to_rest()
+            if not self._alarms.blocking:
+                self._motion.come_to_rest()
         elif state is AxisState.TRACKING:
-            if not self.enable:
+            if not self._command.enable:
                 self.quick_stop()
-            elif not axis.alarms.blocking and axis.in_operation:
+            elif not self._alarms.blocking and servo.in_operation:
                 self._arrive()
 
     def _step_drive_stop(self, off: bool) -> None:
-        axis = self._axis
-        if self.stw1 == STW1_IDLE and self.enable and not axis.alarms.blocking and axis.communication_ok:
+        servo = self._servo
+        if (
+            self._command.stw1 == STW1_IDLE
+            and self._command.enable
+            and not self._alarms.blocking
+            and servo.communication_ok
+        ):
             # OFF1 can be interrupted: acknowledged while it brakes, the drive is switched on again (STP-382).
             self._start_mode = self.start_mode
             self._phase = 0
-            axis.set_state(AxisState.ENABLING)
-        elif off and (axis.at_rest or (self.stw1 != STW1_OFF2_OFF1 and axis.port.reports_stop)):
+            self._states.enter(AxisState.ENABLING)
+        elif off and (servo.at_rest or (self._command.stw1 != STW1_OFF2_OFF1 and servo.port.reports_stop)):
             # Without a link nobody knows whether the drive still brakes: OFF2 would let it coast (STP-367).
-            self._rest(STW1_ALL_OFF if self.stw1 == STW1_OFF3 and axis.port.link_ok else self.stw1)
+            self._rest(
+                STW1_ALL_OFF if self._command.stw1 == STW1_OFF3 and servo.port.link_ok else self._command.stw1
+            )
 
     @property
     def catching(self) -> bool:
         """Whether a moving axis is being enabled that will brake by a ramp: until then the drive has to keep
         its speed (STP-048).
         """
-        axis = self._axis
+        servo = self._servo
         return (
-            axis.state is AxisState.ENABLING
-            and not axis.at_rest
-            and axis.has_position
+            self._states.state is AxisState.ENABLING
+            and not servo.at_rest
+            and servo.has_position
             and self._start_mode == 1
             and not self._at_once
         )
@@ -447,30 +478,30 @@ class EnableControl:
 
     def _arrive(self) -> None:
         """The drive executes setpoints: close the loops without a step (STP-047 to STP-057)."""
-        axis = self._axis
-        motion = axis.motion
-        self.stw1 = STW1_OPERATE
-        self.switching_off = self._disable_pending = False
+        servo = self._servo
+        motion = self._motion
+        self._command.stw1 = STW1_OPERATE
+        self._command.switching_off = self._command.disable_pending = False
         motion.severity = 0
         motion.abort_all()
-        motion.position_controlled = axis.has_position and self._start_mode == 1
+        servo.position_controlled = servo.has_position and self._start_mode == 1
         velocity_mode = self._at_once
-        if axis.at_rest or not motion.position_controlled or velocity_mode:
-            position = axis.feedback.position + (
-                axis.actual_velocity * axis.delay_s
-                if motion.position_controlled and not velocity_mode
+        if servo.at_rest or not servo.position_controlled or velocity_mode:
+            position = servo.feedback.position + (
+                servo.actual_velocity * servo.delay_s
+                if servo.position_controlled and not velocity_mode
                 else 0.0
             )
-            motion.gen.set_state(position, 0.0)
-            if axis.has_position:
-                axis.controller.reset(position)
-            axis.set_state(AxisState.STANDSTILL)
+            servo.basic.set_state(position, 0.0)
+            if servo.has_position:
+                servo.controller.reset(position)
+            self._states.enter(AxisState.STANDSTILL)
         else:
             motion.take_actual_values()
-            motion.begin_stop(2, axis.variables.bind("DynamicLimits.MaxDeceleration").value, 0.0)
-            axis.set_state(AxisState.ENABLE_RAMP)
+            motion.begin_stop(2, self._max_deceleration.value, 0.0)
+            self._states.enter(AxisState.ENABLE_RAMP)
 
     @property
     def disabling(self) -> bool:
         """Whether a disabling is in progress."""
-        return self._axis.state in DISABLING
+        return self._states.state in DISABLING

@@ -7,21 +7,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
+from typing_extensions import override
+
 from motion.drives.encoder import EncoderPort
-from motion.kernel.feedback import VALID, Feedback
-from motion.kernel.leading_value import LeadingValue, live_leading_value
-from motion.kernel.mechanics import INCREMENTAL, Mechanics
-from motion.kernel.modulo import Modulo
-from motion.kernel.monitoring import ALARM_RANGE_EXCEEDED
+from motion.kernel.feedback import VALID, EncoderFeedback, Feedback
+from motion.kernel.mechanics import INCREMENTAL
 from motion.s7.alarms import AlarmEngine
 from motion.s7.axis.adaption import Adaption
+from motion.s7.axis.alarms import ALARM_RANGE_EXCEEDED
+from motion.s7.axis.assembly import leading_value_of, mechanics_of, modulo_of
 from motion.s7.axis.configuration import Abilities, Problem, check_configuration, given_values
-from motion.s7.axis.data_block import frozen, in_its_units
-from motion.s7.axis.encoder_enabling import EncoderEnabling
-from motion.s7.axis.homing import ActiveHoming, PassiveHoming, home_directly
-from motion.s7.axis.homing.active import ALARM_NOT_FOUND, ALARM_NOT_SUPPORTED
-from motion.s7.axis.jobs import ERROR_ALARM, NO_ERROR
-from motion.s7.axis.reset import ALARM_CONFIGURATION, ALARM_RESTART_REFUSED, acknowledge_error
+from motion.s7.axis.enabling import ALARM_ENCODER_NOT_READY, NOT_INITIALISED
+from motion.s7.axis.homing.direct import home_directly
+from motion.s7.axis.homing.finder import ALARM_NOT_FOUND, ALARM_NOT_SUPPORTED
+from motion.s7.axis.jobs import ERROR_ALARM
 from motion.s7.axis.state import AxisState
 from motion.s7.axis.status import (
     DONE,
@@ -33,12 +32,20 @@ from motion.s7.axis.status import (
     RESTART_ACTIVE,
     STANDSTILL,
 )
+from motion.s7.axis.technology_object import (
+    Live,
+    TechnologyObject,
+    in_its_units,
+    live_alarms,
+    live_leading_value,
+)
 from motion.s7.units import farthest_position
 from motion.s7.variables import VariableStore
 
 if TYPE_CHECKING:
     from fieldbus.history import History
     from motion.drives.port import DrivePort
+    from motion.kernel.leading_value import Value
 
 ALARM_ENCODER: Final = 411
 ALARM_COMMUNICATION: Final = 431
@@ -48,41 +55,80 @@ ENCODER_STATION_FAILED: Final = 3
 _ALARMS_OF_HOMING: Final = (ALARM_NOT_FOUND, ALARM_NOT_SUPPORTED)
 """342 and 343 are alarms of axes only."""
 _NO_MARK: Final = "the encoder cannot search for a homing mark"
-_RESTART_CYCLES: Final = 5
 _HYSTERESIS: Final = 1.1
 
 
-class EncoderReset:
-    """One execution of `MC_Reset` on an external encoder; the object steps it."""
+class EncoderEnabling:
+    """What `MC_Power` commands and sees of an external encoder: whether its value is valid (STP-035, MC-159).
 
-    __slots__ = ("_age", "_object", "done", "error_id", "restart")
+    Args:
+        name: Name of the object.
+        history: Event log, or None.
+        engine: Its pending alarms.
 
-    def __init__(self, external: ExternalEncoder, *, restart: bool) -> None:
-        self._object = external
-        self._age = 0
-        self.restart = restart
-        self.done = False
-        self.error_id = NO_ERROR
-        """See `Reset.error_id`."""
-        if restart:
-            external.begin_restart()
+    """
 
-    def step(self) -> None:
-        """Advance by one application cycle."""
-        self._age += 1
-        external = self._object
-        if not self.restart:
-            external.engine.acknowledge()
-            external.engine.update()
-        elif self._age >= _RESTART_CYCLES:
-            external.finish_restart()
-        else:
+    __slots__ = ("_engine", "_history", "_joined", "_name", "enable", "enabled", "start_mode")
+
+    def __init__(self, name: str, history: History | None, engine: AlarmEngine) -> None:
+        self._name = name
+        self._history = history
+        self._engine = engine
+        self._joined = False
+        """The encoder has been there since the start of the controller, or it has been told that it was
+        not.
+        """
+        self.enable = False
+        """Level of `MC_Power.Enable` as last called."""
+        self.enabled = False
+        """`MC_Power.Status` and `StatusWord.X0`."""
+        self.start_mode = 1
+        """Without effect (STP-027)."""
+
+    @property
+    def busy(self) -> bool:
+        """`MC_Power.Busy`: enabled, or to be enabled."""
+        return self.enable
+
+    @property
+    def alarmed(self) -> bool:
+        """Whether an alarm keeps an object disabled that is to be enabled."""
+        return self.enable and not self.enabled and self._engine.reaction != 0
+
+    def call(self, *, enable: bool, start_mode: int, stop_mode: int) -> None:
+        """Take the inputs of `MC_Power` over; there is nothing to stop."""
+        del start_mode, stop_mode
+        self.enable = enable
+        if not enable:
+            self._set(False)
+
+    def step(self, *, valid: bool, restarting: bool) -> None:
+        """Follow input, encoder value and alarms.
+
+        Args:
+            valid: The encoder value is valid.
+            restarting: The object is being initialised.
+
+        """
+        if not self._joined:
+            if valid:
+                self._joined = True
+            elif self.enable:
+                self._joined = True
+                self._engine.raise_alarm(ALARM_ENCODER_NOT_READY, info=NOT_INITIALISED)
+        wanted = self.enable and self._engine.reaction == 0 and not restarting
+        # A value that becomes invalid without an alarm does not end what has been enabled.
+        self._set(wanted and (self.enabled or valid))
+
+    def _set(self, enabled: bool) -> None:
+        if enabled is self.enabled:
             return
-        self.error_id = acknowledge_error(external.engine)
-        self.done = True
+        self.enabled = enabled
+        if self._history is not None:
+            self._history.emit(self._name, "power.status", value=enabled)
 
 
-class ExternalEncoder:
+class ExternalEncoder(TechnologyObject):
     """`TO_ExternalEncoder` on a port of the bench.
 
     Args:
@@ -100,10 +146,6 @@ class ExternalEncoder:
 
     object_type: ClassVar[str] = "ExternalEncoder"
     kinds: ClassVar[tuple[str, ...]] = ("ExternalEncoder",)
-    connection: ClassVar[str] = "direct"
-    simulated: ClassVar[bool] = False
-    has_position: ClassVar[bool] = False
-    """No setpoint position that a job could move."""
     trace_enums: ClassVar[dict[str, dict[int, str]]] = {}
 
     def __init__(
@@ -115,42 +157,34 @@ class ExternalEncoder:
         variables: Mapping[str, Any] | None = None,
         history: History | None = None,
     ) -> None:
-        self.name = name
-        self.port = port
-        self.history = history
-        self.cycle_s = cycle_ns * 1e-9
         start_values = given_values(dict(variables or {}))
-        self.variables = VariableStore(self.object_type, start_values, name=name, history=history)
+        store = VariableStore(self.object_type, start_values, name=name, history=history)
         if "Sensor.Type" not in start_values and port.absolute_encoder:
-            self.variables.preset("Sensor.Type", 1)
-        self.engine = AlarmEngine(name, object_type=self.object_type, history=history)
-        self.state = AxisState.DISABLED
-        self.master: object | None = None
-        """See the axis: there is no control panel for an encoder (CFG-065)."""
-        self.power_owner: object | None = None
-        """The `MC_Power` instance that rules this object (MC-160)."""
-        self.enabling = EncoderEnabling(self)
+            store.preset("Sensor.Type", 1)
+        super().__init__(
+            name, store, AlarmEngine(name, object_type=self.object_type, history=history), history
+        )
+        self.port = port
+        self.cycle_s = cycle_ns * 1e-9
+        self._state = AxisState.DISABLED
+        self._enabling = EncoderEnabling(name, history, self.engine)
         self.homed = False
         self.digital_input: Callable[[], bool] | None = None
         """Level of the input that is reference cam or homing mark; None = none is wired."""
-        self.homings: list[ActiveHoming | PassiveHoming] = []
-        """Passive homing under way (StatusWord.X11)."""
-        self.operative_sensor = 1
         self.standstill = False
         self._standstill_time = 0.0
         self._was_linked = False
-        self._resets: list[EncoderReset] = []
         self._feedback: Feedback | None = None
         self._adaption: Adaption | None = None
         problems = self.check(start=False)
         if problems:
             raise problems[0].error(problems[1:])
-        self._threshold = self.variables.bind("StandstillSignal.VelocityThreshold")
-        self._dwell = self.variables.bind("StandstillSignal.MinDwellTime")
-        self._farthest = farthest_position(self.variables.read("Units.LengthUnit"))
+        self._threshold = store.bind("StandstillSignal.VelocityThreshold")
+        self._dwell = store.bind("StandstillSignal.MinDwellTime")
+        self._farthest = farthest_position(store.read("Units.LengthUnit"))
         self.apply_configuration()
-        self._live = self._readers = in_its_units(self._live_variables(), self.variables)
-        unit = self.variables.unit("ActualPosition")
+        self._live = self._readers = in_its_units(self._live_variables(), store)
+        unit = store.unit("ActualPosition")
         self.trace_columns: tuple[tuple[str, str], ...] = (
             ("position", unit),
             ("velocity", f"{unit}/s"),
@@ -158,6 +192,21 @@ class ExternalEncoder:
             ("status_word", ""),
             ("error_word", ""),
         )
+
+    @property
+    @override
+    def state(self) -> AxisState:
+        return self._state
+
+    @property
+    @override
+    def enabling(self) -> EncoderEnabling:
+        return self._enabling
+
+    @property
+    @override
+    def simulated(self) -> bool:
+        return False
 
     @property
     def feedback(self) -> Feedback:
@@ -170,19 +219,22 @@ class ExternalEncoder:
         """Whether the actual position is valid (`StatusSensor.State` = 2)."""
         return self.feedback.state == VALID
 
+    @property
+    def operative_sensor(self) -> int:
+        """Number of its encoder."""
+        return 1
+
+    @override
     def check(self, *, start: bool) -> list[Problem]:
-        """Return what does not fit together, in the values in force or in the start values of the next
-        restart.
-        """
         return check_configuration(
             self.variables, Abilities(velocities=(self.port.brings_speed,)), start=start
         )
 
+    @override
     def apply_configuration(self, *, powered_off: bool = False) -> None:
-        """Derive everything from the variables, at start and after a restart."""
         self._derive(restart=True, powered_off=powered_off)
         store = self.variables
-        absolute = self.feedback.scale.kind != INCREMENTAL
+        absolute = not self.incremental
         if not absolute:
             store.set_internal("StatusSensor.Adjusted", 0)
         self.homed = absolute and store.read("StatusSensor.Adjusted") == 1
@@ -194,42 +246,41 @@ class ExternalEncoder:
 
     def _derive(self, *, restart: bool = False, powered_off: bool = False) -> None:
         store = self.variables
-        scale = Mechanics(store).sensors[0]
-        self.modulo = Modulo(store)
+        scale = mechanics_of(store).sensors[0]
+        self.modulo = modulo_of(store)
         before = self._feedback
         if before is not None and not restart and before.scale == scale:
             return
         if isinstance(self.port, EncoderPort):
             self.port.set_reference(scale.reference)
         offset = store.bind("StatusSensor.AbsEncoderOffset")
-        self._feedback = Feedback(
+        self._feedback = EncoderFeedback(
             self.port, scale, self.cycle_s, offset, before=before, powered_off=powered_off
         )
-        self._make_leading_value()
-        self.homed = False
-
-    def _make_leading_value(self) -> None:
-        """Make what followers get: there is no setpoint, so that the actual value is also what is delayed."""
-        feedback = self.feedback
-        self.leading_value = LeadingValue(
-            self.variables,
+        # There is no setpoint, so that the actual value is also what is delayed for followers.
+        self.leading_value = leading_value_of(
+            store,
             cycle_s=self.cycle_s,
-            feedback=lambda: feedback,
-            acquisition_s=float(self.variables.parameter(1010).value) or 0.5 * self.cycle_s,
-            setpoint=lambda: (
-                feedback.position,
-                feedback.velocity,
-                (feedback.velocity - feedback.last_velocity) / self.cycle_s,
-            ),
+            acquisition_s=float(store.parameter(1010).cell.value) or 0.5 * self.cycle_s,
+            feedback=lambda: self.feedback,
+            setpoint=self._actual_value,
         )
         self._leading = self.leading_value.in_use()
+        self.homed = False
+
+    def _actual_value(self) -> Value:
+        feedback = self.feedback
+        return (
+            feedback.position,
+            feedback.velocity,
+            (feedback.velocity - feedback.last_velocity) / self.cycle_s,
+        )
 
     # -- cycle
-    # ------------------------------------------------------------------------------------------------
 
     def cycle(self) -> None:
         """Run one application cycle."""
-        if self.state is not AxisState.RESTARTING and self.variables.latch():
+        if self._state is not AxisState.RESTARTING and self.variables.latch():
             self._leading = self.leading_value.in_use()
         port = self.port
         port.read()
@@ -253,14 +304,12 @@ class ExternalEncoder:
         engine.set_cause(ALARM_ENCODER, port.sensor_fault, info=ENCODER_SIGNALS_ALARM)
         if port.link_ok:
             self._was_linked = True
-        self.enabling.step()
+        self._enabling.step(valid=feedback.state == VALID, restarting=self._state is AxisState.RESTARTING)
         if not -self._farthest <= feedback.position <= self._farthest:
             engine.raise_alarm(ALARM_RANGE_EXCEEDED, info=2 if feedback.position > 0.0 else 1)
         self._watch_standstill(abs(feedback.velocity))
-        for reset in self._resets:
-            reset.step()
         if self._resets:
-            self._resets = [reset for reset in self._resets if not reset.done]
+            self._step_resets()
 
     def finish_cycle(self) -> None:
         """Look for homing marks, after all axes have read their ports: a digital input is as old as the
@@ -281,63 +330,61 @@ class ExternalEncoder:
         else:
             self._standstill_time = 0.0
 
-    # -- instructions
-    # -----------------------------------------------------------------------------------------
+    # -- restart and operating states of the controller
 
-    def make_reset(self, *, restart: bool) -> EncoderReset:
-        """Return an execution of `MC_Reset`; the cycle carries it out."""
-        reset = EncoderReset(self, restart=restart)
-        self._resets.append(reset)
-        return reset
+    @property
+    @override
+    def restart_refused(self) -> bool:
+        return self._enabling.enable
 
-    def power_down(self) -> None:
-        """Lose what is not retentive; `apply_configuration` then begins anew."""
-        self._resets = []
-        self.state = AxisState.DISABLED
-        self._live = self._readers
-        self.enabling.call(enable=False, start_mode=1, stop_mode=0)
+    @override
+    def hold_back(self) -> None:
+        self._state = AxisState.RESTARTING
+
+    @override
+    def release(self) -> None:
+        self._state = AxisState.DISABLED
+
+    @override
+    def acknowledge(self, age: int) -> bool:
+        self.engine.acknowledge()
+        self.engine.update()
+        return True
+
+    @override
+    def switch_outputs(self, on: bool) -> None:
+        pass  # it has no drive
+
+    @override
+    def clear_alarms(self) -> None:
+        self.engine.restart()
+
+    @override
+    def forget_encoders(self) -> None:
+        self._feedback = None
+
+    @override
+    def _abort_jobs(self) -> None:
+        pass  # it has no motion jobs
+
+    @override
+    def _end_functions(self) -> None:
+        pass  # nor functions
+
+    @override
+    def _withdraw_enable(self) -> None:
+        self._enabling.call(enable=False, start_mode=1, stop_mode=0)
+
+    @override
+    def _power_down(self) -> None:
+        self.release()
+        self._show_restart(False)
+        self._withdraw_enable()
         self.engine.power_down()
         self.standstill = self._was_linked = False
         self._standstill_time = 0.0
 
-    def forget_encoders(self) -> None:
-        """Forget what the encoder has counted, also the ranges that an absolute one has passed."""
-        self._feedback = None
-
-    @property
-    def restart_refused(self) -> bool:
-        """Whether a restart is not possible now, because the object is enabled (VAR-007, MC-170)."""
-        return self.enabling.enable
-
-    def refuse_restart(self) -> None:
-        """Warn that a restart was asked for that is not possible now."""
-        self.engine.raise_alarm(ALARM_RESTART_REFUSED)
-
-    @property
-    def restarting(self) -> bool:
-        """Whether the object is being re-initialised."""
-        return self.state is AxisState.RESTARTING
-
-    def begin_restart(self) -> None:
-        """Begin to be initialised anew; the data block shows what it shows now until that has ended
-        (VAR-228).
-        """
-        self.state = AxisState.RESTARTING
-        self._live = frozen(self._readers)
-
-    def finish_restart(self) -> None:
-        """Put the start values into force, or raise alarm 101."""
-        problems = [str(one) for one in self.variables.violations()] or [
-            str(one) for one in self.check(start=True)
-        ]
-        self.engine.restart()
-        if problems:
-            self.engine.raise_alarm(ALARM_CONFIGURATION, text="; ".join(problems))
-        else:
-            self.variables.restart()
-            self.apply_configuration()
-        self.state = AxisState.DISABLED
-        self._live = self._readers
+    # -- homing
 
     def home(self, mode: int, position: float, sensor: int = 0) -> None:
         """Carry out a direct homing; without a setpoint modes 11 and 12 are 0 and 1 (HOM-018)."""
@@ -353,8 +400,7 @@ class ExternalEncoder:
         """Whether the encoder is an incremental one."""
         return self.feedback.scale.kind == INCREMENTAL
 
-    @staticmethod
-    def sensor_path(number: int) -> str:  # noqa: ARG004 - there is one
+    def sensor_path(self, number: int) -> str:  # noqa: ARG002 - there is one
         """Return where the variables of the encoder begin."""
         return "Sensor"
 
@@ -374,7 +420,7 @@ class ExternalEncoder:
         """Return why passive homing cannot go on: an ErrorID, 0 = it is aborted, None = it can."""
         if self.engine.error_word:
             return ERROR_ALARM
-        return None if self.enabling.enabled else 0
+        return None if self._enabling.enabled else 0
 
     def alarm(self, number: int) -> None:
         """Raise a technology alarm; of those of homing, which this object does not have, alarm 411 tells."""
@@ -383,13 +429,12 @@ class ExternalEncoder:
         else:
             self.engine.raise_alarm(number)
 
-    # -- variables under their original paths
-    # -----------------------------------------------------------------
+    # -- what it shows
 
     def status_word(self) -> int:
         """Return `StatusWord` for the present cycle."""
-        word = RESTART_ACTIVE if self.restarting else DONE
-        if self.enabling.enabled:
+        word = RESTART_ACTIVE if self._state is AxisState.RESTARTING else DONE
+        if self._enabling.enabled:
             word |= ENABLE
         if self.engine.error_word:
             word |= ERROR
@@ -403,48 +448,27 @@ class ExternalEncoder:
             word |= STANDSTILL
         return word
 
-    def _live_variables(self) -> dict[str, Callable[[], Any]]:
-        engine = self.engine
-        return live_leading_value(lambda: self.leading_value, lambda: self.modulo) | {
-            "ActualPosition": lambda: self.feedback.place(self.modulo)[1],
-            "ActualModuloCycle": lambda: self.feedback.place(self.modulo)[0],
-            "ActualVelocity": lambda: self.feedback.velocity,
-            "ActualAcceleration": lambda: (
-                (self.feedback.velocity - self.feedback.last_velocity) / self.cycle_s
-            ),
-            "StatusSensor.State": lambda: self.feedback.state,
-            "StatusSensor.Position": lambda: self.feedback.place(self.modulo)[1],
-            "StatusSensor.ModuloCycle": lambda: self.feedback.place(self.modulo)[0],
-            "StatusSensor.Velocity": lambda: self.feedback.velocity,
-            "StatusSensor.CommunicationOK": lambda: self.port.link_ok,
-            "StatusSensor.Error": lambda: self.port.sensor_fault,
-            "StatusSensor.Control": lambda: True,
-            "StatusWord": self.status_word,
-            "ErrorWord": lambda: engine.error_word,
-            "WarningWord": lambda: engine.warning_word,
-            "ErrorDetail.Number": lambda: engine.number,
-            "ErrorDetail.Reaction": lambda: engine.reaction,
-        }
-
-    def var(self, path: str) -> Any:
-        """Return a variable of the technology data block by its original path; bits as `StatusWord.X7`.
-
-        Raises:
-            ConfigurationError: There is no such variable on this object type.
-
-        """
-        live = self._live.get(path)
-        if live is not None:
-            return live()
-        head, _, bit = path.rpartition(".")
-        bit = bit.lstrip("%")
-        if head in self._live and bit[:1] == "X" and bit[1:].isdigit():
-            return bool(self._live[head]() >> int(bit[1:]) & 1)
-        return self.variables.read(path)
-
-    def write(self, path: str, value: Any) -> None:
-        """Assign a variable like the user program does (VAR-001 to VAR-015)."""
-        self.variables.write(path, value)
+    def _live_variables(self) -> Live:
+        return (
+            live_leading_value(lambda: self.leading_value, lambda: self.modulo)
+            | live_alarms(self.engine)
+            | {
+                "ActualPosition": lambda: self.feedback.place(self.modulo)[1],
+                "ActualModuloCycle": lambda: self.feedback.place(self.modulo)[0],
+                "ActualVelocity": lambda: self.feedback.velocity,
+                "ActualAcceleration": lambda: (
+                    (self.feedback.velocity - self.feedback.last_velocity) / self.cycle_s
+                ),
+                "StatusSensor.State": lambda: self.feedback.state,
+                "StatusSensor.Position": lambda: self.feedback.place(self.modulo)[1],
+                "StatusSensor.ModuloCycle": lambda: self.feedback.place(self.modulo)[0],
+                "StatusSensor.Velocity": lambda: self.feedback.velocity,
+                "StatusSensor.CommunicationOK": lambda: self.port.link_ok,
+                "StatusSensor.Error": lambda: self.port.sensor_fault,
+                "StatusSensor.Control": lambda: True,
+                "StatusWord": self.status_word,
+            }
+        )
 
     def trace_row(self) -> tuple[float, ...]:
         """Return the values of `trace_columns` for the present cycle."""

@@ -1,17 +1,51 @@
-"""The motion of an axis: which job is in control, what it makes of the setpoint, and when it ends."""
+"""The motion of an axis: which job is in control, what it makes of the setpoint, and when it ends.
+
+Override tables, MC-265, STP-433 to STP-444.
+"""
 
 from __future__ import annotations
 
-from typing import Final
+from math import copysign, inf, sqrt
+from typing import TYPE_CHECKING, Final
 
 from motion.kernel.superposition import Superposition
-from motion.s7.axis.acceptance import JobAcceptance
+from motion.s7.axis.homing.passive import abort_passive
 from motion.s7.axis.jobs import (
+    ERROR_ALARM,
+    ERROR_INTO_STOP,
+    ERROR_JOB_MEMORY,
+    ERROR_LOCKED,
+    ERROR_NOT_CONTROLLED,
+    ERROR_POSITION_CONTROL,
+    ERROR_STATE,
     NO_ERROR,
     Job,
     JobClass,
+    JobState,
 )
-from motion.s7.axis.state import AxisState
+from motion.s7.axis.override import aborts
+from motion.s7.axis.state import ACCEPTS_MOTION, AxisState
+
+if TYPE_CHECKING:
+    from fieldbus.history import History
+    from motion.kernel.cell import Cell
+    from motion.kernel.monitoring import Monitoring
+    from motion.kernel.servo_axis import ServoAxis
+    from motion.kernel.torque_limits import TorqueLimits
+    from motion.s7.axis.alarms import AxisAlarms
+    from motion.s7.axis.dynamic_limits import DynamicLimits
+    from motion.s7.axis.homing.direct import Homing
+    from motion.s7.axis.state import AxisStates, DriveCommand
+
+QUEUE_DEPTH: Final = 8
+"""Waiting jobs per object (MC-265)."""
+
+_LAST_RESORT: Final = 1.0e6
+"""Deceleration of a stop for which every configured value is zero."""
+_STOP_SEVERITY: Final = {0: 3, 2: 2, 3: 1}
+"""Severity of `MC_Stop` by its mode (STP-433 to STP-435)."""
+_BY_VELOCITY: Final = ("MC_MoveVelocity", "MC_MoveJog", "MC_MotionInVelocity")
+"""Jobs whose direction is that of their velocity."""
 
 # Names of the module, because in every cycle an attribute of an enumeration would cost more than what is done
 # with it.
@@ -24,15 +58,671 @@ _SWITCHES_OFF: Final = (AxisState.ALARM_RAMP, AxisState.DISABLING_RAMP)
 """States after which the drive is switched off."""
 
 
-class MotionControl(JobAcceptance):
-    """What the jobs of an axis make of its setpoint, cycle by cycle, and when they end."""
+class MotionControl:
+    """Job in control, waiting jobs and superimposed job of one axis, and the setpoint that they make.
 
-    __slots__ = ()
+    Args:
+        name: Name of the axis.
+        history: Event log, or None.
+        servo: The axis in the kernel, whose basic and superimposed setpoints are led.
+        states: State of the axis.
+        command: Its control word.
+        alarms: Its alarms.
+        limits: Its dynamic limits.
+        defaults: Deceleration and jerk of a stop without a job (`DynamicDefaults`).
+        monitoring: Its monitoring, which says when an end position is reached; None without positions.
+        torque: Its torque limits.
+        homings: Active and passive homing under way.
+
+    """
+
+    __slots__ = (
+        "_alarms",
+        "_command",
+        "_default_deceleration",
+        "_default_jerk",
+        "_history",
+        "_homings",
+        "_limits",
+        "_monitoring",
+        "_name",
+        "_planned_limits",
+        "_planned_velocity",
+        "_ramp",
+        "_servo",
+        "_settling",
+        "_states",
+        "_superimposed_before",
+        "_torque",
+        "gen",
+        "job",
+        "limits_assigned",
+        "queue",
+        "severity",
+        "superimposed_job",
+    )
+
+    def __init__(
+        self,
+        name: str,
+        history: History | None,
+        *,
+        servo: ServoAxis,
+        states: AxisStates,
+        command: DriveCommand,
+        alarms: AxisAlarms,
+        limits: DynamicLimits,
+        defaults: tuple[Cell[float], Cell[float]],
+        monitoring: Monitoring | None,
+        torque: TorqueLimits,
+        homings: list[Homing],
+    ) -> None:
+        self._name = name
+        self._history = history
+        self._servo = servo
+        self._states = states
+        self._command = command
+        self._alarms = alarms
+        self._limits = limits
+        self._default_deceleration, self._default_jerk = defaults
+        self._monitoring = monitoring
+        self._torque = torque
+        self._homings = homings
+        self.gen = servo.basic
+        """Setpoint of the basic motion."""
+        self.job: Job | None = None
+        """Job in control, `MC_Stop` included."""
+        self.queue: list[Job] = []
+        """Jobs that wait for the one in control."""
+        self.superimposed_job: Job | None = None
+        """Job of the superimposed motion; it ends without one where its dynamic limits are zero."""
+        self.severity = 0
+        """Severity of the stop ramp in progress: 0 none, 1 current, 2 maximum, 3 emergency (STP-432 to
+        STP-435).
+        """
+        self.limits_assigned = False
+        """A program has assigned variables since the last cycle; dynamic limits may be among them."""
+        self._superimposed_before = 0.0
+        self._planned_velocity = 0.0
+        self._planned_limits = (0.0, 0.0, 0.0)
+        self._ramp = (0.0, 0.0)
+        self._settling = False
+
+    @property
+    def stopping(self) -> bool:
+        """Whether `MC_Stop` is in control."""
+        job = self.job
+        return job is not None and job.job_class is JobClass.STOP
+
+    def power_down(self) -> None:
+        """Stand at position 0 without motion and without position control; jobs have ended before."""
+        self._sum_up()
+        self.gen.set_state(0.0, 0.0)
+        self._superimposed_before = 0.0
+        self._servo.position_controlled = False
+        self._leave_target()
+        self.severity = 0
+
+    # -- profiles -------------------------------------------------------------------------------------------
+
+    def _plan_limits(self, job: Job, towards: float = 0.0) -> tuple[float, float, float]:
+        """Return what `DynamicLimits.of` does, and remember that the motion is planned with it; `towards`:
+        `_bound_acceleration`.
+        """
+        self._planned_limits = limits = self._limits.of(job)
+        self._bound_acceleration(limits[2], towards)
+        return limits
+
+    def _bound_acceleration(self, jerk: float, towards: float = 0.0) -> None:
+        """Let a present acceleration that `jerk` cannot end in time end at once, as far as needed (STP-119).
+
+        What is carried over neither accelerates beyond the maximum velocity nor brakes through zero, unless
+        the new motion leads there: `towards` is its velocity or way, 0 for a stop. This matters only after a
+        ramp with a higher jerk or without jerk limit, an emergency ramp for example. What a jerk no higher
+        than the new one has built up, on the way to the other side, is carried through zero (STP-116).
+        """
+        gen = self.gen
+        a = gen.a
+        if a == 0.0 or jerk <= 0.0:
+            return
+        v = gen.v
+        if v * a >= 0.0:
+            room = max(0.0, self._limits.max_velocity.value - abs(v))
+        elif 0.0 < gen.jerk <= jerk:
+            return
+        else:
+            room = abs(v) + (self._limits.max_velocity.value if towards * a > 0.0 else 0.0)
+        bound = sqrt(2.0 * jerk * room)
+        if abs(a) > bound:
+            gen.a = copysign(bound, a)
+
+    def _plan_position(self, job: Job) -> None:
+        velocity = self._planned_velocity = self._limits.velocity(job)
+        towards = job.target - self.gen.s if velocity > 0.0 else 0.0
+        acceleration, deceleration, jerk = self._plan_limits(job, towards)
+        if velocity > 0.0:
+            self.gen.start_position(job.target, velocity, acceleration, deceleration, jerk)
+        else:
+            # Override 0 %: the axis waits on its way and goes on when the override does.
+            self.gen.start_velocity(0.0, acceleration, deceleration, jerk)
+
+    def _plan_velocity(self, job: Job) -> None:
+        if job.released:
+            self._limits.velocity_limited = False
+        velocity = self._planned_velocity = 0.0 if job.released else self._limits.velocity(job)
+        acceleration, deceleration, jerk = self._plan_limits(job, velocity)
+        self.gen.start_velocity(velocity, acceleration, deceleration, jerk)
+
+    def follow_limits(self) -> None:
+        """Take velocity override and dynamic limits that have been assigned into the motion that runs
+        (VAR-001, VAR-004).
+        """
+        servo = self._servo
+        self.limits_assigned = False
+        state = self._states.state
+        if state is AxisState.MOTION or state is AxisState.HALTING:
+            job, moving = self.job, servo.superimposed
+            if job is not None and job.job_class is JobClass.MOTION_IN:
+                job = None  # its setpoints know no limits (VAR-167)
+            if moving is not None and moving.given:
+                moving = None
+            if (job is not None or moving is not None) and self._limits.are_zero():
+                return
+            if job is not None and not self._settling:
+                self._follow_in_motion(job)
+            if moving is not None and self.superimposed_job is not None:
+                moving.change(*self._limits.of(self.superimposed_job))
+        elif (
+            self.severity
+            and not (self.gen.done or self.gen.positioning)
+            and self._ramp_limits() != self._planned_limits
+        ):
+            self._brake()
+
+    def _follow_in_motion(self, job: Job) -> None:
+        gen = self.gen
+        changed = not gen.done and self._limits.of(job) != self._planned_limits
+        cls = job.job_class
+        if cls is JobClass.VELOCITY or (cls is JobClass.HOMING and not job.positions):
+            if not job.released and self._limits.velocity(job) != self._planned_velocity:
+                job.set_in_velocity(False)
+                changed = True
+            if changed:
+                self._plan_velocity(job)
+        elif job.positions:
+            if changed or self._limits.velocity(job) != self._planned_velocity:
+                self._plan_position(job)
+        elif changed:
+            _, deceleration, jerk = self._plan_limits(job)
+            gen.start_stop(deceleration, jerk)
+
+    def _repeat_warning(self) -> None:
+        """Warn of a velocity that is still limited, in case it has been acknowledged (VAR-165)."""
+        if not self._settling:
+            self._limits.repeat_warning()
+
+    def set_position_control(self, on: bool) -> None:
+        """Close or open position control without a step of the speed setpoint."""
+        servo = self._servo
+        if on and not servo.position_controlled:
+            servo.take_actual_position(self.gen.v, self.gen.a)
+        servo.position_controlled = on
+
+    # -- stops ----------------------------------------------------------------------------------------------
+
+    def begin_stop(
+        self, severity: int, deceleration: float, jerk: float, *, abort_acceleration: bool = False
+    ) -> None:
+        """Start a braking ramp from the setpoints with values that are limited by the dynamic limits.
+
+        Args:
+            severity: 1 current, 2 maximum dynamics.
+            deceleration: Deceleration, axis unit per second squared; infinite for the limit.
+            jerk: Jerk, axis unit per second cubed; 0 for none, infinite for the limit.
+            abort_acceleration: Set a present acceleration to zero first.
+
+        """
+        self._sum_up()
+        self.severity = severity
+        self._leave_target()
+        self._ramp = (deceleration, jerk)
+        self._brake(abort_acceleration=abort_acceleration)
+
+    def _ramp_limits(self) -> tuple[float, float, float]:
+        """Return acceleration (none), deceleration and jerk of the braking ramp in progress, by the present
+        limits.
+        """
+        limits = self._limits
+        if self.severity == 3:
+            return 0.0, limits.emergency.value or limits.max_deceleration.value or _LAST_RESORT, 0.0
+        deceleration, jerk = self._ramp
+        maximum = limits.max_jerk.value
+        if maximum > 0.0 or jerk == inf:
+            jerk = min(jerk, maximum)
+        deceleration = min(deceleration, limits.max_deceleration.value)
+        return 0.0, deceleration or limits.emergency.value or _LAST_RESORT, jerk
+
+    def _brake(self, *, abort_acceleration: bool = False) -> None:
+        """Plan the braking ramp of `begin_stop` or `begin_reaction` from the present setpoints."""
+        _, deceleration, jerk = self._planned_limits = self._ramp_limits()
+        self._bound_acceleration(jerk)
+        self.gen.start_stop(deceleration, jerk, abort_acceleration=abort_acceleration)
+
+    def begin_reaction(self, severity: int, *, abort_acceleration: bool = False) -> None:
+        """Start the ramp of severity 1 (current), 2 (maximum) or 3 (emergency) dynamics (STP-386 to
+        STP-388).
+        """
+        if severity == 3:
+            self._switch_to_actual_values()
+            self.severity = 3
+            self._leave_target()
+            self._brake()
+        elif severity == 2:
+            self.begin_stop(2, inf, inf, abort_acceleration=abort_acceleration)
+        else:
+            job = self.job
+            if job is not None and job.deceleration > 0.0:
+                self.begin_stop(1, job.deceleration, job.jerk)
+            else:
+                self.begin_stop(1, self._default_deceleration.value, self._default_jerk.value)
+
+    def take_actual_values(self) -> None:
+        """Let the setpoint start from the actual values, moved on by the transport delay (STP-123,
+        STP-054).
+        """
+        self._sum_up()
+        self._servo.take_actual_position(self._servo.actual_velocity)
+
+    def _switch_to_actual_values(self) -> None:
+        """Take the actual values; where a smoothing time is given, what the controller had to correct fades
+        with it (STP-128).
+        """
+        servo = self._servo
+        controlled = servo.has_position and servo.position_controlled
+        difference = servo.controller.control_difference if controlled else 0.0
+        self.take_actual_values()
+        if controlled:
+            servo.controller.absorb(difference)
+
+    def _leave_target(self) -> None:
+        """End the supervision of an end position that has not been reached for good yet: there is another
+        motion (MON-027).
+        """
+        if self._settling:
+            self._settling = False
+            if self._monitoring is not None:
+                self._monitoring.cancel()
+
+    # -- setpoints from outside
+    # -------------------------------------------------------------------------------
+
+    def take_vector(self, job: Job, cycle_s: float) -> None:
+        """Make what the user program has given the setpoint, without profile and limits (MC-473, MC-474)."""
+        servo = self._servo
+        gen = self.gen
+        velocity = job.velocity
+        if job.mode == 1:
+            controlled = bool(job.position_controlled)
+            if controlled is not servo.position_controlled and servo.has_position:
+                self.set_position_control(controlled)
+            gen.set_state(gen.s + velocity * cycle_s, velocity, job.acceleration)
+        else:
+            position = job.target
+            if servo.modulo.enabled:
+                position = servo.modulo.target(position, gen.s - job.distance, 3)
+            gen.set_state(position + job.distance, velocity, job.acceleration)
+            servo.controller.given = True
+
+    @property
+    def motion_in_state(self) -> int:
+        """`StatusMotionIn.FunctionState`: 0 none, 1 velocity, 2 position (MIN-011)."""
+        job = self.job
+        return job.mode if job is not None and job.job_class is _MOTION_IN else 0
+
+    @property
+    def given(self) -> bool:
+        """Whether setpoints come from the user program, basic or superimposed ones."""
+        job, moving = self.job, self._servo.superimposed
+        return (job is not None and job.job_class is _MOTION_IN) or (moving is not None and moving.given)
+
+    @property
+    def motion_in_exceeds(self) -> bool:
+        """`StatusMotionIn.StatusWord.X0`: the given velocity is above the configured maximum (MIN-005)."""
+        return self.motion_in_state != 0 and abs(self.gen.v) > self._limits.max_velocity.value
+
+    # -- superimposed motion --------------------------------------------------------------------------------
+
+    def _basic_velocity(self) -> float:
+        """Return the velocity to which the basic motion accelerates, with its sign."""
+        job = self.job
+        if job is None or self._states.state is not AxisState.MOTION:
+            return 0.0
+        velocity = self._planned_velocity
+        return copysign(velocity, job.target - self.gen.s) if job.positions else velocity
+
+    def _sum_up(self) -> None:
+        """Make the basic setpoint the sum, from where one ramp can brake all of it."""
+        servo = self._servo
+        total, gen = servo.total, self.gen
+        if total is not gen:
+            gen.set_state(total.s, total.v, total.a)
+            servo.total = gen
+
+    def shift_coordinates(self, offset: float) -> None:
+        """Let setpoints and a relative target follow a shift of the coordinate system."""
+        servo = self._servo
+        self.gen.shift(offset)
+        if servo.fine is not None:
+            servo.fine.shift(offset)
+        if servo.superimposed is not None:
+            servo.superimposed.refresh()
+        servo.controller.shift(offset)
+
+    def shift_target(self, offset: float) -> None:
+        """Let the target of a relative positioning follow a shift of the coordinate system, and plan
+        again.
+        """
+        job = self.job
+        if job is not None and job.busy and job.relative:
+            job.target += offset
+        self.replan()
+
+    def shift(self, offset: float) -> None:
+        """Move the setpoint of the basic motion, and the target of its job, by `offset`, axis unit."""
+        self.gen.shift(offset)
+        job = self.job
+        if job is not None and job.job_class is not _MOTION_IN:
+            job.target += offset
+
+    @property
+    def superimposed_distance(self) -> float:
+        """What superimposed motions have covered since the axis was last without motion, axis unit
+        (MC-353).
+        """
+        moving = self._servo.superimposed
+        return self._superimposed_before + (moving.part.s if moving is not None else 0.0)
+
+    @property
+    def destination(self) -> float | None:
+        """Where the motion ends by its own plan, axis unit; None if it has no target."""
+        job, moving = self.job, self._servo.superimposed
+        if job is None:
+            return None if moving is None else self.gen.s + moving.part.s + moving.remaining
+        if not job.positions:
+            return None
+        return job.target + (0.0 if moving is None else moving.part.s + moving.remaining)
+
+    # -- acceptance -----------------------------------------------------------------------------------------
+
+    def submit(self, job: Job) -> int:
+        """Take `job` over, or return the ErrorID of its rejection (running jobs are then untouched)."""
+        state = self._states.state
+        if state is AxisState.RESTARTING:
+            return ERROR_STATE
+        if self._alarms.blocking:
+            return ERROR_ALARM
+        if state not in ACCEPTS_MOTION and state is not AxisState.ALARM_RAMP:
+            return ERROR_LOCKED
+        if state is AxisState.ALARM_RAMP and self._command.will_disable:
+            return ERROR_LOCKED  # the ramp ends with the drive switched off (STP-396)
+        active = self.job
+        if self.stopping:
+            return ERROR_LOCKED  # acknowledged before its end, the ramp still belongs to the stop (STP-415)
+        refusal = self.refuses(job)
+        if refusal:
+            return refusal
+        if job.append and active is not None:
+            if len(self.queue) >= QUEUE_DEPTH:
+                return ERROR_JOB_MEMORY
+            job.start(self._name, self._history)
+            self.queue.append(job)
+            return NO_ERROR
+        job.start(self._name, self._history)
+        if active is not None and not aborts(job.job_class, active.job_class):
+            # MC_Halt Mode 1 on top of MC_Halt Mode 0: without superimposed motion both end at the same zero
+            # (OVR-089).
+            self.queue.append(job)
+            return NO_ERROR
+        if self._homings and aborts(job.job_class, JobClass.PASSIVE_HOMING):
+            abort_passive(self._homings)
+        if self._servo.superimposed is None or aborts(
+            job.job_class, JobClass.SUPERIMPOSED, append=job.append
+        ):
+            self.abort_all()
+        else:
+            self._abort_basic()
+        self._activate(job)
+        return NO_ERROR
+
+    def refuses(self, job: Job) -> int:
+        """Return why a motion job cannot start while a fixed stop is travelled to or held, 0 if it can
+        (STP-600, STP-602).
+        """
+        torque = self._torque
+        if not torque.detects:
+            return NO_ERROR
+        if job.position_controlled is False:
+            return ERROR_POSITION_CONTROL
+        if not torque.clamped or job.job_class not in (
+            JobClass.POSITIONING,
+            JobClass.VELOCITY,
+            JobClass.MOTION_IN,
+        ):
+            return NO_ERROR
+        if job.instruction in _BY_VELOCITY:
+            way = job.velocity
+        else:
+            way = job.distance if job.relative else job.target - self.gen.s
+        return ERROR_INTO_STOP if way * torque.direction > 0.0 else NO_ERROR
+
+    def submit_superimposed(self, job: Job) -> int:
+        """Let `job` move the axis by its distance, or halt that, on top of what it does; or return an ErrorID
+        (OVR-016).
+        """
+        servo = self._servo
+        state = self._states.state
+        if state is AxisState.RESTARTING:
+            return ERROR_STATE
+        if self._alarms.blocking:
+            return ERROR_ALARM
+        if state not in ACCEPTS_MOTION or self.stopping:
+            return ERROR_LOCKED
+        given = job.instruction == "MC_MotionInSuperimposed"
+        if given and not servo.position_controlled:
+            return ERROR_NOT_CONTROLLED
+        if self.moving_job is JobClass.HOMING:
+            return ERROR_STATE  # active homing is no basic motion for it (OVR-095)
+        job.start(self._name, self._history)
+        moving = servo.superimposed
+        halt = job.instruction == "MC_HaltSuperimposed"
+        if moving is None and halt:
+            job.activate()
+            job.finish()  # nothing to halt (MC-369)
+            return NO_ERROR
+        if moving is None:
+            self.set_position_control(True)
+            self.superimposed_job = None
+            moving = servo.superimposed = servo.total = Superposition(
+                self.gen,
+                velocity_limit=self._limits.velocity_limit,
+                basic_velocity=self._basic_velocity,
+            )
+        elif self.superimposed_job is not None:
+            self.superimposed_job.abort()
+        job.activate()
+        if given:
+            self.superimposed_job = job
+            moving.give(job)
+        elif self._limits.are_zero():
+            return NO_ERROR
+        else:
+            acceleration, deceleration, jerk = self._limits.of(job)
+            self.superimposed_job = job
+            if halt:
+                moving.halt(job, deceleration, jerk)
+            else:
+                moving.move(job, acceleration, deceleration, jerk)
+        if state is AxisState.STANDSTILL:
+            self._leave_target()
+            self._states.enter(AxisState.MOTION)
+        return NO_ERROR
+
+    def submit_stop(self, job: Job) -> int:
+        """Take an `MC_Stop` job over, end it with `CommandAborted`, or return the ErrorID of its
+        rejection.
+        """
+        state = self._states.state
+        severity = _STOP_SEVERITY[job.mode]
+        if state is AxisState.RESTARTING:
+            return ERROR_STATE
+        if state in (AxisState.ALARM_DRIVE_STOP, AxisState.ALARM_DISABLED, AxisState.TRACKING):
+            # A stronger alarm reaction turns the stop away without an error (STP-437, STP-444).
+            job.start(self._name, self._history)
+            job.abort()
+            return NO_ERROR
+        if not self._states.facts.enabled or state in (
+            AxisState.DISABLING_RAMP,
+            AxisState.DISABLING_QUICK,
+            AxisState.DISABLING_COAST,
+        ):
+            return ERROR_LOCKED
+        job.start(self._name, self._history)
+        acknowledged = state is AxisState.ALARM_RAMP and not (
+            self._alarms.blocking or self._command.will_disable
+        )
+        if state in (AxisState.ALARM_RAMP, AxisState.ALARM_STANDSTILL) and not acknowledged:
+            # Harder than the alarm; of two stops the later one may be equal (STP-423, STP-441).
+            least = max(self._alarms.stop_severity, self.severity - 1 if self.stopping else self.severity)
+            if severity <= least or self._command.switching_off:
+                job.abort()
+                return NO_ERROR
+            self._take_stop(job, severity)
+            if state is AxisState.ALARM_STANDSTILL:
+                self._states.enter(AxisState.ALARM_RAMP)
+            return NO_ERROR
+        if self.stopping and severity < self.severity:
+            job.abort()  # only the same or a higher stop takes over (STP-423)
+            return NO_ERROR
+        if self._homings:
+            abort_passive(self._homings)
+        self.abort_all()
+        self._take_stop(job, severity)
+        self._states.enter(AxisState.STOPPING)
+        return NO_ERROR
+
+    def _take_stop(self, job: Job, severity: int) -> None:
+        self.abort_all()
+        self.job = job
+        job.activate()
+        if severity == 1:
+            self.begin_stop(1, job.deceleration, job.jerk, abort_acceleration=job.abort_acceleration)
+        else:
+            self.begin_reaction(severity, abort_acceleration=job.abort_acceleration)
+
+    def abort_all(self) -> None:
+        """End the job in control, the waiting ones and the superimposed one with `CommandAborted`."""
+        if self._servo.superimposed is not None:
+            moved = self._merge()
+            if moved is not None:
+                moved.abort()
+        self._abort_basic()
+
+    def _abort_basic(self) -> None:
+        job = self.job
+        if job is not None:
+            self.job = None
+            job.abort()
+        if self.queue:
+            waiting, self.queue = self.queue, []
+            for one in waiting:
+                one.abort()
+
+    def fail_all(self, error_id: int = ERROR_ALARM) -> None:
+        """End motion jobs with an error because of an alarm; a stop job is left to the caller (STP-252)."""
+        if self._servo.superimposed is not None:
+            moved = self._merge()
+            if moved is not None:
+                moved.fail(error_id)
+        job = self.job
+        if job is not None and job.job_class is not JobClass.STOP:
+            self.job = None
+            job.fail(error_id)
+        if self.queue:
+            waiting, self.queue = self.queue, []
+            for one in waiting:
+                one.fail(error_id)
+
+    def _activate(self, job: Job) -> None:
+        gen = self.gen
+        self.job = job
+        self.severity = 0
+        self._leave_target()
+        self.control_position_of(job)
+        job.activate()
+        cls = job.job_class
+        if cls is _MOTION_IN:
+            job.distance = 0.0
+            self._limits.velocity_limited = False
+            self._states.enter(AxisState.MOTION)
+            return
+        if self._limits.are_zero():
+            return
+        if cls is JobClass.POSITIONING:
+            if job.relative:
+                job.target = gen.s + job.distance
+            elif job.direction:
+                job.target = self._servo.modulo.target(job.target, gen.s, job.direction)
+            self._plan_position(job)
+            self._states.enter(AxisState.MOTION)
+        elif cls is JobClass.VELOCITY:
+            if job.current:
+                override = self._limits.override.value
+                job.velocity = gen.v / (override * 0.01) if override > 0.0 else 0.0
+            self._plan_velocity(job)
+            self._states.enter(AxisState.MOTION)
+        elif cls is JobClass.HOMING:
+            self._states.enter(AxisState.MOTION)
+            if job.begin is not None:
+                job.begin()
+        else:
+            _, deceleration, jerk = self._plan_limits(job)
+            gen.start_stop(deceleration, jerk, abort_acceleration=job.abort_acceleration)
+            self._states.enter(AxisState.HALTING)
+
+    def control_position_of(self, job: Job) -> None:
+        """Switch position control as `job` wants it; what is superimposed ends where there is none (MC-098 to
+        MC-103).
+        """
+        servo = self._servo
+        controlled = job.position_controlled
+        if controlled is None or controlled is servo.position_controlled or not servo.has_position:
+            return
+        if not controlled and servo.superimposed is not None:
+            moved = self._merge()
+            if moved is not None:
+                moved.abort()
+        self.set_position_control(controlled)
+
+    def _merge(self) -> Job | None:
+        """End the superimposed motion by making it part of the basic one; returns its job."""
+        self._sum_up()
+        self._servo.superimposed = None
+        self._superimposed_before = 0.0
+        job, self.superimposed_job = self.superimposed_job, None
+        return job
+
+    @property
+    def moving_job(self) -> JobClass | None:
+        """Class of the job in control, None without one."""
+        job = self.job
+        return job.job_class if job is not None and job.state is JobState.ACTIVE else None
+
+    # -- cycle
 
     def replan(self) -> None:
         """Take changed values of the job in control over (jog inputs, shifted coordinates)."""
         job = self.job
-        if job is None or self._axis.state is not AxisState.MOTION or job.job_class is _MOTION_IN:
+        if job is None or self._states.state is not AxisState.MOTION or job.job_class is _MOTION_IN:
             return
         self._leave_target()
         if job.positions:
@@ -55,29 +745,31 @@ class MotionControl(JobAcceptance):
 
     def step(self, cycle_s: float) -> None:
         """Advance the setpoint by one cycle."""
+        servo = self._servo
         if self.limits_assigned:
             self.follow_limits()
-        elif self._velocity_limited and self._axis.state is _MOTION and self.job is not None:
+        elif self._limits.velocity_limited and self._states.state is _MOTION and self.job is not None:
             self._repeat_warning()
         job = self.job
         gen = self.gen
-        if job is not None and job.job_class is _MOTION_IN and self._axis.state is _MOTION:
+        if job is not None and job.job_class is _MOTION_IN and self._states.state is _MOTION:
             self.take_vector(job, cycle_s)
         else:
             gen.advance(cycle_s)
-        if self.total is not gen and self.superimposed is not None:
-            self.superimposed.advance(cycle_s)
-            if self.superimposed.given:
-                self._axis.controller.given = True
-        elif not self.position_controlled and self._axis.has_position:
-            gen.s = self._axis.feedback.position
+        moving = servo.superimposed
+        if moving is not None and servo.total is not gen:
+            moving.advance(cycle_s)
+            if moving.given:
+                servo.controller.given = True
+        elif not servo.position_controlled and servo.has_position:
+            gen.s = servo.feedback.position
 
     def finish_step(self) -> None:
         """End jobs and ramps whose setpoint has arrived; called after the monitoring of the cycle."""
-        if not self._axis.facts.controlled:
+        if not self._states.facts.controlled:
             return  # the monitoring of this cycle has taken the axis out of control
         gen = self.gen
-        moving = self.superimposed
+        moving = self._servo.superimposed
         if moving is not None:
             if moving.ended:
                 self._end_superimposed(moving)
@@ -90,15 +782,14 @@ class MotionControl(JobAcceptance):
             if job is not None and job.in_velocity:
                 job.set_in_velocity(False)
             return
-        axis = self._axis
-        state = axis.state
+        state = self._states.state
         if state is _STANDSTILL or state is _ALARM_STANDSTILL:
             return
         if state is _STOP_HOLD:
             if job is None or job.released:
                 self.job = None
                 self.severity = 0
-                axis.set_state(AxisState.STANDSTILL)
+                self._states.enter(AxisState.STANDSTILL)
             return
         if state is _MOTION and job is not None and not job.positions:
             if job.job_class is not JobClass.VELOCITY:
@@ -112,28 +803,28 @@ class MotionControl(JobAcceptance):
             return
         if gen.v != 0.0 or (state is AxisState.MOTION and self._planned_velocity == 0.0):
             return
-        if state in _SWITCHES_OFF and axis.has_position and not self._arrived_behind_filter():
+        if state in _SWITCHES_OFF and self._servo.has_position and not self._arrived_behind_filter():
             return
         if state is AxisState.ALARM_RAMP:
             if job is not None and job.job_class is JobClass.STOP:
                 job.finish()
-            axis.enabling.alarm_ramp_ended()
+            self.alarm_ramp_ended()
             return
         if state is AxisState.DISABLING_RAMP:
-            axis.enabling.switch_off()
+            self._command.switch_off()
             return
         if state is AxisState.ENABLE_RAMP:
             self.severity = 0
-            axis.set_state(AxisState.STANDSTILL)
+            self._states.enter(AxisState.STANDSTILL)
             return
         if not self._settled():
             return
         if job is not None:
             job.finish()
         if state is AxisState.STOPPING:
-            if axis.alarms.disabling:
-                axis.set_state(AxisState.ALARM_RAMP)
-            axis.enabling.alarm_ramp_ended()
+            if self._alarms.disabling:
+                self._states.enter(AxisState.ALARM_RAMP)
+            self.alarm_ramp_ended()
             return
         self.job = None
         for waiting in [one for one in self.queue if one.job_class is JobClass.HALT_BASIC]:
@@ -145,18 +836,16 @@ class MotionControl(JobAcceptance):
         """Return whether the velocity that the drive is given has come to zero too, so that nothing is cut
         off.
         """
-        axis = self._axis
-        dynamic_filter = axis.controller.filter
-        return dynamic_filter is None or abs(dynamic_filter.velocity) <= axis.rest_velocity
+        dynamic_filter = self._servo.controller.filter
+        return dynamic_filter is None or abs(dynamic_filter.velocity) <= self._servo.rest_velocity
 
     def _settled(self) -> bool:
         """Return whether the end of the motion counts as reached (positioning monitoring, MON-016 to
         MON-022).
         """
-        if not self.position_controlled or self.superimposed is not None:
+        monitor = self._monitoring
+        if monitor is None or not self._servo.position_controlled or self._servo.superimposed is not None:
             return True  # while something is superimposed the axis has not arrived anywhere yet
-        axis = self._axis
-        monitor = axis.monitoring
         if not self._settling:
             self._settling = True
             monitor.start_positioning()
@@ -164,41 +853,52 @@ class MotionControl(JobAcceptance):
             return False
         # With a torque limit an axis that is stopped creeps on to its setpoint: it has stopped when it stands
         # (STP-408).
-        return monitor.standstill or not axis.torque.limits or axis.state is AxisState.MOTION
+        return monitor.standstill or not self._torque.limits or self._states.state is AxisState.MOTION
+
+    def alarm_ramp_ended(self) -> None:
+        """The setpoint of an alarm ramp is zero: switch off, or stay enabled where the alarm allows it."""
+        command = self._command
+        if self._alarms.disabling or command.will_disable:
+            # An Enable that fell during the ramp disables whatever the alarm allows (STP-396).
+            command.switch_off()
+        elif self._alarms.blocking:
+            self._states.enter(AxisState.ALARM_STANDSTILL)
+        else:
+            self.come_to_rest()
 
     def come_to_rest(self) -> None:
         """Go to standstill, held as long as `Execute` of the `MC_Stop` in control is TRUE (STP-415)."""
         job = self.job
         if job is not None and job.job_class is JobClass.STOP and not job.released:
-            self._axis.set_state(AxisState.STOP_HOLD)
+            self._states.enter(AxisState.STOP_HOLD)
         else:
             self.job = None
             self.severity = 0
-            self._axis.set_state(AxisState.STANDSTILL)
+            self._states.enter(AxisState.STANDSTILL)
 
     def release(self, stop: Job) -> None:
         """End the lock of an `MC_Stop` that has stopped the axis; jobs that are called next are accepted
         (MC-407, STP-431).
         """
-        if self.job is stop and self._axis.state is _STOP_HOLD:
+        if self.job is stop and self._states.state is _STOP_HOLD:
             self.come_to_rest()
 
     def _next(self) -> None:
         self.severity = 0
         if self.queue:
             self._activate(self.queue.pop(0))
-        elif self.superimposed is not None:
-            self._axis.set_state(AxisState.MOTION)
+        elif self._servo.superimposed is not None:
+            self._states.enter(AxisState.MOTION)
         else:
             self._superimposed_before = 0.0
-            self._axis.set_state(AxisState.STANDSTILL)
+            self._states.enter(AxisState.STANDSTILL)
 
     def end_motion_in(self, job: Job, error_id: int = NO_ERROR) -> None:
         """End a job whose setpoints came from outside: they are zero at once, the position stays (MIN-026,
         MIN-040).
         """
-        moving = self.superimposed
-        if moving is not None and moving.job is job:
+        moving = self._servo.superimposed
+        if moving is not None and self.superimposed_job is job:
             moving.freeze()
             self._end_superimposed(moving, error_id)
             return
@@ -216,16 +916,18 @@ class MotionControl(JobAcceptance):
         """Move setpoint and target of the basic motion by what has been superimposed, which has ended by
         itself.
         """
+        servo = self._servo
         distance = moving.part.s
-        self.total = self.gen
-        self.superimposed = None
+        servo.total = self.gen
+        servo.superimposed = None
         self.shift(distance)
         self._superimposed_before += distance
         if self.job is not None and self.job.job_class is _MOTION_IN:
             self.job.distance += distance  # positions from outside go on to be counted from where they were
-        if moving.job is not None and error_id:
-            moving.job.fail(error_id)
-        elif moving.job is not None:
-            moving.job.finish()
-        if self.job is None and self._axis.state is AxisState.MOTION:
+        job, self.superimposed_job = self.superimposed_job, None
+        if job is not None and error_id:
+            job.fail(error_id)
+        elif job is not None:
+            job.finish()
+        if self.job is None and self._states.state is AxisState.MOTION:
             self._next()

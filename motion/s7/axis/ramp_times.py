@@ -64,9 +64,10 @@ class RampTimes:
             store.preset(path, value)
 
     def _value(self, name: str) -> float:
-        velocity, path = (self._store.bind(one) for one in RAMPS[name])
-        value: float = velocity.start * velocity.factor / self._times[name] / path.factor
-        return value
+        store = self._store
+        velocity, path = RAMPS[name]
+        reached = store.start_value(velocity) * store.factors.of(store.describe(velocity).unit)
+        return float(reached / self._times[name] / store.factors.of(store.describe(path).unit))
 
     def follow(self, velocity: str) -> None:
         """Take a new start value of the variable `velocity` into the start values that follow from it."""

@@ -4,8 +4,15 @@ STP-461).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+from motion.drives.port import STW1_IDLE
+
+if TYPE_CHECKING:
+    from fieldbus.history import History
+    from motion.kernel.servo_axis import ServoAxis
 
 
 class AxisState(IntEnum):
@@ -98,5 +105,83 @@ class StateFacts:
         self.quiet = state in QUIET
 
 
+_RESTARTING: Final = AxisState.RESTARTING
 FACTS: Final = tuple(StateFacts(state) for state in AxisState)
 """Facts by the number of the state."""
+
+
+class AxisStates:
+    """The enable/stop state of one axis, what it means, and its record in the history.
+
+    Args:
+        name: Name of the axis.
+        history: Event log, or None.
+        servo: The axis in the kernel, which is told whether it is controlled.
+
+    """
+
+    __slots__ = ("_history", "_name", "_servo", "facts", "on_restart", "power_status_shown", "state")
+
+    def __init__(self, name: str, history: History | None, servo: ServoAxis) -> None:
+        self._name = name
+        self._history = history
+        self._servo = servo
+        self.state = AxisState.DISABLED
+        self.facts = FACTS[AxisState.DISABLED]
+        """What the state means."""
+        self.power_status_shown = False
+        """Status as the history knows it (`power.status`)."""
+        self.on_restart: Callable[[bool], object] | None = None
+        """Called with True when the object begins to be initialised, with False when that has ended."""
+
+    def enter(self, state: AxisState) -> None:
+        """Change the state and record it."""
+        old = self.state
+        if state is old:
+            return
+        self.state = state
+        self.facts = facts = FACTS[state]
+        self._servo.controlled = facts.controlled
+        if self.on_restart is not None and (state is _RESTARTING or old is _RESTARTING):
+            self.on_restart(state is _RESTARTING)
+        history = self._history
+        if history is not None:
+            history.emit(self._name, "axis.state", **{"from": old.name, "to": state.name})
+        status = facts.enabled
+        if status is not self.power_status_shown:
+            self.power_status_shown = status
+            if history is not None:
+                history.emit(self._name, "power.status", value=status)
+
+
+class DriveCommand:
+    """Control word 1 of an axis, and what is to become of its enable."""
+
+    __slots__ = ("acknowledge", "disable_pending", "enable", "stw1", "switching_off")
+
+    def __init__(self) -> None:
+        self.enable = False
+        """Level of `MC_Power.Enable` as last called."""
+        self.stw1 = STW1_IDLE
+        self.switching_off = False
+        """The ramp of the axis has ended and the drive is being switched off."""
+        self.acknowledge = False
+        """Set STW1.7 in the next telegrams (`MC_Reset`)."""
+        self.disable_pending = False
+        """`Enable` has fallen during the present ramp, which ends with the drive off even if it rises
+        again.
+        """
+
+    @property
+    def will_disable(self) -> bool:
+        """Whether the ramp in progress ends with the drive switched off: `Enable` is FALSE, or has been
+        since.
+        """
+        return self.switching_off or self.disable_pending or not self.enable
+
+    def switch_off(self) -> None:
+        """Withdraw ON after a ramp of the axis; the state is left when the drive is off (STP-289,
+        STP-290).
+        """
+        self.switching_off = True
+        self.stw1 = STW1_IDLE

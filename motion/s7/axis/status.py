@@ -5,11 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from motion.drives.port import STW1
-from motion.s7.axis.jobs import JobClass
+from motion.s7.axis.jobs import JobClass, JobState
 from motion.s7.axis.state import AxisState
 
 if TYPE_CHECKING:
-    from motion.s7.axis.axis import TechnologyAxis
+    from motion.kernel.servo_axis import ServoAxis
+    from motion.s7.alarms import AlarmEngine
+    from motion.s7.axis.homing.direct import Homing
+    from motion.s7.axis.motion import MotionControl
+    from motion.s7.axis.position_parts import PositionParts
+    from motion.s7.axis.state import AxisStates, DriveCommand
+    from motion.s7.axis.torque import TorqueControl
+    from motion.s7.variables import VariableStore
 
 # Names of the module, because in every cycle an attribute of an enumeration would cost more than what is done
 # with it.
@@ -18,6 +25,7 @@ _POSITIONING: Final = JobClass.POSITIONING
 _VELOCITY: Final = JobClass.VELOCITY
 _NO_OFF2: Final = int(STW1.NO_OFF2)
 _MOTION_IN: Final = JobClass.MOTION_IN
+_ACTIVE: Final = JobState.ACTIVE
 
 ENABLE: Final = 1 << 0
 ERROR: Final = 1 << 1
@@ -52,92 +60,148 @@ MOTION_IN_SUPERIMPOSED: Final = 1 << 6
 HALT_SUPERIMPOSED: Final = 1 << 7
 
 
-def status_word(axis: TechnologyAxis) -> int:
-    """Return `StatusWord` for the present cycle."""
-    facts = axis.facts
-    motion = axis.motion
-    word = ENABLE if facts.enabled else 0
-    if axis.alarms.engine.error_word:
-        word |= ERROR
-    if axis.variables.online_start_values_changed:
-        word |= ONLINE_START_VALUES_CHANGED
-    if axis.master is not None:
-        word |= CONTROL_PANEL
-    elif facts.quiet:
-        word |= DONE
-    elif axis.state is _RESTARTING:
-        word |= RESTART_ACTIVE
-    job = motion.job
-    if job is not None and job.busy:
-        cls = job.job_class
-        if cls is _POSITIONING:
-            word |= POSITIONING_COMMAND
-        elif cls is _VELOCITY:
-            word |= JOG_COMMAND if job.instruction == "MC_MoveJog" else VELOCITY_COMMAND
-        elif cls is _MOTION_IN:
-            word |= MOTION_IN
-    if facts.controlled and not axis.enabling.switching_off:
-        gen = motion.total
-        acceleration = gen.a
-        if acceleration == 0.0:
-            word |= CONSTANT_VELOCITY
-        elif acceleration * gen.v > 0.0 or (gen.v == 0.0 and not gen.done):
-            word |= ACCELERATING
-        else:
-            word |= DECELERATING
-    elif axis.at_rest:
-        word |= CONSTANT_VELOCITY
-    elif facts.drive_ramp and axis.enabling.stw1 & _NO_OFF2:
-        word |= DECELERATING  # on a ramp of the drive; an axis that coasts does not show it (STP-336)
-    torque = axis.torque
-    if torque.limiting or torque.range_nm is not None:
-        if torque.limiting:
-            word |= TORQUE_LIMITING_COMMAND
-        if torque.in_limitation:
-            word |= IN_LIMITATION
-        if torque.clamped:
-            word |= IN_CLAMPING
-    if axis.simulated:
-        word |= AXIS_SIMULATION
-    if axis.has_position:
-        if axis.homed:
-            word |= HOMING_DONE
-        if axis.homings and any(homing.busy for homing in axis.homings):
-            word |= HOMING_COMMAND
-        if axis.monitoring.standstill:
-            word |= STANDSTILL
-        limits = axis.limits
-        if limits.software_min:
-            word |= SW_LIMIT_MIN
-        if limits.software_max:
-            word |= SW_LIMIT_MAX
-        if limits.negative.active:
-            word |= HW_LIMIT_MIN
-        if limits.positive.active:
-            word |= HW_LIMIT_MAX
-        if not motion.position_controlled:
-            word |= NON_POSITION_CONTROLLED
-    if motion.superimposed is not None:
-        job = motion.superimposed.job
-        if job is None or job.instruction == "MC_MoveSuperimposed":
-            word |= MOVE_SUPERIMPOSED
-    return word
+class StatusWords:
+    """The status words of one axis.
 
+    Args:
+        variables: Its variables.
+        engine: Its pending alarms.
+        servo: The axis in the kernel.
+        states: State of the axis.
+        command: Its control word.
+        motion: Its jobs.
+        torque: Its torque functions.
+        homings: Active and passive homing under way.
+        position: Its monitoring and limits of travel; None without positions.
 
-def status_word2(axis: TechnologyAxis) -> int:
-    """Return `StatusWord2`: `MC_Stop` holds the axis, a backlash is passed, a superimposed motion is given or
-    brakes.
     """
-    motion = axis.motion
-    job = motion.job
-    word = STOP if job is not None and job.job_class is JobClass.STOP else 0
-    for backlash in axis.backlashes:
-        if backlash.passing and backlash.feedback is axis.feedback:
-            word |= PASSING_BACKLASH
-    moving = motion.superimposed
-    if moving is not None and moving.job is not None:
-        if moving.given:
-            word |= MOTION_IN_SUPERIMPOSED
-        elif moving.job.instruction == "MC_HaltSuperimposed":
-            word |= HALT_SUPERIMPOSED
-    return word
+
+    __slots__ = (
+        "_command",
+        "_engine",
+        "_homings",
+        "_motion",
+        "_position",
+        "_servo",
+        "_states",
+        "_torque",
+        "_torque_limits",
+        "_variables",
+    )
+
+    def __init__(
+        self,
+        variables: VariableStore,
+        engine: AlarmEngine,
+        *,
+        servo: ServoAxis,
+        states: AxisStates,
+        command: DriveCommand,
+        motion: MotionControl,
+        torque: TorqueControl,
+        homings: list[Homing],
+        position: PositionParts | None,
+    ) -> None:
+        self._variables = variables
+        self._engine = engine
+        self._servo = servo
+        self._states = states
+        self._command = command
+        self._motion = motion
+        self._torque = torque
+        self._torque_limits = torque.limits
+        self._homings = homings
+        self._position = position
+
+    def word(self, *, control_panel: bool) -> int:
+        """Return `StatusWord` for the present cycle; `control_panel`: one has the axis."""
+        states = self._states
+        servo = self._servo
+        facts = states.facts
+        word = ENABLE if facts.enabled else 0
+        if self._engine.error_word:
+            word |= ERROR
+        if self._variables.online_start_values_changed:
+            word |= ONLINE_START_VALUES_CHANGED
+        if control_panel:
+            word |= CONTROL_PANEL
+        elif facts.quiet:
+            word |= DONE
+        elif states.state is _RESTARTING:
+            word |= RESTART_ACTIVE
+        job = self._motion.job
+        if job is not None and job.state <= _ACTIVE:
+            cls = job.job_class
+            if cls is _POSITIONING:
+                word |= POSITIONING_COMMAND
+            elif cls is _VELOCITY:
+                word |= JOG_COMMAND if job.instruction == "MC_MoveJog" else VELOCITY_COMMAND
+            elif cls is _MOTION_IN:
+                word |= MOTION_IN
+        if facts.controlled and not self._command.switching_off:
+            gen = servo.total
+            acceleration = gen.a
+            if acceleration == 0.0:
+                word |= CONSTANT_VELOCITY
+            elif acceleration * gen.v > 0.0 or (gen.v == 0.0 and not gen.done):
+                word |= ACCELERATING
+            else:
+                word |= DECELERATING
+        elif servo.at_rest:
+            word |= CONSTANT_VELOCITY
+        elif facts.drive_ramp and self._command.stw1 & _NO_OFF2:
+            word |= DECELERATING  # on a ramp of the drive; an axis that coasts does not show it (STP-336)
+        torque = self._torque_limits
+        if torque.limiting or torque.range_nm is not None:
+            if torque.limiting:
+                word |= TORQUE_LIMITING_COMMAND
+            if self._torque.in_limitation:
+                word |= IN_LIMITATION
+            if torque.clamped:
+                word |= IN_CLAMPING
+        if servo.simulated:
+            word |= AXIS_SIMULATION
+        position = self._position
+        if position is not None:
+            if servo.homed:
+                word |= HOMING_DONE
+            if self._homings and any(homing.busy for homing in self._homings):
+                word |= HOMING_COMMAND
+            if position.monitoring.standstill:
+                word |= STANDSTILL
+            software, hardware = position.software, position.hardware
+            if software.software_min:
+                word |= SW_LIMIT_MIN
+            if software.software_max:
+                word |= SW_LIMIT_MAX
+            if hardware.negative.active:
+                word |= HW_LIMIT_MIN
+            if hardware.positive.active:
+                word |= HW_LIMIT_MAX
+            if not servo.position_controlled:
+                word |= NON_POSITION_CONTROLLED
+        if servo.superimposed is not None:
+            job = self._motion.superimposed_job
+            if job is None or job.instruction == "MC_MoveSuperimposed":
+                word |= MOVE_SUPERIMPOSED
+        return word
+
+    def word2(self) -> int:
+        """Return `StatusWord2`: `MC_Stop` holds the axis, a backlash is passed, a superimposed motion is
+        given or
+        brakes.
+        """
+        motion = self._motion
+        servo = self._servo
+        job = motion.job
+        word = STOP if job is not None and job.job_class is JobClass.STOP else 0
+        for backlash in servo.backlashes:
+            if backlash.passing and backlash.feedback is servo.feedback:
+                word |= PASSING_BACKLASH
+        moving = servo.superimposed
+        if moving is not None and motion.superimposed_job is not None:
+            if moving.given:
+                word |= MOTION_IN_SUPERIMPOSED
+            elif motion.superimposed_job.instruction == "MC_HaltSuperimposed":
+                word |= HALT_SUPERIMPOSED
+        return word

@@ -11,13 +11,12 @@ from __future__ import annotations
 from math import tau
 from typing import TYPE_CHECKING, Final
 
-from motion.kernel.torque_precontrol import TorquePrecontrol
+from motion.s7.axis.assembly import torque_precontrol_of
 from motion.s7.axis.jobs import (
     ERROR_ADDITIVE_TORQUE,
     ERROR_ALARM,
     ERROR_CLAMPED,
     ERROR_EXCLUSIVE_TORQUE,
-    ERROR_INTO_STOP,
     ERROR_LIMIT,
     ERROR_LOCKED,
     ERROR_LOWER_TORQUE,
@@ -25,18 +24,22 @@ from motion.s7.axis.jobs import (
     ERROR_NO_TORQUE_DATA,
     ERROR_NO_TORQUE_REDUCTION,
     ERROR_NOT_CONTROLLED,
-    ERROR_POSITION_CONTROL,
     ERROR_TORQUE_RANGE,
     ERROR_UPPER_TORQUE,
     NO_ERROR,
-    Job,
-    JobClass,
 )
 from motion.s7.axis.state import AxisState
 from motion.s7.units import millimetres
 
 if TYPE_CHECKING:
-    from motion.s7.axis.axis import TechnologyAxis
+    from motion.kernel.servo_axis import ServoAxis
+    from motion.kernel.torque_limits import TorqueLimits
+    from motion.kernel.torque_precontrol import TorquePrecontrol
+    from motion.s7.axis.alarms import AxisAlarms
+    from motion.s7.axis.control_words import ControlWords
+    from motion.s7.axis.motion import MotionControl
+    from motion.s7.axis.state import AxisStates
+    from motion.s7.variables import VariableStore
 
 ALARM_CLAMPING: Final = 542
 TORQUE_DATA: Final = "Actor.Interface.EnableTorqueData"
@@ -47,21 +50,19 @@ TORQUE_RANGE: Final = 1.0e12
 """Greatest magnitude of the other torque inputs."""
 _THRESHOLD: Final = 0.9
 """Share of a limit of telegram 750 from which on it counts as reached (MC-532)."""
-_BY_VELOCITY: Final = ("MC_MoveVelocity", "MC_MoveJog", "MC_MotionInVelocity")
-"""Jobs whose direction is that of their velocity."""
 
 
-def _limit_scale(axis: TechnologyAxis, *, linear_motor: bool) -> tuple[float, str]:
+def _limit_scale(store: VariableStore, *, linear_motor: bool) -> tuple[float, str]:
     """Return the torque at the motor, Nm, per Nm or N of a limit, and which of the two it is (STP-138 to
     STP-142).
     """
-    read = axis.variables.read
+    read = store.read
     if linear_motor:
         return 1.0, "Force"
     if read("TorqueLimiting.LimitBase") == 0:
         return 1.0, "Torque"
     ratio = read("LoadGear.Denominator") / read("LoadGear.Numerator") / (read("Actor.Efficiency") or 1.0)
-    if not axis.has_position or read("Properties.MotionType") == 1:
+    if store.object_type == "SpeedAxis" or read("Properties.MotionType") == 1:
         return ratio, "Torque"
     lead_m = read("Mechanics.LeadScrew") * millimetres(read("Units.LengthUnit")) * 1.0e-3
     return ratio * lead_m / tau, "Force"
@@ -71,78 +72,93 @@ class TorqueControl:
     """See the module. One object per axis; `step` runs once per application cycle.
 
     Args:
-        axis: The axis.
+        store: Variables of the axis.
+        servo: The axis in the kernel.
+        states: State of the axis.
+        alarms: Its alarms.
+        motion: Its jobs.
+        control_words: Its control words 1 and 2.
+        limits: Torque limits in force.
 
     """
 
     __slots__ = (
-        "_axis",
+        "_alarms",
         "_clamp_position",
+        "_control_words",
         "_default",
         "_deviation",
-        "_direction",
         "_limit_unit",
-        "_monitored",
+        "_motion",
         "_per_limit",
         "_precontrol",
         "_reference",
         "_selected",
+        "_servo",
         "_sign",
+        "_states",
+        "_store",
         "_tolerance",
         "_unit",
         "additive",
-        "clamped",
-        "detects",
-        "limit_nm",
-        "limiting",
+        "limits",
         "precontrolled_nm",
-        "range_nm",
         "sends",
-    )  # fmt: skip
+    )
 
-    def __init__(self, axis: TechnologyAxis) -> None:
-        self._axis = axis
-        store = axis.variables
-        bind = store.bind
-        linear_motor = axis.has_position and store.read("Actor.MotorType") == 1
-        self._reference = bind(
+    def __init__(
+        self,
+        store: VariableStore,
+        *,
+        servo: ServoAxis,
+        states: AxisStates,
+        alarms: AxisAlarms,
+        motion: MotionControl,
+        control_words: ControlWords,
+        limits: TorqueLimits,
+    ) -> None:
+        self._store = store
+        self._servo = servo
+        self._states = states
+        self._alarms = alarms
+        self._motion = motion
+        self._control_words = control_words
+        self.limits = limits
+        """Limits in force, and the fixed stop."""
+        self._selected = store.bind(TORQUE_DATA)
+        if servo.has_position:
+            self._deviation = store.bind("Clamping.FollowingErrorDeviation")
+            self._tolerance = store.bind("Clamping.PositionTolerance")
+        self.begin()
+
+    def begin(self) -> None:
+        """Derive references from the variables in force, and begin without any torque function."""
+        store = self._store
+        linear_motor = self._servo.has_position and store.read("Actor.MotorType") == 1
+        self._reference = store.bind(
             "Actor.LinearMotorDriveParameter.ReferenceForce"
             if linear_motor
             else "Actor.DriveParameter.ReferenceTorque"
         )
-        self._per_limit, quantity = _limit_scale(axis, linear_motor=linear_motor)
-        self._default = bind(f"TorqueLimiting.LimitDefaults.{quantity}")
+        self._per_limit, quantity = _limit_scale(store, linear_motor=linear_motor)
+        self._default = store.bind(f"TorqueLimiting.LimitDefaults.{quantity}")
         factors = store.factors
         self._limit_unit = factors.of(quantity.lower())
         self._unit = factors.force if linear_motor else factors.torque
-        self._monitored = bind("TorqueLimiting.PositionBasedMonitorings")
         self._sign = -1.0 if store.read("Actor.InverseDirection") else 1.0
-        if axis.has_position:
-            self._deviation = bind("Clamping.FollowingErrorDeviation")
-            self._tolerance = bind("Clamping.PositionTolerance")
+        servo = self._servo
         self._precontrol: TorquePrecontrol | None = None
-        self._selected = bind(TORQUE_DATA)
-        sends = axis.drive_port.has_torque_data and self._selected.value and not axis.simulated
-        if axis.has_position and sends and store.read("TorquePreControl.Mode") == 1:
-            self._precontrol = TorquePrecontrol(store)
+        sends = servo.drive_port.has_torque_data and self._selected.value and not servo.simulated
+        if servo.has_position and sends and store.read("TorquePreControl.Mode") == 1:
+            self._precontrol = torque_precontrol_of(store)
         self.precontrolled_nm = 0.0
         """Share of the pre-control in what was sent last, Nm, before the direction of the drive counts."""
         self.sends = self._precontrol is not None
         """There is a torque to be sent: `output_nm` has to be called."""
         self.additive: float | None = None
         """`MC_TorqueAdditive.Value` in force, in Nm; None = the function is off."""
-        self.range_nm: tuple[float, float] | None = None
-        """Upper and lower limit of `MC_TorqueRange` in force, Nm; None = the function is off."""
-        self.limiting = False
-        """`MC_TorqueLimiting` is active (`StatusWord.X26`)."""
-        self.limit_nm: float | None = None
-        """Limit of `MC_TorqueLimiting` at the motor, Nm; None = none is sent."""
-        self.detects = False
-        """Fixed-stop detection is active (`Mode` 1)."""
-        self.clamped = False
-        """The drive is held at a fixed stop (`StatusWord.X30`)."""
+        self.limits.begin()
         self._clamp_position = 0.0
-        self._direction = 1.0
 
     @property
     def precontrols(self) -> bool:
@@ -155,14 +171,13 @@ class TorqueControl:
     @property
     def _has_data(self) -> bool:
         """Whether telegram 750 is connected (CFG-404)."""
-        return self._axis.port.has_torque_data and bool(self._selected.value)
+        return self._servo.port.has_torque_data and bool(self._selected.value)
 
     def start_additive(self) -> int:
         """Return why `MC_TorqueAdditive` cannot start, 0 if it can (MC-512)."""
-        axis = self._axis
         if not self._has_data:
             return ERROR_NO_TORQUE_DATA
-        return ERROR_LOCKED if not axis.facts.enabled or self._axis.motion.stopping else NO_ERROR
+        return ERROR_LOCKED if not self._states.facts.enabled or self._motion.stopping else NO_ERROR
 
     def set_additive(self, value: float | None) -> int:
         """Add a torque, in the torque unit, or none; returns the ErrorID of a value that is not permitted."""
@@ -198,9 +213,9 @@ class TorqueControl:
         """Return why `MC_TorqueRange` cannot start, 0 if it can (MC-522, MC-533)."""
         if not self._has_data:
             return ERROR_NO_TORQUE_DATA
-        if self._axis.motion.stopping:
+        if self._motion.stopping:
             return ERROR_LOCKED
-        return ERROR_EXCLUSIVE_TORQUE if self.limiting else NO_ERROR
+        return ERROR_EXCLUSIVE_TORQUE if self.limits.limiting else NO_ERROR
 
     def set_range(self, upper: float, lower: float) -> int:
         """Limit the torque to `lower`..`upper`, in the torque unit; returns the ErrorID of limits that are
@@ -213,47 +228,45 @@ class TorqueControl:
         if upper <= lower:
             return ERROR_TORQUE_RANGE
         limits = (upper * self._unit, lower * self._unit)
-        if self.range_nm != limits:
-            self.range_nm = limits
+        if self.limits.range_nm != limits:
+            self.limits.range_nm = limits
             self._send_range()
         return NO_ERROR
 
     def end_range(self) -> None:
         """Let the reference torque be the limit again (MC-529)."""
-        self.range_nm = None
+        self.limits.range_nm = None
         self._send_range()
 
     def _send_range(self) -> None:
         reference = self._reference.value
-        if self.range_nm is None or reference <= 0.0:
-            self._axis.port.set_torque_range(1.0, -1.0)
+        if self.limits.range_nm is None or reference <= 0.0:
+            self._servo.port.set_torque_range(1.0, -1.0)
             return
-        upper, lower = self.range_nm
+        upper, lower = self.limits.range_nm
         if self._sign < 0.0:
             upper, lower = -lower, -upper
-        self._axis.port.set_torque_range(upper / reference, lower / reference)
+        self._servo.port.set_torque_range(upper / reference, lower / reference)
 
     # -- torque limiting
     # ------------------------------------------------------------------------------------------
 
     def start_limiting(self, mode: int) -> int:
         """Return why `MC_TorqueLimiting` cannot start with a `Mode`, 0 if it can (MC-536 to MC-541)."""
-        axis = self._axis
-        if axis.alarms.blocking:
+        if self._alarms.blocking:
             return ERROR_ALARM
-        if self._axis.motion.stopping:
+        if self._motion.stopping:
             return ERROR_LOCKED
-        return ERROR_EXCLUSIVE_TORQUE if self.range_nm is not None else self._check_mode(mode)
+        return ERROR_EXCLUSIVE_TORQUE if self.limits.range_nm is not None else self._check_mode(mode)
 
     def _check_mode(self, mode: int) -> int:
-        axis = self._axis
-        if mode not in (0, 1) or (mode == 1 and not axis.has_position):
+        if mode not in (0, 1) or (mode == 1 and not self._servo.has_position):
             return ERROR_MODE
-        if mode == 0 and not axis.port.has_torque_reduction:
+        if mode == 0 and not self._servo.port.has_torque_reduction:
             return ERROR_NO_TORQUE_REDUCTION
-        if mode == 1 and not axis.facts.enabled:
+        if mode == 1 and not self._states.facts.enabled:
             return ERROR_LOCKED
-        if mode == 1 and not axis.motion.position_controlled:
+        if mode == 1 and not self._servo.position_controlled:
             return ERROR_NOT_CONTROLLED
         return NO_ERROR
 
@@ -268,42 +281,41 @@ class TorqueControl:
         """
         if not abs(limit) <= LIMIT_RANGE:
             return ERROR_LIMIT
-        if mode != int(self.detects) or not self.limiting:
+        if mode != int(self.limits.detects) or not self.limits.limiting:
             error = self._check_mode(mode)
             if error:
                 return error
-            if mode == 0 and self.clamped:
+            if mode == 0 and self.limits.clamped:
                 return ERROR_CLAMPED
-        axis = self._axis
-        limit_nm = self._at_motor(limit) if axis.port.has_torque_reduction else None
-        if limit_nm != self.limit_nm:
-            self.limit_nm = limit_nm
+        limit_nm = self._at_motor(limit) if self._servo.port.has_torque_reduction else None
+        if limit_nm != self.limits.limit_nm:
+            self.limits.limit_nm = limit_nm
             reference = self._reference.value
             if limit_nm is not None and reference > 0.0:
-                axis.port.limit_torque(min(1.0, limit_nm / reference))
-        if not self.limiting:
-            axis.control_words.travel_to_fixed_stop(True)
-        self.limiting = True
-        self.detects = mode == 1
+                self._servo.port.limit_torque(min(1.0, limit_nm / reference))
+        if not self.limits.limiting:
+            self._control_words.travel_to_fixed_stop(True)
+        self.limits.limiting = True
+        self.limits.detects = mode == 1
         return NO_ERROR
 
     def end_limiting(self) -> int:
         """Deactivate limit and detection; returns 16#8046 while the axis is clamped (MC-550)."""
-        if self.clamped:
+        if self.limits.clamped:
             return ERROR_CLAMPED
-        if self.limiting:
-            self.limiting = self.detects = False
-            self.limit_nm = None
-            if self._axis.port.has_torque_reduction:
-                self._axis.port.limit_torque(None)
-            self._axis.control_words.travel_to_fixed_stop(False)
+        if self.limits.limiting:
+            self.limits.limiting = self.limits.detects = False
+            self.limits.limit_nm = None
+            if self._servo.port.has_torque_reduction:
+                self._servo.port.limit_torque(None)
+            self._control_words.travel_to_fixed_stop(False)
         return NO_ERROR
 
     def end_all(self) -> None:
         """Take every torque function back, also at a fixed stop: the controller leaves RUN."""
-        self.clamped = False
+        self.limits.clamped = False
         self.set_additive(None)
-        if self.range_nm is not None:
+        if self.limits.range_nm is not None:
             self.end_range()
         self.end_limiting()
 
@@ -315,52 +327,18 @@ class TorqueControl:
     # -----------------------------------------------------------------------------
 
     @property
-    def limits(self) -> bool:
-        """Whether a torque limit or a torque range is active."""
-        return self.limit_nm is not None or self.range_nm is not None
-
-    @property
-    def relaxes_monitoring(self) -> bool:
-        """Whether position-related monitoring is suspended (STP-144, STP-184, MC-553)."""
-        if self.clamped:
-            return True
-        return self.limits and self._monitored.value == 0
-
-    @property
     def in_limitation(self) -> bool:
         """Whether the drive works at its torque limit (`StatusWord.X27`; MC-532, STP-157)."""
-        axis = self._axis
-        port = axis.port
-        if self.limiting:
+        port = self._servo.port
+        if self.limits.limiting:
             return port.torque_limit_reached
-        if self.range_nm is None:
+        if self.limits.range_nm is None:
             return False
         if port.has_torque_reduction:
             return port.torque_limit_reached
-        upper, lower = self.range_nm
+        upper, lower = self.limits.range_nm
         torque = self._sign * port.actual_torque_nm
         return torque > _THRESHOLD * upper if torque > 0.0 else torque < _THRESHOLD * lower
-
-    def refuses(self, job: Job) -> int:
-        """Return why a motion job cannot start while a fixed stop is travelled to or held, 0 if it can
-        (STP-600, STP-602).
-        """
-        if not self.detects:
-            return NO_ERROR
-        if job.position_controlled is False:
-            return ERROR_POSITION_CONTROL
-        if not self.clamped or job.job_class not in (
-            JobClass.POSITIONING,
-            JobClass.VELOCITY,
-            JobClass.MOTION_IN,
-        ):
-            return NO_ERROR
-        setpoint = self._axis.motion.gen.s
-        if job.instruction in _BY_VELOCITY:
-            way = job.velocity
-        else:
-            way = job.distance if job.relative else job.target - setpoint
-        return ERROR_INTO_STOP if way * self._direction > 0.0 else NO_ERROR
 
     def shift(self, offset: float) -> None:
         """Follow a shift of the coordinate system."""
@@ -371,31 +349,28 @@ class TorqueControl:
 
     def step(self) -> None:
         """Watch for the fixed stop; runs after the position controller."""
-        axis = self._axis
-        motion = axis.motion
-        if not self.clamped:
-            if axis.state is AxisState.MOTION and motion.position_controlled:
-                error = axis.controller.following_error
+        if not self.limits.clamped:
+            if self._states.state is AxisState.MOTION and self._servo.position_controlled:
+                error = self._servo.controller.following_error
                 if abs(error) > self._deviation.value:
                     self._clamp(1.0 if error > 0.0 else -1.0)
             return
-        if not axis.facts.controlled:
-            self.clamped = False  # switched off, nothing is held any more
+        if not self._states.facts.controlled:
+            self.limits.clamped = False  # switched off, nothing is held any more
             return
-        moved = axis.feedback.position - self._clamp_position
+        moved = self._servo.feedback.position - self._clamp_position
         if abs(moved) <= self._tolerance.value:
             return
-        self.clamped = False
-        if not (axis.state is AxisState.MOTION and moved * self._direction < 0.0):
-            axis.alarms.raise_alarm(ALARM_CLAMPING)
+        self.limits.clamped = False
+        if not (self._states.state is AxisState.MOTION and moved * self.limits.direction < 0.0):
+            self._alarms.raise_alarm(ALARM_CLAMPING)
 
     def _clamp(self, direction: float) -> None:
         """The stop is reached: jobs end, the setpoint stays where it is (STP-165)."""
-        axis = self._axis
-        motion = axis.motion
-        self.clamped = True
-        self._direction = direction
-        self._clamp_position = axis.feedback.position
+        motion = self._motion
+        self.limits.clamped = True
+        self.limits.direction = direction
+        self._clamp_position = self._servo.feedback.position
         motion.abort_all()
         motion.gen.set_state(motion.gen.s, 0.0)
         motion.come_to_rest()

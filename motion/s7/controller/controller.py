@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 from fieldbus.clock import MS, S
 from fieldbus.errors import ConfigurationError, HilError
-from motion.s7.controller import objects
 from motion.s7.controller.diagnosis import ControllerDiagnosis
 from motion.s7.controller.diagnostics_buffer import DiagnosticsBuffer
 from motion.s7.controller.levels import ExecutionLevels
 from motion.s7.controller.states import OperatingState
 
 if TYPE_CHECKING:
-    from motion.s7.controller.objects import TechnologyObject
+    from motion.s7.axis.technology_object import TechnologyObject
     from motion.s7.data_blocks import DataBlocks
     from motion.s7.runtime import Runtime
 
@@ -149,8 +148,8 @@ class Controller:
         self._stopping, self._restarts, self._initialising = [], [], []
         self._runtime.data_blocks.clear()
         for one in self._runtime.objects:
-            objects.power_down(one)
-            objects.switch_outputs(one, False)
+            one.power_down()
+            one.switch_outputs(False)
         for told in self.on_power:
             told(False)
 
@@ -183,7 +182,7 @@ class Controller:
         self._tell("memory reset")
         self._runtime.data_blocks.clear()
         for one in self._runtime.objects:
-            objects.power_down(one)
+            one.power_down()
 
     def factory_reset(self) -> None:
         """Reset to factory settings and load the same project again: adjustments of absolute encoders are
@@ -197,9 +196,9 @@ class Controller:
         self._tell("reset to factory settings")
         self._runtime.data_blocks.clear()
         for one in self._runtime.objects:
-            objects.forget_adjustment(one)
+            one.forget_adjustment()
             one.forget_encoders()
-            objects.power_down(one)
+            one.power_down()
 
     def download(self, name: str, values: Mapping[str, Any] | None = None) -> None:
         """Load a technology object with changed start values, of any access class (VAR-014, CFG-127).
@@ -218,7 +217,7 @@ class Controller:
         if name not in found:
             raise ConfigurationError("download", name, ", ".join(found) or "no technology objects")
         self._need_rest("download")
-        objects.download(found[name], values or {})
+        found[name].download(values or {})
         self._tell(f"technology object {name} loaded")
 
     def load_project(self, *, upgraded: bool = False) -> None:
@@ -240,16 +239,16 @@ class Controller:
         self._runtime.data_blocks.clear()
         for one in self._runtime.objects:
             if upgraded:
-                objects.download(one, {})
+                one.download({})
                 continue
-            objects.forget_adjustment(one)
+            one.forget_adjustment()
             one.forget_encoders()
-            objects.power_down(one)
+            one.power_down()
 
     def _need_rest(self, what: str) -> None:
         if self.state is not OperatingState.STOP:
             raise ControllerError(f"a {what} needs STOP, not {self.state.value}")
-        moving = [one.name for one in self._runtime.objects if not objects.at_rest(one)]
+        moving = [one.name for one in self._runtime.objects if not one.resting]
         if moving:
             raise ControllerError(f"a {what} needs technology objects at rest; not yet: {', '.join(moving)}")
 
@@ -317,10 +316,10 @@ class Controller:
             one for one in everything if restart_all or one.variables.online_start_values_changed
         ]
         for one in self._initialising:
-            objects.release(one)
+            one.release()
         self._initialising = []
         for one in everything:
-            objects.disable(one)
+            one.disable()
         self._stopping = list(everything)
         for told in self.on_outputs:
             told(False)
@@ -328,9 +327,9 @@ class Controller:
     def _advance_stop(self) -> None:
         """Switch off, and restart, what has come to rest; then begin STARTUP if that is wanted."""
         if self._stopping:
-            for one in [one for one in self._stopping if objects.at_rest(one)]:
+            for one in [one for one in self._stopping if one.resting]:
                 self._stopping.remove(one)
-                objects.switch_outputs(one, False)
+                one.switch_outputs(False)
                 if one in self._restarts:
                     self._restarts.remove(one)
                     one.make_reset(restart=True)
@@ -346,9 +345,9 @@ class Controller:
         self._run_wanted = False
         self._enter(OperatingState.STARTUP, "warm restart")
         self._has_run = True
-        self._initialising = runtime.objects
+        self._initialising = list(runtime.objects)
         for one in self._initialising:
-            objects.hold_back(one)
+            one.hold_back()
         runtime.restart_program()
         self._startup_ends_ns = runtime.scheduler.now + _STARTUP_NS
         for called in self.startup_program:
@@ -377,8 +376,8 @@ class Controller:
     def _cycle_initialising(self) -> None:
         """One application cycle in RUN while technology objects are still being initialised."""
         one = self._initialising.pop(0)
-        objects.release(one)
-        objects.switch_outputs(one, True)
+        one.release()
+        one.switch_outputs(True)
         if not self._initialising:
             self.renew_cycle()
         self._run_entry()()

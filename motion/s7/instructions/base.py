@@ -8,7 +8,6 @@ too and change only in a call (MC-075).
 
 from __future__ import annotations
 
-from itertools import count
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from fieldbus.errors import ConfigurationError
@@ -57,7 +56,7 @@ class Instruction:
         self.level = level_of(axis)
         check_instruction(self.level, self.instruction)
         self._absent = self.level.absent_inputs(self.instruction)
-        self.name = name or _default_name(self.instruction, axis)
+        self.name = name or axis.instance_name(self.instruction)
         self.Busy = False
         self.Error = False
         self.ErrorID = NO_ERROR
@@ -140,12 +139,6 @@ class Instruction:
     def error(self) -> bool:
         """Return `Error`."""
         return self.Error
-
-
-def _default_name(instruction: str, axis: TechnologyAxis) -> str:
-    counters = axis.__dict__.setdefault("_instance_counters", {})
-    number = next(counters.setdefault(instruction, count(1)))
-    return f"{axis.name}.{instruction}_{number}"
 
 
 class ExecuteInstruction(Instruction):

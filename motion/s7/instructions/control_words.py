@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from motion.s7.axis.control_words import STW1_MASK, STW2_MASK
 from motion.s7.axis.jobs import ERROR_ALARM, ERROR_STW_MASK, ERROR_UNSPECIFIED, Job, JobClass
-from motion.s7.axis.reset import ALARM_CONFIGURATION
+from motion.s7.axis.technology_object import ALARM_CONFIGURATION
 from motion.s7.instructions.base import ExecuteInstruction
 
 

@@ -123,13 +123,13 @@ class MC_Home(ExecuteInstruction):
         axis = self.axis
         if "PositioningAxis" not in axis.kinds:
             return NO_ERROR
-        enabled_without = axis.facts.controlled and not axis.motion.position_controlled  # type: ignore[union-attr]
+        enabled_without = axis.states.facts.controlled and not axis.servo.position_controlled  # type: ignore[union-attr]
         return ERROR_NOT_CONTROLLED if enabled_without else NO_ERROR
 
     def _blocked(self) -> bool:
         axis = self.axis
         if "PositioningAxis" not in axis.kinds:
-            return bool(axis.engine.error_word)  # type: ignore[union-attr]
+            return bool(axis.engine.error_word)
         return axis.alarms.blocking  # type: ignore[union-attr]
 
     # -- with a homing mark
@@ -153,7 +153,10 @@ class MC_Home(ExecuteInstruction):
         if not is_dynamic(job.jerk, zero=True):
             return ERROR_JERK
         job.position_controlled = True
-        homing = ActiveHoming(axis, job, position, self.Mode)
+        assert axis.position is not None  # an axis with positions only is homed actively
+        homing = ActiveHoming(
+            axis, job, position, self.Mode, motion=axis.motion, limits=axis.position.hardware
+        )
         refusal = axis.motion.submit(job)
         self._reference = homing.reference
         return refusal or job
@@ -167,7 +170,7 @@ class MC_Home(ExecuteInstruction):
         refusal = self._uncontrolled()
         if refusal:
             return refusal
-        abort_passive(axis)
+        abort_passive(axis.homings)
         job = self._accepted(JobClass.PASSIVE_HOMING)
         self._reference = PassiveHoming(axis, job, position, self.Mode).reference
         return job
@@ -176,11 +179,11 @@ class MC_Home(ExecuteInstruction):
         axis = self.axis
         if "PositioningAxis" not in axis.kinds:
             return not axis.enabling.enabled
-        return not axis.facts.enabled or axis.motion.stopping  # type: ignore[union-attr]
+        return not axis.states.facts.enabled or axis.motion.stopping  # type: ignore[union-attr]
 
     def _cancel(self) -> Job:
         job = self._accepted(JobClass.NONE)
-        abort_passive(self.axis)
+        abort_passive(self.axis.homings)
         job.finish()
         return job
 

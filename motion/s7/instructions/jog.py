@@ -121,7 +121,7 @@ class MC_MoveJog(Instruction):
             self._given = given
             motion = self.axis.motion
             job.position_controlled = bool(self.PositionControlled)
-            error = self._fill(job) or self.axis.torque.refuses(job)
+            error = self._fill(job) or self.axis.motion.refuses(job)
             if error:
                 self._fail(error)
                 return

@@ -9,8 +9,7 @@ from motion.s7.axis.state import AxisState
 from motion.s7.instructions.base import Instruction
 
 if TYPE_CHECKING:
-    from motion.s7.axis.external_encoder import EncoderReset
-    from motion.s7.axis.reset import Reset
+    from motion.s7.axis.technology_object import Reset
 
 
 class MC_Reset(Instruction):
@@ -29,7 +28,7 @@ class MC_Reset(Instruction):
         self.Done = False
         self.CommandAborted = False
         self._last_execute = False
-        self._reset: Reset | EncoderReset | None = None
+        self._reset: Reset | None = None
         super().__init__(axis, name=name, **inputs)
 
     def _call(self) -> None:

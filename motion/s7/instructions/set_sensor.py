@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from motion.kernel.feedback import VALID
+from motion.s7.axis.axis import SWITCH_BUMPLESS, TRANSFER_FROM
 from motion.s7.axis.jobs import (
     ERROR_ACTUAL_VALUE,
     ERROR_HOMING,
@@ -15,7 +16,6 @@ from motion.s7.axis.jobs import (
     Job,
     JobClass,
 )
-from motion.s7.axis.sensors import SWITCH_BUMPLESS, TRANSFER_FROM, set_sensor
 from motion.s7.axis.state import AxisState
 from motion.s7.instructions.base import ExecuteInstruction
 
@@ -63,6 +63,6 @@ class MC_SetSensor(ExecuteInstruction):
         job = Job(JobClass.POSITIONING, instruction=self.instruction, name=self.name)
         job.start(axis.name, axis.history)
         job.activate()
-        set_sensor(axis, self.Sensor, self.Mode, self.ReferenceSensor)
+        axis.set_sensor(self.Sensor, self.Mode, self.ReferenceSensor)
         job.finish()
         return job

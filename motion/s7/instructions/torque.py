@@ -156,7 +156,7 @@ class MC_TorqueLimiting(_EnableInstruction):
     def _call(self) -> None:
         super()._call()
         torque = self.axis.torque
-        self.InClamping = self._active and torque.clamped
+        self.InClamping = self._active and torque.limits.clamped
         self.InLimitation = self._active and torque.in_limitation
 
     def _begin(self) -> int:

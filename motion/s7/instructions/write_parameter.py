@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Final
 
+from motion.s7.axis.axis import TechnologyAxis
 from motion.s7.axis.jobs import ERROR_DIRECT_CONNECTION, ERROR_LIMIT_SWITCH, ERROR_STATE, Job, JobClass
 from motion.s7.axis.state import AxisState
 from motion.s7.instructions.base import ExecuteInstruction
@@ -42,9 +43,9 @@ class MC_WriteParameter(ExecuteInstruction):
             return ERROR_PARAMETER_NUMBER
         if self.ParameterNumber in TIMES and (axis.connection == "direct" or axis.simulated):
             return ERROR_DIRECT_CONNECTION
-        limits = getattr(axis, "limits", None)  # a speed axis and an external encoder have none
+        position = axis.position if isinstance(axis, TechnologyAxis) else None
         switches = self.ParameterNumber == LIMIT_SWITCHES and self.Value is True
-        if switches and limits is not None and limits.address_problem():
+        if switches and position is not None and position.hardware.address_problem():
             return ERROR_LIMIT_SWITCH
         try:
             axis.variables.write_parameter(self.ParameterNumber, self.Value)

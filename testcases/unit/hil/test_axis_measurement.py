@@ -19,7 +19,7 @@ def test_axes_are_in_the_state(state):
     for _ in range(200):
         running.run(8)
         places.append(tuple(axis.feedback.position for axis in running.axes))
-    assert all(axis.facts.enabled and not axis.alarms.engine.pending for axis in running.axes)
+    assert all(axis.states.facts.enabled and not axis.alarms.engine.pending for axis in running.axes)
     assert all(a == pytest.approx(b) for a, b in places)
     steps = {round(after[0] - before[0], 3) for before, after in pairwise(places)}
     if state == "standstill":

@@ -8,7 +8,7 @@ import pytest
 
 from hil.bench.bench import Bench
 from hil.bench.config import parse, read
-from motion.kernel.mechanics import Mechanics
+from motion.s7.axis.assembly import mechanics_of
 from motion.s7.variables import VariableStore
 
 WHEEL = """
@@ -140,7 +140,7 @@ def test_number_of_the_specification(direction):
             "Sensor[1].InverseDirection": direction,
         },
     )
-    scale = Mechanics(store, apart=(True,)).sensors[0]
+    scale = mechanics_of(store, apart=(True,)).sensors[0]
     shown = 0x1000_0000 / 0x4000_0000 * scale.reference * scale.unit_per_rpm
     assert shown == pytest.approx(-125.0 if direction else 125.0)
 
@@ -151,4 +151,4 @@ def test_drive_telegram_needs_no_reference():
     store = VariableStore(
         "PositioningAxis", {"Sensor[1].Parameter.ReferenceSpeed": 1.0, "LoadGear.Numerator": 2}
     )
-    assert Mechanics(store, apart=(False,)).sensors[0].unit_per_rpm == pytest.approx(10.0 / 60.0 / 2)
+    assert mechanics_of(store, apart=(False,)).sensors[0].unit_per_rpm == pytest.approx(10.0 / 60.0 / 2)

@@ -101,7 +101,7 @@ class Rig:
                 self.drive.voltage,
                 self.drive.enabled,
                 self.drive.ready,
-                axis.facts.enabled,
+                axis.states.facts.enabled,
                 axis.in_operation,
                 axis.motion.gen.v,
                 axis.enabling.busy,
@@ -208,7 +208,9 @@ def test_position_control():
     rig.until(power.status)
     job = rig.axis.move_relative(200.0, Velocity=300.0)
     errors = []
-    rig.runtime.after_cycle.append(lambda: errors.append(abs(rig.technology.controller.following_error)))
+    rig.runtime.after_cycle.append(
+        lambda: errors.append(abs(rig.technology.servo.controller.following_error))
+    )
     rig.until(job.done, 5.0)
     assert rig.drive.mechanics.position * 1000.0 == pytest.approx(200.0, abs=0.1)
     assert max(errors) == pytest.approx(300.0 * 0.002, abs=0.05)

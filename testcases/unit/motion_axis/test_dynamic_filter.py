@@ -310,4 +310,4 @@ def test_a_window_of_one_period_calms_a_resonance(t2):
 
 def test_no_filter_is_there_unless_it_is_asked_for():
     """Without a mode the cycle has nothing to step through."""
-    assert Rig(variables=dict(REFERENCE)).axis.controller.filter is None
+    assert Rig(variables=dict(REFERENCE)).axis.servo.controller.filter is None

@@ -385,7 +385,7 @@ def test_noise_steps_the_setpoint_at_enabling(make_rig, steps, velocity_mode):
 def test_printed_example_of_the_step(make_rig):
     """5 mm/s of apparent velocity and T_i + T_ipo + T_servo = 8.125 ms give a step of 0.0406 mm."""
     rig = make_rig(variables={"StandstillSignal.VelocityThreshold": 6.0})
-    rig.axis.object.delay_s = 0.000125 + 0.004 + 0.004
+    rig.axis.object.servo.delay_s = 0.000125 + 0.004 + 0.004
     # 0.02 mm in a cycle of 4 ms; 131072 increments are 10 mm.
     noisy(rig, round(0.01 * 13107.2))
     rig.run(0.1)

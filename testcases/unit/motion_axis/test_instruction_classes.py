@@ -176,7 +176,7 @@ def test_inputs_of_an_enable_job_act_at_every_call():
     limiting.call(Limit=1.0)
     assert rig.port.torque_share == 0.25
     limiting.call(Mode=1)
-    assert rig.axis.torque.detects
+    assert rig.axis.torque.limits.detects
 
 
 @pytest.mark.requirement("MC-083")

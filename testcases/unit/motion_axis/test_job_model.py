@@ -147,7 +147,7 @@ def test_one_cycle_outputs_are_missed_by_rare_calls(rig):
 def test_no_job_while_the_object_restarts(rig):
     """16#800D between the start of the restart and its end."""
     rig.run(0.1)
-    rig.axis.object.set_state(AxisState.RESTARTING)
+    rig.axis.object.states.enter(AxisState.RESTARTING)
     jobs = [MC_MoveVelocity(rig.axis.object), MC_Halt(rig.axis.object)]
     for job in jobs:
         job(Execute=True)

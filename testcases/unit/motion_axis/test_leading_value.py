@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from motion.drives.simulated import SimulatedDrivePort
-from motion.kernel.leading_value import Hysteresis, LeadingValue, within_band
+from motion.kernel.leading_value import Hysteresis, within_band
+from motion.s7.axis.assembly import leading_value_of
 from motion.s7.axis.external_encoder import ExternalEncoder
 from motion.s7.variables import VariableStore
 from testcases.unit.motion_axis.conftest import CYCLE
@@ -20,7 +21,7 @@ def make(feedback, acquisition_s=0.0, cycle_s=CYCLE, **variables):
     store = VariableStore(
         "PositioningAxis", {path.replace("__", "."): value for path, value in variables.items()}
     )
-    return LeadingValue(
+    return leading_value_of(
         store,
         cycle_s=cycle_s,
         acquisition_s=acquisition_s,

@@ -213,7 +213,7 @@ def test_another_encoder_behind_a_traversable_switch():
     axis = rig.axis
     axis.variables.set_internal("PositionLimits_HW.Active", True)
     axis.variables.set_internal("PositionLimits_HW.Mode", 1)
-    switch = axis.limits.positive
+    switch = axis.position.hardware.positive
     switch.active, switch.trip = True, axis.feedback.position - 5.0
     before = axis.feedback.position - switch.trip
     axis.set_sensor(2, mode=1)

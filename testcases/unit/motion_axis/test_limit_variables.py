@@ -152,7 +152,7 @@ def test_an_address_that_leads_nowhere(make_rig, reason):
     for part, value in BROKEN.get(reason, {}).items():
         rig.axis.variables.write_start(PLACE.format("Max", part), value)
     restart(rig)
-    assert reason in rig.axis.limits.address_problem()
+    assert reason in rig.axis.position.hardware.address_problem()
     assert (monitor(rig).Error, monitor(rig).ErrorID) == (True, 0x805B)
     assert rig.axis.var("PositionLimits_HW.Active") is False
     assert monitor(rig, False).Done

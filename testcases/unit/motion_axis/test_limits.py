@@ -272,7 +272,7 @@ def test_permitted_following_error(make_rig):
             "FollowingError.MinVelocity": 10.0,
         }
     )
-    permitted = rig.axis.monitoring.permitted_following_error
+    permitted = rig.axis.position.monitoring.permitted_following_error
     assert [permitted(v) for v in (5.0, 255.0, -255.0, 500.0, 600.0)] == pytest.approx(
         [10.0, 55.0, 55.0, 100.0, 100.0]
     )
@@ -290,7 +290,7 @@ def test_following_error_excludes_transmission(rig):
 def test_following_error_alarm_after_warning(rig):
     """A growing following error gives warning 522, then 521 with reaction 4."""
     rig.travelling(100.0)
-    permitted = rig.axis.monitoring.permitted_following_error(100.0)
+    permitted = rig.axis.position.monitoring.permitted_following_error(100.0)
     before = rig.port.encoder_increments
     rig.port._angle -= (permitted * 0.95) / 10.0 * 6.283185307179586
     rig.cycles(1)

@@ -7,13 +7,14 @@ from math import pi
 import pytest
 
 from motion.drives.simulated import SimulatedDrivePort
-from motion.kernel.feedback import Feedback
-from motion.kernel.mechanics import Mechanics
+from motion.kernel.cell import Cell
+from motion.kernel.feedback import EncoderFeedback
 from motion.s7.axis import PositioningAxis
+from motion.s7.axis.assembly import mechanics_of
 from motion.s7.axis.configuration import given_values
 from motion.s7.handles import AxisHandle
 from motion.s7.units import decimals, farthest_position, travel_time_s
-from motion.s7.variables import Cell, VariableStore
+from motion.s7.variables import VariableStore
 from testcases.unit.motion_axis.conftest import Rig
 
 ROTARY = {"Properties.MotionType": 1}
@@ -27,7 +28,7 @@ def mechanics(*settings, kind="PositioningAxis"):
     variables = {}
     for one in settings:
         variables |= one
-    return Mechanics(VariableStore(kind, given_values(variables)))
+    return mechanics_of(VariableStore(kind, given_values(variables)))
 
 
 class TestRatios:
@@ -104,7 +105,7 @@ class TestRatios:
     def test_radians(self):
         """A rotary axis in rad turns 2 pi per revolution."""
         ratios = mechanics({"Properties.MotionType": 1, "Units.LengthUnit": 1004, "Units.VelocityUnit": 1086})
-        assert ratios.units_per_load_revolution == pytest.approx(2.0 * pi)
+        assert ratios.travel == pytest.approx(2.0 * pi)
 
     @pytest.mark.requirement("CFG-276", "VAR-132")
     @pytest.mark.parametrize(
@@ -174,8 +175,8 @@ class Encoder:
         self.port = SimulatedDrivePort(cycle_s=0.001)
         self.port.link_ok = True
         self.scale = mechanics(variables).sensors[0]
-        self.offset = Cell("StatusSensor[1].AbsEncoderOffset", None, 0.0)
-        self.feedback = Feedback(self.port, self.scale, 0.001, self.offset)
+        self.offset = Cell(0.0)
+        self.feedback = EncoderFeedback(self.port, self.scale, 0.001, self.offset)
 
     def show(self, raw):
         self.port.encoder_increments = raw
@@ -183,12 +184,12 @@ class Encoder:
         return self.feedback.position
 
     def power_cycle(self):
-        self.feedback = Feedback(
+        self.feedback = EncoderFeedback(
             self.port, self.scale, 0.001, self.offset, before=self.feedback, powered_off=True
         )
 
     def restart(self):
-        self.feedback = Feedback(self.port, self.scale, 0.001, self.offset, before=self.feedback)
+        self.feedback = EncoderFeedback(self.port, self.scale, 0.001, self.offset, before=self.feedback)
 
 
 COARSE = {"Parameter__StepsPerRevolution": 1000, "Parameter__FineResolutionXist1": 0}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from motion.kernel.modulo import Modulo
+from motion.s7.axis.assembly import modulo_of
 from motion.s7.variables import VariableStore
 
 ROTARY = {
@@ -16,7 +16,9 @@ ROTARY = {
 
 
 def modulo(**settings):
-    return Modulo(VariableStore("PositioningAxis", ROTARY | {f"Modulo.{k}": v for k, v in settings.items()}))
+    return modulo_of(
+        VariableStore("PositioningAxis", ROTARY | {f"Modulo.{k}": v for k, v in settings.items()})
+    )
 
 
 class TestRange:

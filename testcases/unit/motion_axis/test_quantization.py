@@ -25,8 +25,8 @@ def output(difference, quantum):
         additional_delay=delay,
         cycle_s=0.004,
         delay_s=0.008,
-        quantum=quantum,
     )
+    controller.quantum = quantum
     controller.reset(difference)
     return controller.step(difference, 0.0, 0.0)
 
@@ -63,7 +63,7 @@ def test_difference_is_rounded_towards_zero(difference, quantum, corrected):
 def test_the_mode_chooses_the_quantum(mode, quantum):
     """0 none, 1 the resolution of the encoder, 2 the value; it acts after a restart of the object."""
     rig = Rig(variables={VALUE: 0.05, MODE: mode})
-    assert rig.axis.controller.quantum == pytest.approx(quantum)
+    assert rig.axis.servo.controller.quantum == pytest.approx(quantum)
 
 
 @pytest.mark.requirement("CFG-381", "CFG-382")

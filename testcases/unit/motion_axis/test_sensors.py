@@ -276,6 +276,6 @@ class TestConditions:
         rig.axis.variables.write_start("Sensor[2].Parameter.StepsPerRevolution", 1000)
         rig.until(rig.axis.reset(restart=True).done)
         rig.cycles(2)
-        assert rig.axis.controller.quantum == pytest.approx(10.0 / FULL)
+        assert rig.axis.servo.controller.quantum == pytest.approx(10.0 / FULL)
         rig.switch(2)
-        assert rig.axis.controller.quantum == pytest.approx(0.01)
+        assert rig.axis.servo.controller.quantum == pytest.approx(0.01)

@@ -494,7 +494,7 @@ class TestInstructionsOfV9:
     def test_permitted_following_error(self, make_rig):
         """Up to `MinVelocity` the least value, then in proportion to the largest at the maximum velocity."""
         rig = make_rig(variables={"FollowingError.MinVelocity": 100.0})
-        permitted = rig.axis.object.monitoring.permitted_following_error
+        permitted = rig.axis.object.position.monitoring.permitted_following_error
         assert [permitted(v) for v in (0.0, 100.0, -300.0, 500.0, 800.0)] == [2.0, 2.0, 6.0, 10.0, 10.0]
 
 

@@ -12,7 +12,7 @@ import pytest
 from motion.s7.axis import PositioningAxis, SpeedAxis
 from motion.s7.axis.external_encoder import ExternalEncoder
 from motion.s7.data._variables import variables_of
-from motion.s7.instructions import MC_Home, MC_MoveVelocity, MC_Power, MC_TorqueLimiting
+from motion.s7.instructions import MC_Home, MC_MoveRelative, MC_MoveVelocity, MC_Power, MC_TorqueLimiting
 from motion.s7.variables import VariableStore
 from testcases.unit.motion_axis.conftest import REFERENCE, SPEED, TorquePort
 
@@ -89,7 +89,9 @@ def exercise(kind, variables):
             MC_MoveVelocity(thing, Velocity=5.0),
             MC_TorqueLimiting(thing, Limit=-1.0),
         ]
-    for cycle in range(900):
+    if kind == "PositioningAxis":
+        program.append(MC_MoveRelative(thing, Distance=1.0))
+    for cycle in range(1000):
         thing.cycle()
         for number, instance in enumerate(program[1:]):
             if cycle == 40 + 90 * number:

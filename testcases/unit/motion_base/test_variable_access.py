@@ -56,13 +56,14 @@ class TestDirect:
         """
         store = VariableStore(kind)
         cell, before = store.bind(path), store.read(path)
+        in_force, factor = cell.value, store.factors.of(store.describe(path).unit)
         value = other_value(store, path)
 
         store.write(path, value)
-        assert (cell.given, store.read(path)) == (before, value)
+        assert (cell.value, store.read(path)) == (in_force, value)
         store.latch()
 
-        assert (cell.given, store.read(path), store.start_value(path)) == (value, value, before)
+        assert (cell.value, store.read(path), store.start_value(path)) == (value * factor, value, before)
 
     def test_last_assignment_counts(self, store):
         """Of several assignments before one MC_Servo the last one takes effect; later cycles keep it."""
@@ -176,11 +177,12 @@ class TestOnCall:
         """An assigned value is there at once for the reader and for the next call of an instruction."""
         store = VariableStore(kind)
         cell, before = store.bind(path), store.read(path)
+        factor = store.factors.of(store.describe(path).unit)
         value = other_value(store, path)
 
         store.write(path, value)
 
-        assert (cell.given, store.read(path), store.start_value(path)) == (value, value, before)
+        assert (cell.value, store.read(path), store.start_value(path)) == (value * factor, value, before)
 
 
 class TestRestartRelevant:
@@ -334,17 +336,17 @@ class TestWriteParameter:
         """
         store = VariableStore(kind)
         cell = store.parameter(number)
-        assert cell.value == 0.0
+        assert cell.cell.value == 0.0
 
         store.write_parameter(number, 0.002)
-        assert (cell.value, store.online_start_values_changed) == (0.0, True)
+        assert (cell.cell.value, store.online_start_values_changed) == (0.0, True)
 
         store.restart()
         store.restart()
-        assert (cell.value, store.online_start_values_changed) == (0.002, False)
+        assert (cell.cell.value, store.online_start_values_changed) == (0.002, False)
 
         store.power_cycle()
-        assert cell.value == 0.0
+        assert cell.cell.value == 0.0
 
     @pytest.mark.requirement("STP-355")
     @pytest.mark.parametrize(

@@ -235,7 +235,7 @@ class TestPower:
         """The drive gets no telegram any more."""
         sent = []
         rig.enabled()
-        rig.axis.object.port = rig.axis.object.drive_port = Spy(rig.port, sent)
+        rig.axis.object.servo.port = rig.axis.object.servo.drive_port = Spy(rig.port, sent)
         rig.cycles(2)
         assert len(sent) == 2
         rig.controller.power_off()

@@ -84,10 +84,10 @@ def test_communication_times(make_rig, event, kept):
     for number, value in ((1010, 0.001), (1011, 0.002), (1012, 0.003)):
         rig.until(rig.axis.write_parameter(number, value).done)
     rig.until(rig.axis.reset(restart=True).done)
-    times = [rig.axis.variables.parameter(number).value for number in (1010, 1011, 1012)]
+    times = [rig.axis.variables.parameter(number).cell.value for number in (1010, 1011, 1012)]
     assert times == [0.001, 0.002, 0.003]
     happen(rig, event)
-    now = [rig.axis.variables.parameter(number).value for number in (1010, 1011, 1012)]
+    now = [rig.axis.variables.parameter(number).cell.value for number in (1010, 1011, 1012)]
     assert now == (times if kept else [0.0, 0.0, 0.0])
     assert rig.axis.object.delay_s == pytest.approx(0.004 + (0.006 if kept else 0.0))
 
@@ -196,7 +196,7 @@ def test_a_virtual_axis_by_download(rig):
     rig.stopped()
     rig.controller.download("axis1", {"VirtualAxis.Mode": 1})
     rig.running().enabled()
-    assert rig.axis.object.virtual
+    assert rig.axis.object.servo.virtual
     assert rig.told("axis1 loaded")
 
 

@@ -14,15 +14,22 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Final
 
 from motion.s7.axis.homing.direct import relate, take_relation
-from motion.s7.axis.homing.finder import DIGITAL_INPUT, ZERO_MARK, MarkFinder, Way
+from motion.s7.axis.homing.finder import (
+    ALARM_NOT_FOUND,
+    ALARM_NOT_SUPPORTED,
+    DIGITAL_INPUT,
+    ZERO_MARK,
+    MarkFinder,
+    Way,
+)
 from motion.s7.axis.jobs import Job, JobState
 
 if TYPE_CHECKING:
-    from motion.s7.axis.axis import PositioningAxis
+    from motion.s7.axis.hardware_limits import HardwareLimits
+    from motion.s7.axis.homing.direct import HomingObject
+    from motion.s7.axis.motion import MotionControl
 
 ALARM_DATA: Final = 341
-ALARM_NOT_FOUND: Final = 342
-ALARM_NOT_SUPPORTED: Final = 343
 
 
 class Phase(IntEnum):
@@ -42,6 +49,8 @@ class ActiveHoming:
         job: Its job, class `HOMING`.
         home_position: Position of the axis at the end, axis unit.
         mode: `MC_Home.Mode`, for the event.
+        motion: What moves the axis.
+        limits: Its hardware limit switches, at which it may turn.
 
     """
 
@@ -56,7 +65,9 @@ class ActiveHoming:
         "_homing_velocity",
         "_job",
         "_kind",
+        "_limits",
         "_mode",
+        "_motion",
         "_offset",
         "_path",
         "_seen",
@@ -66,10 +77,21 @@ class ActiveHoming:
         "reference",
     )  # fmt: skip
 
-    def __init__(self, axis: PositioningAxis, job: Job, home_position: float, mode: int) -> None:
+    def __init__(
+        self,
+        axis: HomingObject,
+        job: Job,
+        home_position: float,
+        mode: int,
+        *,
+        motion: MotionControl,
+        limits: HardwareLimits,
+    ) -> None:
         read = axis.variables.read
         prefix = f"Sensor[{axis.operative_sensor}].ActiveHoming"
         self._axis = axis
+        self._motion = motion
+        self._limits = limits
         self._job = job
         self._home = home_position
         self._mode = mode
@@ -101,7 +123,7 @@ class ActiveHoming:
         if axis.incremental:
             axis.homed = False
         if self._approach_velocity <= 0.0 or self._homing_velocity <= 0.0:
-            axis.alarms.raise_alarm(ALARM_DATA)
+            axis.alarm(ALARM_DATA)
             return
         if axis.simulated:
             self._arrive(
@@ -110,11 +132,11 @@ class ActiveHoming:
             return
         search = axis.feedback.source.mark
         if self._kind != DIGITAL_INPUT and search is None:
-            axis.alarms.raise_alarm(ALARM_NOT_SUPPORTED)
+            axis.alarm(ALARM_NOT_SUPPORTED)
             return
         axis.homings.append(self)
         if axis.variables.read("Homing.AutoReversal"):
-            axis.limits.begin_reversal()
+            self._limits.begin_reversal()
         on = axis.homing_switch(self._path)
         self._finder = MarkFinder(
             axis.feedback,
@@ -146,7 +168,7 @@ class ActiveHoming:
     def _fail(self, number: int) -> None:
         """Give up with an alarm, which ends the job."""
         self._leave()
-        self._axis.alarms.raise_alarm(number)
+        self._axis.alarm(number)
 
     def _end(self) -> None:
         """The job has ended, by whomever."""
@@ -155,15 +177,15 @@ class ActiveHoming:
         if finder is None or self._job.state is not JobState.ERROR:
             return
         axis = self._axis
-        limits = axis.limits
+        limits = self._limits
         stopped = self.phase is not Phase.HOME and (limits.positive.active or limits.negative.active)
         if stopped or finder.failed or axis.feedback.source.sensor_fault:
-            axis.alarms.raise_alarm(ALARM_NOT_FOUND)  # HOM-078, HOM-097
+            axis.alarm(ALARM_NOT_FOUND)  # HOM-078, HOM-097
 
     def _leave(self) -> None:
         axis = self._axis
         axis.homings.remove(self)
-        axis.limits.end_reversal()
+        self._limits.end_reversal()
         if self._finder is not None:
             self._finder.close()
 
@@ -200,8 +222,8 @@ class ActiveHoming:
         elif finder.failed:
             self._fail(ALARM_NOT_FOUND if finder.supported else ALARM_NOT_SUPPORTED)
         elif (
-            axis.limits.reversing
-            and (axis.limits.positive if self._heading > 0 else axis.limits.negative).active
+            self._limits.reversing
+            and (self._limits.positive if self._heading > 0 else self._limits.negative).active
         ):
             self._turn()
 
@@ -237,7 +259,7 @@ class ActiveHoming:
         self._show(phase, heading)
         self._seen = False
         velocity = self._homing_velocity if phase is Phase.SEARCH else self._approach_velocity
-        self._axis.motion.travel(self._job, heading * velocity)
+        self._motion.travel(self._job, heading * velocity)
 
     def _show(self, phase: Phase, heading: int) -> None:
         self.phase = phase
@@ -256,6 +278,6 @@ class ActiveHoming:
         relate(axis, target - way - mark)
         take_relation(axis, mode=self._mode, offset=target - way - mark, mark=target - way)
         heading = 1 if target > axis.feedback.position else -1
-        axis.limits.mark_found(heading)
+        self._limits.mark_found(heading)
         self._show(Phase.HOME, heading)
-        axis.motion.travel_to(self._job, target, self._approach_velocity)
+        self._motion.travel_to(self._job, target, self._approach_velocity)

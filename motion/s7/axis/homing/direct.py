@@ -4,15 +4,12 @@ CFG-123).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 if TYPE_CHECKING:
     from fieldbus.history import History
     from motion.kernel.feedback import Feedback
     from motion.kernel.modulo import Modulo
-    from motion.s7.axis.axis import PositioningAxis
-    from motion.s7.axis.homing.active import ActiveHoming
-    from motion.s7.axis.homing.passive import PassiveHoming
     from motion.s7.variables import VariableStore
 
 _ADJUSTS: Final = (6, 7, 13)
@@ -20,22 +17,35 @@ _FOR_ALL: Final = (0, 1, 11, 12)
 """Modes whose offset all encoders of an axis get, so that they do not drift apart (HOM-001, HOM-002)."""
 
 
-class MayHome(Protocol):
-    """Any technology object."""
+class Homing(Protocol):
+    """An active or passive homing under way."""
 
-    homings: list[ActiveHoming | PassiveHoming]
-    """What is under way."""
+    @property
+    def busy(self) -> bool:
+        """Whether its job has not ended yet."""
+
+    def step(self) -> None:
+        """Advance by one application cycle."""
 
 
-class HomingObject(MayHome, Protocol):
+class HomingObject(Protocol):
     """A technology object with a position: axis or external encoder."""
 
+    homed: bool
+    """Positions are those of the machine."""
+    homings: list[Homing]
+    """What is under way."""
     name: str
     history: History | None
     variables: VariableStore
-    modulo: Modulo
-    homed: bool
-    operative_sensor: int
+
+    @property
+    def modulo(self) -> Modulo:
+        """The modulo range."""
+
+    @property
+    def operative_sensor(self) -> int:
+        """Number of the operative encoder."""
 
     @property
     def simulated(self) -> bool:
@@ -73,7 +83,9 @@ class HomingObject(MayHome, Protocol):
         """Raise a technology alarm."""
 
 
-def home_directly(owner: HomingObject, mode: int, position: float, sensor: int = 0) -> None:
+def home_directly(
+    owner: HomingObject, mode: int, position: float, sensor: int = 0, *, setpoint: float = 0.0
+) -> None:
     """Carry out a direct homing.
 
     On a modulo axis the new place is reached over the shortest distance, which decides what becomes of the
@@ -85,6 +97,7 @@ def home_directly(owner: HomingObject, mode: int, position: float, sensor: int =
             position setpoint, 13 as 0 for an incremental encoder.
         position: Position in the axis unit.
         sensor: Encoder for modes 6, 7, 13; 0 = the operative one.
+        setpoint: Position setpoint, for modes 11 and 12.
 
     """
     number = sensor or owner.operative_sensor
@@ -95,7 +108,7 @@ def home_directly(owner: HomingObject, mode: int, position: float, sensor: int =
     elif mode in (1, 6, 12):
         offset = position
     else:
-        offset = position - _setpoint(owner)
+        offset = position - setpoint
     if modulo.enabled:
         offset = modulo.wrap(position) - feedback.position if mode == 7 else modulo.shortest(offset)
     if feedback is not owner.feedback:
@@ -144,24 +157,3 @@ def take_relation(owner: HomingObject, *, mode: int, offset: float, mark: float)
     owner.variables.set_internal(adjusted, 1)
     if owner.history is not None:
         owner.history.emit(owner.name, "axis.homed", mode=mode, offset=offset, mark=mark)
-
-
-def shift_axis(axis: PositioningAxis, offset: float) -> None:
-    """See `HomingObject.shift_setpoints`."""
-    motion = axis.motion
-    motion.gen.shift(offset)
-    if axis.fine is not None:
-        axis.fine.shift(offset)
-    if motion.superimposed is not None:
-        motion.superimposed.refresh()
-    axis.controller.shift(offset)
-    axis.limits.shift(offset)
-    axis.torque.shift(offset)
-    job = motion.job
-    if job is not None and job.busy and job.relative:
-        job.target += offset
-    motion.replan()
-
-
-def _setpoint(owner: Any) -> float:
-    return float(owner.motion.total.s)

@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     from motion.drives.mark import MarkSearch
     from motion.kernel.feedback import Feedback
 
+ALARM_NOT_FOUND: Final = 342
+ALARM_NOT_SUPPORTED: Final = 343
+
 ZERO_MARK: Final = 0
 ZERO_MARK_AND_CAM: Final = 1
 DIGITAL_INPUT: Final = 2

@@ -6,13 +6,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from motion.s7.axis.homing.active import ALARM_NOT_FOUND, ALARM_NOT_SUPPORTED
 from motion.s7.axis.homing.direct import relate, take_relation
-from motion.s7.axis.homing.finder import DIGITAL_INPUT, MarkFinder, Way
+from motion.s7.axis.homing.finder import ALARM_NOT_FOUND, ALARM_NOT_SUPPORTED, DIGITAL_INPUT, MarkFinder, Way
 from motion.s7.axis.jobs import ERROR_ALARM
 
 if TYPE_CHECKING:
-    from motion.s7.axis.homing.direct import HomingObject, MayHome
+    from motion.s7.axis.homing.direct import Homing, HomingObject
     from motion.s7.axis.jobs import Job
 
 _DIRECTIONS = (1, -1, 0)
@@ -112,8 +111,8 @@ class PassiveHoming:
         self._job.finish()
 
 
-def abort_passive(owner: MayHome) -> None:
+def abort_passive(homings: list[Homing]) -> None:
     """End a passive homing with `CommandAborted`; harmless when there is none."""
-    for homing in owner.homings[:]:
+    for homing in homings[:]:
         if isinstance(homing, PassiveHoming):
             homing.abort()

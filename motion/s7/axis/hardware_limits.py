@@ -12,9 +12,13 @@ from motion.s7.axis.state import AxisState
 from motion.s7.data_blocks import BitAddress
 
 if TYPE_CHECKING:
-    from motion.s7.axis.axis import TechnologyAxis
+    from motion.kernel.cell import Cell
+    from motion.kernel.servo_axis import ServoAxis
+    from motion.s7.axis.alarms import AxisAlarms
+    from motion.s7.axis.motion import MotionControl
+    from motion.s7.axis.state import AxisStates
     from motion.s7.data_blocks import DataBlocks
-    from motion.s7.variables import Cell
+    from motion.s7.variables import VariableStore
 
 ALARM_INPUT_CONFIGURATION: Final = 109
 ALARM_HARDWARE: Final = 531
@@ -45,11 +49,15 @@ class HardwareSwitch:
 
     __slots__ = ("_address", "_read", "active", "direction", "is_variable", "level", "mask", "met", "trip")
 
-    def __init__(self, direction: int, mask: int, level: Cell, address: tuple[Cell, ...]) -> None:
+    def __init__(self, direction: int, mask: int, level: Cell[bool], address: tuple[Cell[int], ...]) -> None:
         self.direction = direction
         self.mask = mask
         self.level = level
         self._address = address
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin without having been met."""
         self.active = False
         """StatusWord.X17 or X18."""
         self.trip: float | None = None
@@ -80,31 +88,58 @@ class HardwareSwitch:
 
 
 class HardwareLimits:
-    """See the module.
+    """The hardware limit switches of one axis.
 
-    The switches are inputs of the drive (60FDh) or of an I/O station, as the bench wires them, or bits in a
-    data block.
+    They are inputs of the drive (60FDh) or of an I/O station, as the bench wires them, or bits in a data
+    block.
+
+    Args:
+        store: Variables of the axis.
+        servo: The axis in the kernel.
+        states: State of the axis.
+        alarms: Its alarms.
+        motion: Its jobs.
+        data_blocks: Returns the global data blocks of the controller.
+
     """
 
     __slots__ = (
-        "_axis",
+        "_alarms",
         "_barred",
         "_behaviour",
+        "_data_blocks",
         "_given_before",
         "_hw_active",
         "_image",
         "_leaving",
         "_mode",
+        "_motion",
+        "_servo",
+        "_states",
         "_switches",
         "_variables",
+        "in_servo",
         "negative",
         "positive",
         "reversing",
     )
 
-    def __init__(self, axis: TechnologyAxis) -> None:
-        self._axis = axis
-        bind = axis.variables.bind
+    def __init__(
+        self,
+        store: VariableStore,
+        *,
+        servo: ServoAxis,
+        states: AxisStates,
+        alarms: AxisAlarms,
+        motion: MotionControl,
+        data_blocks: Callable[[], DataBlocks],
+    ) -> None:
+        self._servo = servo
+        self._states = states
+        self._alarms = alarms
+        self._motion = motion
+        self._data_blocks = data_blocks
+        bind = store.bind
         self._hw_active = bind("PositionLimits_HW.Active")
         self._mode = bind("PositionLimits_HW.Mode")
         self._behaviour = bind("PositionLimits_HW.ApproachBehavior")
@@ -117,12 +152,22 @@ class HardwareLimits:
         self.negative = switch(-1, "Min", INPUT_NEGATIVE_LIMIT)
         self.positive = switch(+1, "Max", INPUT_POSITIVE_LIMIT)
         self._switches = (self.negative, self.positive)
+        self.in_servo = True
+        """The switches are read in the servo cycle (`PIP OB Servo`); else with the call of the program
+        (LIM-025).
+        """
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin with the switches that are configured now, none of them met."""
+        for switch in self._switches:
+            switch.begin()
         self._variables = any(one.is_variable for one in self._switches)
         self._image: int | None = None
         self.reversing = False
         """Active homing turns round at the switches: they are shown, and there is no alarm (HOM-109)."""
         self._leaving: HardwareSwitch | None = None
-        """What active homing leaves after it has found its mark beside it."""
+        """Switch that active homing leaves after it has found its mark next to it."""
         self._given_before: float | None = None
         """Position setpoint of the cycle before, while setpoints come from the user program."""
         self._barred = 0
@@ -135,11 +180,11 @@ class HardwareLimits:
         """Raise 109 where a switch that is a variable is watched from the start on; that has to wait for the
         program (LIM-070).
         """
-        if not self._hw_active.value or self._axis.simulated:
+        if not self._hw_active.value or self._servo.simulated:
             return
         for switch in self._switches:
             if switch.is_variable:
-                self._axis.alarms.raise_alarm(
+                self._alarms.raise_alarm(
                     ALARM_INPUT_CONFIGURATION,
                     info=_INPUT_CAUSE[switch.direction],
                     text="a variable as switch needs Active = FALSE in the configuration, and parameter "
@@ -150,7 +195,7 @@ class HardwareLimits:
         """Return in words why a switch cannot be read at the address of its variable; empty if all can
         (LIM-072).
         """
-        blocks = self._axis.data_blocks
+        blocks = self._data_blocks()
         for switch in self._switches:
             problem = blocks.problem(switch.address) if switch.is_variable else ""
             if problem:
@@ -159,23 +204,22 @@ class HardwareLimits:
 
     def update_image(self) -> None:
         """Take the inputs over as the process image of the program that begins now (LIM-025)."""
-        self._image = self._axis.port.inputs
+        self._image = self._servo.port.inputs
 
     def _inputs(self) -> int:
         """Return the levels of both switches as bits of the inputs, wherever they are read."""
-        axis = self._axis
         image = self._image
-        inputs = axis.port.inputs if axis.inputs_in_servo or image is None else image
+        inputs = self._servo.port.inputs if self.in_servo or image is None else image
         if self._variables:
             for switch in self._switches:
                 if switch.is_variable:
-                    on = switch.level_of_variable(axis.data_blocks)
+                    on = switch.level_of_variable(self._data_blocks())
                     inputs = inputs | switch.mask if on else inputs & ~switch.mask
         return inputs
 
     def _readable(self) -> bool:
         """Whether the levels mean something: not those of a drive that is lost."""
-        return self._axis.port.link_ok or (
+        return self._servo.port.link_ok or (
             self._variables and self.negative.is_variable and self.positive.is_variable
         )
 
@@ -184,7 +228,7 @@ class HardwareLimits:
 
     def check_hardware(self) -> None:
         """Evaluate both switches; runs before the setpoint of the cycle."""
-        if not self._hw_active.value or self._axis.simulated:
+        if not self._hw_active.value or self._servo.simulated:
             if self.negative.active or self.positive.active:
                 for switch in self._switches:
                     switch.active = False
@@ -215,15 +259,14 @@ class HardwareLimits:
         """Return where the setpoints go: what a user program gives as positions alone has no velocity that
         could tell.
         """
-        motion = self._axis.motion
-        total = motion.total
+        total = self._servo.total
         velocity = total.v
-        if not motion.given:
+        if not self._motion.given:
             self._given_before = None
             return velocity
         before, self._given_before = self._given_before, total.s
         if velocity == 0.0 and before is not None:
-            return (total.s - before) / self._axis.interpolator_s
+            return (total.s - before) / self._servo.interpolator_s
         return velocity
 
     def begin_reversal(self) -> None:
@@ -272,33 +315,33 @@ class HardwareLimits:
             self.negative.active = self.positive.active = False
 
     def _evaluate(self, switch: HardwareSwitch, on: bool, inputs: int, velocity: float) -> None:
-        axis = self._axis
         if not switch.active:
             switch.active = True
             if self._mode.value == _TRAVERSABLE:
-                switch.trip = axis.feedback.position
+                switch.trip = self._servo.feedback.position
             if (self.negative.active and self.positive.active) or self._both_on(inputs):
                 self._barred = _BOTH
-            elif axis.state is AxisState.MOTION and velocity * switch.direction < 0.0:
+            elif self._states.state is AxisState.MOTION and velocity * switch.direction < 0.0:
                 self._barred = _REVERSED  # met on the way to the other one
             self._alarm(self._barred or _APPROACHED[switch.direction])
             return
         if not on:
             beyond = (
-                switch.trip is not None and (axis.feedback.position - switch.trip) * switch.direction >= 0.0
+                switch.trip is not None
+                and (self._servo.feedback.position - switch.trip) * switch.direction >= 0.0
             )
             if not beyond:
                 switch.active = False
                 switch.trip = None
                 self._barred = 0
                 return
-        if switch.trip is not None and self._barred != _ENCODER and not axis.sensor_valid:
+        if switch.trip is not None and self._barred != _ENCODER and not self._servo.sensor_valid:
             self._barred = _ENCODER  # nobody knows when it is back inside
             self._alarm(_ENCODER)
             return
         # Acknowledged, still active, and commanded further outwards: the alarm comes again (LIM-049,
         # LIM-059). Where nobody can say which way is outwards it comes again in both directions.
-        if axis.state is AxisState.MOTION and not axis.alarms.blocking:
+        if self._states.state is AxisState.MOTION and not self._alarms.blocking:
             outwards = velocity * switch.direction
             if outwards > 0.0 or (self._barred and outwards != 0.0):
                 self._alarm(self._barred or _BLOCKED_DIRECTION)
@@ -309,7 +352,7 @@ class HardwareLimits:
     def _alarm(self, cause: int) -> None:
         traversable = self._mode.value == _TRAVERSABLE
         keeps_enabled = not traversable and self._behaviour.value == 1
-        self._axis.alarms.raise_alarm(
+        self._alarms.raise_alarm(
             ALARM_HARDWARE,
             reaction=3 if keeps_enabled else 4,
             info=cause,

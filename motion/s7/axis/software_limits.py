@@ -6,12 +6,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from motion.s7.axis.limits.hardware import HardwareLimits
 from motion.s7.axis.state import AxisState
 from motion.setpoint import stop_distance
 
 if TYPE_CHECKING:
-    from motion.s7.axis.axis import TechnologyAxis
+    from motion.kernel.servo_axis import ServoAxis
+    from motion.s7.axis.alarms import AxisAlarms
+    from motion.s7.axis.dynamic_limits import DynamicLimits
+    from motion.s7.axis.motion import MotionControl
+    from motion.s7.axis.state import AxisStates
+    from motion.s7.variables import VariableStore
 
 ALARM_SOFTWARE_SPECIFICATION: Final = 104
 ALARM_SOFTWARE_REACHED: Final = 533
@@ -34,17 +38,31 @@ _RAMPS: Final = (AxisState.ALARM_RAMP, AxisState.DISABLING_RAMP)
 """States in which the axis stops already, and may pass a limit with that."""
 
 
-class TravelLimits(HardwareLimits):
-    """All limits of the travel of an axis: the hardware limit switches of the base, and those of the
-    software.
+class SoftwareLimits:
+    """The software limit switches of one axis.
+
+    Args:
+        store: Variables of the axis.
+        servo: The axis in the kernel.
+        states: State of the axis.
+        alarms: Its alarms.
+        motion: Its jobs.
+        dynamics: Its dynamic limits.
+
     """
 
     __slots__ = (
+        "_alarms",
+        "_dynamics",
         "_given",
+        "_motion",
         "_passed",
         "_range",
         "_range_max",
         "_range_min",
+        "_servo",
+        "_states",
+        "_store",
         "_sw_active",
         "_sw_exceeded",
         "_sw_max",
@@ -55,14 +73,32 @@ class TravelLimits(HardwareLimits):
         "software_min",
     )
 
-    def __init__(self, axis: TechnologyAxis) -> None:
-        super().__init__(axis)
-        bind = axis.variables.bind
+    def __init__(
+        self,
+        store: VariableStore,
+        *,
+        servo: ServoAxis,
+        states: AxisStates,
+        alarms: AxisAlarms,
+        motion: MotionControl,
+        dynamics: DynamicLimits,
+    ) -> None:
+        self._store = store
+        self._servo = servo
+        self._states = states
+        self._alarms = alarms
+        self._motion = motion
+        self._dynamics = dynamics
+        bind = store.bind
         self._sw_active = bind("PositionLimits_SW.Active")
         self._sw_min = bind("PositionLimits_SW.MinPosition")
         self._sw_max = bind("PositionLimits_SW.MaxPosition")
         self._sw_reached = bind("PositionLimits_SW.LimitReachedBehavior")
         self._sw_exceeded = bind("PositionLimits_SW.LimitExceededBehavior")
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin as at the start of the axis."""
         self.software_min = False
         """StatusWord.X15."""
         self.software_max = False
@@ -78,19 +114,18 @@ class TravelLimits(HardwareLimits):
 
     def check_software(self) -> None:
         """Look ahead with the setpoint of this cycle; runs before the setpoint is advanced."""
-        axis = self._axis
-        gen = axis.motion.total
+        gen = self._servo.total
         position = gen.s
         if not self._follow_range(position):
             return
-        if axis.alarms.blocking or axis.state not in _WATCHED:
-            if axis.state in _RAMPS and not self._passed:
+        if self._alarms.blocking or self._states.state not in _WATCHED:
+            if self._states.state in _RAMPS and not self._passed:
                 self._check_passed(position, gen.v)
             return
         # The state after this cycle decides: as long as it can still stop in time, braking may wait one cycle
         # more.
-        following = gen.peek(axis.interpolator_s)
-        if axis.motion.given:
+        following = gen.peek(self._servo.interpolator_s)
+        if self._motion.given:
             # A stop begins with the acceleration that the user program has given, whatever its setpoints make
             # of it.
             following = (*following[:2], gen.a)
@@ -112,14 +147,13 @@ class TravelLimits(HardwareLimits):
             controlled: The axis moves on its own account, so that a limit it passes is an alarm.
 
         """
-        axis = self._axis
-        position = axis.feedback.position
+        position = self._servo.feedback.position
         if not self._follow_range(position):
             return
         if not controlled:
             self._was_active = False  # what it is pushed to will be its limit (LIM-095)
-        elif axis.state in _WATCHED and not axis.alarms.blocking:
-            self._check_passed(position, axis.motion.total.v)
+        elif self._states.state in _WATCHED and not self._alarms.blocking:
+            self._check_passed(position, self._servo.total.v)
 
     def _check_passed(self, position: float, velocity: float) -> None:
         """Raise 534 if the axis is behind a limit and goes on outwards, which no look-ahead could prevent
@@ -132,20 +166,19 @@ class TravelLimits(HardwareLimits):
 
     def _follow_range(self, position: float) -> bool:
         """Take limits and position of this cycle over; returns whether the limits act."""
-        axis = self._axis
         active = self._sw_active.value
         low, high = given = self._sw_min.value, self._sw_max.value
-        modulo = axis.modulo.enabled
+        modulo = self._servo.modulo.enabled
         contradiction = active and (low == high or (low > high and not modulo))
         if contradiction:
-            axis.alarms.raise_alarm(ALARM_SOFTWARE_SPECIFICATION)
-        if contradiction or not active or not axis.homed:
+            self._alarms.raise_alarm(ALARM_SOFTWARE_SPECIFICATION)
+        if contradiction or not active or not self._servo.homed:
             self._was_active = False
             self.software_min = self.software_max = False
             return False
         if modulo:
             low, high = self._modulo_range(given, position)
-        if self._passed and not axis.alarms.blocking:
+        if self._passed and not self._alarms.blocking:
             # Acknowledged: it may go inwards step by step, and where it is now it has not passed anything
             # anew (LIM-094).
             self._passed = self._was_active = False
@@ -179,7 +212,7 @@ class TravelLimits(HardwareLimits):
             and given == self._given
             and low - _PASSED_TOLERANCE <= position <= high + _PASSED_TOLERANCE
         ):
-            low, high = self._range = self._axis.modulo.limits(*given, position)
+            low, high = self._range = self._servo.modulo.limits(*given, position)
         return low, high
 
     def _look_ahead(
@@ -188,8 +221,7 @@ class TravelLimits(HardwareLimits):
         """Compare room and way to stop after this cycle; `following`: position, velocity, acceleration
         then.
         """
-        axis = self._axis
-        motion = axis.motion
+        motion = self._motion
         job = motion.job
         if (position - limit) * direction > _PASSED_TOLERANCE:
             self._exceed(direction)
@@ -205,15 +237,15 @@ class TravelLimits(HardwareLimits):
             inside = self._range_min - _PASSED_TOLERANCE <= target <= self._range_max + _PASSED_TOLERANCE
             to_target = (target - next_position) * direction
             if job is None:
-                job = motion.superimposed.job if motion.superimposed is not None else None
+                job = motion.superimposed_job if self._servo.superimposed is not None else None
             if (
                 inside
                 and job is not None
-                and stop_distance(speed, growth, *motion.limit_braking(job.deceleration, job.jerk))
+                and stop_distance(speed, growth, *self._dynamics.limit_braking(job.deceleration, job.jerk))
                 <= to_target + _ON_TARGET
             ):
                 return
-        deceleration, jerk = self._dynamics()
+        deceleration, jerk = self._braking()
         if (
             stop_distance(speed, growth, deceleration, jerk)
             > (limit - next_position) * direction + _PASSED_TOLERANCE
@@ -224,49 +256,49 @@ class TravelLimits(HardwareLimits):
         """Return whether the motion has no jerk limit, so that its acceleration needs no way to end before a
         limit.
         """
-        motion = self._axis.motion
+        motion = self._motion
         if motion.given:
             return False
-        moving = motion.superimposed.job if motion.superimposed is not None else None
+        moving = motion.superimposed_job if self._servo.superimposed is not None else None
         jobs = [one for one in (motion.job, moving) if one is not None]
         return bool(jobs) and not any(one.jerk for one in jobs)
 
     def _exceed(self, side: float) -> None:
         """Alarm 534 of the positive limit, with `side` below 0 of the negative one."""
         self._passed = True
-        self._axis.alarms.raise_alarm(
+        self._alarms.raise_alarm(
             ALARM_SOFTWARE_EXCEEDED,
             reaction=3 if self._sw_exceeded.value == 1 else 4,
             info=2 if side > 0.0 else 1,
         )
 
-    def _dynamics(self) -> tuple[float, float]:
+    def _braking(self) -> tuple[float, float]:
         """Return deceleration and jerk of the stop at a limit (`LimitReachedBehavior`)."""
-        read = self._axis.variables.read
+        read = self._store.read
         if self._sw_reached.value != 1:
             return read("DynamicLimits.MaxDeceleration"), read("DynamicLimits.MaxJerk")
-        motion = self._axis.motion
+        motion = self._motion
         job = motion.job
         if job is not None:
-            return motion.limit_braking(job.deceleration, job.jerk)
-        return motion.limit_braking(read("DynamicDefaults.Deceleration"), read("DynamicDefaults.Jerk"))
+            return self._dynamics.limit_braking(job.deceleration, job.jerk)
+        return self._dynamics.limit_braking(
+            read("DynamicDefaults.Deceleration"), read("DynamicDefaults.Jerk")
+        )
 
     def _reach(self, limit: float, direction: float, *, at_once: bool) -> None:
         """Alarm 533: the motion is aborted and ends exactly at the limit (LIM-075); `at_once`: its
         acceleration ends now.
         """
-        axis = self._axis
-        motion = axis.motion
-        deceleration, jerk = self._dynamics()
-        stopping = axis.state in (AxisState.HALTING, AxisState.STOPPING)
+        motion = self._motion
+        deceleration, jerk = self._braking()
+        stopping = self._states.state in (AxisState.HALTING, AxisState.STOPPING)
         reaction = 1 if self._sw_reached.value == 1 else 2
-        axis.alarms.raise_alarm(ALARM_SOFTWARE_REACHED, reaction=reaction, info=2 if direction > 0.0 else 1)
-        if axis.state is AxisState.ALARM_RAMP and not stopping:
+        self._alarms.raise_alarm(ALARM_SOFTWARE_REACHED, reaction=reaction, info=2 if direction > 0.0 else 1)
+        if self._states.state is AxisState.ALARM_RAMP and not stopping:
             if at_once:
                 motion.gen.a = 0.0
             motion.gen.start_position(limit, abs(motion.gen.v) or _CREEP, deceleration, deceleration, jerk)
 
-    def shift(self, offset: float) -> None:
+    def shift(self) -> None:
         """Follow a shift of the coordinate system."""
-        self.shift_places(offset)
         self._was_active = False
