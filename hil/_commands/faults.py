@@ -33,6 +33,6 @@ def show_faults(*, as_json: bool) -> int:
             if entry.injectable(where):
                 print(f"      not on {where}: {entry.injectable(where)}")  # noqa: T201 - the answer
     print("\ntriggers (when = ...):")  # noqa: T201 - the answer
-    for when, (summary, live) in TRIGGERS.items():
-        print(f"    {when}: {summary} [{live}]")  # noqa: T201 - the answer
+    for when, form in TRIGGERS.items():
+        print(f"    {when}: {form.summary} [{form.live}]")  # noqa: T201 - the answer
     return 0

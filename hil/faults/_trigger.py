@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from fieldbus.errors import ConfigurationError
 from hil.record import EventSelector
@@ -475,82 +475,182 @@ def as_trigger(value: Trigger | EventSelector) -> Trigger:
     return OnEvent(value) if isinstance(value, EventSelector) else value
 
 
-# -- the form in files -------------------------------------------------------------------------------
+# -- the form in files -----------------------------------------------------------------------------------
+
+Value = Literal["text", "number", "whole", "table", "trigger", "triggers"]
+_ALLOWED: Final[dict[Value, str]] = {
+    "text": "a text",
+    "number": "a number",
+    "whole": "a whole number",
+    "table": "a table",
+    "trigger": "a table with when",
+    "triggers": "a list of tables",
+}
+_TYPES: Final[dict[Value, type | tuple[type, ...]]] = {
+    "text": str,
+    "number": (int, float),
+    "whole": int,
+    "table": Mapping,
+    "trigger": Mapping,
+    "triggers": (list, tuple),
+}
+_CONTROLLER: Final = "live: signals of the controller, once per application cycle"
+_EVENTS: Final = "live: events of the controller; drive.*, encoder.*, emcy.raised and nmt.state are refused"
+_PARTS: Final = "live: as its parts"
+_YES: Final = "live: yes"
 
 
 @dataclass(frozen=True, slots=True)
-class _Form:
-    keys: Mapping[str, type | tuple[type, ...]]
-    required: tuple[str, ...] = field(default=())
+class TriggerForm:
+    """The form of a trigger in files, by its `when`."""
+
+    summary: str
+    live: str
+    """What it can use on a live bench."""
+    make: Callable[[Mapping[str, Any]], Trigger]
+    """Returns the trigger, given its keys; nested triggers are triggers already."""
+    required: Mapping[str, Value] = field(default_factory=dict)
+    optional: Mapping[str, Value] = field(default_factory=dict)
+
+    def read(self, when: str, content: Mapping[str, Any], where: str) -> Trigger:
+        """Return the trigger that a table describes.
+
+        Raises:
+            ConfigurationError: Unknown, missing or ill-typed key.
+
+        """
+        known = {**self.required, **self.optional}
+        for key, value in content.items():
+            if key == "when":
+                continue
+            kind = known.get(key)
+            if kind is None:
+                raise ConfigurationError(f"{where}.{key}", value, ", ".join(["when", *known]))
+            if not isinstance(value, _TYPES[kind]) or isinstance(value, bool):
+                raise ConfigurationError(f"{where}.{key}", value, _ALLOWED[kind])
+        for key in self.required:
+            if key not in content:
+                raise ConfigurationError(f"{where}.{key}", None, f"required with when = {when}")
+        return self.make(
+            {
+                key: _nested(value, f"{where}.{key}", known[key])
+                for key, value in content.items()
+                if key != "when"
+            }
+        )
 
 
-_NUMBER = (int, float)
-_FORMS: dict[str, _Form] = {
-    "immediately": _Form({}),
-    "at": _Form({"time_s": _NUMBER}, ("time_s",)),
-    "after": _Form({"time_s": _NUMBER}, ("time_s",)),
-    "signal": _Form({"signal": str, "value": _NUMBER, "direction": str}, ("signal", "value")),
-    "position": _Form({"axis": str, "value": _NUMBER, "direction": str}, ("value",)),
-    "velocity": _Form({"axis": str, "value": _NUMBER, "direction": str}, ("value",)),
-    "state": _Form({"component": str, "state": str, "kind": str}, ("component", "state")),
-    "event": _Form({"kind": str, "source": str, "nth": int, "offset_s": _NUMBER, "data": dict}, ("kind",)),
-    "frame": _Form(
-        {"can_id": int, "message": str, "drive": str, "number": int, "segment": str, "mask": int, "data": str}
+def _nested(value: Any, where: str, kind: Value) -> Any:
+    """Return the value of a key, with the triggers in it read."""
+    if kind == "trigger":
+        return trigger_from_dict(value, where)
+    if kind == "triggers":
+        return tuple(trigger_from_dict(one, f"{where}[{number}]") for number, one in enumerate(value))
+    return value
+
+
+def _event_from(values: Mapping[str, Any]) -> OnEvent:
+    selector = select_event(
+        values["kind"], values.get("source"), nth=values.get("nth", 1), **values.get("data", {})
+    )
+    return OnEvent(selector.plus(float(values.get("offset_s", 0.0))))
+
+
+TRIGGERS: Final[dict[str, TriggerForm]] = {
+    "immediately": TriggerForm("As soon as the fault is armed", _YES, lambda _: Immediately()),
+    "at": TriggerForm(
+        "At a time of the bench", _YES, lambda v: AtTime(float(v["time_s"])), {"time_s": "number"}
+    ),
+    "after": TriggerForm(
+        "A time after arming",
+        _YES,
+        lambda v: AtTime(float(v["time_s"]), relative=True),
+        {"time_s": "number"},
+    ),
+    "position": TriggerForm(
+        "When the actual position of an axis passes a value",
+        _CONTROLLER,
+        lambda v: position(**v),
+        {"value": "number"},
+        {"axis": "text", "direction": "text"},
+    ),
+    "velocity": TriggerForm(
+        "When the actual velocity of an axis passes a value",
+        _CONTROLLER,
+        lambda v: velocity(**v),
+        {"value": "number"},
+        {"axis": "text", "direction": "text"},
+    ),
+    "signal": TriggerForm(
+        "When a recorded signal passes a value",
+        _CONTROLLER,
+        lambda v: SignalCrossing(v["signal"], float(v["value"]), v.get("direction", "any")),
+        {"signal": "text", "value": "number"},
+        {"direction": "text"},
+    ),
+    "condition": TriggerForm(
+        "When a recorded signal is within limits, or has bits set and cleared",
+        _CONTROLLER,
+        lambda v: InCondition(**v),
+        {"signal": "text"},
+        {"low": "number", "high": "number", "ones": "whole", "zeros": "whole"},
+    ),
+    "state": TriggerForm(
+        "When a component is in a state",
+        _EVENTS,
+        lambda v: InState(**v),
+        {"component": "text", "state": "text"},
+        {"kind": "text"},
+    ),
+    "event": TriggerForm(
+        "At the n-th event of a kind: phase of a job, alarm, begin or end of another fault",
+        _EVENTS,
+        _event_from,
+        {"kind": "text"},
+        {"source": "text", "nth": "whole", "offset_s": "number", "data": "table"},
+    ),
+    "frame": TriggerForm(
+        "At the n-th frame that fits identifier, mask and data",
+        "live: frames that a local port sends or receives, or that pass a bridge",
+        lambda v: OnFrame(**v),
+        {},
+        {
+            "can_id": "whole",
+            "message": "text",
+            "drive": "text",
+            "number": "whole",
+            "segment": "text",
+            "mask": "whole",
+            "data": "text",
+        },
+    ),
+    "every": TriggerForm(
+        "Again and again after arming",
+        _YES,
+        lambda v: Every(**v),
+        {"period_s": "number"},
+        {"first_s": "number"},
+    ),
+    "sequence": TriggerForm(
+        "When the last of several triggers fires, one after the other",
+        _PARTS,
+        lambda v: InSequence(v["triggers"]),
+        {"triggers": "triggers"},
+    ),
+    "any": TriggerForm(
+        "Whenever one of several triggers fires",
+        _PARTS,
+        lambda v: AnyOf(v["triggers"]),
+        {"triggers": "triggers"},
+    ),
+    "chance": TriggerForm(
+        "With a probability whenever another trigger fires",
+        _PARTS,
+        lambda v: ByChance(v["trigger"], v["probability"]),
+        {"trigger": "trigger", "probability": "number"},
     ),
 }
-
-
-_NUMBERS: Final[Mapping[str, tuple[str, ...]]] = {
-    "condition": ("low", "high", "ones", "zeros"),
-    "every": ("period_s", "first_s"),
-    "chance": ("probability",),
-}
-_OTHERS: Final[Mapping[str, tuple[str, ...]]] = {
-    "condition": ("signal",),
-    "every": (),
-    "sequence": ("triggers",),
-    "any": ("triggers",),
-    "chance": ("trigger",),
-}
-_COMPOSED: Final = tuple(_OTHERS)
-"""Values of `when` of these triggers."""
-
-
-def _composed_from_dict(content: Mapping[str, Any], where: str) -> Trigger:
-    """Build one of these triggers from TOML/JSON values; `when` is one of `_COMPOSED`.
-
-    Raises:
-        ConfigurationError: A key is unknown, missing or ill-typed.
-
-    """
-    when = content["when"]
-    numbers, others = _NUMBERS.get(when, ()), _OTHERS[when]
-    for key, value in content.items():
-        if key == "when":
-            continue
-        if key not in (*numbers, *others):
-            raise ConfigurationError(f"{where}.{key}", value, ", ".join(["when", *others, *numbers]))
-        whole = key in ("ones", "zeros")
-        if key in numbers and (
-            isinstance(value, bool) or not isinstance(value, int if whole else (int, float))
-        ):
-            raise ConfigurationError(f"{where}.{key}", value, "a whole number" if whole else "a number")
-    for key in (*others, *{"every": ("period_s",), "chance": ("probability",)}.get(when, ())):
-        if key not in content:
-            raise ConfigurationError(f"{where}.{key}", None, f"required with when = {when}")
-    if when == "condition":
-        if not isinstance(content["signal"], str):
-            raise ConfigurationError(f"{where}.signal", content["signal"], "a value of type str")
-        return InCondition(**{key: value for key, value in content.items() if key != "when"})
-    if when == "every":
-        return Every(content["period_s"], content.get("first_s"))
-    if when == "chance":
-        return ByChance(trigger_from_dict(content["trigger"], f"{where}.trigger"), content["probability"])
-    parts = content["triggers"]
-    if not isinstance(parts, Sequence) or isinstance(parts, str):
-        raise ConfigurationError(f"{where}.triggers", parts, "a list of tables")
-    made = tuple(trigger_from_dict(one, f"{where}.triggers[{number}]") for number, one in enumerate(parts))
-    return InSequence(made) if when == "sequence" else AnyOf(made)
+"""The triggers, by the value of `when` in a file."""
 
 
 def trigger_from_dict(content: Any, where: str = "trigger") -> Trigger:
@@ -561,79 +661,9 @@ def trigger_from_dict(content: Any, where: str = "trigger") -> Trigger:
 
     """
     if not isinstance(content, Mapping):
-        raise ConfigurationError(where, content, f"a table with when = {', '.join(_FORMS)}")
+        raise ConfigurationError(where, content, f"a table with when = {', '.join(TRIGGERS)}")
     when = content.get("when")
-    if isinstance(when, str) and when in _COMPOSED:
-        return _composed_from_dict(content, where)
-    form = _FORMS.get(when) if isinstance(when, str) else None
-    if form is None:
-        raise ConfigurationError(f"{where}.when", when, ", ".join([*_FORMS, *_COMPOSED]))
-    values = {key: value for key, value in content.items() if key != "when"}
-    for key, value in values.items():
-        kind = form.keys.get(key)
-        if kind is None:
-            raise ConfigurationError(f"{where}.{key}", value, ", ".join(["when", *form.keys]))
-        if not isinstance(value, kind) or isinstance(value, bool):
-            names = kind.__name__ if isinstance(kind, type) else "number"
-            raise ConfigurationError(f"{where}.{key}", value, f"a value of type {names}")
-    for key in form.required:
-        if key not in values:
-            raise ConfigurationError(f"{where}.{key}", None, f"required with when = {when}")
-    match when:
-        case "immediately":
-            return Immediately()
-        case "at" | "after":
-            return AtTime(float(values["time_s"]), relative=when == "after")
-        case "signal":
-            return SignalCrossing(values["signal"], float(values["value"]), values.get("direction", "any"))
-        case "position":
-            return position(
-                values["value"], axis=values.get("axis", ""), direction=values.get("direction", "any")
-            )
-        case "velocity":
-            return velocity(
-                values["value"], axis=values.get("axis", ""), direction=values.get("direction", "any")
-            )
-        case "state":
-            return InState(values["component"], values["state"], values.get("kind", ""))
-        case "event":
-            selector = select_event(
-                values["kind"], values.get("source"), nth=values.get("nth", 1), **values.get("data", {})
-            )
-            return OnEvent(selector.plus(float(values.get("offset_s", 0.0))))
-        case _:
-            return OnFrame(
-                values.get("can_id"),
-                values.get("number", 1),
-                values.get("message", ""),
-                values.get("drive", ""),
-                values.get("segment", ""),
-                values.get("mask", 0x1FFFFFFF),
-                values.get("data", ""),
-            )
-
-
-_CONTROLLER: Final = "live: signals of the controller, once per application cycle"
-_EVENTS: Final = "live: events of the controller; drive.*, encoder.*, emcy.raised and nmt.state are refused"
-_PARTS: Final = "live: as its parts"
-
-TRIGGERS: Final[dict[str, tuple[str, str]]] = {
-    "immediately": ("As soon as the fault is armed", "live: yes"),
-    "at": ("At a time of the bench", "live: yes"),
-    "after": ("A time after arming", "live: yes"),
-    "position": ("When the actual position of an axis passes a value", _CONTROLLER),
-    "velocity": ("When the actual velocity of an axis passes a value", _CONTROLLER),
-    "signal": ("When a recorded signal passes a value", _CONTROLLER),
-    "condition": ("When a recorded signal is within limits, or a word has bits", _CONTROLLER),
-    "state": ("When a component is in a state", _EVENTS),
-    "event": ("At the n-th event of a kind: phase of a job, alarm, begin or end of another fault", _EVENTS),
-    "frame": (
-        "At the n-th frame that fits identifier, mask and data",
-        "live: frames that a local port sends or receives, or that pass a bridge",
-    ),
-    "every": ("Again and again after arming", "live: yes"),
-    "sequence": ("When the last of several triggers fires, one after the other", _PARTS),
-    "any": ("Whenever one of several triggers fires", _PARTS),
-    "chance": ("With a probability whenever another trigger fires", _PARTS),
-}
-"""Value of `when` in a file -> what it waits for, and what it can use on a live bench."""
+    form = TRIGGERS.get(when) if isinstance(when, str) else None
+    if when is None or form is None:
+        raise ConfigurationError(f"{where}.when", when, ", ".join(TRIGGERS))
+    return form.read(when, content, where)

@@ -169,7 +169,7 @@ def test_a_fault_that_is_over_at_once_has_no_end():
         ({"kind": "drive.sto", "parameters": 3}, "fault.parameters"),
         ({"kind": "drive.sto", "trigger": {"when": "noon"}}, "fault.trigger.when.*immediately, at"),
         ({"kind": "drive.sto", "trigger": {"when": "at"}}, "time_s: None"),
-        ({"kind": "drive.sto", "trigger": {"when": "at", "time_s": "1"}}, "type number"),
+        ({"kind": "drive.sto", "trigger": {"when": "at", "time_s": "1"}}, "a number"),
         (
             {"kind": "drive.sto", "trigger": {"when": "at", "time_s": 1, "axis": "x"}},
             "trigger.axis.*when, time_s",

@@ -243,8 +243,8 @@ def test_the_nth_frame_that_fits_a_filter_fires():
         assert never.applied_ns is None
 
 
-def test_every_trigger_is_listed_with_what_it_hears_live(capsys):
-    """`hil faults` tells of each value of `when` what it hears on a live bench, and of no other."""
+def test_every_trigger_is_listed_with_what_it_can_use_live(capsys):
+    """`hil faults` says of each value of `when` what it can use on a live bench, and of no other."""
     with pytest.raises(ConfigurationError) as refused:
         trigger_from_dict({"when": "never"})
     allowed = str(refused.value).partition("allowed: ")[2].split(", ")
