@@ -15,7 +15,7 @@ from emulators.canopen_node import CanopenNode
 from emulators.drive.emulated_drive import EmulatedDrive
 from emulators.drive.machine import LinearAxisConfig
 from emulators.drive.profidrive.canopen import objects
-from emulators.drive.profidrive.canopen.eds import profidrive_dictionary
+from emulators.drive.profidrive.canopen.eds import EDS
 from emulators.drive.profidrive.canopen.process_words import ProcessWords
 from emulators.drive.stepper import COLUMNS, StepperDrive, StepperDriveConfig
 from emulators.trace import NMT_STATE, names_and_units, value_texts
@@ -114,7 +114,7 @@ class StepperCanDrive(EmulatedDrive):
         self.node = CanopenNode(
             scheduler,
             segment,
-            profidrive_dictionary(),
+            EDS.dictionary(),
             config.node_id,
             name=name,
             history=history,

@@ -1182,9 +1182,9 @@ def servo_eds() -> str:
 
 
 def _profidrive_dictionary() -> canopen.ObjectDictionary:
-    from emulators.drive.profidrive import profidrive_dictionary
+    from emulators.drive.profidrive import EDS
 
-    return profidrive_dictionary()
+    return EDS.dictionary()
 
 
 def _own_clock(site: DeviceSite) -> NodeClock:

@@ -584,9 +584,9 @@ class _ProfidriveEncoderTable(_EncoderTable):
 
     def dictionary(self) -> canopen.ObjectDictionary:
         """Return the object dictionary, shared and read-only."""
-        from emulators.encoder.profidrive._eds import profidrive_encoder_dictionary
+        from emulators.encoder.profidrive.eds import EDS
 
-        return profidrive_encoder_dictionary()
+        return EDS.dictionary()
 
     @property
     def reference_speed(self) -> float:
@@ -687,9 +687,9 @@ class ProfidriveLinearTable(_ProfidriveEncoderTable, _LinearTable):
 
 
 def _cia406_dictionary(kind: str) -> canopen.ObjectDictionary:
-    from emulators.encoder.cia406 import EncoderType, encoder_dictionary, family_of
+    from emulators.encoder.cia406 import EDS, EncoderType, family_of
 
-    return encoder_dictionary(family_of(EncoderType[kind.upper()]))
+    return EDS[family_of(EncoderType[kind.upper()])].dictionary()
 
 
 def _choice(table: Any) -> Any:

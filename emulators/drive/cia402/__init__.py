@@ -18,11 +18,11 @@ Delays, all in terms of the frame end of a SYNC (default servo period 0.25 ms, S
 
 from __future__ import annotations
 
-from emulators.drive.cia402._eds import EDS_PATH, drive_dictionary, eds_text
 from emulators.drive.cia402.config import (
     DriveConfig,
 )
 from emulators.drive.cia402.drive import CiA402Drive
+from emulators.drive.cia402.eds import EDS, EDS_PATH
 from emulators.drive.cia402.faults.rules import COASTING_FAULTS, RULES, FaultRule, fault_rule
 from emulators.drive.cia402.personality import Personality, load_personality, personality_names
 from emulators.drive.cia402.quirks import EmcyCode, Quirks
@@ -39,6 +39,7 @@ from emulators.drive.machine import (
 
 __all__ = [
     "COASTING_FAULTS",
+    "EDS",
     "EDS_PATH",
     "RULES",
     "Action",
@@ -58,8 +59,6 @@ __all__ = [
     "SafetyConfig",
     "StopOption",
     "SwitchConfig",
-    "drive_dictionary",
-    "eds_text",
     "fault_rule",
     "load_personality",
     "personality_names",

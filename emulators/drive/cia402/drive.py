@@ -7,9 +7,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from emulators.canopen_node import CanopenNode
-from emulators.drive.cia402._eds import drive_dictionary
 from emulators.drive.cia402.axis import ProfileAxis
 from emulators.drive.cia402.config import DriveConfig
+from emulators.drive.cia402.eds import EDS
 from emulators.drive.cia402.faults import codes as faults
 from emulators.drive.cia402.faults.codes import FaultMemory
 from emulators.drive.cia402.faults.log import FaultLog
@@ -162,7 +162,7 @@ class CiA402Drive(MainsDrive):
         self.node = CanopenNode(
             scheduler,
             segment,
-            drive_dictionary(config.eds),
+            EDS.dictionary(config.eds),
             config.node_id,
             name=name,
             history=history,

@@ -1,10 +1,19 @@
-"""Command that writes the EDS of the emulated drive: `python -m emulators.drive.cia402.eds [--check]`."""
+"""EDS of the emulated CiA 402 drive."""
 
 from __future__ import annotations
 
-import sys
+from pathlib import Path
+from typing import Final
 
-from emulators.drive.cia402._eds import main
+from emulators.drive.cia402.objects.table import all_objects
+from fieldbus.canopen import DeviceEds
 
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+EDS: Final = DeviceEds(
+    path=Path(__file__).with_name("servo.eds"),
+    objects=all_objects,
+    product_name="Emulated servo drive CiA 402",
+    product_code=0x402,
+    description="Emulated servo drive, CiA 402",
+)
+EDS_PATH: Final = EDS.path
+"""The file that ships with the product."""

@@ -5,7 +5,7 @@ telegrams.
 from __future__ import annotations
 
 from emulators.drive.profidrive.canopen.drive import ProfidriveCanDrive, ProfidriveNodeConfig
-from emulators.drive.profidrive.canopen.eds import EDS_PATH, eds_text, profidrive_dictionary
+from emulators.drive.profidrive.canopen.eds import EDS, EDS_PATH
 from emulators.drive.profidrive.canopen.sdo_parameters import ParameterWindow
 from emulators.drive.profidrive.config import AXIS_TELEGRAMS, DriveSettings, ProfidriveConfig
 from emulators.drive.profidrive.drive import ProfidriveDrive
@@ -23,6 +23,7 @@ from emulators.drive.profidrive.statemachine import Action, AxisState, GeneralSt
 __all__ = [
     "AXIS_TELEGRAMS",
     "CATALOGUE",
+    "EDS",
     "EDS_PATH",
     "Action",
     "AxisState",
@@ -48,7 +49,5 @@ __all__ = [
     "ProfidriveDrive",
     "ProfidriveNodeConfig",
     "WriteRule",
-    "eds_text",
     "load_definitions",
-    "profidrive_dictionary",
 ]

@@ -4,20 +4,18 @@ own.
 
 from __future__ import annotations
 
-from emulators.encoder.cia406._eds import eds_path, eds_text, encoder_dictionary
 from emulators.encoder.cia406._objects import FAMILIES, Family, family_of
 from emulators.encoder.cia406.config import EncoderDeviceConfig
+from emulators.encoder.cia406.eds import EDS
 from emulators.encoder.cia406.encoder import CiA406Encoder
 from fieldbus.cia406 import EncoderType
 
 __all__ = [
+    "EDS",
     "FAMILIES",
     "CiA406Encoder",
     "EncoderDeviceConfig",
     "EncoderType",
     "Family",
-    "eds_path",
-    "eds_text",
-    "encoder_dictionary",
     "family_of",
 ]

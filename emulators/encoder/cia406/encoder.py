@@ -10,10 +10,10 @@ from emulators.encoder._mounting import Mounting
 from emulators.encoder._own_shaft import OwnShaft
 from emulators.encoder.cia406 import _object_rules as rules
 from emulators.encoder.cia406._channel import Channel, Scaling
-from emulators.encoder.cia406._eds import encoder_dictionary
 from emulators.encoder.cia406._measurement import Measurement
 from emulators.encoder.cia406._objects import SUPPORTED_ALARMS, SUPPORTED_WARNINGS, all_objects, family_of
 from emulators.encoder.cia406.config import EncoderDeviceConfig
+from emulators.encoder.cia406.eds import EDS
 from emulators.mechanics import DrivenShaft
 from emulators.trace import LOAD, NMT_STATE, Column, names_and_units, value_texts
 from fieldbus.can.frame import CanSegment
@@ -122,7 +122,7 @@ class CiA406Encoder:
         self.node = CanopenNode(
             scheduler,
             segment,
-            encoder_dictionary(self.family if config.eds is None else config.eds),
+            EDS[self.family].dictionary(config.eds),
             config.node_id,
             name=name,
             history=history,

@@ -16,8 +16,8 @@ from emulators.encoder._mounting import Mounting
 from emulators.encoder._own_shaft import OwnShaft
 from emulators.encoder.profidrive import _objects as objects
 from emulators.encoder.profidrive._abilities import EncoderState
-from emulators.encoder.profidrive._eds import profidrive_encoder_dictionary
 from emulators.encoder.profidrive.device import ProfidriveEncoder, ProfidriveEncoderConfig
+from emulators.encoder.profidrive.eds import EDS
 from emulators.encoder.profidrive.sensor import ProfidriveSensor
 from emulators.trace import LOAD, NMT_STATE, Column, names_and_units, value_texts
 from fieldbus.can.frame import CanSegment
@@ -151,7 +151,7 @@ class ProfidriveCanEncoder(ProfidriveSensor):
         self.node = CanopenNode(
             scheduler,
             segment,
-            profidrive_encoder_dictionary(),
+            EDS.dictionary(),
             config.node_id,
             name=name,
             history=history,

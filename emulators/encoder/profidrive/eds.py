@@ -1,12 +1,17 @@
-"""Command that writes the EDS of the PROFIdrive encoder: `python -m emulators.encoder.profidrive.eds
-[--check]`.
-"""
+"""EDS of the PROFIdrive encoder on CANopen."""
 
 from __future__ import annotations
 
-import sys
+from pathlib import Path
+from typing import Final
 
-from emulators.encoder.profidrive._eds import main
+from emulators.encoder.profidrive._objects import DEVICE_NAME, PRODUCT_CODE, all_objects
+from fieldbus.canopen import DeviceEds
 
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+EDS: Final = DeviceEds(
+    path=Path(__file__).with_name("encoder.eds"),
+    objects=all_objects,
+    product_name=DEVICE_NAME,
+    product_code=PRODUCT_CODE,
+    description="Emulated encoder, PROFIdrive",
+)

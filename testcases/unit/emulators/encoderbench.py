@@ -9,7 +9,7 @@ import canopen
 import numpy as np
 
 from emulators.encoder import Mounting
-from emulators.encoder.cia406 import CiA406Encoder, EncoderDeviceConfig, eds_path, family_of
+from emulators.encoder.cia406 import EDS, CiA406Encoder, EncoderDeviceConfig, family_of
 from emulators.mechanics import DrivenShaft
 from fieldbus.can import CanMedium
 from fieldbus.canopen import CanopenMaster, NmtCommand, PumpedNetwork
@@ -54,7 +54,7 @@ class EncoderBench:
         self.master.on_emcy(NODE, lambda code, register, _data: self.emcys.append((code, register)))
         self.network = PumpedNetwork(self.medium)
         self.node: canopen.RemoteNode = self.network.add_node(
-            NODE, library_dictionary(str(eds_path(family_of(self.config.kind))))
+            NODE, library_dictionary(str(EDS[family_of(self.config.kind)].path))
         )
         self.encoder.power_on()
         self.run(0.002)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import canopen
 import pytest
 
-from emulators.drive.cia402 import EDS_PATH, drive_dictionary, eds_text
+from emulators.drive.cia402 import EDS, EDS_PATH
 from emulators.drive.cia402.objects.table import all_objects
+from fieldbus.canopen import write_eds_files
 from fieldbus.canopen.dictionary import entries_of
 from fieldbus.canopen.object_table import STRING, TYPE_NAMES
 
@@ -155,15 +157,15 @@ def profile_rows() -> list[tuple[int, int, str, str, str]]:
 
 @pytest.fixture(scope="module")
 def entries():
-    return entries_of(drive_dictionary(), 5)
+    return entries_of(EDS.dictionary(), 5)
 
 
 @pytest.mark.requirement("C402-309")
 def test_file_and_table_agree():
     """The EDS that ships is exactly what the object table generates."""
-    assert EDS_PATH.read_text(encoding="ascii") == eds_text()
+    assert EDS_PATH.read_text(encoding="ascii") == EDS.text()
     check = subprocess.run(
-        [sys.executable, "-m", "emulators.drive.cia402.eds", "--check"],
+        [sys.executable, "-m", "emulators.eds", "--check"],
         check=False,
         cwd=Path(__file__).parents[3],
     )
@@ -245,14 +247,11 @@ def test_commands_are_not_stored(entries):
         assert entries[index << 8].storable
 
 
-def test_check_reports_a_stale_file(tmp_path, monkeypatch, capsys):
+def test_check_reports_a_stale_file(tmp_path, capsys):
     """`--check` fails when the file differs from the table, and writing repairs it."""
-    from emulators.drive.cia402 import _eds as eds
-
-    stale = tmp_path / "servo.eds"
-    stale.write_text("old", encoding="ascii")
-    monkeypatch.setattr(eds, "EDS_PATH", stale)
-    assert eds.main(["--check"]) == 1
+    stale = replace(EDS, path=tmp_path / "servo.eds")
+    stale.path.write_text("old", encoding="ascii")
+    assert write_eds_files([stale], ["--check"]) == 1
     assert "does not agree" in capsys.readouterr().err
-    assert eds.main([]) == 0
-    assert eds.main(["--check"]) == 0
+    assert write_eds_files([stale], []) == 0
+    assert write_eds_files([stale], ["--check"]) == 0

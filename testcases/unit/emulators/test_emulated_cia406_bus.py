@@ -338,9 +338,9 @@ def test_no_frames_bring_the_encoder_down(kind):
 
 def test_foreign_eds(tmp_path):
     """An EDS with fewer objects will do; one without 6004h is refused with what is missing."""
-    from emulators.encoder.cia406 import eds_text
+    from emulators.encoder.cia406 import EDS
 
-    sections = eds_text("rotary").split("\n\n")
+    sections = EDS["rotary"].text().split("\n\n")
     lean = [part for part in sections if not part.startswith(("[6031", "[6200", "[6400", "[6008"))]
     path = tmp_path / "lean.eds"
     path.write_text("\n\n".join(lean), encoding="ascii")

@@ -9,7 +9,7 @@ from pathlib import Path
 import canopen
 import pytest
 
-from emulators.encoder.cia406 import FAMILIES, eds_path, eds_text, encoder_dictionary
+from emulators.encoder.cia406 import EDS, FAMILIES
 from emulators.encoder.cia406._objects import all_objects
 from fieldbus.canopen.dictionary import entries_of
 from fieldbus.canopen.object_table import STRING, TYPE_NAMES
@@ -62,14 +62,14 @@ def table(text: str) -> list[tuple[int, int, str, str, str, int | None]]:
 @pytest.mark.parametrize("family", FAMILIES)
 def test_file_and_table_agree(family):
     """The EDS that ships is exactly what the object table generates."""
-    assert eds_path(family).read_text(encoding="ascii") == eds_text(family)
+    assert EDS[family].path.read_text(encoding="ascii") == EDS[family].text()
 
 
 @pytest.mark.requirement("C402-309")
 def test_the_command_checks_the_files():
     """`--check` says that the files are up to date."""
     check = subprocess.run(
-        [sys.executable, "-m", "emulators.encoder.cia406.eds", "--check"],
+        [sys.executable, "-m", "emulators.eds", "--check"],
         check=False,
         cwd=Path(__file__).parents[3],
     )
@@ -82,7 +82,7 @@ def test_the_library_reads_what_the_table_says(family):
     """Every entry of the table is in the imported dictionary with its type, access and mapping flag, and none
     besides.
     """
-    dictionary = canopen.import_od(str(eds_path(family)), 5)
+    dictionary = canopen.import_od(str(EDS[family].path), 5)
     found = set()
     for row in all_objects(family):
         for sub, item in row.items.items():
@@ -111,7 +111,7 @@ def test_the_library_reads_what_the_table_says(family):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_object_of_the_profile_is_there(family):
     """Type, access right, PDO direction and default of each object are those of the profile's table."""
-    entries = entries_of(encoder_dictionary(family), 5)
+    entries = entries_of(EDS[family].dictionary(), 5)
     for index, sub, kind, access, pdo, default in table(COMMON + CAMS + OWN[family]):
         entry = entries.get(index << 8 | sub)
         where = f"{index:04X}h:{sub}"
@@ -131,7 +131,7 @@ def test_default_pdos(family):
     """Identifier, validity, transmission type and mapping of the TPDOs; a multi-sensor device sends
     6020h:1.
     """
-    entries = entries_of(encoder_dictionary(family), 5)
+    entries = entries_of(EDS[family].dictionary(), 5)
     position = 0x60200120 if family == "multi_sensor" else 0x60040020
     for record, cob_id, kind, mapping in (
         (0x1800, 0x40000185, 254, [position]),
@@ -148,7 +148,7 @@ def test_default_pdos(family):
 def test_names_of_the_profile_are_those_of_the_file():
     """The names that a decoder shows are those of the EDS, for every object of the profile that there is."""
     for family in FAMILIES:
-        dictionary = encoder_dictionary(family)
+        dictionary = EDS[family].dictionary()
         for index in dictionary.indices:
             if index >= 0x6000:
                 assert dictionary[index].name == OBJECT_NAMES[index]

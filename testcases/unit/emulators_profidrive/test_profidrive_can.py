@@ -7,11 +7,11 @@ from struct import pack, unpack
 import pytest
 
 from emulators.drive.profidrive import (
+    EDS,
     EDS_PATH,
     ProfidriveCanDrive,
     ProfidriveConfig,
     ProfidriveNodeConfig,
-    eds_text,
 )
 from emulators.drive.profidrive.faults import catalogue as numbers
 from fieldbus.can import CanFrame, CanMedium
@@ -178,7 +178,7 @@ def test_hostile_frames_are_survived(station):
 
 def test_the_eds_agrees_with_the_object_table():
     """The file that ships is that of the table."""
-    assert EDS_PATH.read_text(encoding="ascii") == eds_text()
+    assert EDS_PATH.read_text(encoding="ascii") == EDS.text()
 
 
 def test_a_telegram_that_is_too_long_for_the_objects_is_refused():

@@ -163,10 +163,10 @@ def test_encoder_is_started_again_after_a_loss_of_supply(bench):
 
 def test_encoder_and_commissioning_tools(bench):
     """The canopen library configures an encoder on the running bench by its EDS."""
-    from emulators.encoder.cia406 import eds_path
+    from emulators.encoder.cia406 import EDS
 
     with PumpedNetwork(bench.segment(), name="tool") as network:
-        sdo = network.add_node(22, canopen.import_od(str(eds_path("linear")), 22)).sdo
+        sdo = network.add_node(22, canopen.import_od(str(EDS["linear"].path), 22)).sdo
         sdo[0x6003].raw = 5000
         assert sdo[0x6004].raw == 5000
         assert sdo[0x1000].raw == 0x00080196

@@ -343,11 +343,11 @@ def test_doors_of_an_encoder_of_its_own():
 @pytest.mark.requirement("PD-188", "PD-192", "PD-193", "PD-343")
 def test_its_parameters_over_sdo():
     """23D3h is r0979, 239Ah the telegram, 23C5h profile 3 version 4.1; a library reads them with the EDS."""
-    from emulators.encoder.profidrive._eds import EDS_PATH, eds_text
+    from emulators.encoder.profidrive.eds import EDS
 
-    assert EDS_PATH.read_text(encoding="ascii") == eds_text()
+    assert EDS.path.read_text(encoding="ascii") == EDS.text()
     with build() as bench, PumpedNetwork(bench.segment(), name="tool") as network:
-        sdo = network.add_node(21, canopen.import_od(str(EDS_PATH), 21)).sdo
+        sdo = network.add_node(21, canopen.import_od(str(EDS.path), 21)).sdo
         assert [sdo[0x23D3][at].raw for at in range(1, 7)] == [0x5112, 0xC000_0003, 20_000, 11, 9, 1]
         assert sdo[0x239A].raw == 81
         assert sdo[0x23C5].raw == 0x0329

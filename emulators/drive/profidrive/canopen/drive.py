@@ -16,7 +16,7 @@ from emulators.canopen_node import CanopenNode
 from emulators.drive.profidrive.bus_drive import DriveOnBus
 from emulators.drive.profidrive.canopen import objects
 from emulators.drive.profidrive.canopen.cia402_objects import Cia402Objects
-from emulators.drive.profidrive.canopen.eds import profidrive_dictionary
+from emulators.drive.profidrive.canopen.eds import EDS
 from emulators.drive.profidrive.canopen.process_words import ProcessWords
 from emulators.drive.profidrive.canopen.sdo_parameters import ParameterObjects
 from emulators.drive.profidrive.config import ProfidriveConfig
@@ -116,7 +116,7 @@ class ProfidriveCanDrive(DriveOnBus):
         self.node = CanopenNode(
             scheduler,
             segment,
-            profidrive_dictionary(),
+            EDS.dictionary(),
             config.node_id,
             name=name,
             history=history,
