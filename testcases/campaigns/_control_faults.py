@@ -27,7 +27,7 @@ from testcases.campaigns._loop import (
     travel,
 )
 from testcases.campaigns._profiles import profile_of
-from testcases.campaigns.support import axis_name, drive_name
+from testcases.campaigns.support import axis_name, drive_name, drive_setting
 
 CASES: Final = Campaign("control", tags=("control",), bench="reference")
 
@@ -198,7 +198,7 @@ def safety(ctx: CaseContext, function: str, where: str) -> None:
         return
     ctx.expect(alarm(550, reaction=5, since=applied, within_s=0.05, axis=axis).covers("CTL-098"))
     moving = times[abs(velocity) > 0.002]
-    ramp = 200.0 / 500.0 * float(ctx.bench.config.drive[drive].off3_ramp_s)
+    ramp = 200.0 / 500.0 * float(drive_setting(ctx, "off3_ramp_s"))
     ctx.measure(
         "time of the ramp",
         float(moving[-1]) - applied,
@@ -249,7 +249,7 @@ def torque_limit(ctx: CaseContext, mode: str) -> None:
     ctx.run_for(0.3)
     _, torque = Run(ctx, since).drive("torque")
     reference = float(ctx.axis.var("Actor.DriveParameter.ReferenceTorque"))
-    limit = 0.3 / reference * float(ctx.bench.config.drive[drive_name(ctx)].rated_torque_nm)
+    limit = 0.3 / reference * float(drive_setting(ctx, "rated_torque_nm"))
     ctx.measure(
         "greatest torque",
         float(abs(torque).max()),

@@ -16,6 +16,7 @@ from testcases.campaigns._reactions import cycles
 from testcases.campaigns.drive_faults import TRIPS
 from testcases.campaigns.support import (
     drive_name,
+    drive_setting,
     following_error_s,
     grace_s,
     permitted_error_mm,
@@ -67,7 +68,7 @@ def _soon(number: float, more_s: float = 0.0) -> Seconds:
 
 
 def _consumer(ctx: CaseContext) -> float:
-    return float(ctx.bench.config.drive[drive_name(ctx)].consumer_heartbeat_ms) * 1e-3
+    return float(drive_setting(ctx, "consumer_heartbeat_ms")) * 1e-3
 
 
 def _for(seconds: float) -> Seconds:
@@ -84,7 +85,7 @@ def _node(ctx: CaseContext) -> dict[str, Any]:
 
 def _nmt(command: str) -> Callable[[CaseContext], dict[str, Any]]:
     def options(ctx: CaseContext) -> dict[str, Any]:
-        node = ctx.bench.config.drive[drive_name(ctx)].node_id
+        node = drive_setting(ctx, "node_id")
         return {"can_id": 0, "data": f"{command}{node:02X}", "count": 1}
 
     return options

@@ -16,6 +16,7 @@ from testcases.campaigns.support import (
     axis_name,
     bring_into,
     drive_name,
+    drive_setting,
     enable,
     grace_s,
     settle_s,
@@ -75,7 +76,7 @@ def setpoints_lost(ctx: CaseContext, phase: str) -> None:
     axis, drive = axis_name(ctx), drive_name(ctx)
     enable(ctx)
     bring_into(ctx, phase)
-    missing_s = ctx.bench.config.drive[drive].missing_setpoints * ctx.bench.cycle_ns * 1e-9
+    missing_s = drive_setting(ctx, "missing_setpoints") * ctx.bench.cycle_ns * 1e-9
     ctx.inject("frame.drop", "can0", message="rpdo1", duration_s=missing_s + 1.2)
     ctx.run_for(missing_s + 2.2 + settle_s(ctx))
     ended = ctx.now_s
@@ -185,7 +186,7 @@ def heartbeat_lost(ctx: CaseContext, phase: str) -> None:
     enable(ctx)
     ctx.run_for(0.3)
     bring_into(ctx, phase)
-    consumer = ctx.bench.config.drive[drive_name(ctx)].consumer_heartbeat_ms * 1e-3
+    consumer = drive_setting(ctx, "consumer_heartbeat_ms") * 1e-3
     ctx.inject("drive.heartbeat_loss", drive_name(ctx), duration_s=consumer + 0.6)
     ctx.run_for(consumer + 1.6 + settle_s(ctx))
     ended = ctx.now_s
@@ -208,11 +209,11 @@ def heartbeat_lost(ctx: CaseContext, phase: str) -> None:
 )
 def controller_heartbeat_lost(ctx: CaseContext, phase: str) -> None:
     """The drive misses the controller's heartbeat: it stops by its option code and says so (EMCY 8130h)."""
-    axis, drive = axis_name(ctx), drive_name(ctx)
+    axis = axis_name(ctx)
     enable(ctx)
     ctx.run_for(0.3)
     bring_into(ctx, phase)
-    consumer = ctx.bench.config.drive[drive].consumer_heartbeat_ms * 1e-3
+    consumer = drive_setting(ctx, "consumer_heartbeat_ms") * 1e-3
     ctx.inject("frame.drop", "can0", message="controller_heartbeat", duration_s=consumer + 0.5)
     ctx.run_for(consumer + 1.5 + settle_s(ctx))
     ended = ctx.now_s
@@ -241,7 +242,7 @@ def foreign_nmt(ctx: CaseContext, command: str, phase: str) -> None:
     axis, drive = axis_name(ctx), drive_name(ctx)
     enable(ctx)
     bring_into(ctx, phase)
-    node = ctx.bench.config.drive[drive].node_id
+    node = drive_setting(ctx, "node_id")
     ctx.inject("frame.inject", "can0", can_id=0, data=f"{command}{node:02X}", count=1)
     ctx.run_for(1.5 + settle_s(ctx))
     ended = ctx.now_s

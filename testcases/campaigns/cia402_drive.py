@@ -12,7 +12,7 @@ from hil.campaign import Campaign, CaseContext
 from hil.expect import alarm, always, happens, never_happens, no_alarm
 from hil.record import event
 from testcases.campaigns._reactions import cycles, recovers
-from testcases.campaigns.support import axis_name, bring_into, drive_name, enable, settle_s
+from testcases.campaigns.support import axis_name, bring_into, drive_name, drive_setting, enable, settle_s
 
 CAMPAIGN: Final = Campaign("cia402 drive", tags=("drive", "cia402"), bench="reference")
 
@@ -86,7 +86,7 @@ def setpoints_missing(ctx: CaseContext, number: int) -> None:
     drive = drive_name(ctx)
     enable(ctx)
     bring_into(ctx, "constant")
-    tolerated = int(ctx.bench.config.drive[drive].missing_setpoints)
+    tolerated = int(drive_setting(ctx, "missing_setpoints"))
     ctx.inject("frame.drop", "can0", message="rpdo1", count=number)
     ctx.run_for(1.5 + settle_s(ctx))
     lost = event("drive.connection_lost", drive)
@@ -110,7 +110,7 @@ def nmt_of_others(ctx: CaseContext, command: str) -> None:
     """A node obeys NMT commands to itself and to all, not those to another node."""
     enable(ctx)
     bring_into(ctx, "constant")
-    other = int(ctx.bench.config.drive[drive_name(ctx)].node_id) + 1
+    other = int(drive_setting(ctx, "node_id")) + 1
     ctx.inject("frame.inject", "can0", can_id=0, data=f"{command}{other:02X}", count=1)
     ctx.run_for(0.5)
     ctx.expect(

@@ -60,6 +60,20 @@ def grace_s(ctx: CaseContext) -> float:
     return float((bench.bench.grace_cycles + 2) * ctx.bench.cycle_ns * 1e-9 + bench.tolerance.time_s)
 
 
+def drive_setting(ctx: CaseContext, name: str) -> Any:
+    """Return a setting of the drive of the axis, from its table of the bench file.
+
+    Raises:
+        BlockedError: A drive of this profile and bus has no such setting.
+
+    """
+    drive = drive_name(ctx)
+    section = ctx.bench.config.drive[drive]
+    if not hasattr(section, name):
+        raise BlockedError(f"the case needs {name} of {drive}, and its profile {section.profile} has none")
+    return getattr(section, name)
+
+
 def permitted_error_mm(ctx: CaseContext) -> float:
     """Return the following error that the axis permits at 300 mm/s, mm."""
     read = ctx.axis.variables.read
