@@ -218,16 +218,6 @@ class StepperCanDrive(EmulatedDrive):
         self.drive.module.short_circuit(channel, present)
         self._show_inputs()
 
-    def restore_outputs(self) -> None:
-        """Remove all short circuits."""
-        for channel in range(len(self.drive.module.channels)):
-            self.short_outputs(False, channel)
-
-    def clear_encoder_error(self) -> None:
-        """End the causes of all errors of the encoder feedback."""
-        for code in ENCODER_ERRORS:
-            self.drive.channel.interface.clear_error(code)
-
     def disconnect_load_supply(self, missing: bool) -> None:
         """Take the load supply of the outputs away, or give it back (PTO-209)."""
         self.drive.module.supply(not missing)

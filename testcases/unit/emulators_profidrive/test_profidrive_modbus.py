@@ -339,7 +339,7 @@ def test_errors_of_the_parameter_channel_on_demand(rig):
 
 
 @pytest.mark.requirement("PD-321", "PD-295")
-def test_faults_and_doors_are_those_of_every_transport(rig):
+def test_fault_methods_are_those_of_every_transport(rig):
     """A fault shows in 40110 bit 3 and 40400, goes with an acknowledgement, and lies of the status word reach
     the client.
     """

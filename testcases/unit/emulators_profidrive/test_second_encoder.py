@@ -193,7 +193,7 @@ def test_a_broken_wire_is_a_warning():
     assert not rig.drive.faults.warnings
 
 
-def test_doors_for_faults():
+def test_fault_methods():
     """Freeze, jump, reverse, lost steps and a missing mark hit the second encoder alone."""
     rig = build(form=WHEEL, mounting="motor")
     rig.turn(300.0)

@@ -75,10 +75,11 @@ def test_the_page_of_the_handbook_is_current():
     assert handbook.page(handbook.head_of(PAGE)) == PAGE
 
 
-@every_kind
-def test_handbook_and_catalogue_show_the_same_example(entry):
+def test_handbook_and_catalogue_show_the_same_example(subtests):
     """The handbook has the example that `hil faults` prints."""
-    assert documented(entry) == Fault.from_dict(entry.example)
+    for entry in CATALOGUE:
+        with subtests.test(entry.name):
+            assert documented(entry) == Fault.from_dict(entry.example)
 
 
 # -- parameters
@@ -90,11 +91,6 @@ TYPES = {
     "bool": (1, "true", None),
     "text": (1, None, b"x"),
 }
-PARAMETERS = [
-    pytest.param(entry, parameter, id=f"{entry.name}-{parameter.name}")
-    for entry in CATALOGUE
-    for parameter in entry.parameters
-]
 
 
 def wrong_values(parameter):
@@ -108,14 +104,19 @@ def wrong_values(parameter):
     return [*values, "no such choice"] if parameter.choices else values
 
 
-@pytest.mark.parametrize(("entry", "parameter"), PARAMETERS)
-def test_a_parameter_takes_what_is_allowed_and_nothing_else(entry, parameter):
+def test_a_parameter_takes_what_is_allowed_and_nothing_else(subtests):
     """Ends of the range are taken; other types, no numbers and what lies outside are refused with place,
     value and what is allowed.
     """
-    assert parameter.type not in ("float", "int") or (
-        parameter.minimum is not None and parameter.maximum is not None
-    )
+    for entry in CATALOGUE:
+        for parameter in entry.parameters:
+            with subtests.test(f"{entry.name}.{parameter.name}"):
+                takes_what_is_allowed(entry, parameter)
+
+
+def takes_what_is_allowed(entry, parameter):
+    bounded = parameter.type in ("float", "int")
+    assert not bounded or (parameter.minimum is not None and parameter.maximum is not None)
     others = {
         key: value for key, value in entry.example.get("parameters", {}).items() if key != parameter.name
     }
@@ -125,22 +126,17 @@ def test_a_parameter_takes_what_is_allowed_and_nothing_else(entry, parameter):
         message = str(caught.value)
         assert f"{entry.name}.parameters.{parameter.name}: " in message
         assert parameter.allowed in message
-    for value in [
-        *parameter.choices,
-        *((parameter.minimum, parameter.maximum) if parameter.type in ("float", "int") else ()),
-    ]:
+    for value in [*parameter.choices, *((parameter.minimum, parameter.maximum) if bounded else ())]:
         parameter.check(entry.name, value)
 
 
-@every_kind
-def test_an_unknown_parameter_is_refused(entry):
+def test_an_unknown_parameter_is_refused(subtests):
     """The message names kind and name, and what there is."""
-    allowed = ", ".join(parameter.name for parameter in entry.parameters) or "no parameters"
-    with pytest.raises(
-        ConfigurationError,
-        match=re.escape(f"{entry.name}.parameters: 'colour' is not allowed; allowed: {allowed}"),
-    ):
-        Fault(entry.name, parameters={**entry.example.get("parameters", {}), "colour": 1})
+    for entry in CATALOGUE:
+        allowed = ", ".join(parameter.name for parameter in entry.parameters) or "no parameters"
+        message = f"{entry.name}.parameters: 'colour' is not allowed; allowed: {allowed}"
+        with subtests.test(entry.name), pytest.raises(ConfigurationError, match=re.escape(message)):
+            Fault(entry.name, parameters={**entry.example.get("parameters", {}), "colour": 1})
 
 
 # -- targets
@@ -175,18 +171,19 @@ def stages():
         one.close()
 
 
-@every_kind
 @pytest.mark.parametrize("wrong", ["nobody", "other"])
-def test_a_target_that_is_none_is_refused(stages, entry, wrong):
+def test_a_target_that_is_none_is_refused(stages, subtests, wrong):
     """A part that there is not, or one of another kind: the message says which there are, and nothing is
     armed.
     """
-    stage = stages(situation_of(entry).bench)
-    target = "nobody" if wrong == "nobody" else OTHERS[entry.target]
-    with pytest.raises((ConfigurationError, UnsupportedFaultError)) as caught:
-        stage.faults.arm(Fault.from_dict({**entry.example, "target": target}))
-    assert target in str(caught.value)
-    assert stage.faults.armed == []
+    for entry in CATALOGUE:
+        with subtests.test(entry.name):
+            stage = stages(situation_of(entry).bench)
+            target = "nobody" if wrong == "nobody" else OTHERS[entry.target]
+            with pytest.raises((ConfigurationError, UnsupportedFaultError)) as caught:
+                stage.faults.arm(Fault.from_dict({**entry.example, "target": target}))
+            assert target in str(caught.value)
+            assert stage.faults.armed == []
 
 
 # -- benches

@@ -308,7 +308,7 @@ def test_every_error_can_be_injected(code):
         assert [event.data["code"] for event in bench.trace().select(kind="encoder.error")] == [code, 0]
 
 
-def test_doors_of_an_encoder_of_its_own():
+def test_fault_methods_of_an_encoder_of_its_own():
     """Freeze, jump, sign of life, supply: the controller sees what the encoder does."""
     with build() as bench:
         port = bench.encoder_port("wheel")
