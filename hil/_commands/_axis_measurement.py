@@ -108,7 +108,7 @@ class RunningAxes:
         """Let `cycles` application cycles pass; positionings that have ended begin again in the other
         direction.
         """
-        cycle = self.runtime.cycle
+        cycle = self.runtime.task.cycle
         if not self._moves:
             for _ in range(cycles):
                 cycle()

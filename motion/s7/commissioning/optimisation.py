@@ -374,12 +374,12 @@ class Optimisation:
         rows: list[tuple[float, float, float]] = []
         limited: list[float] = []
         way = copysign(1.0, distance)
-        target = axis.motion.total.s + distance
+        target = axis.servo.total.s + distance
         broken = False
 
         def sample() -> None:
             nonlocal broken
-            rows.append((self._runtime.scheduler.now * 1e-9, axis.motion.total.s, axis.feedback.position))
+            rows.append((self._runtime.scheduler.now * 1e-9, axis.servo.total.s, axis.feedback.position))
             if not broken and (rows[-1][2] - target) * way > _RUNAWAY * abs(distance) + self._step.tolerance:
                 broken = True
                 self._calm_down()
@@ -390,7 +390,7 @@ class Optimisation:
         try:
             job = panel.move_relative(distance)
             ended = self._wait(lambda: job.Done or job.Error or job.CommandAborted, self._longest())
-            self._rest(max(_AFTERWARDS, _PATIENCE / axis.controller.gain))
+            self._rest(max(_AFTERWARDS, _PATIENCE / axis.servo.controller.gain))
         finally:
             self._runtime.after_cycle.remove(sample)
         if not ended or not job.Done or axis.state is not AxisState.STANDSTILL:

@@ -13,9 +13,12 @@ from motion.s7.controller.levels import ExecutionLevels
 from motion.s7.controller.states import OperatingState
 
 if TYPE_CHECKING:
+    from fieldbus.history import History
+    from motion.kernel.task import Task
+    from motion.s7.axis import ExternalEncoder, TechnologyAxis
     from motion.s7.axis.technology_object import TechnologyObject
     from motion.s7.data_blocks import DataBlocks
-    from motion.s7.runtime import Runtime
+    from motion.s7.program import Program
 
 _SOURCE: Final = "controller"
 _STARTUP_NS: Final = 100 * MS
@@ -36,21 +39,39 @@ class Controller:
     OperatingState.STOP, timeout=2.0)`.
 
     Args:
-        runtime: Its cycle, technology objects and user program.
+        task: Its cycle and technology objects.
+        program: Its user program.
         levels: Its execution levels.
+        data_blocks: Global data blocks of the user program; they lose their values with the supply and at a
+            memory reset.
+        history: Event log, or None.
 
     """
 
-    def __init__(self, runtime: Runtime, levels: ExecutionLevels) -> None:
-        self._runtime = runtime
+    def __init__(
+        self,
+        task: Task[TechnologyAxis, ExternalEncoder],
+        program: Program,
+        levels: ExecutionLevels,
+        data_blocks: DataBlocks,
+        history: History | None,
+    ) -> None:
+        self._task = task
+        self._program = program
+        self.data_blocks = data_blocks
+        """Global data blocks of the user program; they lose their values with the supply and at a memory
+        reset.
+        """
+        self._history = history
+        levels.belong_to(self)
         self.levels = levels
         """Blocks of the user around `MC_Servo` and `MC_Interpolator`, and how long they take."""
         self.state = OperatingState.RUN
         """The present operating state."""
-        self.diagnostics_buffer = DiagnosticsBuffer(runtime.scheduler)
+        self.diagnostics_buffer = DiagnosticsBuffer(task.scheduler)
         """What has happened to the controller and its technology objects."""
-        if runtime.history is not None:
-            self.diagnostics_buffer.follow(runtime.history)
+        if history is not None:
+            self.diagnostics_buffer.follow(history)
         self.startup_program: list[Callable[[], object]] = []
         """Called once in STARTUP, in this order (OB 100)."""
         self.on_outputs: list[Callable[[bool], object]] = []
@@ -59,6 +80,8 @@ class Controller:
         """
         self.on_power: list[Callable[[bool], object]] = []
         """Called when the supply comes (True) or goes (False), for what the controller has on its buses."""
+        self.on_warm_restart: Callable[[], object] = _always
+        """Called when the instances of the program have started again."""
         self.periphery_ready: Callable[[], bool] = _always
         """Whether all devices answer; STARTUP after power-on waits for it."""
         self._has_run = True
@@ -73,11 +96,8 @@ class Controller:
         self._startup_limit_ns = 0
 
     @property
-    def data_blocks(self) -> DataBlocks:
-        """Global data blocks of the user program; they lose their values with the supply and at a memory
-        reset.
-        """
-        return self._runtime.data_blocks
+    def _objects(self) -> list[TechnologyObject]:
+        return [*self._task.encoders, *self._task.axes]
 
     def diagnosis(self, newest: int = 20) -> ControllerDiagnosis:
         """Return what the controller says about itself now: `print(bench.controller.diagnosis().text())`.
@@ -146,8 +166,8 @@ class Controller:
         self._run_wanted = False
         self._has_run = False
         self._stopping, self._restarts, self._initialising = [], [], []
-        self._runtime.data_blocks.clear()
-        for one in self._runtime.objects:
+        self.data_blocks.clear()
+        for one in self._objects:
             one.power_down()
             one.switch_outputs(False)
         for told in self.on_power:
@@ -167,7 +187,7 @@ class Controller:
             told(False)
         for told in self.on_power:
             told(True)
-        self._startup_limit_ns = self._runtime.scheduler.now + _PERIPHERY_NS
+        self._startup_limit_ns = self._task.scheduler.now + _PERIPHERY_NS
         self._run_wanted = run
 
     def memory_reset(self) -> None:
@@ -180,8 +200,8 @@ class Controller:
         """
         self._need_rest("memory reset")
         self._tell("memory reset")
-        self._runtime.data_blocks.clear()
-        for one in self._runtime.objects:
+        self.data_blocks.clear()
+        for one in self._objects:
             one.power_down()
 
     def factory_reset(self) -> None:
@@ -194,8 +214,8 @@ class Controller:
         """
         self._need_rest("factory reset")
         self._tell("reset to factory settings")
-        self._runtime.data_blocks.clear()
-        for one in self._runtime.objects:
+        self.data_blocks.clear()
+        for one in self._objects:
             one.forget_adjustment()
             one.forget_encoders()
             one.power_down()
@@ -213,7 +233,7 @@ class Controller:
             ControllerError: As `memory_reset`.
 
         """
-        found = {one.name: one for one in self._runtime.objects}
+        found = {one.name: one for one in self._objects}
         if name not in found:
             raise ConfigurationError("download", name, ", ".join(found) or "no technology objects")
         self._need_rest("download")
@@ -236,8 +256,8 @@ class Controller:
         """
         self._need_rest("download of a project")
         self._tell("upgraded project loaded" if upgraded else "another project loaded")
-        self._runtime.data_blocks.clear()
-        for one in self._runtime.objects:
+        self.data_blocks.clear()
+        for one in self._objects:
             if upgraded:
                 one.download({})
                 continue
@@ -248,7 +268,7 @@ class Controller:
     def _need_rest(self, what: str) -> None:
         if self.state is not OperatingState.STOP:
             raise ControllerError(f"a {what} needs STOP, not {self.state.value}")
-        moving = [one.name for one in self._runtime.objects if not one.resting]
+        moving = [one.name for one in self._objects if not one.resting]
         if moving:
             raise ControllerError(f"a {what} needs technology objects at rest; not yet: {', '.join(moving)}")
 
@@ -259,7 +279,7 @@ class Controller:
         old, self.state = self.state, state
         text = f"{old.value} -> {state.value}"
         self.diagnostics_buffer.append(_SOURCE, f"{text}: {reason}" if reason else text)
-        history = self._runtime.history
+        history = self._history
         if history is not None:
             history.emit(
                 _SOURCE, "controller.state", **{"from": old.value, "to": state.value, "reason": reason}
@@ -277,10 +297,10 @@ class Controller:
             entry = self._cycle_initialising
         else:
             entry = self._run_entry()
-        self._runtime.enter(entry)
+        self._task.enter(entry)
 
     def _run_entry(self) -> Callable[[], None]:
-        return self._runtime.cycle if self.levels.plain else self.levels.cycle
+        return self._task.cycle if self.levels.plain else self.levels.cycle
 
     def report(self, text: str) -> None:
         """Enter something about the controller itself into the diagnostics buffer."""
@@ -290,18 +310,18 @@ class Controller:
         """Go to STOP because a level has not ended in time (MC-636, MC-637)."""
         self.report(f"overflow: {what}")
         self._soon(lambda: self._stop(f"overflow: {what}", restart_all=False))
-        self._runtime.end_cycle()
+        self._task.end_cycle()
 
     def _tell(self, what: str) -> None:
         self.diagnostics_buffer.append(_SOURCE, what)
-        if self._runtime.history is not None:
-            self._runtime.history.emit(_SOURCE, "controller.initialised", what=what)
+        if self._history is not None:
+            self._history.emit(_SOURCE, "controller.initialised", what=what)
 
     def _soon(self, work: Callable[[], None]) -> None:
         """Do it now, or as soon as what runs in this instant has ended: nothing is stopped halfway through a
         cycle.
         """
-        scheduler = self._runtime.scheduler
+        scheduler = self._task.scheduler
         if scheduler.running:
             scheduler.at(scheduler.now, work)
         else:
@@ -311,7 +331,7 @@ class Controller:
         if self.state not in (OperatingState.RUN, OperatingState.STARTUP):
             return
         self._enter(OperatingState.STOP, reason)
-        everything = self._runtime.objects
+        everything = self._objects
         self._restarts = [
             one for one in everything if restart_all or one.variables.online_start_values_changed
         ]
@@ -336,20 +356,21 @@ class Controller:
                     self._stopping.append(one)  # at rest again when that is done
             return
         if self._run_wanted and (
-            self.periphery_ready() or self._runtime.scheduler.now >= self._startup_limit_ns
+            self.periphery_ready() or self._task.scheduler.now >= self._startup_limit_ns
         ):
             self._begin_startup()
 
     def _begin_startup(self) -> None:
-        runtime = self._runtime
+        task = self._task
         self._run_wanted = False
         self._enter(OperatingState.STARTUP, "warm restart")
         self._has_run = True
-        self._initialising = list(runtime.objects)
+        self._initialising = self._objects
         for one in self._initialising:
             one.hold_back()
-        runtime.restart_program()
-        self._startup_ends_ns = runtime.scheduler.now + _STARTUP_NS
+        self._program.restart()
+        self.on_warm_restart()
+        self._startup_ends_ns = task.scheduler.now + _STARTUP_NS
         for called in self.startup_program:
             called()
 
@@ -364,14 +385,14 @@ class Controller:
 
     def _cycle_without_program(self) -> None:
         """One application cycle in STOP and STARTUP: inputs and technology data go on (MC-632)."""
-        runtime = self._runtime
+        task = self._task
         if self._has_run:
             self.levels.cycle_objects()
         if self.state is OperatingState.STOP:
             self._advance_stop()
-        elif runtime.scheduler.now >= self._startup_ends_ns:
+        elif task.scheduler.now >= self._startup_ends_ns:
             self._begin_run()
-        runtime.end_cycle()
+        task.end_cycle()
 
     def _cycle_initialising(self) -> None:
         """One application cycle in RUN while technology objects are still being initialised."""
@@ -383,7 +404,7 @@ class Controller:
         self._run_entry()()
 
     def _cycle_without_supply(self) -> None:
-        self._runtime.end_cycle()
+        self._task.end_cycle()
 
 
 def _always() -> bool:

@@ -13,14 +13,15 @@ one for `MC_Interpolator` the next setpoints may be missing when `MC_Servo` want
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from fieldbus.clock import MS
 from fieldbus.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from fieldbus.clock import Timer
-    from motion.s7.runtime import Runtime
+    from motion.kernel.task import Task
+    from motion.s7.axis import ExternalEncoder, TechnologyAxis
 
 LONGEST_CYCLE_NS: Final = 32 * MS
 """Longest application cycle (MC-634)."""
@@ -49,11 +50,24 @@ def check_priorities(servo: int, interpolator: int) -> None:
         raise ConfigurationError("servo_priority", servo, f"more than interpolator_priority = {interpolator}")
 
 
+class LevelsOwner(Protocol):
+    """The CPU that the levels belong to."""
+
+    def renew_cycle(self) -> None:
+        """Let the task call what the settings of the levels want in every cycle."""
+
+    def report(self, text: str) -> None:
+        """Enter something into the diagnostics buffer."""
+
+    def overflow(self, what: str) -> None:
+        """Go to STOP because a level has not ended in time."""
+
+
 class ExecutionLevels:
     """The levels of one controller: `bench.controller.levels`.
 
     Args:
-        runtime: Technology objects and user program.
+        task: Technology objects and user program.
         interpolator_ns: Cycle of `MC_Interpolator`, ns: a multiple of the servo cycle, at most 32 ms.
         send_clock_ns: Bus cycle, ns; the servo cycle is a multiple of it (CFG-187).
 
@@ -62,8 +76,10 @@ class ExecutionLevels:
 
     """
 
-    def __init__(self, runtime: Runtime, *, interpolator_ns: int, send_clock_ns: int) -> None:
-        servo_ns = runtime.cycle_ns
+    def __init__(
+        self, task: Task[TechnologyAxis, ExternalEncoder], *, interpolator_ns: int, send_clock_ns: int
+    ) -> None:
+        servo_ns = task.cycle_ns
         if servo_ns % send_clock_ns:
             raise ConfigurationError(
                 "servo cycle", f"{servo_ns} ns", f"a multiple of the send clock of {send_clock_ns} ns"
@@ -86,7 +102,8 @@ class ExecutionLevels:
         """`MC_PostServo`: called when they have written their outputs."""
         self.pre_interpolator: list[Hook] = []
         """`MC_PreInterpolator`: called before the instructions, once per interpolator cycle."""
-        self._runtime = runtime
+        self._task = task
+        self._cpu: LevelsOwner | None = None
         self._send_clock_ns = send_clock_ns
         self._servo_ns = 0
         self._interpolator_ns = 0
@@ -102,6 +119,15 @@ class ExecutionLevels:
         self._generation = 0
         self._interpolations = 0
 
+    def belong_to(self, owner: LevelsOwner) -> None:
+        """Take note of the CPU that the levels belong to, before the first cycle."""
+        self._cpu = owner
+
+    @property
+    def _owner(self) -> LevelsOwner:
+        assert self._cpu is not None  # the controller takes its levels over at once
+        return self._cpu
+
     # -- settings
     # ---------------------------------------------------------------------------------------------
 
@@ -113,7 +139,7 @@ class ExecutionLevels:
 
     def changed(self) -> None:
         """Take changed hooks over."""
-        self._runtime.controller.renew_cycle()
+        self._owner.renew_cycle()
 
     def hook(self, level: str, call: Hook) -> Callable[[], None]:
         """Call `call` in `MC_PreServo`, `MC_PostServo` or `MC_PreInterpolator`; returns the function that
@@ -192,21 +218,21 @@ class ExecutionLevels:
         """Run one servo cycle of the technology objects alone, in STOP and STARTUP."""
         if self._stalled:
             return
-        self._runtime.cycle_objects(servo_only=not self._due())
+        self._task.cycle_objects(servo_only=not self._due())
 
     def cycle(self) -> None:
         """Run one servo cycle in RUN."""
-        runtime = self._runtime
+        task = self._task
         if self._stalled:
-            runtime.end_cycle()
+            task.end_cycle()
             return
         servo_ns = self._servo_ns
         if not servo_ns and not self._interpolator_ns:
             self._serve(due=self._due(), late=False)
             return
-        now = runtime.scheduler.now
+        now = task.scheduler.now
         if now < self._servo_ends_ns:
-            runtime.controller.overflow("MC_Servo runs longer than the application cycle")
+            self._owner.overflow("MC_Servo runs longer than the application cycle")
             return
         due = self._due()
         late = self._interrupt(due)
@@ -215,12 +241,10 @@ class ExecutionLevels:
         self._servo_ends_ns = now + servo_ns
         if servo_ns > self._send_clock_ns and self.isochronous:
             self.isochronous = False
-            runtime.controller.report(
-                "overflow of MC_Servo: longer than the send clock, no longer isochronous"
-            )
+            self._owner.report("overflow of MC_Servo: longer than the send clock, no longer isochronous")
         generation = self._generation
         if servo_ns:
-            runtime.scheduler.at(self._servo_ends_ns, lambda: self._served(generation, due=due, late=late))
+            task.scheduler.at(self._servo_ends_ns, lambda: self._served(generation, due=due, late=late))
         else:
             self._served(generation, due=due, late=late)
 
@@ -236,20 +260,20 @@ class ExecutionLevels:
         """`MC_Servo` with the blocks around it, and what follows when the interpolator is due and has its
         time.
         """
-        runtime = self._runtime
+        task = self._task
         for hook in self.pre_servo:
             hook()
         full = due and not late
-        runtime.cycle_objects(servo_only=not full)
+        task.cycle_objects(servo_only=not full)
         for hook in self.post_servo:
             hook()
         if full:
             for hook in self.pre_interpolator:
                 hook()
             self._interpolations += 1
-            if self._interpolations % runtime.program_cycles == 0:
-                runtime.run_program()
-        runtime.end_cycle()
+            if self._interpolations % task.program_cycles == 0:
+                task.run_program()
+        task.end_cycle()
 
     # -- computing time
     # ---------------------------------------------------------------------------------------
@@ -263,12 +287,12 @@ class ExecutionLevels:
                 self._overflows = 0
             return False
         self._end.cancel()
-        self._left_ns -= self._runtime.scheduler.now - self._resumed_ns
+        self._left_ns -= self._task.scheduler.now - self._resumed_ns
         if not due:
             return False
         self._missed += 1
         self._overflows += 1
-        controller = self._runtime.controller
+        controller = self._owner
         if self._missed > 1:
             controller.overflow("MC_Interpolator is interrupted by a second call of MC_Servo")
             return None
@@ -294,7 +318,7 @@ class ExecutionLevels:
             self._resume()
 
     def _resume(self) -> None:
-        scheduler = self._runtime.scheduler
+        scheduler = self._task.scheduler
         self._resumed_ns = scheduler.now
         self._end = scheduler.after(max(0, self._left_ns), self._interpolated)
 

@@ -74,7 +74,7 @@ class Instruction:
                 self._refuse(key, value)
             setattr(self, key, value)
 
-    def begin_anew(self) -> None:
+    def warm_restart(self) -> None:
         """Get what a warm restart of the controller leaves: nothing is started, outputs and memory are as at
         the beginning.
 

@@ -2,14 +2,33 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from motion.s7.axis.jobs import ERROR_CARD_WRITE, ERROR_SAVE_INSTANCES, ERROR_SAVE_RUNNING, NO_ERROR
 
 if TYPE_CHECKING:
-    from motion.s7.runtime import Runtime
+    from collections.abc import Sequence
+
+    from motion.s7.axis import ExternalEncoder, TechnologyAxis
+    from motion.s7.memory_card import MemoryCard
 
 _INSTANCES = 2
+
+
+class SavingController(Protocol):
+    """What the instruction asks of its controller."""
+
+    card: MemoryCard | None
+    """The memory card; None = there is none."""
+    saver: object | None
+    """The instance whose save runs."""
+
+    @property
+    def objects(self) -> Sequence[TechnologyAxis | ExternalEncoder]:
+        """All technology objects."""
+
+    def count_saver(self) -> int:
+        """Return the number of one more instance of the instruction, from 1 on."""
 
 
 class MC_SaveAbsoluteEncoderData:
@@ -26,7 +45,7 @@ class MC_SaveAbsoluteEncoderData:
 
     instruction = "MC_SaveAbsoluteEncoderData"
 
-    def __init__(self, runtime: Runtime, *, Execute: bool = False) -> None:
+    def __init__(self, runtime: SavingController, *, Execute: bool = False) -> None:
         self._runtime = runtime
         self._last = False
         self._number = runtime.count_saver()
@@ -66,7 +85,7 @@ class MC_SaveAbsoluteEncoderData:
             self.Done = self.Error = False
             self.ErrorID = NO_ERROR
 
-    def begin_anew(self) -> None:
+    def warm_restart(self) -> None:
         """Get what a warm restart of the controller leaves: nothing runs, outputs are as at the beginning."""
         self._last = False
         self.Execute = self.Done = self.Busy = self.Error = False

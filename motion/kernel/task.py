@@ -1,0 +1,121 @@
+"""The task of a controller: every object, then the program, at a fixed cycle (MC-634)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+
+from fieldbus.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from fieldbus.clock import Scheduler, Timer
+
+
+class CyclicAxis(Protocol):
+    """An axis as the task calls it."""
+
+    def cycle(self) -> None:
+        """Run one application cycle."""
+
+    def servo_cycle(self) -> None:
+        """Run one servo cycle without the interpolator: it is not due, or late."""
+
+
+class CyclicEncoder(Protocol):
+    """An external encoder as the task calls it."""
+
+    def cycle(self) -> None:
+        """Run one application cycle, before the axes."""
+
+    def finish_cycle(self) -> None:
+        """Do what needs the inputs of all axes."""
+
+
+A = TypeVar("A", bound=CyclicAxis)
+E = TypeVar("E", bound=CyclicEncoder)
+
+
+class Task(Generic[A, E]):
+    """See the module.
+
+    Args:
+        scheduler: Time.
+        cycle_ns: Cycle, ns.
+        phase_ns: Instant within the cycle at which the task runs, ns.
+        program: The program, called after the objects.
+        program_cycles: Cycles from one call of the program to the next, 1 or more (MC-567).
+
+    Raises:
+        ConfigurationError: The cycle is no positive time, or `program_cycles` is less than 1.
+
+    """
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        *,
+        cycle_ns: int,
+        phase_ns: int,
+        program: Callable[[], object],
+        program_cycles: int,
+    ) -> None:
+        if cycle_ns <= 0:
+            raise ConfigurationError("cycle", f"{cycle_ns} ns", "a positive time")
+        if program_cycles < 1:
+            raise ConfigurationError("program_cycles", program_cycles, "1 or more")
+        self.scheduler = scheduler
+        self.cycle_ns = cycle_ns
+        self.phase_ns = phase_ns
+        self.program_cycles = program_cycles
+        self.run_program = program
+        self.axes: list[A] = []
+        self.encoders: list[E] = []
+        self.after_cycle: list[Callable[[], object]] = []
+        """Called at the end of every cycle (recorder, triggers)."""
+        self.cycles = 0
+        self._entry: Callable[[], object] = self.cycle
+        self._timer: Timer | None = None
+
+    def start(self) -> None:
+        """Begin to cycle."""
+        if self._timer is None:
+            self._timer = self.scheduler.every(self.cycle_ns, self._entry, phase_ns=self.phase_ns)
+
+    def stop(self) -> None:
+        """End the cycle."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def enter(self, entry: Callable[[], object]) -> None:
+        """Call `entry` in every cycle instead of what is called now."""
+        self._entry = entry
+        if self._timer is not None:
+            self._timer.callback = entry
+
+    def cycle_objects(self, *, servo_only: bool = False) -> None:
+        """Run one cycle of the objects without the program; or their servo cycle alone."""
+        self.cycles += 1
+        for encoder in self.encoders:
+            encoder.cycle()
+        if servo_only:
+            for axis in self.axes:
+                axis.servo_cycle()
+        else:
+            for axis in self.axes:
+                axis.cycle()
+        for encoder in self.encoders:
+            encoder.finish_cycle()
+
+    def end_cycle(self) -> None:
+        """Call what looks on at the end of a cycle."""
+        for callback in self.after_cycle:
+            callback()
+
+    def cycle(self) -> None:
+        """Run one cycle."""
+        self.cycle_objects()
+        if self.cycles % self.program_cycles == 0:
+            self.run_program()
+        for callback in self.after_cycle:
+            callback()

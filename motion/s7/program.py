@@ -1,0 +1,79 @@
+"""The user program: instances of instructions and functions, called in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from motion.s7.instructions import Instruction, MC_SaveAbsoluteEncoderData
+
+if TYPE_CHECKING:
+    from motion.s7.axis import TechnologyAxis
+
+
+class Program:
+    """See the module.
+
+    Args:
+        axes: The axes, whose limit switches may be inputs of the process image of the program.
+
+    """
+
+    def __init__(self, axes: list[TechnologyAxis]) -> None:
+        self._axes = axes
+        self.calls: list[Callable[[], object]] = []
+        """Called in this order."""
+        self.count = 0
+        """How often the program has been called."""
+        self._dormant: list[Instruction] = []
+
+    def call(self, instance: Callable[[], object]) -> None:
+        """Call `instance` with every call of the program from the next one on.
+
+        Instances whose job has ended and whose outputs are only held are not called until their `Execute`
+        falls.
+        """
+        active: list[Callable[[], object]] = []
+        for one in self.calls:
+            if isinstance(one, Instruction) and one.dormant:
+                self._dormant.append(one)
+            else:
+                active.append(one)
+        self.calls = [*active, instance]
+
+    def uncall(self, instance: Callable[[], object]) -> None:
+        """Call `instance` no more."""
+        self.calls = [one for one in self.calls if one != instance]
+
+    def restart(self) -> None:
+        """Let every instance of an instruction start again (warm restart)."""
+        self.calls = [*self.calls, *self._dormant]
+        self._dormant = []
+        for one in self.calls:
+            if isinstance(one, Instruction | MC_SaveAbsoluteEncoderData):
+                one.warm_restart()
+
+    @property
+    def instances(self) -> list[Instruction]:
+        """All instances of instructions, those that are not called at present included."""
+        return [one for one in (*self.calls, *self._dormant) if isinstance(one, Instruction)]
+
+    def run(self) -> None:
+        """Call every instance and function once."""
+        self.count += 1
+        for axis in self._axes:
+            position = axis.position
+            if position is not None and not position.hardware.in_servo:
+                position.hardware.update_image()
+        if self._dormant:
+            self._wake()
+        for instance in self.calls:
+            instance()
+
+    def _wake(self) -> None:
+        """Call those again that were not called and whose `Execute` has fallen."""
+        woken = [one for one in self._dormant if not one.Execute]
+        if woken:
+            # In front: they are older than what the program has got since, as a rule.
+            self._dormant = [one for one in self._dormant if one.Execute]
+            self.calls = [*woken, *self.calls]
